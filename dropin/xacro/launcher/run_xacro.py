@@ -1,0 +1,36 @@
+"""Runs the Python module xacro as a command.
+
+In a folder of its own, since Python puts a script's folder first on the module path: beside ``xacro.py`` this file
+would import that in place of the module.
+"""
+import os
+import sys
+import xml.parsers.expat     # noqa: F401  the module catches its error without importing it
+
+PACKAGE_DIR = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+
+
+def arrange_path():
+    """Make the modules findable with no setup file sourced, and drop the folder that would hide the module xacro."""
+    sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry or os.getcwd()) != PACKAGE_DIR]
+    sys.path.append(os.path.join(PACKAGE_DIR, 'src'))                                           # source space
+    sys.path.append(os.path.join(PACKAGE_DIR, '..', '..', 'lib', 'python3', 'dist-packages'))   # install space
+
+
+def main():
+    """Run xacro with this process's arguments; return 1 if the module is not there."""
+    arrange_path()
+    try:
+        import xacro
+        run = xacro.main
+    except (ImportError, AttributeError) as error:      # a folder named xacro imports as an empty module
+        sys.stderr.write('xacro: the Python module xacro does not load in %s: %s.\n'
+                         'Run `make setup` in the workspace, or source its setup file if the workspace is elsewhere.\n'
+                         % (sys.executable, error))
+        return 1
+    sys.argv[0] = 'xacro'
+    return run()
+
+
+if __name__ == '__main__':
+    sys.exit(main())
