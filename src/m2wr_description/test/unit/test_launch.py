@@ -1,0 +1,80 @@
+"""The launch files, loaded as roslaunch loads them but with no master and nothing started."""
+import os
+import re
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import yaml
+from roslaunch.config import ROSLaunchConfig
+from roslaunch.xmlloader import XmlLoader
+
+from model_files import PACKAGE_DIR, expand
+
+LAUNCH_DIR = PACKAGE_DIR / 'launch'
+
+
+def load(name, *args):
+    """Return the nodes by name and the parameters of a launch file."""
+    config = ROSLaunchConfig()
+    XmlLoader().load(str(LAUNCH_DIR / name), config, argv=[name] + list(args), verbose=False)
+    return {node.name: node for node in config.nodes}, {key: param.value for key, param in config.params.items()}
+
+
+def words(node):
+    return re.sub(r'\s+', ' ', node.args).strip()
+
+
+@pytest.mark.parametrize('path', sorted(LAUNCH_DIR.glob('*.launch')), ids=lambda path: path.name)
+def test_every_argument_has_a_default_and_a_description(path):
+    for arg in ElementTree.parse(str(path)).getroot().findall('arg'):
+        assert arg.get('default') is not None and arg.get('doc'), arg.get('name')
+
+
+class TestSpawn:
+    def test_bare_defaults_drop_the_robot_at_the_origin(self):
+        nodes, _ = load('spawn.launch')
+        assert list(nodes) == ['m2wr_spawn']
+        node = nodes['m2wr_spawn']
+        assert (node.package, node.type) == ('m2wr_sim', 'spawn_model')
+        assert words(node) == '-urdf -param robot_description -model m2wr -x 0 -y 0 -z 0.5 -Y 0'
+
+    def test_arguments_reach_the_spawner(self):
+        nodes, _ = load('spawn.launch', 'x:=1.5', 'y:=-2', 'z:=0.2', 'yaw:=3.1', 'spawner:=gazebo_ros')
+        assert nodes['m2wr_spawn'].package == 'gazebo_ros'
+        assert words(nodes['m2wr_spawn']) == '-urdf -param robot_description -model m2wr -x 1.5 -y -2 -z 0.2 -Y 3.1'
+
+    @pytest.mark.parametrize('swap', ['false', 'true'])
+    def test_description_is_the_expanded_model(self, swap):
+        _, params = load('spawn.launch', 'swap_wheel_joints:=' + swap)
+        installed = ElementTree.fromstring(params['/robot_description'])
+        expected = ElementTree.fromstring(expand('swap_wheel_joints:=' + swap))
+        assert ElementTree.tostring(installed) == ElementTree.tostring(expected)
+
+
+@pytest.mark.parametrize('name', ['rvis.launch', 'rviz.launch'])
+class TestLook:
+    def test_nodes_and_parameters(self, name):
+        nodes, params = load(name)
+        assert {node.name: (node.package, node.type) for node in nodes.values()} == {
+            each: (each, each) for each in ('joint_state_publisher', 'robot_state_publisher', 'rviz')}
+        assert params['/use_sim_time'] is False
+        assert '<robot name="m2wr"' in params['/robot_description']
+
+    def test_rviz_can_be_left_out(self, name):
+        nodes, _ = load(name, 'rviz:=false')
+        assert sorted(nodes) == ['joint_state_publisher', 'robot_state_publisher']
+
+    def test_rviz_configuration_exists_and_can_be_chosen(self, name):
+        nodes, _ = load(name)
+        assert os.path.isfile(words(nodes['rviz']).split()[-1])
+        nodes, _ = load(name, 'config:=/other.rviz')
+        assert words(nodes['rviz']) == '-d /other.rviz'
+
+
+@pytest.mark.parametrize('name, frame, topics', [
+    ('model.rviz', 'link_chassis', set()), ('m2wr.rviz', 'odom', {'/m2wr/laser/scan', '/odom'})])
+def test_rviz_configuration(name, frame, topics):
+    manager = yaml.safe_load((PACKAGE_DIR / 'rviz' / name).read_text())['Visualization Manager']
+    assert manager['Global Options']['Fixed Frame'] == frame
+    assert {display['Topic'] for display in manager['Displays'] if 'Topic' in display} == topics
+    assert {'rviz/RobotModel', 'rviz/TF', 'rviz/Grid'} <= {display['Class'] for display in manager['Displays']}
