@@ -1,0 +1,1 @@
+"""What sensors measure, on plain arrays."""

@@ -1,0 +1,176 @@
+"""A laser scanner: where its beams go, what they read, how the reading is disturbed.
+
+Follows Gazebo's CPU ray sensor: rays start at the shortest range and see every collision shape, the robot's own
+too; +inf where nothing is hit; noise on hits only, kept within the limits; never -inf, because what lies nearer than
+the shortest range is looked through.
+"""
+import math
+
+import numpy as np
+
+from m2wr_sim.geometry import IDENTITY
+from m2wr_sim.model.types import RayScan, Sphere
+from m2wr_sim.sensors import ray_kernels as kernels
+from m2wr_sim.sensors.noise import NoiseModel
+from m2wr_sim.sensors.rays_numpy import cast_rays_numpy
+from m2wr_sim.sensors.scene import Scene
+
+_cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
+
+
+class LaserSensor:
+    """A fan of beams, or several fans above one another.
+
+    Parameters
+    ----------
+    ray : m2wr_sim.model.types.RayScan
+        Counts, angles [rad], ranges [m] and noise.
+    rng : numpy.random.Generator
+        Source of the noise.
+
+    Attributes
+    ----------
+    count, vertical_count : int
+        Readings in a row, and rows: samples times resolution, rounded down.
+    angle_min, angle_max, range_min, range_max : float
+        As in ``ray`` [rad, m].
+    angle_increment : float
+        Angle between readings [rad], (max - min) / (count - 1); for a single reading 0 / 0 or x / 0, that is nan or
+        inf, as in Gazebo's messages.
+    angles : (count,) float64
+        Azimuth of each reading.  A single sample looks along 0, wherever the limits are.
+
+    Raises
+    ------
+    ValueError
+        If a count is below 1, or an angle or a range is not usable.
+    """
+
+    def __init__(self, ray, rng):
+        self.count = _checked_count("horizontal", ray.samples, ray.resolution)
+        self.vertical_count = _checked_count("vertical", ray.vertical_samples, ray.vertical_resolution)
+        for name in ('min_angle', 'max_angle', 'vertical_min_angle', 'vertical_max_angle'):
+            if not math.isfinite(getattr(ray, name)):
+                raise ValueError("ray sensor: %s %r: expected a finite number" % (name, getattr(ray, name)))
+        for name in ('range_min', 'range_max'):
+            if not getattr(ray, name) >= 0.0:
+                raise ValueError("ray sensor: %s %r: expected a number not below 0" % (name, getattr(ray, name)))
+        self.angle_min, self.angle_max = float(ray.min_angle), float(ray.max_angle)
+        self.range_min, self.range_max = float(ray.range_min), float(ray.range_max)
+        with np.errstate(all='ignore'):
+            self.angle_increment = float(np.float64(self.angle_max - self.angle_min) / (self.count - 1))
+        azimuths = _ray_angles(ray.min_angle, ray.max_angle, ray.samples)
+        elevations = _ray_angles(ray.vertical_min_angle, ray.vertical_max_angle, ray.vertical_samples)
+        self._beams = np.ascontiguousarray([np.cos(azimuths), np.sin(azimuths)])
+        self._rows = np.ascontiguousarray(np.stack((np.cos(elevations), np.sin(elevations)), axis=1))
+        self._blend = None
+        if (self.count, self.vertical_count) != (ray.samples, ray.vertical_samples):
+            self._blend = _neighbours(ray.samples, self.count), _neighbours(ray.vertical_samples, self.vertical_count)
+        self.angles = azimuths if self.count == ray.samples else np.interp(
+            np.linspace(0.0, ray.samples - 1.0, self.count), np.arange(ray.samples), azimuths)
+
+        self._noise = NoiseModel(ray.noise, rng, self.count * self.vertical_count)
+        self._distances = np.empty(azimuths.size * elevations.size)
+        self._hits, self._no_hits = np.empty(self._distances.size, np.int64), np.empty(0, np.int64)
+        self._order = np.empty((2, 0), np.int32)
+        self._ranges = np.empty(self.count * self.vertical_count, np.float32)
+        self._intensities, self._lit = np.zeros_like(self._ranges), False
+        self._frame = np.zeros(kernels.FRAME_SIZE)
+        self._frame[kernels.RANGE_MIN:kernels.COUNT] = (
+            self.range_min, self.range_max, azimuths[0], azimuths[1] - azimuths[0] if azimuths.size > 1 else 0.0)
+        self._settings = np.array([self.range_min, self.range_max, self._noise.shift, self._noise.stddev,
+                                   self._noise.precision, 0.0])
+
+    def cast(self, scene, sensor_pose, ignore_owner=None):
+        """Take a scan.
+
+        Parameters
+        ----------
+        scene : Scene
+            What can be hit.
+        sensor_pose : ((x, y, z), (x, y, z, w))
+            Of the sensor's frame in world: beams leave along its x axis at angle 0, its z axis is up.  A pose that is
+            not finite hits nothing.
+        ignore_owner : hashable, optional
+            An owner in ``scene`` to look through; Gazebo has no such thing.
+
+        Returns
+        -------
+        ranges : (vertical_count * count,) float32
+            Row after row, from the lowest angle on: +inf or within [range_min, range_max].
+        intensities : (vertical_count * count,) float32
+            laser_retro of the shape that is hit, 0 for none.
+
+        Notes
+        -----
+        Both arrays are the sensor's own and are written again by the next call.
+        """
+        frame = self._frame
+        frame[0], frame[1], frame[2] = sensor_pose[0]
+        frame[3], frame[4], frame[5], frame[6] = sensor_pose[1]
+        frame[kernels.COUNT] = scene.count
+        frame[kernels.IGNORED] = -1 if ignore_owner is None else scene.owner_id(ignore_owner)
+        if self._order.shape[1] != scene.shapes.shape[0]:
+            self._order = np.empty((2, scene.shapes.shape[0]), np.int32)
+        hits = self._hits if scene.has_retro else self._no_hits
+        _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes, self._order)
+        distances = self._distances if self._blend is None else self._blended(self._distances)
+        self._settings[5] = self._noise.advance(distances.size)
+        kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
+        if scene.has_retro:
+            self._light(scene.shapes[:, kernels.RETRO])
+        elif self._lit:
+            self._intensities[:], self._lit = 0.0, False
+        return self._ranges, self._intensities
+
+    def reset(self, rng):
+        """Start the noise anew from ``rng``; see :meth:`NoiseModel.reset`."""
+        self._noise.reset(rng)
+
+    def _corners(self, values):
+        """Return the readings' four neighbouring rays, each (vertical_count, count), and the two weights."""
+        (left, right, across), (low, high, up) = self._blend
+        grid = values.reshape(self._rows.shape[0], -1)
+        below, above = grid[low], grid[high]
+        return below[:, left], below[:, right], above[:, left], above[:, right], across, up[:, None]
+
+    def _blended(self, distances):
+        """Interpolate between rays; the longest range stands for a miss, so a hit beside a miss gives a phantom."""
+        low_left, low_right, high_left, high_right, across, up = self._corners(distances)
+        low = low_left + across * (low_right - low_left)        # in this form equal ends stay exactly equal
+        high = high_left + across * (high_right - high_left)
+        return np.ascontiguousarray((low + up * (high - low)).ravel())
+
+    def _light(self, retro):
+        values = np.where(self._hits >= 0, retro[self._hits], 0.0)
+        if self._blend is not None:
+            values = (0.25 * sum(self._corners(values)[:4])).ravel()
+        self._intensities[:], self._lit = values, True
+
+
+def warm_up(rng):
+    """Compile the kernels, or load them from their cache, so that no scan has to wait for it."""
+    scene = Scene(1)
+    scene.add(Sphere(1.0), IDENTITY, "warm_up")
+    LaserSensor(RayScan(samples=2, range_max=2.0), rng).cast(scene, IDENTITY)
+
+
+def _checked_count(direction, samples, resolution):
+    readings = samples * resolution
+    if samples < 1 or not 1.0 <= readings < math.inf:
+        raise ValueError("ray sensor: %s samples %r, resolution %r: expected at least one sample and one reading"
+                         % (direction, samples, resolution))
+    return int(readings)
+
+
+def _ray_angles(least, most, samples):
+    if samples == 1:
+        return np.zeros(1)
+    return np.arange(samples) * ((most - least) / (samples - 1)) + least
+
+
+def _neighbours(rays, readings):
+    """Return for each reading the rays before and after it and the weight of the latter."""
+    place = np.arange(readings) * ((rays - 1) / (readings - 1)) if readings > 1 else np.zeros(1)
+    before = np.minimum(place.astype(np.int64), rays - 1)
+    return before, np.minimum(before + 1, rays - 1), place - before

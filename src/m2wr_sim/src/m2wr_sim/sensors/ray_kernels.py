@@ -1,0 +1,498 @@
+"""Exact rays of a scanning range finder against boxes, spheres, cylinders and planes.
+
+Plain arrays in, plain arrays out.  ``cast_rays`` visits the shapes from near to far and, for each, only the beams
+between the extreme azimuths of its outline, in loops without branches that vectorise.  Without numba the functions
+run as plain Python, correct and slow.
+
+Array layouts
+-------------
+``frame`` (14,)
+    Sensor position in world [m], sensor orientation x y z w, shortest range, longest range [m], azimuth of beam 0
+    and step between beams [rad], number of rows in use, id of an owner that is not seen (-1: all are), spare.
+``beams`` (2, N), ``rows`` (V, 2)
+    Cosine and sine of every beam's azimuth; cosine and sine of every row's elevation (positive is up).
+``spheres`` (4, C)
+    Bounding sphere of every shape: centre in world, radius [m].  A NaN centre marks a row that is not in use.
+``shapes`` (C, 16)
+    Rotation world-from-shape (row-major, 9), half sizes (3; radius first for round shapes, half length third), kind,
+    laser_retro, owner id, spare.  A plane keeps its unit normal in the first three columns.
+
+The ray equation uses t, the distance from the sensor's origin.  A ray starts at the shortest range: a shape around
+that point is met where the ray leaves it, and a surface met exactly there is not seen.
+"""
+import math
+
+import numpy as np
+
+BOX, SPHERE, CYLINDER, PLANE = 0, 1, 2, 3
+POSITION, ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP = 0, 3, 7, 8, 9, 10
+COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
+HALF, KIND, RETRO, OWNER, SHAPE_SIZE = 9, 12, 13, 14, 16
+RINGS = 64              # classes of distance for the near-to-far order
+AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and _atan together
+TINY = 1e-12            # a direction component below this counts as this: moves a hit by at most 1e-12 of its range
+FEW_BEAMS = 8           # below, an interval costs more than it saves
+
+try:
+    from numba import njit
+except ImportError:
+    njit = None
+
+HAVE_NUMBA = njit is not None
+
+
+def _kernel(function):
+    """Compile with numba where there is one; leave NaN and infinity their meaning, poses and ranges may hold both."""
+    if njit is None:
+        return function
+    options = dict(nogil=True, error_model='numpy', fastmath={'contract', 'nsz', 'arcp'})
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError:    # no folder that could hold the cache
+        return njit(**options)(function)
+
+
+@_kernel
+def rotation(x, y, z, w):
+    """Return the row-major rotation matrix of a quaternion of any length; all zeros give the identity.
+
+    One that is not finite makes every element NaN.
+    """
+    norm = x * x + y * y + z * z + w * w
+    s = 0.0
+    if not norm < 1e-24:
+        s = 2.0 / norm if norm < np.inf else np.nan
+    return (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
+            s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x),
+            s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y))
+
+
+@_kernel
+def _product(b, sensor):
+    """Return transpose(b) * sensor for two row-major rotations, row-major."""
+    return (b[0] * sensor[0] + b[3] * sensor[3] + b[6] * sensor[6],
+            b[0] * sensor[1] + b[3] * sensor[4] + b[6] * sensor[7],
+            b[0] * sensor[2] + b[3] * sensor[5] + b[6] * sensor[8],
+            b[1] * sensor[0] + b[4] * sensor[3] + b[7] * sensor[6],
+            b[1] * sensor[1] + b[4] * sensor[4] + b[7] * sensor[7],
+            b[1] * sensor[2] + b[4] * sensor[5] + b[7] * sensor[8],
+            b[2] * sensor[0] + b[5] * sensor[3] + b[8] * sensor[6],
+            b[2] * sensor[1] + b[5] * sensor[4] + b[8] * sensor[7],
+            b[2] * sensor[2] + b[5] * sensor[5] + b[8] * sensor[8])
+
+
+@_kernel
+def write_poses(spheres, shapes, rows, positions, quaternions):
+    """Move shapes: write centre and rotation of each of ``rows`` (n,) from world poses (n, 3) and (n, 4)."""
+    for k in range(rows.shape[0]):
+        row = rows[k]
+        if row < 0 or row >= shapes.shape[0]:
+            continue
+        for axis in range(3):
+            spheres[axis, row] = positions[k, axis]
+        if shapes[row, KIND] != PLANE:      # a plane's normal is given in world axes
+            matrix = rotation(quaternions[k, 0], quaternions[k, 1], quaternions[k, 2], quaternions[k, 3])
+            for column in range(9):
+                shapes[row, column] = matrix[column]
+
+
+@_kernel
+def _atan_unit(x):
+    """Arc tangent for |x| <= 1 to 1.1e-5 rad (Abramowitz and Stegun, 4.4.47)."""
+    q = x * x
+    return x * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351))))
+
+
+@_kernel
+def _atan(slope):
+    if abs(slope) <= 1.0:
+        return _atan_unit(slope)
+    return math.copysign(0.5 * math.pi, slope) - _atan_unit(1.0 / slope)
+
+
+@_kernel
+def _azimuth(y, x):
+    """Angle of (x, y) in [-pi, pi] to 1.1e-5 rad; a tenth of the cost of atan2."""
+    flat, steep = abs(x), abs(y)
+    if steep > flat:
+        angle = 0.5 * math.pi - _atan_unit(flat / steep)
+    else:
+        angle = _atan_unit(steep / flat)
+    if x < 0.0:
+        angle = math.pi - angle
+    return -angle if y < 0.0 else angle
+
+
+@_kernel
+def _near_to_far(order, frame, spheres):
+    """Write to ``order[0]`` the rows within reach by growing distance (in ``RINGS`` classes); return their number."""
+    count = min(int(frame[COUNT]), order.shape[1])
+    x, y, z, longest = frame[0], frame[1], frame[2], frame[RANGE_MAX]
+    scale = RINGS / longest
+    cx, cy, cz, radius, ring = spheres[0], spheres[1], spheres[2], spheres[3], order[1]
+    for k in range(count):
+        dx, dy, dz, reach = cx[k] - x, cy[k] - y, cz[k] - z, longest + radius[k]
+        squared = dx * dx + dy * dy + dz * dz
+        key = math.sqrt(squared) * scale
+        key = key if key < RINGS - 1.0 else RINGS - 1.0
+        key = key if squared <= reach * reach else RINGS + 0.0     # NaN goes here
+        ring[k] = int(key)
+    starts = np.zeros(RINGS + 2, np.int64)
+    for k in range(count):
+        starts[ring[k] + 1] += 1
+    for k in range(RINGS):
+        starts[k + 1] += starts[k]
+    found = starts[RINGS]
+    for k in range(count):
+        if ring[k] < RINGS:
+            order[0, starts[ring[k]]] = k
+            starts[ring[k]] += 1
+    return found
+
+
+@_kernel
+def _box_interval(px, py, u, v, w):
+    """Return extreme azimuths of a box's corners relative to its centre's; -inf, inf if it lies all around.
+
+    ``px, py`` is the centre and ``u, v, w`` are the half edges, both projected on the scan plane.  A span of pi or
+    more cannot belong to a convex outline beside the sensor, so then the outline contains the sensor.
+    """
+    square = px * px + py * py
+    du, dv, dw = px * u[0] + py * u[1], px * v[0] + py * v[1], px * w[0] + py * w[1]
+    xu, xv, xw = px * u[1] - py * u[0], px * v[1] - py * v[0], px * w[1] - py * w[0]
+    low, high = 0.0, 0.0
+    if square - abs(du) - abs(dv) - abs(dw) > 1e-3 * square:    # every corner ahead: the slope orders the angles
+        for corner in range(4):
+            sv, sw = 1.0 - (corner & 1) * 2.0, 1.0 - (corner & 2)
+            across, along = xu + sv * xv + sw * xw, du + sv * dv + sw * dw
+            first, second = across / (square + along), -across / (square - along)
+            low, high = min(low, min(first, second)), max(high, max(first, second))
+        return _atan(low), _atan(high)
+    if not square > 1e-12:
+        return -np.inf, np.inf
+    for corner in range(4):
+        sv, sw = 1.0 - (corner & 1) * 2.0, 1.0 - (corner & 2)
+        across, along = xu + sv * xv + sw * xw, du + sv * dv + sw * dw
+        first, second = _azimuth(across, square + along), _azimuth(-across, square - along)
+        low, high = min(low, min(first, second)), max(high, max(first, second))
+    if high - low < math.pi - AZIMUTH_MARGIN:
+        return low, high
+    return -np.inf, np.inf
+
+
+@_kernel
+def _disc_interval(px, py, radius):
+    """Return the extreme azimuths of a disc in the scan plane relative to its centre's; -inf, inf if it lies around."""
+    left = px * px + py * py - radius * radius
+    if not left > 1e-12:
+        return -np.inf, np.inf
+    half = _atan(radius / math.sqrt(left))
+    return -half, half
+
+
+@_kernel
+def _beam_span(low, high, turn, frame, count):
+    """Return the half-open range of beams whose azimuth lies in [low, high] shifted by ``turn`` full turns."""
+    shift = 2.0 * math.pi * turn - frame[ANGLE_MIN]
+    first, last = (low + shift) / frame[ANGLE_STEP], (high + shift) / frame[ANGLE_STEP]
+    if frame[ANGLE_STEP] < 0.0:
+        first, last = last, first
+    first = min(max(first, 0.0), float(count))
+    last = min(max(last, -1.0), count - 1.0)
+    return int(math.ceil(first)), int(math.floor(last)) + 1
+
+
+@_kernel
+def _slab(direction, origin, half):
+    """Return where a ray enters and leaves |x| <= half along one axis."""
+    inverse = 1.0 / (TINY if abs(direction) < TINY else direction)      # NaN stays NaN
+    one, two = (-half - origin) * inverse, (half - origin) * inverse
+    return (one if one < two else two), (two if one < two else one)
+
+
+@_kernel
+def _first_hit(enter, leave, nearest):
+    """Return the first of entry and exit beyond ``nearest``; infinity where the shape is missed."""
+    t = enter if enter > nearest else leave
+    t = t if leave >= enter else np.inf
+    return t if t > nearest else np.inf
+
+
+@_kernel
+def _box_range(c, s, x, y, z, half, nearest):
+    """Range to a box; ``x, y, z`` hold direction coefficients (of c, of s, constant) and origin in the box's axes."""
+    enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
+    enter_y, leave_y = _slab(y[0] * c + y[1] * s + y[2], y[3], half[1])
+    enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
+    enter = enter if enter > enter_y else enter_y
+    enter = enter if enter > enter_z else enter_z
+    leave = leave if leave < leave_y else leave_y
+    leave = leave if leave < leave_z else leave_z
+    return _first_hit(enter, leave, nearest)
+
+
+@_kernel
+def _tall_box_range(c, s, x, y, half, nearest):
+    """Range to a box that no beam can pass above or below."""
+    enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
+    enter_y, leave_y = _slab(y[0] * c + y[1] * s + y[2], y[3], half[1])
+    enter = enter if enter > enter_y else enter_y
+    leave = leave if leave < leave_y else leave_y
+    return _first_hit(enter, leave, nearest)
+
+
+@_kernel
+def _tube(c, s, x, y, radius):
+    """Return where a ray enters and leaves the infinite cylinder about z; entry beyond exit where it misses."""
+    dx, dy = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2]
+    dx = TINY if abs(dx) < TINY else dx
+    a, b, across = dx * dx + dy * dy, x[3] * dx + y[3] * dy, x[3] * dy - y[3] * dx
+    left = a * radius * radius - across * across     # this form keeps its digits far away, b * b - a * c does not
+    root = math.sqrt(left if left > 0.0 else 0.0)
+    inverse = 1.0 / a
+    return (-b - root) * inverse, ((-b + root) * inverse if left >= 0.0 else -np.inf)
+
+
+@_kernel
+def _cylinder_range(c, s, x, y, z, half, nearest):
+    enter, leave = _tube(c, s, x, y, half[0])
+    enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
+    enter = enter if enter > enter_z else enter_z
+    leave = leave if leave < leave_z else leave_z
+    return _first_hit(enter, leave, nearest)
+
+
+@_kernel
+def _tall_cylinder_range(c, s, x, y, half, nearest):
+    """Range to a cylinder that no beam can pass above or below."""
+    enter, leave = _tube(c, s, x, y, half[0])
+    return _first_hit(enter, leave, nearest)
+
+
+@_kernel
+def _sphere_range(c, s, x, y, z, half, nearest):
+    dx, dy, dz = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2], z[0] * c + z[1] * s + z[2]
+    b = -(x[3] * dx + y[3] * dy + z[3] * dz)
+    ex, ey, ez = x[3] + b * dx, y[3] + b * dy, z[3] + b * dz
+    left = half[0] * half[0] - (ex * ex + ey * ey + ez * ez)
+    root = math.sqrt(left if left > 0.0 else 0.0)
+    return _first_hit(b - root, (b + root if left >= 0.0 else -np.inf), nearest)
+
+
+@_kernel
+def _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest):
+    """Lower ``out`` to the range of one shape for a run of beams of one row; the arrays are of one length."""
+    if kind == BOX and tall:
+        for i in range(out.size):
+            t = _tall_box_range(cosine[i], sine[i], x, y, half, nearest)
+            out[i] = t if t < out[i] else out[i]
+    elif kind == BOX:
+        for i in range(out.size):
+            t = _box_range(cosine[i], sine[i], x, y, z, half, nearest)
+            out[i] = t if t < out[i] else out[i]
+    elif kind == CYLINDER and tall:
+        for i in range(out.size):
+            t = _tall_cylinder_range(cosine[i], sine[i], x, y, half, nearest)
+            out[i] = t if t < out[i] else out[i]
+    elif kind == CYLINDER:
+        for i in range(out.size):
+            t = _cylinder_range(cosine[i], sine[i], x, y, z, half, nearest)
+            out[i] = t if t < out[i] else out[i]
+    elif kind == SPHERE:
+        for i in range(out.size):
+            t = _sphere_range(cosine[i], sine[i], x, y, z, half, nearest)
+            out[i] = t if t < out[i] else out[i]
+    else:
+        for i in range(out.size):
+            t = -x[3] / (x[0] * cosine[i] + x[1] * sine[i] + x[2])
+            t = t if t > nearest else np.inf
+            out[i] = t if t < out[i] else out[i]
+
+
+@_kernel
+def _cast_run(row, tall, out, hits, scratch, cosine, sine, x, y, z, half, kind, nearest):
+    """Sweep one shape over a run of beams; where hits are asked for, note its row at the beams it is now first on."""
+    if hits.size == 0:
+        _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest)
+        return
+    found = scratch[:out.size]
+    found[:] = np.inf
+    _sweep(kind, tall, found, cosine, sine, x, y, z, half, nearest)
+    for i in range(out.size):
+        if found[i] < out[i]:
+            out[i], hits[i] = found[i], row
+
+
+@_kernel
+def _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, shapes):
+    """Cast every beam on a plane unless it is farther than any of a row's beams can get."""
+    n = beams.shape[1]
+    nx, ny, nz = shapes[row, 0], shapes[row, 1], shapes[row, 2]
+    height = -(nx * centre[0] + ny * centre[1] + nz * centre[2])        # of the sensor above the plane
+    x0, x1 = nx * sensor[0] + ny * sensor[3] + nz * sensor[6], nx * sensor[1] + ny * sensor[4] + nz * sensor[7]
+    x2 = nx * sensor[2] + ny * sensor[5] + nz * sensor[8]
+    for j in range(rows.shape[0]):
+        flat, up = rows[j, 0], rows[j, 1]
+        if abs(height) > frame[RANGE_MAX] * (math.hypot(x0, x1) * abs(flat) + abs(x2 * up)):
+            continue
+        x, run = (x0 * flat, x1 * flat, x2 * up, height), slice(j * n, j * n + n)
+        _cast_run(row, False, ranges[run], hits[run] if hits.size > 0 else hits, scratch, beams[0], beams[1],
+                  x, x, x, x[:3], PLANE, frame[RANGE_MIN])
+
+
+@_kernel
+def _interval(kind, px, py, a, half, radius):
+    """Return the extreme azimuths of a shape in the sensor's frame; -inf, inf if it lies all around."""
+    if kind == BOX:
+        low, high = _box_interval(px, py, (a[0] * half[0], a[1] * half[0]), (a[3] * half[1], a[4] * half[1]),
+                                  (a[6] * half[2], a[7] * half[2]))
+    elif kind == CYLINDER:      # the shadow of a tilted one lies in the disc of its radius plus its axis' shadow
+        low, high = _disc_interval(px, py, min(radius, half[0] + half[2] * math.hypot(a[6], a[7])))
+    else:
+        low, high = _disc_interval(px, py, radius)
+    if low > -np.inf:
+        middle = _azimuth(py, px)
+        low, high = middle + low - AZIMUTH_MARGIN, middle + high + AZIMUTH_MARGIN
+        if high - low < 2.0 * math.pi:      # not so where something is NaN
+            return low, high
+    return -np.inf, np.inf
+
+
+@_kernel
+def _nearest_point(kind, o, half):
+    """Return the distance from a point ``o`` in the shape's axes to the shape; 0 inside."""
+    if kind == SPHERE:
+        return max(math.sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]) - half[0], 0.0)
+    dz = max(abs(o[2]) - half[2], 0.0)
+    if kind == CYLINDER:
+        dx, dy = max(math.hypot(o[0], o[1]) - half[0], 0.0), 0.0
+    else:
+        dx, dy = max(abs(o[0]) - half[0], 0.0), max(abs(o[1]) - half[1], 0.0)
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@_kernel
+def _turns(low, high, frame, n):
+    """Return the full turns, first and last, by which an interval must be shifted to lie among the beams."""
+    least, most = frame[ANGLE_MIN], frame[ANGLE_MIN] + frame[ANGLE_STEP] * (n - 1)
+    if most < least:
+        least, most = most, least
+    return (int(math.ceil((least - high) / (2.0 * math.pi))), int(math.floor((most - low) / (2.0 * math.pi))))
+
+
+@_kernel
+def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, radius, shapes):
+    """Cast the beams that can meet a box, sphere or cylinder and do not end before it."""
+    n, b = beams.shape[1], shapes[row]
+    kind, half = int(b[KIND]), (b[HALF], b[HALF + 1], b[HALF + 2])
+    px = sensor[0] * centre[0] + sensor[3] * centre[1] + sensor[6] * centre[2]
+    py = sensor[1] * centre[0] + sensor[4] * centre[1] + sensor[7] * centre[2]
+    pz = sensor[2] * centre[0] + sensor[5] * centre[1] + sensor[8] * centre[2]
+    out_there, margin = math.sqrt(px * px + py * py), radius * (1.0 + 1e-9) + 1e-9
+    if rows.shape[0] == 1 and rows[0, 0] > 1e-6 and abs(out_there * rows[0, 1] - pz * rows[0, 0]) > margin:
+        return
+    a = _product(b, sensor)     # shape-from-sensor
+    o = (-(b[0] * centre[0] + b[3] * centre[1] + b[6] * centre[2]),
+         -(b[1] * centre[0] + b[4] * centre[1] + b[7] * centre[2]),
+         -(b[2] * centre[0] + b[5] * centre[1] + b[8] * centre[2]))
+    near = _nearest_point(kind, o, half) * (1.0 - 1e-9)
+    if near > frame[RANGE_MAX]:
+        return
+    low, high, first_turn, last_turn = -np.inf, np.inf, 0, 0
+    if n > FEW_BEAMS and 1e-12 < abs(frame[ANGLE_STEP]) * (n - 1) < 4.0 * math.pi:
+        low, high = _interval(kind, px, py, a, half, radius)
+        if low > -np.inf:
+            first_turn, last_turn = _turns(low, high, frame, n)
+    tilt = math.sqrt(a[6] * a[6] + a[7] * a[7])
+    farthest = min(frame[RANGE_MAX], math.sqrt(px * px + py * py + pz * pz) + margin)
+    for j in range(rows.shape[0]):
+        flat, up = rows[j, 0], rows[j, 1]
+        rise = farthest * (tilt * abs(flat) + abs(a[8] * up))       # of any beam along the shape's z
+        if kind != SPHERE and abs(o[2]) - rise > half[2]:
+            continue
+        tall = abs(o[2]) + rise <= half[2]
+        x, y = (a[0] * flat, a[1] * flat, a[2] * up, o[0]), (a[3] * flat, a[4] * flat, a[5] * up, o[1])
+        z = (a[6] * flat, a[7] * flat, a[8] * up, o[2])
+        upright = flat > 1e-6       # else the row looks behind: azimuths and elevations do not bound it
+        if upright and abs(out_there * up - pz * flat) > margin:
+            continue
+        bounded = upright and low > -np.inf
+        for turn in range(first_turn if bounded else 0, last_turn + 1 if bounded else 1):
+            first, last = _beam_span(low, high, turn, frame, n) if bounded else (0, n)
+            while first < last and ranges[j * n + first] <= near:
+                first += 1
+            while last > first and ranges[j * n + last - 1] <= near:
+                last -= 1
+            if first < last:
+                run = slice(j * n + first, j * n + last)
+                _cast_run(row, tall, ranges[run], hits[run] if hits.size > 0 else hits, scratch,
+                          beams[0, first:last], beams[1, first:last], x, y, z, half, kind, frame[RANGE_MIN])
+
+
+@_kernel
+def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
+    """Cast all beams; see the module for the layouts.
+
+    Parameters
+    ----------
+    ranges : (V * N,) float64
+        Written: distance from the sensor's origin to the first hit, the longest range where nothing is hit [m].
+    hits : (V * N,) or (0,) int64
+        Written, unless empty: row of the shape that is hit, -1 for none.
+    beams, rows, frame, spheres, shapes : float64
+        Read only.
+    order : (2, C) int32
+        Scratch space.
+
+    Notes
+    -----
+    A non-finite pose, of the sensor or of a shape, gives no hit and does no harm.  Directions are
+    (cos e cos a, cos e sin a, sin e) in the sensor's frame for azimuth a and elevation e.
+    """
+    ranges[:] = frame[RANGE_MAX]
+    hits[:] = -1
+    scratch = np.empty(beams.shape[1] if hits.size > 0 else 0)
+    q = frame[ORIENTATION:]
+    sensor = rotation(q[0], q[1], q[2], q[3])
+    for k in range(_near_to_far(order, frame, spheres)):
+        row = order[0, k]
+        if frame[IGNORED] >= 0.0 and shapes[row, OWNER] == frame[IGNORED]:
+            continue
+        centre = (spheres[0, row] - frame[0], spheres[1, row] - frame[1], spheres[2, row] - frame[2])
+        if shapes[row, KIND] == PLANE:
+            _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, shapes)
+        else:
+            _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, spheres[3, row], shapes)
+
+
+@_kernel
+def finish_ranges(out, ranges, normals, settings):
+    """Turn distances into scan values: +inf from the longest range on; noise on the rest, kept within the limits.
+
+    Parameters
+    ----------
+    out : (B,) float32
+        Written.
+    ranges : (B,) float64
+        Distances [m], each above the shortest range.
+    normals : (M,) float64
+        Standard normal draws; M is at least B + start where the standard deviation is not 0.
+    settings : (6,) float64
+        Shortest and longest range, mean error (bias included), standard deviation, rounding step (0: none) [m],
+        index of the draw for beam 0.
+    """
+    shortest, longest, shift, stddev, precision = settings[0], settings[1], settings[2], settings[3], settings[4]
+    start = int(settings[5])
+    noisy = stddev > 0.0 and start >= 0 and start + ranges.size <= normals.size
+    changed = noisy or shift != 0.0 or precision > 0.0
+    for i in range(ranges.size):
+        value = ranges[i]
+        if changed:
+            value = value + shift
+            if noisy:
+                value = value + stddev * normals[start + i]
+            if precision > 0.0:
+                value = math.floor(value / precision + 0.5) * precision
+            value = value if value > shortest else shortest
+            value = value if value < longest else longest
+        out[i] = value if ranges[i] < longest else np.inf
