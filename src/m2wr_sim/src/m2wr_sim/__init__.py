@@ -1,0 +1,1 @@
+"""Simulation of ROS 1 robots on ODE, with the ROS interface of Gazebo classic."""

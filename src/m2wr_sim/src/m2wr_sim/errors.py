@@ -1,0 +1,25 @@
+"""The errors this package raises on purpose; each message says what was read, where, and what was expected."""
+
+
+class SimError(Exception):
+    """Base of all errors below."""
+
+
+class ModelError(SimError):
+    """A robot description (URDF, xacro or SDF model) cannot be used."""
+
+
+class WorldError(SimError):
+    """A world file cannot be used."""
+
+
+class PluginError(SimError):
+    """A plugin cannot be configured; the simulation goes on without it."""
+
+
+class ParameterError(SimError):
+    """A node parameter has an unusable value."""
+
+
+class NotFoundError(SimError):
+    """A model, link, joint or frame of the given name does not exist in the world."""

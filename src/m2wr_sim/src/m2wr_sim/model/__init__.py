@@ -1,0 +1,1 @@
+"""From robot and world descriptions (URDF, SDF) to plain records."""

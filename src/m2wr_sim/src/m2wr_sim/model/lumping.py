@@ -1,0 +1,166 @@
+"""Merging links over fixed joints, and the names that collisions and visuals bear afterwards (Gazebo's rules).
+
+Works on mutable records of its own: a :class:`Body` for each URDF link, a :class:`Connection` for each URDF joint.
+"""
+from dataclasses import dataclass, field
+from typing import Any, List, Optional, Tuple
+
+import numpy as np
+
+from m2wr_sim.geometry import IDENTITY, compose, matrix_from_quaternion
+from m2wr_sim.model.sdf_shapes import inertia_matrix
+from m2wr_sim.model.types import Axis, Inertial, Pose, Surface
+
+WORLD = "world"
+LUMP_MARK = "_fixed_joint_lump__"
+
+
+@dataclass
+class Part:
+    """A collision or visual on its way: URDF name ('' where unnamed), link it came from, shape, pose, extras."""
+
+    name: str
+    origin: str
+    geometry: Any
+    pose: Pose = IDENTITY
+    surface: Surface = Surface()
+    rgba: Optional[Tuple[float, float, float, float]] = None
+
+
+@dataclass
+class Body:
+    """A URDF link; ``lumped`` holds (link name, that link's frame in this one's) of what was merged into it."""
+
+    name: str
+    inertial: Optional[Inertial] = None
+    collisions: List[Part] = field(default_factory=list)
+    visuals: List[Part] = field(default_factory=list)
+    lumped: List[Tuple[str, Pose]] = field(default_factory=list)
+
+
+@dataclass
+class Connection:
+    """A URDF joint; ``pose`` is the child link's (= joint's) frame in the parent link's frame.
+
+    ``reduced`` says that it is a fixed joint to be merged away.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose = IDENTITY
+    axis: Axis = Axis()
+    reduced: bool = False
+
+
+def merge_inertials(base, added, base_from_added=IDENTITY):
+    """Return the inertial of two bodies joined rigidly.
+
+    Parameters
+    ----------
+    base, added : Inertial or None
+        None counts as no mass.
+    base_from_added : Pose
+        The added link's frame in the base link's frame.
+
+    Returns
+    -------
+    Inertial or None
+        In the base link's frame: masses added, common centre of mass, tensors moved by the parallel axis theorem and
+        expressed in the orientation of the base's inertial frame (identity where ``base`` is None).
+    """
+    if added is None:
+        return base
+    base = Inertial(0.0, IDENTITY, (0.0,) * 6) if base is None else base
+    added_pose = compose(base_from_added, added.pose)
+    mass = base.mass + added.mass
+    orientation = base.pose[1]
+    base_centre, added_centre = np.array(base.pose[0]), np.array(added_pose[0])
+    centre = added_centre if mass <= 0.0 else (base.mass * base_centre + added.mass * added_centre) / mass
+    tensor = _about(base, orientation, base_centre - centre) + _about(added, added_pose[1], added_centre - centre)
+    turn = matrix_from_quaternion(orientation)
+    tensor = turn.T @ tensor @ turn
+    return Inertial(mass, (tuple(float(value) for value in centre), orientation),
+                    tuple(float(value) for value in tensor[np.triu_indices(3)]))
+
+
+def _about(inertial, orientation, offset):
+    """Return a tensor in link axes about a point that lies ``-offset`` from the inertial's centre of mass."""
+    turn = matrix_from_quaternion(orientation)
+    return turn @ inertia_matrix(inertial) @ turn.T + inertial.mass * (
+        offset @ offset * np.eye(3) - np.outer(offset, offset))
+
+
+def children_of(connections):
+    """Return link name -> its child connections, in alphabetical order of joint names."""
+    children = {}
+    for connection in sorted(connections, key=lambda connection: connection.name):
+        children.setdefault(connection.parent, []).append(connection)
+    return children
+
+
+def depth_first(root, children):
+    """Yield link names, root first, depth first, siblings in the order of ``children``."""
+    stack = [root]
+    while stack:
+        name = stack.pop()
+        yield name
+        stack.extend(connection.child for connection in reversed(children.get(name, ())))
+
+
+def lump(bodies, connections, root):
+    """Merge every link behind a reduced joint into its parent, deepest first; works in place.
+
+    Parameters
+    ----------
+    bodies : dict
+        Link name -> Body; merged ones are taken out.
+    connections : list of Connection
+        Reduced ones are taken out; the others get the surviving parent and their pose in it.
+    root : str
+        Name of the root link; nothing is merged into a root called ``world``.
+
+    Returns
+    -------
+    list of str
+        Names of the surviving links, in the order in which Gazebo lists them.
+    """
+    children = children_of(connections)
+    order = list(depth_first(root, children))
+    by_child = {connection.child: connection for connection in connections}
+    for name in reversed(order):      # children stand behind their parents: the deepest come first
+        for connection in children.get(name, ()):
+            if connection.reduced and name != WORLD:
+                _merge(bodies[name], bodies.pop(connection.child), connection.pose, connections)
+    merged = {name for body in bodies.values() for name, _ in body.lumped}
+    connections[:] = [connection for connection in connections if connection.child not in merged]
+    return [name for name in order if name not in merged or by_child.get(name) is None]
+
+
+def _merge(parent, child, parent_from_child, connections):
+    parent.inertial = merge_inertials(parent.inertial, child.inertial, parent_from_child)
+    for mine, others in ((parent.collisions, child.collisions), (parent.visuals, child.visuals)):
+        for part in others:
+            part.name = part.name or part.origin
+            part.pose = compose(parent_from_child, part.pose)
+            mine.append(part)
+    parent.lumped.append((child.name, parent_from_child))
+    parent.lumped.extend((name, compose(parent_from_child, pose)) for name, pose in child.lumped)
+    for connection in connections:
+        if connection.parent == child.name:
+            connection.parent = parent.name
+            connection.pose = compose(parent_from_child, connection.pose)
+
+
+def part_names(link, parts, suffix):
+    """Return the SDF names of a link's collisions (``suffix`` ``_collision``) or visuals (``_visual``).
+
+    The name is the URDF name, or the old link's where there is none, plus the suffix; from the second part on plus
+    ``_n``; a name that does not begin with the carrying link's gets ``<link>_fixed_joint_lump__`` in front.
+    """
+    names = []
+    for index, part in enumerate(parts):
+        name = (part.name or part.origin) + suffix + ("_{}".format(index) if index else "")
+        names.append(name if name.startswith(link) else link + LUMP_MARK + name)
+    return names

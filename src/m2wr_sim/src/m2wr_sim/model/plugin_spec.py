@@ -1,0 +1,48 @@
+"""A ``<plugin>`` element of SDF or of a URDF ``<gazebo>`` block -> PluginSpec."""
+from lxml import etree
+
+from m2wr_sim.model.safe_xml import fail, line_of
+from m2wr_sim.model.types import PluginSpec
+
+
+def tag_value(element):
+    """Return an element's stripped text, or its ``value`` attribute where there is no text, or ''."""
+    text = (element.text or "").strip()
+    return text if text else (element.get("value") or "").strip()
+
+
+def _parameters(element, prefix=""):
+    for child in element:
+        tag = prefix + etree.QName(child).localname
+        value = tag_value(child)
+        if value or len(child) == 0:
+            yield tag, value
+        if len(child):
+            yield from _parameters(child, tag + "/")
+
+
+def read_plugin(element, reference=None):
+    """Read one ``<plugin name= filename=>``.
+
+    Parameters
+    ----------
+    element : lxml element
+        The plugin; its children become (tag, text) pairs, deeper ones under ``tag/tag``.
+    reference : str or None
+        Link that a sensor plugin belongs to.
+
+    Returns
+    -------
+    PluginSpec
+
+    Raises
+    ------
+    XmlError
+        If ``filename`` is missing.
+    """
+    filename = (element.get("filename") or "").strip()
+    if not filename:
+        fail(element, "attribute filename is missing or empty", "the library's file name, e.g. libgazebo_ros_laser.so")
+    name = (element.get("name") or "").strip() or filename
+    return PluginSpec(name=name, filename=filename, parameters=tuple(_parameters(element)), reference=reference,
+                      where='{}: plugin "{}" ({})'.format(line_of(element), name, filename))

@@ -1,0 +1,270 @@
+"""Reading XML that somebody else wrote: safe parsing, and values with errors that name file, line and element.
+
+No other module of this package parses XML text.  Nothing here knows what a robot or a world is.
+"""
+import math
+from contextlib import contextmanager
+from urllib.parse import unquote
+from xml.parsers import expat
+
+from lxml import etree
+
+from m2wr_sim.errors import SimError
+from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy
+
+MAX_BYTES = 256 * 1024 * 1024      # large enough for worlds saved with inline meshes, small enough for a laptop
+_HUGE_BYTES = 8 * 1024 * 1024      # libxml2 needs its "huge" switch from 10 MB on; below it the depth limit stays
+MAX_DEPTH = 256                    # libxml2's own limit without that switch
+
+_TRUE, _FALSE = ("true", "1"), ("false", "0")
+
+
+class XmlError(SimError):
+    """A document, element or value that cannot be read; callers turn it into their own kind of error."""
+
+
+@contextmanager
+def errors_as(error_class):
+    """Turn every :class:`XmlError` inside the block into ``error_class`` with the same message."""
+    try:
+        yield
+    except XmlError as error:
+        raise error_class(str(error)) from None
+
+
+class _Prolog(Exception):
+    """Raised by the prolog check to leave expat at the first element."""
+
+
+def _refuse_entities(data, source, encoding):
+    """Raise XmlError if the document type declares entities; reads only what stands before the root element."""
+    parser = expat.ParserCreate(encoding)
+
+    def on_entity(name, *_):
+        raise XmlError('{}:{}: the document type declares the entity "{}"; entity declarations are refused, expected '
+                       'plain XML without them'.format(source, parser.CurrentLineNumber, name))
+
+    def on_element(*_):
+        raise _Prolog
+
+    parser.EntityDeclHandler = on_entity
+    parser.StartElementHandler = on_element
+    try:
+        parser.Parse(data, True)
+    except _Prolog:
+        pass
+    except expat.ExpatError as error:
+        raise XmlError("{}:{}: not well-formed XML: {}; expected an XML document with one root element".format(
+            source, error.lineno, expat.ErrorString(error.code))) from None
+    except (LookupError, ValueError) as error:      # expat's answers to an encoding it does not have
+        raise XmlError("{}:1: not well-formed XML: {}; expected an encoding such as utf-8".format(
+            source, error)) from None
+
+
+def parse_xml(text, source):
+    """Parse XML without document types, entities or network access.
+
+    Parameters
+    ----------
+    text : str or bytes
+        The document.  For str the declared encoding is ignored, since the text is decoded already.
+    source : str
+        Name of the document for messages, usually a file path.
+
+    Returns
+    -------
+    lxml.etree._Element
+        The root element; comments and processing instructions are left out.
+
+    Raises
+    ------
+    XmlError
+        If the text is empty, too long, too deep, malformed, or declares entities.
+    """
+    encoding = "utf-8" if isinstance(text, str) else None
+    data = text.encode("utf-8", "replace") if isinstance(text, str) else bytes(text)
+    if not data.strip():
+        raise XmlError("{}: the document is empty; expected XML".format(source))
+    if len(data) > MAX_BYTES:
+        raise XmlError("{}: the document has {} MB; expected at most {} MB".format(
+            source, len(data) // 2 ** 20, MAX_BYTES // 2 ** 20))
+    if isinstance(text, str):
+        data = data.lstrip()     # indented string literals and parameter values often start with a line end
+    _refuse_entities(data, source, encoding)
+    huge = len(data) > _HUGE_BYTES
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False,
+                             huge_tree=huge, remove_comments=True, remove_pis=True, encoding=encoding)
+    try:
+        root = etree.fromstring(data, parser, base_url=source)
+    except (etree.XMLSyntaxError, ValueError, LookupError) as error:
+        line = getattr(error, "lineno", None) or 1
+        message = getattr(error, "msg", None) or str(error)
+        raise XmlError("{}:{}: not well-formed XML: {}".format(source, line, shorten(message, 200))) from None
+    if huge:
+        _refuse_depth(root, source)
+    if None in root.nsmap:     # some robots declare a default namespace; no reader of URDF or SDF ever minded it
+        for element in root.iter("{{{}}}*".format(root.nsmap[None])):
+            element.tag = etree.QName(element).localname
+    return root
+
+
+def _refuse_depth(root, source):
+    """Raise XmlError where elements are nested deeper than MAX_DEPTH."""
+    depth = 0
+    for event, element in etree.iterwalk(root, events=("start", "end")):
+        depth += 1 if event == "start" else -1
+        if depth > MAX_DEPTH:
+            raise XmlError("{}:{}: elements are nested deeper than {}".format(source, element.sourceline, MAX_DEPTH))
+
+
+def read_file(path):
+    """Return the bytes of a file; XmlError names a file that is missing, a folder, or not readable."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:      # ValueError: a path that no file can have
+        raise XmlError("{}: cannot be read: {}; expected an XML file".format(
+            shorten(path, 300), getattr(error, "strerror", None) or error)) from None
+
+
+def file_of(element):
+    """Return the name of the document an element stands in."""
+    return unquote(element.getroottree().docinfo.URL or "XML")     # libxml2 keeps it as an escaped URL
+
+
+def path_of(element):
+    """Return the tags from the root to an element, with names: ``sdf/world[default]/model[box]``."""
+    steps = []
+    for node in reversed([element] + list(element.iterancestors())):
+        name = node.get("name")
+        tag = etree.QName(node).localname
+        steps.append(tag if name is None else "{}[{}]".format(tag, name))
+    return "/".join(steps)
+
+
+def line_of(element):
+    """Return ``file:line`` of an element."""
+    return "{}:{}".format(file_of(element), element.sourceline)
+
+
+def place(element):
+    """Return ``file:line: <path>`` of an element, the way every message of this package starts."""
+    return "{}: <{}>".format(line_of(element), path_of(element))
+
+
+def fail(element, found, expected):
+    """Raise XmlError for an element: what was found there and what was expected."""
+    raise XmlError("{}: {}; expected {}".format(place(element), found, expected))
+
+
+def shorten(text, limit=60):
+    """Return text on one line, cut to ``limit`` characters, for quoting it in a message."""
+    line = " ".join(text.split())
+    return line if len(line) <= limit else line[:limit - 3] + "..."
+
+
+def required_name(element):
+    """Return the ``name`` attribute; XmlError where it is missing or blank."""
+    name = (element.get("name") or "").strip()
+    if not name:
+        fail(element, "attribute name is missing or empty", "a name")
+    return name
+
+
+# -- values from text ---------------------------------------------------------------------------------------------
+
+def parse_float(element, text, what="value", allow_infinite=False):
+    """Return a finite float from text that stands in ``element``.
+
+    ``allow_infinite`` lets ``inf`` pass (joint limits use it for "none"); NaN never passes.
+    """
+    try:
+        value = float(text) if "_" not in text else math.nan
+    except ValueError:
+        value = math.nan
+    if math.isnan(value) or (math.isinf(value) and not allow_infinite):
+        fail(element, '{} is "{}"'.format(what, shorten(text)), "a finite number")
+    return value
+
+
+def parse_vector(element, text, count, what="value"):
+    """Return a tuple of ``count`` finite floats from white-space separated text."""
+    words = text.split()
+    if len(words) != count:
+        fail(element, '{} is "{}"'.format(what, shorten(text)), "{} numbers".format(count))
+    return tuple(parse_float(element, word, what) for word in words)
+
+
+def parse_bool(element, text, what="value"):
+    """Return True or False from ``true``, ``false``, ``1`` or ``0`` in any case."""
+    word = text.strip().lower()
+    if word in _TRUE:
+        return True
+    if word not in _FALSE:
+        fail(element, '{} is "{}"'.format(what, shorten(text)), "true or false")
+    return False
+
+
+def parse_int(element, text, what="value", lowest=None):
+    """Return an integer (``50`` or ``50.0``), not below ``lowest``."""
+    value = parse_float(element, text, what)
+    if value != int(value) or (lowest is not None and value < lowest):
+        fail(element, '{} is "{}"'.format(what, shorten(text)),
+             "a whole number" + ("" if lowest is None else " of at least {}".format(lowest)))
+    return int(value)
+
+
+def parse_pose(element, text):
+    """Return a pose from ``x y z roll pitch yaw`` [m, rad]; empty text gives the identity, as in SDF."""
+    if not text.strip():
+        return IDENTITY
+    words = text.split()
+    if len(words) != 6:
+        fail(element, 'pose is "{}"'.format(shorten(text)), "six numbers: x y z roll pitch yaw")
+    numbers = tuple(parse_float(element, word, "pose") for word in words)
+    return numbers[:3], quaternion_from_rpy(*numbers[3:])
+
+
+# -- values from child elements ------------------------------------------------------------------------------------
+
+def child_text(parent, tag):
+    """Return the stripped text of the first child ``tag``, or None where it is missing or ``parent`` is None."""
+    child = None if parent is None else parent.find(tag)
+    return None if child is None else (child.text or "").strip()
+
+
+def _from_child(parent, tag, default, parse, *extra):
+    text = child_text(parent, tag)
+    return default if not text else parse(parent.find(tag), text, tag, *extra)
+
+
+def child_float(parent, tag, default, allow_infinite=False):
+    """Return the number in child ``tag``, or ``default`` where it is missing or empty."""
+    return _from_child(parent, tag, default, parse_float, allow_infinite)
+
+
+def child_int(parent, tag, default, lowest=None):
+    """Return the whole number in child ``tag``, or ``default`` where it is missing or empty."""
+    return _from_child(parent, tag, default, parse_int, lowest)
+
+
+def child_bool(parent, tag, default):
+    """Return the truth value in child ``tag``, or ``default`` where it is missing or empty."""
+    return _from_child(parent, tag, default, parse_bool)
+
+
+def child_vector(parent, tag, count, default):
+    """Return the tuple of ``count`` numbers in child ``tag``, or ``default`` where it is missing or empty."""
+    text = child_text(parent, tag)
+    return default if not text else parse_vector(parent.find(tag), text, count, tag)
+
+
+def child_positive(parent, tag):
+    """Return the positive number in child ``tag``, which must be there."""
+    text = child_text(parent, tag)
+    if text is None:
+        fail(parent, "<{}> is missing".format(tag), "a positive number there")
+    value = parse_float(parent.find(tag), text, tag)
+    if value <= 0.0:
+        fail(parent.find(tag), "{} is {}".format(tag, text), "a positive number")
+    return value

@@ -1,0 +1,276 @@
+"""What a world is made of, as frozen records: the one form that URDF and SDF are read into.
+
+Poses are pairs ``((x, y, z), (x, y, z, w))`` in metres and unit quaternions; see :mod:`m2wr_sim.geometry`.
+"""
+from dataclasses import dataclass, field
+from typing import Any, Optional, Tuple
+
+from m2wr_sim.geometry import IDENTITY
+
+Vector = Tuple[float, float, float]
+Pose = Tuple[Vector, Tuple[float, float, float, float]]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box centred on its frame; ``size`` holds the full edge lengths [m]."""
+
+    size: Vector
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere centred on its frame; radius [m]."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder centred on its frame along its z axis; radius and full length [m]."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The boundary of an infinite half space; ``normal`` in world axes, offset taken from the collision's pose."""
+
+    normal: Vector = (0.0, 0.0, 1.0)
+    size: Tuple[float, float] = (1.0, 1.0)   # only for drawing
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Contact behaviour of one collision; names and defaults as in SDF."""
+
+    mu: float = 1.0
+    mu2: float = 1.0
+    fdir1: Vector = (0.0, 0.0, 0.0)
+    slip1: float = 0.0
+    slip2: float = 0.0
+    restitution: float = 0.0
+    restitution_threshold: float = 1e5
+    kp: float = 1e12
+    kd: float = 1.0
+    max_vel: float = 0.01
+    min_depth: float = 0.0
+    collide_bitmask: int = 0xffff
+    collide_without_contact: bool = False
+
+
+@dataclass(frozen=True)
+class Collision:
+    """A shape that touches and is seen by lasers; ``pose`` in the link frame."""
+
+    name: str
+    geometry: Any
+    pose: Pose = IDENTITY
+    surface: Surface = Surface()
+    laser_retro: float = 0.0
+    max_contacts: int = 10
+
+
+@dataclass(frozen=True)
+class Visual:
+    """A shape for viewers only; ``pose`` in the link frame, ``rgba`` or None, ``material`` script name or None."""
+
+    name: str
+    geometry: Any
+    pose: Pose = IDENTITY
+    rgba: Optional[Tuple[float, float, float, float]] = None
+    material: Optional[str] = None
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass [kg], pose of the centre of mass frame in the link frame, tensor in that frame [kg m^2]."""
+
+    mass: float = 1.0
+    pose: Pose = IDENTITY
+    inertia: Tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)  # xx xy xz yy yz zz
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Sensor noise; ``kind`` is ``none``, ``gaussian`` or ``gaussian_quantized``."""
+
+    kind: str = "none"
+    mean: float = 0.0
+    stddev: float = 0.0
+    bias_mean: float = 0.0
+    bias_stddev: float = 0.0
+    precision: float = 0.0
+
+
+@dataclass(frozen=True)
+class RayScan:
+    """Geometry of a ray sensor: counts, angles [rad], ranges [m]; names and defaults as in SDF."""
+
+    samples: int = 640
+    resolution: float = 1.0
+    min_angle: float = 0.0
+    max_angle: float = 0.0
+    vertical_samples: int = 1
+    vertical_resolution: float = 1.0
+    vertical_min_angle: float = 0.0
+    vertical_max_angle: float = 0.0
+    range_min: float = 0.0
+    range_max: float = 0.0
+    range_resolution: float = 0.0   # read, never used to quantise, as in Gazebo
+    noise: Noise = Noise()
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor fixed to a link; ``pose`` in that (carrying) link's frame."""
+
+    name: str
+    kind: str                       # ray, gpu_ray, imu, contact, camera, ...
+    pose: Pose = IDENTITY
+    update_rate: float = 0.0        # Hz, 0: every step
+    always_on: bool = False
+    visualize: bool = False
+    ray: Optional[RayScan] = None
+    plugins: Tuple[Any, ...] = ()   # of PluginSpec
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body; ``pose`` in the model frame, at the model's initial configuration."""
+
+    name: str
+    pose: Pose = IDENTITY
+    inertial: Inertial = Inertial()
+    collisions: Tuple[Collision, ...] = ()
+    visuals: Tuple[Visual, ...] = ()
+    sensors: Tuple[Sensor, ...] = ()
+    gravity: bool = True
+    self_collide: bool = False
+    kinematic: bool = False
+    linear_damping: float = 0.0     # SDF velocity_decay
+    angular_damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One degree of freedom: direction in the joint frame, damping [N m s/rad], friction [N m], limits."""
+
+    xyz: Vector = (0.0, 0.0, 1.0)
+    damping: float = 0.0
+    friction: float = 0.0
+    lower: float = -1e16
+    upper: float = 1e16
+    effort: float = -1.0            # negative: no limit
+    velocity: float = -1.0
+    stop_erp: float = 0.2
+    stop_cfm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint between two links; ``pose`` is the joint frame in the child link's frame.
+
+    ``parent`` may be ``world``.  Kinds: revolute (also continuous, with limits of 1e16), prismatic, fixed, ball,
+    universal (the only kind with a second axis).
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose = IDENTITY
+    axis: Axis = Axis()
+    axis2: Optional[Axis] = None
+
+
+@dataclass(frozen=True)
+class PluginSpec:
+    """One ``<plugin>`` element.
+
+    ``parameters`` holds (tag, text) pairs in document order; a tag's text comes from the element's text or its
+    ``value`` attribute.  ``reference`` names the link a sensor plugin belongs to (None for a model plugin).
+    ``where`` says for error messages in what file and element the plugin stands.
+    """
+
+    name: str
+    filename: str
+    parameters: Tuple[Tuple[str, str], ...] = ()
+    reference: Optional[str] = None
+    where: str = ""
+
+    def find(self, tag):
+        """Return the stripped text of the first ``tag``, or None where it is missing."""
+        for name, text in self.parameters:
+            if name == tag:
+                return text
+        return None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model: links, joints and plugins.  Links of nested models are flattened with scoped names ``inner::link``.
+
+    ``lumped`` maps the name of a link that was merged over a fixed joint to
+    ``(carrying link, pose of the merged link's frame in the carrying link's frame)``.
+    """
+
+    name: str
+    links: Tuple[Link, ...]
+    joints: Tuple[Joint, ...] = ()
+    pose: Pose = IDENTITY
+    static: bool = False
+    plugins: Tuple[PluginSpec, ...] = ()
+    nested: Tuple[str, ...] = ()                     # names of nested models
+    lumped: Tuple[Tuple[str, str, Pose], ...] = ()
+    allow_auto_disable: bool = True
+    notes: Tuple[str, ...] = ()                      # what was read but not used, one sentence each
+
+
+@dataclass(frozen=True)
+class Physics:
+    """World physics; names and defaults as in SDF."""
+
+    max_step_size: float = 0.001
+    real_time_update_rate: float = 1000.0
+    gravity: Vector = (0.0, 0.0, -9.8)
+    max_contacts: int = 20
+    solver: str = "quick"
+    iters: int = 50
+    precon_iters: int = 0
+    sor: float = 1.3
+    cfm: float = 0.0
+    erp: float = 0.2
+    contact_max_correcting_vel: float = 100.0
+    contact_surface_layer: float = 0.001
+
+
+@dataclass(frozen=True)
+class ModelStateEntry:
+    """The stored state of one model: pose in world, link poses and velocities in world (None where absent)."""
+
+    name: str
+    pose: Optional[Pose] = None
+    links: Tuple[Tuple[str, Optional[Pose], Optional[Tuple[Vector, Vector]]], ...] = ()  # name, pose, (linear, angular)
+
+
+@dataclass(frozen=True)
+class WorldState:
+    """The first ``<state>`` of a world file."""
+
+    sim_time_ns: int = 0
+    models: Tuple[ModelStateEntry, ...] = ()
+
+
+@dataclass(frozen=True)
+class World:
+    """A world: models in load order, physics, lights by name, optional stored state."""
+
+    name: str = "default"
+    models: Tuple[Model, ...] = ()
+    physics: Physics = Physics()
+    lights: Tuple[str, ...] = ()
+    plugins: Tuple[PluginSpec, ...] = ()
+    state: Optional[WorldState] = None
+    notes: Tuple[str, ...] = field(default=())
