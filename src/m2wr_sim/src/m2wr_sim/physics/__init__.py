@@ -1,0 +1,1 @@
+"""The ODE world: bodies, joints, contacts."""

@@ -1,0 +1,130 @@
+"""Which contacts a pair of collisions makes, and with what surface: pure arithmetic, no engine objects.
+
+A contact is a tuple ``(position, normal, depth)``; the normal points from the second shape into the first.
+"""
+import math
+from collections import namedtuple
+
+from m2wr_sim.model.types import Box, Plane
+
+MODE_MU2 = 0x001
+MODE_FDIR1 = 0x002
+MODE_BOUNCE = 0x004
+MODE_SOFT_ERP = 0x008
+MODE_SOFT_CFM = 0x010
+MODE_SLIP1 = 0x100
+MODE_SLIP2 = 0x200
+MODE_APPROX1 = 0x7000       # friction proportional to the normal force; ODE 0.16's value, not the Python binding's
+
+MIN_SOFT_CFM = 1e-6         # stiffer contacts than this make the direct solver lose track
+BOX_CONTACTS = 4            # a face needs no more than its corners
+STEEP = 0.5                 # |normal z| below this: a wall, not ground
+
+PairSurface = namedtuple(
+    "PairSurface",
+    "mode mu mu2 steep_mu slip1 slip2 bounce bounce_velocity soft_erp soft_cfm max_contacts merge ground")
+
+
+def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, settings):
+    """Combine two collisions into one :class:`PairSurface`, by Gazebo's rules.
+
+    Friction and restitution take the smaller value, slip adds up, stiffness combines as springs in series.  Gazebo's
+    default stiffness (1e12) means a rigid contact; anything softer is converted to ERP and CFM for this step and
+    kept above :data:`MIN_SOFT_CFM`.
+
+    Parameters
+    ----------
+    first, second : Collision
+    first_is_wheel, second_is_wheel : bool
+        Wheels get a single merged contact and little friction on steep faces.
+    both_move : bool
+        Whether both belong to bodies; a contact between two bodies is never "standing on the ground".
+    settings : EngineSettings
+
+    Returns
+    -------
+    PairSurface or None
+        None where the pair never makes contacts.
+    """
+    one, two = first.surface, second.surface
+    if not one.collide_bitmask & two.collide_bitmask or one.collide_without_contact or two.collide_without_contact:
+        return None
+    mu, mu2 = _smaller_friction(one.mu, two.mu), _smaller_friction(one.mu2, two.mu2)
+    wheel = first_is_wheel or second_is_wheel
+    mode = MODE_APPROX1 | (MODE_MU2 if mu2 != mu else 0)
+    slip1, slip2 = one.slip1 + two.slip1, one.slip2 + two.slip2
+    if slip1 > 0.0 and mu > 0.0:
+        mode |= MODE_SLIP1
+    if slip2 > 0.0 and mu2 > 0.0:
+        mode |= MODE_SLIP2
+    bounce = min(one.restitution, two.restitution)
+    if bounce > 0.0:
+        mode |= MODE_BOUNCE
+    soft_erp = soft_cfm = 0.0
+    if one.kp < 1e12 or two.kp < 1e12:
+        step = settings.step_ns * 1e-9
+        stiffness = 1.0 / (1.0 / max(one.kp, 1e-9) + 1.0 / max(two.kp, 1e-9))
+        damping = max(0.0, one.kd + two.kd)
+        soft_erp = step * stiffness / (step * stiffness + damping)
+        soft_cfm = max(MIN_SOFT_CFM, 1.0 / (step * stiffness + damping))
+        mode |= MODE_SOFT_ERP | MODE_SOFT_CFM
+    limit = min(settings.max_contacts, max(1, first.max_contacts), max(1, second.max_contacts))
+    if isinstance(first.geometry, Box) or isinstance(second.geometry, Box):
+        limit = min(limit, BOX_CONTACTS)
+    ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
+    return PairSurface(mode, mu, mu2, min(mu, settings.wheel_steep_mu) if wheel else mu, slip1, slip2, bounce,
+                       min(one.restitution_threshold, two.restitution_threshold), soft_erp, soft_cfm, limit, wheel,
+                       ground)
+
+
+def _smaller_friction(one, two):
+    """Return the smaller coefficient; a negative one stands for infinite friction."""
+    one, two = (math.inf if value < 0.0 else value for value in (one, two))
+    return min(one, two)
+
+
+def merge(contacts):
+    """Average the contacts of one wheel into one, in the wheel's middle plane.
+
+    A cylinder on a plane touches at both rim edges; in a turn the solver would let one of them stick and the track
+    width would be wrong by the wheel's width.  The mean point with the mean normal and the greatest depth rolls true.
+    Contacts whose normals cancel out (a wheel jammed between two faces) cannot be averaged: the deepest one stays.
+    """
+    px = py = pz = nx = ny = nz = depth = 0.0
+    deepest = contacts[0]
+    for contact in contacts:
+        position, normal, contact_depth = contact
+        px += position[0]
+        py += position[1]
+        pz += position[2]
+        nx += normal[0]
+        ny += normal[1]
+        nz += normal[2]
+        if contact_depth > depth:
+            depth, deepest = contact_depth, contact
+    count = len(contacts)
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if norm < 0.5 * count:
+        return deepest
+    return ((px / count, py / count, pz / count), (nx / norm, ny / norm, nz / norm), depth)
+
+
+def spread(contacts, limit):
+    """Choose ``limit`` contacts that support the pair as well as all of them do.
+
+    The deepest comes first, then always the one farthest from those chosen; ties go to the earlier one, so the choice
+    depends on nothing but the contacts.
+    """
+    chosen = [max(range(len(contacts)), key=lambda index: (contacts[index][2], -index))]
+    nearest = [math.inf] * len(contacts)
+    while len(chosen) < limit:
+        last = contacts[chosen[-1]][0]
+        best, best_distance = -1, -1.0
+        for index, (position, _, _) in enumerate(contacts):
+            distance = ((position[0] - last[0]) ** 2 + (position[1] - last[1]) ** 2 + (position[2] - last[2]) ** 2)
+            if distance < nearest[index]:
+                nearest[index] = distance
+            if nearest[index] > best_distance and index not in chosen:
+                best, best_distance = index, nearest[index]
+        chosen.append(best)
+    return [contacts[index] for index in sorted(chosen)]

@@ -1,0 +1,126 @@
+"""What a physics engine offers to the rest of the simulator; engines differ in speed, never in meaning.
+
+Links and joints are addressed by the integers that :meth:`Engine.add_model` hands out, so that nothing in the loop
+looks up names.  Positions, orientations ``(x, y, z, w)`` and velocities are in the world frame, SI units.
+"""
+import abc
+from collections import namedtuple
+from dataclasses import dataclass
+from typing import Dict, Tuple
+
+ModelHandle = namedtuple("ModelHandle", "name links joints")
+"""``links`` and ``joints`` map names to the integers the engine knows them by."""
+
+LinkState = namedtuple("LinkState", "position orientation linear_velocity angular_velocity")
+"""State of a link's own frame (not of its centre of mass), in the world frame."""
+
+Touch = namedtuple("Touch", "step first second position depth")
+"""The first step of a contact other than standing on the ground: two ``model::link::collision`` names, where, depth."""
+
+
+@dataclass(frozen=True)
+class EngineSettings:
+    """How a world is stepped.
+
+    The defaults drive wheeled robots to 0.1 % at 1 to 10 ms: the direct solver with a little compliance (``cfm``,
+    which keeps the redundant constraints of several ground contacts solvable), a thin ``surface_layer`` that keeps
+    resting contacts closed, and a bounded correcting velocity so that depth jumps never kick a robot.
+    """
+
+    step_ns: int = 1000000
+    solver: str = "step"                    # "step": direct, "quick": iterative
+    iterations: int = 50                    # quick only
+    gravity: Tuple[float, float, float] = (0.0, 0.0, -9.8)
+    erp: float = 0.2
+    cfm: float = 1e-5
+    surface_layer: float = 1e-4             # m
+    max_correcting_velocity: float = 0.1    # m/s
+    wheel_steep_mu: float = 0.2             # wheel friction on faces steeper than 60 degrees: wheels do not climb walls
+    max_contacts: int = 20                  # world limit per pair; pairs with a box keep at most four
+
+
+class Engine(abc.ABC):
+    """A world of rigid bodies."""
+
+    settings: EngineSettings
+    solver_messages = 0
+
+    @abc.abstractmethod
+    def add_model(self, model, pose, name=None):
+        """Build ``model`` (:class:`~m2wr_sim.model.types.Model`) at ``pose``; returns its :class:`ModelHandle`."""
+
+    @abc.abstractmethod
+    def remove_model(self, handle):
+        """Take a model out of the world and free everything it owned."""
+
+    @abc.abstractmethod
+    def step(self, count):
+        """Advance the world by ``count`` steps of ``settings.step_ns``."""
+
+    @abc.abstractmethod
+    def link_pose(self, link):
+        """Return ``(position, orientation)`` of a link frame."""
+
+    @abc.abstractmethod
+    def link_state(self, link):
+        """Return the :class:`LinkState` of a link frame."""
+
+    @abc.abstractmethod
+    def set_link_pose(self, link, pose):
+        """Put a link frame somewhere; velocities stay, joints are not consulted."""
+
+    @abc.abstractmethod
+    def set_link_velocity(self, link, linear, angular):
+        """Set the velocity of a link's centre of mass and its angular velocity; nothing happens to a static link."""
+
+    @abc.abstractmethod
+    def joint_angle(self, joint):
+        """Return a joint's position [rad or m]; hinges count full turns."""
+
+    @abc.abstractmethod
+    def joint_rate(self, joint):
+        """Return a joint's velocity [rad/s or m/s]."""
+
+    @abc.abstractmethod
+    def set_joint_motor(self, joint, rate, max_force):
+        """Drive a joint towards ``rate`` with at most ``max_force`` [N m or N]; 0 releases it."""
+
+    @abc.abstractmethod
+    def set_joint_motor_force(self, joint, max_force):
+        """Change only the force limit of a joint's motor."""
+
+    @abc.abstractmethod
+    def set_joint_angle(self, joint, angle):
+        """Tell what a joint's position counts as, after its links have been placed accordingly."""
+
+    @abc.abstractmethod
+    def collisions(self, handle):
+        """Return ``[(link, Collision, movable), ...]`` of a model, in load order."""
+
+    @abc.abstractmethod
+    def drain_touches(self):
+        """Return the list of :class:`Touch` since the last call and forget it."""
+
+    @abc.abstractmethod
+    def set_gravity(self, gravity):
+        """Change gravity [m/s^2]."""
+
+    @abc.abstractmethod
+    def reseed(self, seed):
+        """Restart whatever random sequence the solver draws from."""
+
+    @abc.abstractmethod
+    def close(self):
+        """Free the world; the engine cannot be used afterwards."""
+
+
+def settings_from_physics(physics, step_ns, solver="step"):
+    """Make :class:`EngineSettings` of a world's physics block.
+
+    The world's ``erp`` (within the range that drives well), gravity, iteration count and contact limit are taken.
+    Its contact layer, CFM and correcting velocity are not: Gazebo's values suit its own fork of ODE and make robots
+    on stock ODE shake or slide.
+    """
+    limits: Dict[str, float] = {"erp": min(0.8, max(0.2, physics.erp))}
+    return EngineSettings(step_ns=step_ns, solver=solver, iterations=max(1, physics.iters), gravity=physics.gravity,
+                          max_contacts=max(1, physics.max_contacts), **limits)

@@ -1,0 +1,81 @@
+"""The few calls of libode that its Python binding does not offer."""
+import ctypes
+import ctypes.util
+import logging
+
+log = logging.getLogger(__name__)
+
+_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
+
+
+def _load():
+    """Load libode by name: the very object the binding is linked to, so state and handles are shared."""
+    for name in ("libode.so.8", ctypes.util.find_library("ode")):
+        try:
+            return ctypes.CDLL(name) if name else None
+        except OSError:
+            continue
+    return None
+
+
+_library = _load()
+
+
+def publish_symbols():
+    """Let compiled code call libode's functions by name.
+
+    Raises
+    ------
+    ImportError
+        If the compiler's library is missing, or libode cannot be loaded by name.
+    """
+    import llvmlite.binding
+    if _library is None:
+        raise ImportError("libode cannot be loaded by name")
+    llvmlite.binding.load_library_permanently(_library._name)
+
+
+def library():
+    """Return libode with the signatures that handles need, or None where it cannot be loaded by name."""
+    if _library is not None:
+        handle = ctypes.c_void_p
+        for name, result, arguments in (
+                ("dJointGroupCreate", handle, [ctypes.c_int]), ("dJointGroupDestroy", None, [handle]),
+                ("dGeomGetBody", handle, [handle]), ("dBodyGetWorld", handle, [handle]),
+                ("dGeomSetData", None, [handle, handle])):
+            function = getattr(_library, name)
+            function.restype, function.argtypes = result, arguments
+    return _library
+
+
+class MessageCounter:
+    """Counts what ODE's solver has to say instead of printing it, thousands of lines a second at worst.
+
+    ODE has one handler per process, so all engines of a process share the count.
+    """
+
+    _count = 0
+    _callback = None
+
+    def __init__(self):
+        if _library is None:
+            log.warning("libode cannot be loaded by name: solver messages go to the terminal and are not counted")
+        elif MessageCounter._callback is None:
+            MessageCounter._callback = _HANDLER(_count_message)
+            _library.dSetMessageHandler(MessageCounter._callback)
+
+    @property
+    def count(self):
+        """Number of messages so far in this process."""
+        return MessageCounter._count
+
+
+def _count_message(number, text, _):
+    MessageCounter._count += 1
+    log.debug("ODE message %d: %s", number, text)
+
+
+def seed_random(seed):
+    """Restart the random sequence that ODE's iterative solver orders its rows by."""
+    if _library is not None:
+        _library.dRandSetSeed(ctypes.c_ulong(seed & 0xffffffff))

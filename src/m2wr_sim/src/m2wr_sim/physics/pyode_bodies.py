@@ -1,0 +1,240 @@
+"""Build ODE bodies, geoms and joints from model records, through the Python binding.
+
+A body's origin must be its centre of mass, a link's frame is where the model says: bodies keep their link's axes and
+only the origin is shifted, by ``com`` (in link axes); geoms carry the same shift.
+"""
+import math
+
+import numpy as np
+import ode
+
+from m2wr_sim.errors import ModelError
+from m2wr_sim.geometry import compose, matrix_from_quaternion, multiply, rotate, rotate_inverse
+from m2wr_sim.model.types import Box, Cylinder, Sphere
+
+CATEGORY_STATIC, CATEGORY_MOVING = 1, 2
+COLLIDE_EVERYTHING = 0x7fffffff
+
+# Joint parameters of ODE 0.16 by number: the binding's own constants are those of an older library and do nothing.
+PARAM_LO_STOP, PARAM_HI_STOP, PARAM_VEL, PARAM_FMAX, PARAM_CFM = 0, 1, 2, 5, 8
+PARAM_STOP_ERP, PARAM_STOP_CFM = 9, 10
+
+_WHEEL_ALIGNMENT = math.cos(math.radians(2.0))
+_WHEEL_SNAP = math.cos(math.radians(0.1))
+
+
+class LinkBody:
+    """One link in the engine: its body (None where static), geoms, and the shift between link and body frame."""
+
+    __slots__ = ("name", "spec", "body", "com", "pose", "geoms")
+
+    def __init__(self, name, spec, body, com, pose):
+        self.name, self.spec, self.body, self.com, self.pose = name, spec, body, com, pose
+        self.geoms = []                     # (geom, Collision)
+
+
+class JointDrive:
+    """One joint in the engine, with its count of full turns."""
+
+    __slots__ = ("name", "spec", "joint", "hinge", "angle")
+
+    def __init__(self, name, spec, joint, hinge):
+        self.name, self.spec, self.joint, self.hinge, self.angle = name, spec, joint, hinge, 0.0
+
+
+def ode_quaternion(quaternion):
+    """Reorder ``(x, y, z, w)`` to ODE's ``(w, x, y, z)``."""
+    return (quaternion[3], quaternion[0], quaternion[1], quaternion[2])
+
+
+def make_body(world, link, name, pose, sleeps):
+    """Create the body of a movable link whose frame stands at ``pose`` in the world.
+
+    Raises
+    ------
+    ModelError
+        If mass or inertia are not those of a physical body.
+    """
+    inertial = link.inertial
+    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
+    if not inertial.mass > 0.0 or not np.all(np.isfinite(tensor)) or np.linalg.eigvalsh(tensor)[0] <= 0.0:
+        raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
+                         "positive definite inertia" % (name, inertial.mass, list(inertial.inertia)))
+    com, com_turn = inertial.pose
+    turn = matrix_from_quaternion(com_turn)
+    tensor = turn @ tensor @ turn.T
+    mass = ode.Mass()
+    mass.setParameters(inertial.mass, 0.0, 0.0, 0.0, tensor[0, 0], tensor[1, 1], tensor[2, 2],
+                       tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    world.setAutoDisableFlag(bool(sleeps))
+    body = ode.Body(world)
+    world.setAutoDisableFlag(False)
+    body.setMass(mass)
+    body.setGravityMode(bool(link.gravity))
+    if link.kinematic:
+        body.setKinematic()
+    place_body(body, com, pose)
+    return body
+
+
+def place_body(body, com, pose):
+    """Put a body so that its link frame stands at ``pose``."""
+    position, orientation = pose
+    shift = rotate(orientation, com)
+    body.setPosition((position[0] + shift[0], position[1] + shift[1], position[2] + shift[2]))
+    body.setQuaternion(ode_quaternion(orientation))
+
+
+def make_geom(collision, space, where):
+    """Create the geom of one collision; planes are made by :func:`make_plane`.
+
+    Raises
+    ------
+    ModelError
+        If the geometry is of no kind this engine knows or has no positive size.
+    """
+    geometry = collision.geometry
+    if isinstance(geometry, Box):
+        sizes, geom = geometry.size, ode.GeomBox
+        arguments = (tuple(geometry.size),)
+    elif isinstance(geometry, Sphere):
+        sizes, geom = (geometry.radius,), ode.GeomSphere
+        arguments = (geometry.radius,)
+    elif isinstance(geometry, Cylinder):
+        sizes, geom = (geometry.radius, geometry.length), ode.GeomCylinder
+        arguments = (geometry.radius, geometry.length)
+    else:
+        raise ModelError("%s: cannot collide with a %s; expected a box, sphere, cylinder or plane"
+                         % (where, type(geometry).__name__))
+    if not all(math.isfinite(size) and size > 0.0 for size in sizes):
+        raise ModelError("%s: size %s; expected positive numbers" % (where, list(sizes)))
+    return geom(space, *arguments)
+
+
+def make_plane(collision, link_pose, space):
+    """Create the geom of a plane: normal in world axes whatever the pose, through the collision's world height.
+
+    That is what Gazebo does with planes; moving the model later does not move them either.
+    """
+    nx, ny, nz = collision.geometry.normal
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if not norm > 0.0:
+        raise ModelError("collision %s: plane normal %s has no direction" % (collision.name, collision.geometry.normal))
+    height = compose(link_pose, collision.pose)[0][2]
+    return ode.GeomPlane(space, (nx / norm, ny / norm, nz / norm), nz / norm * height)
+
+
+def attach_geom(geom, body, com, pose):
+    """Fix a geom to a body, ``pose`` being its pose in the link frame."""
+    position, orientation = pose
+    geom.setBody(body)
+    geom.setOffsetPosition((position[0] - com[0], position[1] - com[1], position[2] - com[2]))
+    geom.setOffsetQuaternion(ode_quaternion(orientation))
+
+
+def place_geom(geom, link_pose, pose):
+    """Put the geom of a static link."""
+    position, orientation = compose(link_pose, pose)
+    geom.setPosition(position)
+    geom.setQuaternion(ode_quaternion(orientation))
+
+
+def make_joint(world, spec, name, parent, child):
+    """Create a joint between two :class:`LinkBody` (``parent`` may be None: the world); returns a JointDrive.
+
+    Gazebo attaches the child as the first body, so positions and rates are those of the child relative to the parent.
+    """
+    first, second = child.body, parent.body if parent is not None else ode.environment
+    child_pose = link_pose(child)
+    anchor, orientation = compose(child_pose, spec.pose)
+    axis = rotate(orientation, spec.axis.xyz)
+    kinds = {"revolute": ode.HingeJoint, "prismatic": ode.SliderJoint, "fixed": ode.FixedJoint, "ball": ode.BallJoint,
+             "universal": ode.UniversalJoint}
+    if spec.kind not in kinds:
+        raise ModelError("joint %s: type %s; expected one of %s" % (name, spec.kind, ", ".join(sorted(kinds))))
+    joint = kinds[spec.kind](world)
+    joint.attach(first, second)
+    if spec.kind == "fixed":
+        joint.setFixed()
+        return JointDrive(name, spec, joint, False)
+    if spec.kind in ("ball", "universal"):
+        joint.setAnchor(anchor)
+        if spec.kind == "universal":
+            joint.setAxis1(axis)
+            joint.setAxis2(rotate(orientation, (spec.axis.xyz[1], spec.axis.xyz[2], spec.axis.xyz[0])))
+        return JointDrive(name, spec, joint, False)
+    if spec.kind == "revolute":
+        joint.setAnchor(anchor)
+    joint.setAxis(axis)
+    _limit_joint(joint, spec)
+    if spec.axis.friction > 0.0:
+        joint.setParam(PARAM_VEL, 0.0)
+        joint.setParam(PARAM_FMAX, spec.axis.friction)
+    return JointDrive(name, spec, joint, spec.kind == "revolute")
+
+
+def _limit_joint(joint, spec):
+    """Set stops; ODE knows none beyond half a turn for hinges, wider ones are left out."""
+    bound = math.pi if spec.kind == "revolute" else 1e15
+    if spec.axis.lower > -bound:
+        joint.setParam(PARAM_LO_STOP, spec.axis.lower)
+    if spec.axis.upper < bound:
+        joint.setParam(PARAM_HI_STOP, spec.axis.upper)
+    if spec.axis.lower > -bound or spec.axis.upper < bound:
+        joint.setParam(PARAM_STOP_ERP, spec.axis.stop_erp)
+        joint.setParam(PARAM_STOP_CFM, max(spec.axis.stop_cfm, 0.0))
+
+
+def link_pose(link):
+    """Return ``(position, orientation)`` of a link frame in the world."""
+    if link.body is None:
+        return link.pose
+    w, x, y, z = link.body.getQuaternion()
+    orientation = (x, y, z, w)
+    px, py, pz = link.body.getPosition()
+    shift = rotate(orientation, link.com)
+    return ((px - shift[0], py - shift[1], pz - shift[2]), orientation)
+
+
+def wheel_poses(model):
+    """Find the cylinders that are wheels: those whose link hangs on a hinge along the cylinder's axis.
+
+    Model files round a quarter turn to 1.5707 and the like; a wheel that wobbles by so little steers the robot by
+    millimetres on a few metres.  Within :data:`_WHEEL_SNAP` of the hinge's axis a wheel is set exactly onto it.
+
+    Returns
+    -------
+    dict
+        ``{(link name, collision name): pose of the cylinder in the link frame}``
+    """
+    wheels = {}
+    links = {link.name: link for link in model.links}
+    for joint in model.joints:
+        if joint.kind != "revolute" or joint.child not in links:
+            continue
+        axis = rotate(joint.pose[1], joint.axis.xyz)
+        norm = math.sqrt(sum(value * value for value in axis))
+        for collision in links[joint.child].collisions:
+            if not isinstance(collision.geometry, Cylinder) or norm == 0.0:
+                continue
+            position, orientation = collision.pose
+            along = rotate_inverse(orientation, tuple(value / norm for value in axis))
+            if abs(along[2]) >= _WHEEL_SNAP:
+                sign = math.copysign(1.0, along[2])
+                # shortest turn that takes the cylinder's z axis to `along`; first order is exact enough here
+                orientation = _unit(multiply(orientation, (-0.5 * sign * along[1], 0.5 * sign * along[0], 0.0, 1.0)))
+            if abs(along[2]) >= _WHEEL_ALIGNMENT:
+                wheels[joint.child, collision.name] = (position, orientation)
+    return wheels
+
+
+def initial_link_pose(model_pose, link):
+    """Return the world pose of a link in the model's initial configuration."""
+    position, orientation = compose(model_pose, link.pose)
+    return (position, _unit(orientation))
+
+
+def _unit(quaternion):
+    norm = math.sqrt(sum(value * value for value in quaternion))
+    return tuple(value / norm for value in quaternion)

@@ -1,0 +1,381 @@
+"""The world stepped through pyode: one Python callback per pair of geoms that may touch.
+
+It is the reference for faster engines and the fallback where they cannot run.  Two habits here are not taste.  Python
+objects of the binding die with their last reference, so every geom and joint is held in a list.  No binding object
+refers back to this engine: the cycle collector would free the world before its bodies and crash the interpreter.
+"""
+import logging
+import math
+
+import ode
+
+from m2wr_sim.errors import ModelError
+from m2wr_sim.geometry import cross, rotate
+from m2wr_sim.model.types import Plane
+from m2wr_sim.physics import native_ode, pyode_bodies as bodies
+from m2wr_sim.physics.contacts import STEEP, merge, pair_surface, spread
+from m2wr_sim.physics.engine import Engine, LinkState, ModelHandle, Touch
+
+log = logging.getLogger(__name__)
+
+_QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
+
+
+class _ModelParts:
+    """Everything the engine owns for one model."""
+
+    def __init__(self, name, static):
+        self.name, self.static = name, static
+        self.space = None
+        self.links, self.joints, self.geoms = [], [], []
+        self.self_colliding = False
+
+
+class _Shape:
+    """What the contact callback needs to know of a geom."""
+
+    __slots__ = ("name", "collision", "wheel", "moves", "link", "body")
+
+    def __init__(self, name, collision, wheel, link, body):
+        self.name, self.collision, self.wheel, self.link, self.body = name, collision, wheel, link, body
+        self.moves = body is not None
+
+
+class PyodeEngine(Engine):
+    """See :class:`~m2wr_sim.physics.engine.Engine`."""
+
+    def __init__(self, settings):
+        self.settings = settings
+        self._dt = settings.step_ns * 1e-9
+        self._world = ode.World()
+        self._world.setGravity(settings.gravity)
+        self._world.setERP(settings.erp)
+        self._world.setCFM(settings.cfm)
+        self._world.setContactSurfaceLayer(settings.surface_layer)
+        self._world.setContactMaxCorrectingVel(settings.max_correcting_velocity)
+        self._world.setQuickStepNumIterations(settings.iterations)
+        self._world.setAutoDisableLinearThreshold(0.1)
+        self._world.setAutoDisableAngularThreshold(0.1)
+        self._world.setAutoDisableSteps(5)
+        self._world.setAutoDisableTime(1.0)
+        extent = _QUADTREE_EXTENT
+        self._static_space = ode.QuadTreeSpace((0.0, 0.0, 0.0), (extent, extent, extent), _QUADTREE_DEPTH)
+        self._moving_space = ode.HashSpace()
+        self._contact_group = ode.JointGroup()
+        self._parts = {}
+        self._links, self._joints = {}, {}
+        self._next_id = 0
+        self._shapes, self._pairs = {}, {}
+        self._moving = []                       # parts with bodies, in load order
+        self._damped_joints, self._damped_links = [], []
+        self._hinges = []
+        self._steps = 0
+        self._touching, self._touched, self._touches = {}, {}, []
+        self._messages = native_ode.MessageCounter()
+
+    # ---- building ----------------------------------------------------------------------------------------------
+
+    def add_model(self, model, pose, name=None):
+        name = name or model.name
+        parts = _ModelParts(name, model.static)
+        try:
+            self._build(parts, model, pose)
+        except Exception:
+            self._release(parts)
+            raise
+        self._parts[name] = parts
+        handle = ModelHandle(name, {}, {})
+        for link in parts.links:
+            handle.links[link.spec.name] = self._register(self._links, link)
+        for drive in parts.joints:
+            handle.joints[drive.spec.name] = self._register(self._joints, drive)
+        if not parts.static:
+            self._moving.append(parts)
+        self._refresh_lists()
+        return handle
+
+    def _register(self, table, entry):
+        self._next_id += 1
+        table[self._next_id] = entry
+        return self._next_id
+
+    def _build(self, parts, model, pose):
+        wheels = bodies.wheel_poses(model)
+        sleeps = model.allow_auto_disable and not model.joints and not any(link.sensors for link in model.links)
+        if not parts.static:
+            parts.space = ode.SimpleSpace(self._moving_space)
+        by_name = {}
+        for spec in model.links:
+            full_name = "%s::%s" % (parts.name, spec.name)
+            at = bodies.initial_link_pose(pose, spec)
+            body = None if parts.static else bodies.make_body(self._world, spec, full_name, at, sleeps)
+            link = bodies.LinkBody(full_name, spec, body, spec.inertial.pose[0], at)
+            parts.links.append(link)
+            by_name[spec.name] = link
+            parts.self_colliding = parts.self_colliding or spec.self_collide
+            for collision in spec.collisions:
+                self._add_geom(parts, link, collision, wheels.get((spec.name, collision.name)))
+        for spec in model.joints:
+            full_name = "%s::%s" % (parts.name, spec.name)
+            ends = [spec.child] if spec.parent == "world" else [spec.parent, spec.child]
+            for end in ends:
+                if end not in by_name:
+                    raise ModelError("joint %s connects link %s, which %s does not have (it has %s)"
+                                     % (full_name, end, parts.name, ", ".join(by_name)))
+            if parts.static:
+                continue
+            parent = None if spec.parent == "world" else by_name[spec.parent]
+            parts.joints.append(bodies.make_joint(self._world, spec, full_name, parent, by_name[spec.child]))
+
+    def _add_geom(self, parts, link, collision, wheel_pose):
+        where = "%s::%s" % (link.name, collision.name)
+        space = self._static_space if parts.space is None else parts.space   # an empty space is false
+        if isinstance(collision.geometry, Plane):
+            geom = bodies.make_plane(collision, link.pose, self._static_space)
+            body = None
+        else:
+            geom = bodies.make_geom(collision, space, where)
+            body = link.body
+            if body is not None:
+                bodies.attach_geom(geom, body, link.com, wheel_pose or collision.pose)
+            else:
+                bodies.place_geom(geom, link.pose, collision.pose)
+        geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
+        geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
+        self._shapes[geom] = _Shape(where, collision, wheel_pose is not None, link.name, body)
+        link.geoms.append((geom, collision))
+        parts.geoms.append(geom)
+
+    def remove_model(self, handle):
+        parts = self._parts.pop(handle.name)
+        if parts in self._moving:
+            self._moving.remove(parts)
+        for table, ids in ((self._links, handle.links), (self._joints, handle.joints)):
+            for number in ids.values():
+                table.pop(number, None)
+        self._release(parts)
+        self._refresh_lists()
+
+    def _release(self, parts):
+        """Free a model's ODE objects: joints, then geoms, then bodies."""
+        self._contact_group.empty()
+        gone = set(parts.geoms)
+        self._pairs = {pair: value for pair, value in self._pairs.items() if gone.isdisjoint(pair)}
+        for drive in parts.joints:
+            drive.joint.attach(None, None)
+        parts.joints = []
+        for geom in parts.geoms:
+            (parts.space if self._shapes[geom].moves else self._static_space).remove(geom)
+            del self._shapes[geom]
+        names = tuple(link.name + "::" for link in parts.links)
+        for table in (self._touching, self._touched):
+            for pair in [pair for pair in table if any(side.startswith(names) for side in pair)]:
+                del table[pair]
+        for link in parts.links:
+            link.geoms, link.body = [], None
+        parts.geoms = []
+        if parts.space is not None:
+            self._moving_space.remove(parts.space)
+            parts.space = None
+
+    def _refresh_lists(self):
+        """Collect what needs attention in every step, so that a step asks nothing else."""
+        self._hinges = [drive for drive in self._joints.values() if drive.hinge]
+        self._damped_joints = [drive for drive in self._joints.values()
+                               if drive.spec.axis.damping and drive.spec.kind in ("revolute", "prismatic")]
+        self._damped_links = [link for link in self._links.values() if link.body is not None
+                              and (link.spec.linear_damping or link.spec.angular_damping)]
+
+    # ---- stepping ----------------------------------------------------------------------------------------------
+
+    def step(self, count):
+        world, group, static, moving = self._world, self._contact_group, self._static_space, self._moving
+        near = self._near
+        advance = world.quickStep if self.settings.solver == "quick" else world.step
+        for _ in range(count):
+            self._steps += 1
+            if self._damped_joints or self._damped_links:
+                self._damp()
+            for parts in moving:
+                ode.collide2(parts.space, static, None, near)
+                if parts.self_colliding:
+                    parts.space.collide(None, self._near_itself)
+            if len(moving) > 1:
+                self._moving_space.collide(None, near)
+            advance(self._dt)
+            group.empty()
+            if self._touched or self._touching:
+                self._note_touches()
+        self._unwrap(count)
+
+    def _damp(self):
+        for drive in self._damped_joints:
+            if drive.hinge:
+                drive.joint.addTorque(-abs(drive.spec.axis.damping) * drive.joint.getAngleRate())
+            else:
+                drive.joint.addForce(-abs(drive.spec.axis.damping) * drive.joint.getPositionRate())
+        for link in self._damped_links:
+            for scale, get, put in ((link.spec.linear_damping, link.body.getLinearVel, link.body.setLinearVel),
+                                    (link.spec.angular_damping, link.body.getAngularVel, link.body.setAngularVel)):
+                keep = max(0.0, 1.0 - scale)
+                put(tuple(keep * value for value in get()))
+
+    def _near_itself(self, _, first, second):
+        """Contacts inside a model: only between two links that ask for it and share no joint."""
+        one, two = self._shapes[first], self._shapes[second]
+        if one.link == two.link or ode.areConnected(one.body, two.body):
+            return
+        links = {link.name: link.spec.self_collide for link in self._links.values()}
+        if links.get(one.link) and links.get(two.link):
+            self._near(None, first, second)
+
+    def _near(self, _, first, second):
+        if first.isSpace() or second.isSpace():
+            ode.collide2(first, second, None, self._near)
+            return
+        pair = self._pairs.get((first, second), False)
+        if pair is False:
+            pair = self._make_pair(first, second)
+        if pair is None:
+            return
+        found = ode.collide(first, second)
+        if found:
+            self._make_contacts(pair, first, second, found)
+
+    def _make_pair(self, first, second):
+        one, two = self._shapes[first], self._shapes[second]
+        surface = None
+        if one.moves or two.moves:
+            surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
+                                   self.settings)
+        pair = None if surface is None else (surface, one.body, two.body, (one.name, two.name))
+        self._pairs[(first, second)] = pair
+        return pair
+
+    def _make_contacts(self, pair, first, second, found):
+        surface, one, two, names = pair
+        if len(found) > 1 and (surface.merge or len(found) > surface.max_contacts):
+            described = [contact.getContactGeomParams()[:3] for contact in found]
+            kept = [merge(described)] if surface.merge else spread(described, surface.max_contacts)
+            for contact, (position, normal, depth) in zip(found, kept):
+                contact.setContactGeomParams(position, normal, depth, first, second)
+            found = found[:len(kept)]
+        for contact in found:
+            mu, mu2 = surface.mu, surface.mu2
+            if not surface.ground or surface.steep_mu != mu:
+                position, normal, depth = contact.getContactGeomParams()[:3]
+                steep = -STEEP < normal[2] < STEEP
+                if steep and surface.steep_mu < mu:
+                    mu, mu2 = surface.steep_mu, min(mu2, surface.steep_mu)
+                if not surface.ground and (steep or (one is not None and two is not None)):
+                    self._touched.setdefault(names, (position, depth))
+            contact.setMode(surface.mode)
+            contact.setMu(mu)
+            contact.setMu2(mu2)
+            contact.setBounce(surface.bounce)
+            contact.setBounceVel(surface.bounce_velocity)
+            if surface.slip1 or surface.slip2:
+                contact.setSlip1(surface.slip1 * len(found))
+                contact.setSlip2(surface.slip2 * len(found))
+            if surface.soft_cfm:
+                contact.setSoftERP(surface.soft_erp)
+                contact.setSoftCFM(surface.soft_cfm)
+            ode.ContactJoint(self._world, self._contact_group, contact).attach(one, two)
+
+    def _note_touches(self):
+        for names, (position, depth) in self._touched.items():
+            if names not in self._touching:
+                self._touches.append(Touch(self._steps, names[0], names[1], position, depth))
+        self._touching, self._touched = self._touched, {}
+
+    def _unwrap(self, count):
+        """Count full turns: of the angles that fit the reading, take the one nearest to what the rate predicts."""
+        elapsed = count * self._dt
+        for drive in self._hinges:
+            raw = drive.joint.getAngle()
+            predicted = drive.angle + drive.joint.getAngleRate() * elapsed
+            drive.angle = raw + 2.0 * math.pi * round((predicted - raw) / (2.0 * math.pi))
+
+    # ---- state -------------------------------------------------------------------------------------------------
+
+    def link_pose(self, link):
+        return bodies.link_pose(self._links[link])
+
+    def link_state(self, link):
+        entry = self._links[link]
+        if entry.body is None:
+            return LinkState(entry.pose[0], entry.pose[1], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        position, orientation = bodies.link_pose(entry)
+        angular, linear = entry.body.getAngularVel(), entry.body.getLinearVel()
+        arm = cross(angular, rotate(orientation, entry.com))
+        return LinkState(position, orientation, (linear[0] - arm[0], linear[1] - arm[1], linear[2] - arm[2]), angular)
+
+    def set_link_pose(self, link, pose):
+        entry = self._links[link]
+        if entry.body is not None:
+            bodies.place_body(entry.body, entry.com, pose)
+            entry.body.enable()
+            return
+        entry.pose = pose
+        for geom, collision in entry.geoms:
+            if not isinstance(collision.geometry, Plane):
+                bodies.place_geom(geom, pose, collision.pose)
+
+    def set_link_velocity(self, link, linear, angular):
+        body = self._links[link].body
+        if body is not None:
+            body.setLinearVel(tuple(linear))
+            body.setAngularVel(tuple(angular))
+            body.enable()
+
+    def joint_angle(self, joint):
+        drive = self._joints[joint]
+        if drive.hinge:
+            return drive.angle
+        return drive.joint.getPosition() if drive.spec.kind == "prismatic" else 0.0
+
+    def joint_rate(self, joint):
+        drive = self._joints[joint]
+        if drive.hinge:
+            return drive.joint.getAngleRate()
+        return drive.joint.getPositionRate() if drive.spec.kind == "prismatic" else 0.0
+
+    def set_joint_motor(self, joint, rate, max_force):
+        drive = self._joints[joint].joint
+        drive.setParam(bodies.PARAM_VEL, rate)
+        drive.setParam(bodies.PARAM_FMAX, max_force)
+
+    def set_joint_motor_force(self, joint, max_force):
+        self._joints[joint].joint.setParam(bodies.PARAM_FMAX, max_force)
+
+    def set_joint_angle(self, joint, angle):
+        self._joints[joint].angle = angle
+
+    def collisions(self, handle):
+        return [(number, collision, self._shapes[geom].moves)
+                for number in handle.links.values() for geom, collision in self._links[number].geoms]
+
+    def drain_touches(self):
+        touches, self._touches = self._touches, []
+        return touches
+
+    @property
+    def solver_messages(self):
+        """How many messages ODE's solver has printed in this process; a steady stream means a badly posed world."""
+        return self._messages.count
+
+    def set_gravity(self, gravity):
+        self._world.setGravity(tuple(gravity))
+
+    def reseed(self, seed):
+        native_ode.seed_random(seed)
+
+    def close(self):
+        for parts in list(self._parts.values()):
+            self._release(parts)
+        self._parts.clear()
+        self._moving = []
+        self._links.clear()
+        self._joints.clear()
+        self._refresh_lists()
+        self._contact_group = self._static_space = self._moving_space = self._world = None
