@@ -1,0 +1,1 @@
+"""Drive laws, on plain numbers."""

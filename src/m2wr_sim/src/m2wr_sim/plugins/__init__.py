@@ -1,0 +1,1 @@
+"""Gazebo plugins, one file each."""

@@ -1,0 +1,170 @@
+"""What a plugin is, and what it is given.
+
+A plugin works at two places of a step.  ``before_step`` runs when simulated time has already advanced but the bodies
+have not: there commands become motor targets and odometry is published, as Gazebo's model plugins do.  ``after_step``
+runs on the state the step produced: there sensors measure.  Each place is asked beforehand for the next time it wants
+to run; between those times the engine steps without looking back.
+"""
+import abc
+
+from m2wr_sim.errors import PluginError
+
+NEVER = None
+
+
+class Plugin(abc.ABC):
+    """Base of all plugins; see the module docstring for the order of calls."""
+
+    @abc.abstractmethod
+    def configure(self, spec, ctx):
+        """Read parameters and take what is needed from the context.
+
+        Parameters
+        ----------
+        spec : PluginReader
+            The plugin's tags.
+        ctx : PluginContext
+            The plugin's model, the physics, and the world outside.
+
+        Raises
+        ------
+        PluginError
+            If the plugin cannot work; the simulation goes on without it.
+        """
+
+    def next_before(self, now_ns):
+        """Return the time [ns] of the next step that must not be taken without ``before_step``, or NEVER."""
+        return NEVER
+
+    def before_step(self, now_ns):
+        """Act at the beginning of the step that ends at ``now_ns``."""
+
+    def next_after(self, now_ns):
+        """Return the time [ns], later than ``now_ns``, of the next ``after_step``, or NEVER."""
+        return NEVER
+
+    def after_step(self, now_ns):
+        """Act on the state at ``now_ns``."""
+
+    def reset(self, now_ns, rewound):
+        """Forget the past; ``rewound`` tells that simulated time has gone back to zero."""
+
+    def close(self):
+        """Let go of everything outside; called before the model disappears."""
+
+
+class PluginReader:
+    """Typed access to the tags of a :class:`~m2wr_sim.model.types.PluginSpec`, remembering which ones were read."""
+
+    def __init__(self, spec, known=()):
+        self.spec = spec
+        self._read = {"robotNamespace", "alwaysOn", "rosDebugLevel"} | set(known)
+        self.defaults = []                  # (tag, default) of what was missing, for one line in the log
+
+    def text(self, tag, default=None):
+        """Return the text of a tag; without a default a missing tag is an error."""
+        self._read.add(tag)
+        found = self.spec.find(tag)
+        if found is not None and found != "":
+            return found
+        if default is None:
+            raise PluginError("%s: needs a <%s> element" % (self.spec.where, tag))
+        self.defaults.append((tag, default))
+        return default
+
+    def number(self, tag, default=None, minimum=None):
+        """Return a finite number, at least ``minimum``."""
+        text = self.text(tag, default)
+        try:
+            value = float(text)
+        except (TypeError, ValueError):
+            value = float("nan")
+        if not abs(value) < float("inf") or (minimum is not None and value < minimum):
+            raise PluginError("%s: <%s> holds \"%s\"; expected a finite number%s"
+                              % (self.spec.where, tag, text, "" if minimum is None else " of at least %g" % minimum))
+        return value
+
+    def flag(self, tag, default):
+        """Return a boolean (true, false, 1, 0 in any case); anything else keeps the default, as in Gazebo."""
+        text = self.text(tag, "true" if default else "false").strip().lower()
+        return {"true": True, "1": True, "false": False, "0": False}.get(text, default)
+
+    def choice(self, tag, values, default):
+        """Return one of ``values``; anything else keeps the default, as in Gazebo."""
+        text = self.text(tag, default)
+        return text if text in values else default
+
+    def unread(self):
+        """Return the tags nobody has asked for, in document order, without repeats."""
+        seen = []
+        for tag, _ in self.spec.parameters:
+            if tag.split("/")[0] not in self._read and tag not in seen:
+                seen.append(tag)
+        return seen
+
+
+class PluginContext(abc.ABC):
+    """The world as one plugin sees it; the simulator provides the inner part, the ROS edge the outer one."""
+
+    model_name = ""
+    sensor = None               # Sensor record, for sensor plugins
+    sensor_link = None          # engine's number of the link that carries the sensor
+    step_ns = 0
+    now_ns = 0                  # simulated time at configuration
+    physics = None              # Engine
+    scene = None                # what rays see
+    log = None                  # a standard logger
+    wheel_convention = "noetic"
+    command_timeout_ns = 0      # 0: the last command holds for ever, as in Gazebo
+
+    @abc.abstractmethod
+    def link(self, name):
+        """Return the engine's number of a link of this model; PluginError names the links there are."""
+
+    @abc.abstractmethod
+    def joint(self, name):
+        """Return the engine's number of a joint of this model; PluginError names the joints there are."""
+
+    @abc.abstractmethod
+    def joint_record(self, name):
+        """Return the :class:`~m2wr_sim.model.types.Joint` of that name."""
+
+    @abc.abstractmethod
+    def joint_position(self, name):
+        """Return where a joint's anchor is in the model frame, ``(x, y, z)``, in the initial configuration."""
+
+    @abc.abstractmethod
+    def model_state(self):
+        """Return the LinkState of the model: its canonical link's frame."""
+
+    @abc.abstractmethod
+    def pose_in_model(self, link):
+        """Return ``(position, orientation)`` of a link relative to the model's own frame, now."""
+
+    @abc.abstractmethod
+    def refresh_scene(self):
+        """Bring the poses of all moving obstacles in ``scene`` up to date."""
+
+    @abc.abstractmethod
+    def rng(self, name):
+        """Return a random generator of this plugin's own, made from the seed and ``name``."""
+
+    @abc.abstractmethod
+    def moment(self, now_ns):
+        """Return a message time stamp."""
+
+    @abc.abstractmethod
+    def frame(self, name):
+        """Return a frame name with this model's tf prefix."""
+
+    @abc.abstractmethod
+    def advertise(self, topic, message_class, queue_size=10, namespace=None):
+        """Return a port with ``publish(message)`` and ``wanted()``, which tells whether anybody listens."""
+
+    @abc.abstractmethod
+    def subscribe(self, topic, message_class, callback, namespace=None):
+        """Deliver messages to ``callback`` at step boundaries, in the simulation's own thread."""
+
+    @abc.abstractmethod
+    def send_transform(self, stamp, parent, child, position, orientation):
+        """Publish one transform on ``/tf``."""

@@ -1,0 +1,169 @@
+"""libgazebo_ros_diff_drive.so: two driven wheels, odometry, tf."""
+import math
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+
+from m2wr_sim.control.diff_drive import EncoderOdometry, is_swapped, ramp, wheel_speeds
+from m2wr_sim.errors import PluginError
+from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
+from m2wr_sim.plugins.base import Plugin
+from m2wr_sim.runtime.schedule import StrictSchedule
+
+_POSE_COVARIANCE = [0.0] * 36
+for _index, _value in zip((0, 7, 14, 21, 28, 35), (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)):
+    _POSE_COVARIANCE[_index] = _value
+_REFUSAL_PAUSE_NS = 5000000000
+
+
+class DiffDrive(Plugin):
+    """Emulates Gazebo's differential drive, tags, defaults and timing included."""
+
+    def configure(self, spec, ctx):
+        self._ctx, self._physics = ctx, ctx.physics
+        left_name, right_name = spec.text("leftJoint", "left_joint"), spec.text("rightJoint", "right_joint")
+        self._left, self._right = ctx.joint(left_name), ctx.joint(right_name)
+        self._joint_names = (right_name, left_name)
+        self._separation = spec.number("wheelSeparation", 0.34)
+        self._radius = 0.5 * spec.number("wheelDiameter", 0.15)
+        if not self._separation > 0.0 or not self._radius > 0.0:
+            raise PluginError("%s: wheelSeparation %g and wheelDiameter %g; expected positive lengths [m]"
+                              % (spec.spec.where, self._separation, 2.0 * self._radius))
+        self._acceleration = spec.number("wheelAcceleration", 0.0, minimum=0.0)
+        self._torque = spec.number("wheelTorque", 5.0, minimum=0.0)
+        self._schedule = StrictSchedule(spec.number("updateRate", 100.0), ctx.now_ns)
+        encoder = spec.choice("odometrySource", ("encoder", "world"), "world") == "encoder"
+        self._publish_odometry = spec.flag("publishTf", True)
+        self._publish_tf = spec.flag("publishOdomTF", True) and self._publish_odometry
+        self._publish_wheel_tf = spec.flag("publishWheelTF", False)
+        publish_wheel_states = spec.flag("publishWheelJointState", False)
+        self._frame, self._child_frame = (ctx.frame(spec.text("odometryFrame", "odom")),
+                                          ctx.frame(spec.text("robotBaseFrame", "base_footprint")))
+        self._choose_sides(spec, left_name, right_name)
+        self._encoder = EncoderOdometry(self._separation, self._swapped) if encoder else None
+        self._command, self._command_ns, self._refused_ns = (0.0, 0.0), ctx.now_ns, None
+        self._instructed, self._last_ns = (0.0, 0.0), ctx.now_ns
+        namespace = spec.spec.find("robotNamespace") or ctx.model_name
+        ctx.subscribe(spec.text("commandTopic", "cmd_vel"), Twist, self._on_command, namespace)
+        odometry_topic, self._odometry, self._states = spec.text("odometryTopic", "odom"), None, None
+        if self._publish_odometry:
+            self._odometry = ctx.advertise(odometry_topic, Odometry, namespace=namespace)
+        if publish_wheel_states:
+            self._states = ctx.advertise("joint_states", JointState, namespace=namespace)
+        for joint in (self._left, self._right):
+            self._physics.set_joint_motor(joint, 0.0, self._torque)
+
+    def _choose_sides(self, spec, left_name, right_name):
+        """Decide which tagged joint is driven as the left wheel, and say so where the names mislead."""
+        ctx = self._ctx
+        left_y, right_y = ctx.joint_position(left_name)[1], ctx.joint_position(right_name)[1]
+        legacy = spec.flag("legacyMode", True) if spec.spec.find("legacyMode") is not None else None
+        self._swapped = is_swapped(ctx.wheel_convention, legacy, left_y, right_y)
+        if (left_y < right_y) != self._swapped:
+            turns = "clockwise, against REP 103"
+        else:
+            turns = "counter-clockwise, as REP 103 asks"
+        if left_y < right_y:
+            ctx.log.warning(
+                "%s: the joint tagged left (%s) is on the robot's RIGHT side (y = %+.3f m) and the one tagged right "
+                "(%s) on its left (y = %+.3f m); with wheel_convention \"%s\" positive angular.z turns it %s. Set the "
+                "parameter ~wheel_conventions/%s to noetic, kinetic or rep103 to choose.",
+                ctx.model_name, left_name, left_y, right_name, right_y, ctx.wheel_convention, turns, ctx.model_name)
+        elif self._swapped:
+            ctx.log.warning("%s: wheel_convention \"%s\" exchanges left and right although %s is on the left; positive "
+                            "angular.z turns it %s. Set ~wheel_conventions/%s to noetic or rep103.",
+                            ctx.model_name, ctx.wheel_convention, left_name, turns, ctx.model_name)
+        distance = abs(left_y - right_y)
+        if distance > 0.0 and abs(distance / self._separation - 1.0) > 0.01:
+            ctx.log.warning("%s: wheelSeparation is %g m but the wheel joints are %g m apart: the robot turns %.2f "
+                            "times as fast as commanded.",
+                            ctx.model_name, self._separation, distance, self._separation / distance)
+
+    def _on_command(self, message):
+        linear, angular = message.linear.x, message.angular.z
+        if math.isfinite(linear) and math.isfinite(angular):
+            self._command, self._command_ns = (linear, angular), self._last_ns
+            return
+        if self._refused_ns is None or self._last_ns - self._refused_ns >= _REFUSAL_PAUSE_NS:
+            self._refused_ns = self._last_ns
+            self._ctx.log.warning("%s: refused a velocity command with linear.x = %s, angular.z = %s; expected finite "
+                                  "numbers. The last valid command (%g m/s, %g rad/s) stays.",
+                                  self._ctx.model_name, linear, angular, *self._command)
+
+    def next_before(self, now_ns):
+        if self._encoder is not None:
+            return now_ns + self._ctx.step_ns
+        return self._schedule.next_due(self._ctx.step_ns)
+
+    def before_step(self, now_ns):
+        if self._encoder is not None:
+            rates = self._physics.joint_rate(self._left), self._physics.joint_rate(self._right)
+            self._encoder.update(rates[0] * self._radius, rates[1] * self._radius, self._ctx.step_ns * 1e-9)
+        if not self._schedule.due(now_ns):
+            return
+        stamp = self._ctx.moment(now_ns)
+        if self._publish_odometry:
+            self._send_odometry(stamp)
+        if self._publish_wheel_tf:
+            self._send_wheel_transforms(stamp)
+        if self._states is not None:
+            message = JointState(name=list(self._joint_names))
+            message.header.stamp = stamp
+            message.position = [self._physics.joint_angle(self._right), self._physics.joint_angle(self._left)]
+            self._states.publish(message)
+        self._drive(now_ns)
+
+    def _drive(self, now_ns):
+        """Turn the newest command into motor targets."""
+        timeout_ns = self._ctx.command_timeout_ns
+        command = (0.0, 0.0) if timeout_ns and now_ns - self._command_ns > timeout_ns else self._command
+        target = wheel_speeds(command[0], command[1], self._separation, self._swapped)
+        if self._acceleration > 0.0:
+            current = (self._physics.joint_rate(self._left) * self._radius,
+                       self._physics.joint_rate(self._right) * self._radius)
+            limit = self._acceleration * (now_ns - self._last_ns) * 1e-9
+            target, self._instructed = ramp(target, current, self._instructed, limit)
+        self._physics.set_joint_motor(self._left, target[0] / self._radius, self._torque)
+        self._physics.set_joint_motor(self._right, target[1] / self._radius, self._torque)
+        self._last_ns = now_ns
+
+    def _send_odometry(self, stamp):
+        message = Odometry()
+        message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, self._frame, self._child_frame
+        pose, twist = message.pose.pose, message.twist.twist
+        if self._encoder is not None:
+            position = (self._encoder.x, self._encoder.y, 0.0)
+            orientation = quaternion_from_rpy(0.0, 0.0, self._encoder.theta)
+            twist.linear.x, twist.angular.z = self._encoder.linear_x, self._encoder.angular_z
+        else:
+            position, orientation, linear, angular = self._ctx.model_state()
+            yaw = yaw_of(orientation)
+            cosine, sine = math.cos(yaw), math.sin(yaw)
+            twist.linear.x = cosine * linear[0] + sine * linear[1]
+            twist.linear.y = cosine * linear[1] - sine * linear[0]
+            twist.angular.z = angular[2]
+        pose.position.x, pose.position.y, pose.position.z = position
+        pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
+        message.pose.covariance = _POSE_COVARIANCE
+        if self._publish_tf:
+            self._ctx.send_transform(stamp, self._frame, self._child_frame, position, orientation)
+        self._odometry.publish(message)
+
+    def _send_wheel_transforms(self, stamp):
+        """Wheel frames as Gazebo sends them: under the joint's parent link, but posed relative to the model."""
+        for name in self._joint_names:
+            joint = self._ctx.joint_record(name)
+            position, orientation = self._ctx.pose_in_model(self._ctx.link(joint.child))
+            parent, child = self._ctx.frame(joint.parent), self._ctx.frame(joint.child)
+            self._ctx.send_transform(stamp, parent, child, position, orientation)
+
+    def reset(self, now_ns, rewound):
+        """As in Gazebo the motors keep their speed until the next tick; only the command is forgotten."""
+        self._schedule.restart(now_ns)
+        self._command, self._command_ns, self._last_ns = (0.0, 0.0), now_ns, now_ns
+        self._refused_ns = None
+        if self._encoder is not None:
+            self._encoder.reset()
+        for joint in (self._left, self._right):
+            self._physics.set_joint_motor_force(joint, self._torque)

@@ -1,0 +1,40 @@
+"""libgazebo_ros_joint_state_publisher.so, and the joint states of robots whose model names no such plugin."""
+from sensor_msgs.msg import JointState
+
+from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.runtime.schedule import StrictSchedule
+
+
+class JointStatePublisher(Plugin):
+    """Positions and velocities of the named joints; only while somebody listens."""
+
+    def configure(self, spec, ctx):
+        self._ctx = ctx
+        self._names = [name for name in spec.text("jointName").replace(" ", "").split(",") if name]
+        self._joints = [ctx.joint(name) for name in self._names]
+        self._schedule = StrictSchedule(spec.number("updateRate", 100.0), ctx.now_ns)
+        namespace = spec.spec.find("robotNamespace") or ctx.model_name
+        self._port = ctx.advertise("joint_states", JointState, queue_size=1000, namespace=namespace)
+        self._awake = False
+
+    def next_before(self, now_ns):
+        if not self._port.wanted():
+            self._awake = False
+            return NEVER
+        if not self._awake:
+            self._awake = True
+            self._schedule.restart(now_ns)
+        return self._schedule.next_due(self._ctx.step_ns)
+
+    def before_step(self, now_ns):
+        if not self._awake or not self._schedule.due(now_ns):
+            return
+        physics = self._ctx.physics
+        message = JointState(name=self._names)
+        message.header.stamp = self._ctx.moment(now_ns)
+        message.position = [physics.joint_angle(joint) for joint in self._joints]
+        message.velocity = [physics.joint_rate(joint) for joint in self._joints]
+        self._port.publish(message)
+
+    def reset(self, now_ns, rewound):
+        self._schedule.restart(now_ns)

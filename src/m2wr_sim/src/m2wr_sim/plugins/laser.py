@@ -1,0 +1,60 @@
+"""libgazebo_ros_laser.so and libgazebo_ros_gpu_laser.so: a ray sensor as sensor_msgs/LaserScan."""
+from sensor_msgs.msg import LaserScan
+
+from m2wr_sim.errors import PluginError
+from m2wr_sim.geometry import compose
+from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.runtime.schedule import SensorSchedule
+from m2wr_sim.sensors.laser import LaserSensor
+
+
+class Laser(Plugin):
+    """Casts rays only while somebody listens; the first scan comes with the next step."""
+
+    def configure(self, spec, ctx):
+        if ctx.sensor is None or ctx.sensor.ray is None:
+            raise PluginError("%s: a laser plugin belongs into a <sensor type=\"ray\"> or \"gpu_ray\" with a <ray> "
+                              "element" % spec.spec.where)
+        self._ctx = ctx
+        namespace = spec.spec.find("robotNamespace")
+        namespace = "" if namespace is None else namespace or ctx.model_name
+        try:
+            self._laser = LaserSensor(ctx.sensor.ray, ctx.rng("noise"))
+        except ValueError as error:
+            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
+        self._schedule = SensorSchedule(ctx.sensor.update_rate)
+        named = spec.text("topicName", "/world")
+        topic = "" if spec.spec.find("topicName") == "" else named     # an empty element means no topic at all
+        self._port = ctx.advertise(topic, LaserScan, namespace=namespace) if topic else None
+        self._awake = False
+        self._message = LaserScan()
+        header = self._message
+        header.header.frame_id = ctx.frame(spec.text("frameName", "/world"))
+        header.angle_min, header.angle_max = self._laser.angle_min, self._laser.angle_max
+        header.angle_increment = self._laser.angle_increment
+        header.range_min, header.range_max = self._laser.range_min, self._laser.range_max
+
+    def next_after(self, now_ns):
+        if self._port is None or not self._port.wanted():
+            self._awake = False
+            return NEVER
+        if not self._awake:
+            self._awake = True
+            self._schedule.restart()
+        return self._schedule.next_due(now_ns, self._ctx.step_ns)
+
+    def after_step(self, now_ns):
+        if not self._awake or not self._schedule.due(now_ns):
+            return
+        pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
+        self._ctx.refresh_scene()
+        ranges, intensities = self._laser.cast(self._ctx.scene, pose)
+        message = self._message
+        message.header.stamp = self._ctx.moment(now_ns)
+        message.ranges, message.intensities = ranges.tolist(), intensities.tolist()
+        self._port.publish(message)
+
+    def reset(self, now_ns, rewound):
+        if rewound:
+            self._schedule.restart()
+            self._laser.reset(self._ctx.rng("noise"))

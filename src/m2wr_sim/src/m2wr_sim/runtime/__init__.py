@@ -1,0 +1,1 @@
+"""The simulation loop, its clock and its schedule; no ROS, no wall clock."""

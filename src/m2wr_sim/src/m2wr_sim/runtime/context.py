@@ -1,0 +1,82 @@
+"""What the simulator hands to each plugin: its model, the physics, its own randomness, and the ports to outside."""
+import logging
+import zlib
+
+import numpy as np
+
+from m2wr_sim.errors import PluginError
+from m2wr_sim.geometry import compose, invert
+from m2wr_sim.plugins.base import PluginContext
+
+
+class ModelContext(PluginContext):
+    """The :class:`~m2wr_sim.plugins.base.PluginContext` of one plugin of one model."""
+
+    def __init__(self, simulator, model, spec, sensor=None, sensor_link=None):
+        self._simulator, self._model, self._spec = simulator, model, spec
+        self._ports = simulator.ports
+        self._open = []
+        self.model_name, self.sensor = model.name, sensor
+        self.sensor_link = None if sensor_link is None else model.handle.links[sensor_link]
+        self.step_ns, self.now_ns = simulator.step_ns, simulator.now_ns
+        self.physics, self.scene = simulator.engine, simulator.scene
+        self.log = logging.getLogger("m2wr_sim.plugins")
+        self.wheel_convention = simulator.config.wheel_convention_of(model.name)
+        self.command_timeout_ns = simulator.config.command_timeout_ns
+
+    def link(self, name):
+        return self._number(self._model.handle.links, "link", name)
+
+    def joint(self, name):
+        return self._number(self._model.handle.joints, "joint", name)
+
+    def _number(self, table, kind, name):
+        if name not in table:
+            raise PluginError("%s: \"%s\" is no %s of %s (it has %s)"
+                              % (self._spec.where, name, kind, self.model_name, ", ".join(sorted(table)) or "none"))
+        return table[name]
+
+    def joint_record(self, name):
+        self.joint(name)
+        return next(joint for joint in self._model.record.joints if joint.name == name)
+
+    def joint_position(self, name):
+        joint = self.joint_record(name)
+        child = next(link for link in self._model.record.links if link.name == joint.child)
+        return compose(child.pose, joint.pose)[0]
+
+    def model_state(self):
+        return self._model.state(self.physics)
+
+    def pose_in_model(self, link):
+        return compose(invert(self._model.pose(self.physics)), self.physics.link_pose(link))
+
+    def refresh_scene(self):
+        self._simulator.refresh_scene()
+
+    def rng(self, name):
+        key = "%s/%s/%s" % (self.model_name, self._spec.name, name)
+        return np.random.default_rng([self._simulator.config.seed, zlib.crc32(key.encode())])
+
+    def moment(self, now_ns):
+        return self._ports.moment(now_ns)
+
+    def frame(self, name):
+        return self._ports.frame(name, self._model.namespace)
+
+    def advertise(self, topic, message_class, queue_size=10, namespace=None):
+        port = self._ports.advertise(topic, message_class, queue_size, namespace or "")
+        self._open.append(port)
+        return port
+
+    def subscribe(self, topic, message_class, callback, namespace=None):
+        self._open.append(self._ports.subscribe(topic, message_class, callback, namespace or ""))
+
+    def send_transform(self, stamp, parent, child, position, orientation):
+        self._ports.transform(stamp, parent, child, position, orientation)
+
+    def close(self):
+        """Close every port the plugin opened."""
+        for port in self._open:
+            port.close()
+        self._open = []

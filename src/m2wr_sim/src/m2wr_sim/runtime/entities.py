@@ -1,0 +1,143 @@
+"""Models that live in a running world, and finding them and their links by name."""
+import math
+
+import numpy as np
+
+from m2wr_sim.errors import NotFoundError
+from m2wr_sim.geometry import compose, invert, normalise_quaternion
+
+INERTIAL_FRAMES = ("", "world", "map", "/map")
+
+
+class LiveModel:
+    """A model in the world: its record, the engine's numbers for its parts, its plugins, and where a reset puts it."""
+
+    def __init__(self, record, handle, pose, namespace):
+        self.record, self.handle, self.reset_pose, self.namespace = record, handle, pose, namespace
+        self.name = handle.name
+        self.plugins = []
+        self.sight = None               # SceneRows of what moves
+        self._root = record.links[0]
+        self._root_offset = invert(self._root.pose)
+
+    @property
+    def root(self):
+        """The engine's number of the first link, whose frame and velocity stand for the model."""
+        return self.handle.links[self._root.name]
+
+    def pose(self, engine):
+        """Return the model frame's ``(position, orientation)`` in the world."""
+        return compose(engine.link_pose(self.root), self._root_offset)
+
+    def state(self, engine):
+        """Return the LinkState of the model: its frame's pose with the root link's velocities."""
+        state = engine.link_state(self.root)
+        position, orientation = compose((state.position, state.orientation), self._root_offset)
+        return state._replace(position=position, orientation=orientation)
+
+    def place(self, engine, pose):
+        """Move the model rigidly so that its frame stands at ``pose``; joint positions do not change."""
+        now_from_world = invert(self.pose(engine))
+        target = (pose[0], normalise_quaternion(pose[1]))
+        for link in self.handle.links.values():
+            position, orientation = compose(target, compose(now_from_world, engine.link_pose(link)))
+            engine.set_link_pose(link, (position, normalise_quaternion(orientation)))
+
+    def restore(self, engine):
+        """Put every link back to the initial configuration at the reset pose."""
+        for link in self.record.links:
+            position, orientation = compose(self.reset_pose, link.pose)
+            engine.set_link_pose(self.handle.links[link.name], (position, normalise_quaternion(orientation)))
+        for joint in self.handle.joints.values():
+            engine.set_joint_angle(joint, 0.0)
+
+    def bend(self, engine, name, position):
+        """Move everything beyond a joint so that the joint stands at ``position`` [rad or m], within its limits."""
+        joint = next(joint for joint in self.record.joints if joint.name == name)
+        position = min(joint.axis.upper, max(joint.axis.lower, position))
+        number, child = self.handle.joints[name], self.handle.links[joint.child]
+        joint_pose = compose(engine.link_pose(child), joint.pose)
+        by = position - engine.joint_angle(number)
+        axis = np.asarray(joint.axis.xyz, dtype=float) / np.linalg.norm(joint.axis.xyz)
+        if joint.kind == "prismatic":
+            change = (tuple(by * axis), (0.0, 0.0, 0.0, 1.0))
+        else:
+            change = ((0.0, 0.0, 0.0), tuple(math.sin(0.5 * by) * axis) + (math.cos(0.5 * by),))
+        world_change = compose(compose(joint_pose, change), invert(joint_pose))
+        for link in (self.handle.links[name] for name in self._beyond(joint.child)):
+            engine.set_link_pose(link, compose(world_change, engine.link_pose(link)))
+        engine.set_joint_angle(number, position)
+
+    def _beyond(self, link):
+        """Return the names of a link and of all links that hang on it."""
+        found, waiting = [], [link]
+        while waiting:
+            name = waiting.pop()
+            if name not in found:
+                found.append(name)
+                waiting.extend(joint.child for joint in self.record.joints if joint.parent == name)
+        return found
+
+    def set_velocity(self, engine, linear, angular):
+        """Give every link the same linear and angular velocity, as Gazebo's set_model_state does."""
+        for link in self.handle.links.values():
+            engine.set_link_velocity(link, linear, angular)
+
+
+class SceneRows:
+    """The rows a model has in the scene that rays see, and how to bring them up to date.
+
+    Parameters
+    ----------
+    parts : list of (int, int, pose)
+        Row, engine's link number, pose of the shape in the link frame.
+    """
+
+    def __init__(self, parts):
+        self._rows = np.array([row for row, _, _ in parts], dtype=np.int64)
+        self._parts = [(link, pose) for _, link, pose in parts]
+        self._positions = np.zeros((len(parts), 3))
+        self._orientations = np.zeros((len(parts), 4))
+
+    def refresh(self, engine, scene):
+        """Write the present poses into the scene."""
+        poses = {}
+        for index, (link, offset) in enumerate(self._parts):
+            if link not in poses:
+                poses[link] = engine.link_pose(link)
+            self._positions[index], self._orientations[index] = compose(poses[link], offset)
+        scene.set_poses(self._rows, self._positions, self._orientations)
+
+
+def find_link(models, name):
+    """Find a link by scoped (``model::link``) or plain name; the first match in load order wins.
+
+    Returns
+    -------
+    (LiveModel, str) or None
+    """
+    for model in models:
+        for link in model.record.links:
+            if name in (link.name, "%s::%s" % (model.name, link.name)):
+                return model, link.name
+    return None
+
+
+def find_frame(models, engine, name):
+    """Return the LinkState of a reference frame: a model or a link; None stands for the world itself.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such model or link.
+    """
+    if name in INERTIAL_FRAMES:
+        return None
+    for model in models:
+        if model.name == name:
+            return model.state(engine)
+        found = find_link([model], name)
+        if found is not None:
+            return engine.link_state(model.handle.links[found[1]])
+    raise NotFoundError("no model or link is called \"%s\"; there are %s"
+                        % (name, ", ".join(model.name for model in models) or "no models"))

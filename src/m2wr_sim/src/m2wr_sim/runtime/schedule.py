@@ -1,0 +1,68 @@
+"""When rate-limited work is due, in whole nanoseconds of simulated time, by Gazebo's two different rules."""
+
+
+def period_of(rate_hz):
+    """Return the period [ns] of a rate; zero or negative rates mean every step and give 0."""
+    return int(round(1e9 / rate_hz)) if rate_hz > 0.0 else 0
+
+
+class StrictSchedule:
+    """The rule of model plugins: due when *more* than a period has passed; then one period later, without drift.
+
+    At 20 Hz and 1 ms steps that is 51, 101, 151 ... ms after the start.  A late plugin catches up step by step.
+    """
+
+    def __init__(self, rate_hz, start_ns):
+        self.period_ns = period_of(rate_hz)
+        self._last_ns = start_ns
+
+    def next_due(self, step_ns):
+        """Return the time [ns] of the first step at which this is due."""
+        return (self._last_ns + self.period_ns) // step_ns * step_ns + step_ns
+
+    def due(self, now_ns):
+        """Tell whether it is due now, and if so count the tick."""
+        if now_ns - self._last_ns <= self.period_ns:
+            return False
+        self._last_ns += self.period_ns if self.period_ns else now_ns - self._last_ns
+        return True
+
+    def restart(self, now_ns):
+        """Count from now on, as after a reset."""
+        self._last_ns = now_ns
+
+
+class SensorSchedule:
+    """The rule of sensors: due as soon as a period has passed, carrying over what the step size made it late.
+
+    A sensor that slept is due at once, and starts counting there.
+    """
+
+    def __init__(self, rate_hz):
+        self.period_ns = period_of(rate_hz)
+        self._last_ns = None
+        self._carry_ns = 0
+
+    def next_due(self, now_ns, step_ns):
+        """Return the time [ns] of the first step after ``now_ns`` at which this is due."""
+        earliest = now_ns + step_ns
+        if self._last_ns is None:
+            return earliest
+        wanted = self._last_ns + self.period_ns - self._carry_ns
+        return max(earliest, -(-wanted // step_ns) * step_ns)
+
+    def due(self, now_ns):
+        """Tell whether it is due now, and if so count the tick."""
+        if self._last_ns is None:
+            self._last_ns, self._carry_ns = now_ns, 0
+            return True
+        late_ns = now_ns - self._last_ns + self._carry_ns - self.period_ns
+        if late_ns < 0:
+            return False
+        self._carry_ns = late_ns if late_ns < self.period_ns else 0
+        self._last_ns = now_ns
+        return True
+
+    def restart(self):
+        """Forget the past, as when the sensor wakes up or time goes back."""
+        self._last_ns, self._carry_ns = None, 0

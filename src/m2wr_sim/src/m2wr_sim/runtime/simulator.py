@@ -1,0 +1,390 @@
+"""The simulation: a world, what lives in it, and the one order of events in a step.
+
+A step that ends at time t goes: time becomes t; commands that have arrived are taken; plugins act *before* the bodies
+move (clock, odometry, motor targets: what they publish is the state before the step, stamped t, as in Gazebo); the
+engine steps; sensors act on the new state.  Between two such moments nothing looks at the world, so the engine runs
+that stretch in one call.
+"""
+import logging
+from collections import OrderedDict, namedtuple
+from dataclasses import dataclass, field, replace
+from typing import Dict
+
+from m2wr_sim.errors import ModelError, NotFoundError, SimError
+from m2wr_sim.geometry import compose, conjugate, multiply, normalise_quaternion, rotate, rotate_inverse
+from m2wr_sim.model.types import Plane, PluginSpec
+from m2wr_sim.plugins.base import PluginReader
+from m2wr_sim.plugins.registry import find_plugin
+from m2wr_sim.runtime.context import ModelContext
+from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame
+from m2wr_sim.runtime.schedule import period_of
+
+log = logging.getLogger(__name__)
+
+_JOINT_STATES = "builtin joint states"
+_TOUCHES_KEPT = 1000
+
+Relative = namedtuple("Relative", "position orientation linear angular")
+"""Pose and velocity of a model relative to some frame."""
+
+
+@dataclass(frozen=True)
+class SimConfig:
+    """What can be chosen about a simulation, apart from the world itself.
+
+    ``wheel_conventions`` overrides ``wheel_convention`` for models by name; see
+    :func:`m2wr_sim.control.diff_drive.is_swapped`.  ``command_timeout_ns`` stops a robot whose commands have ceased
+    for that long; 0 keeps the last command for ever.  ``joint_states`` gives robots joint states even if their
+    description names no plugin for them.
+    """
+
+    seed: int = 0
+    clock_rate: float = 100.0
+    wheel_convention: str = "noetic"
+    wheel_conventions: Dict[str, str] = field(default_factory=dict)
+    command_timeout_ns: int = 0
+    joint_states: bool = True
+    joint_state_rate: float = 50.0
+
+    def wheel_convention_of(self, model_name):
+        """Return the convention for one model."""
+        return self.wheel_conventions.get(model_name, self.wheel_convention)
+
+
+class Simulator:
+    """See the module docstring; every method must be called from one thread.
+
+    Parameters
+    ----------
+    engine : Engine
+    scene : Scene
+        What rays see.
+    ports : Ports
+    config : SimConfig
+    """
+
+    def __init__(self, engine, scene, ports, config=None):
+        self.engine, self.scene, self.ports = engine, scene, ports
+        self.config = config or SimConfig()
+        self.step_ns = engine.settings.step_ns
+        self.now_ns, self.steps = 0, 0
+        self.paused = False
+        self.models = OrderedDict()
+        self.observers = []             # plugins of the world itself: state publishers and the like
+        self.touches, self.touch_counts = [], {}
+        self._clock_period_ns, self._clock_last_ns = period_of(self.config.clock_rate), None
+        self._active = []               # (plugin, context, label) of all models, in load order
+        self._scene_ns = None
+
+    # ---- world -------------------------------------------------------------------------------------------------
+
+    def load_world(self, world):
+        """Add every model of a :class:`~m2wr_sim.model.types.World` and apply its stored state."""
+        for note in world.notes:
+            log.warning("%s", note)
+        for record in world.models:
+            self.spawn(record, record.pose, namespace=None)
+        for spec in world.plugins:
+            log.warning("%s: world plugin %s (%s) is not known here and left out", spec.where, spec.name, spec.filename)
+        if world.state is not None:
+            self._apply_state(world.state)
+
+    def _apply_state(self, state):
+        """Set time, poses and velocities from a world file's ``<state>``; a reset does not come back to it."""
+        self.now_ns = state.sim_time_ns // self.step_ns * self.step_ns
+        for entry in state.models:
+            model = self.models.get(entry.name)
+            if model is None:
+                log.warning("the world's <state> speaks of model \"%s\", which is not in the world", entry.name)
+                continue
+            if entry.pose is not None:
+                model.place(self.engine, entry.pose)
+            for name, pose, velocity in entry.links:
+                link = model.handle.links.get(name)
+                if link is None:
+                    log.warning("the world's <state> speaks of link \"%s::%s\", which is not in the world",
+                                entry.name, name)
+                    continue
+                if pose is not None:
+                    self.engine.set_link_pose(link, pose)
+                if velocity is not None:
+                    self.engine.set_link_velocity(link, *velocity)
+        self._restart_plugins(rewound=False)
+
+    def spawn(self, record, pose, name=None, namespace=None):
+        """Put a model into the world; ``pose`` is where its frame goes and where a reset will put it.
+
+        ``namespace`` is the ROS namespace for plugins without one of their own; None keeps each plugin's default.
+
+        Raises
+        ------
+        ModelError
+            If the name is taken or the engine cannot build the model.
+        """
+        name = name or record.name
+        if name in self.models:
+            raise ModelError("a model called \"%s\" is already in the world" % name)
+        if not record.links:
+            raise ModelError("model \"%s\" has no links" % name)
+        for note in record.notes:
+            log.warning("%s: %s", name, note)
+        pose = (tuple(pose[0]), normalise_quaternion(pose[1]))
+        handle = self.engine.add_model(record, pose, name)
+        model = LiveModel(record, handle, pose, namespace or "")
+        self.models[name] = model
+        self._add_to_scene(model)
+        for spec, sensor, link in self._plugin_specs(record):
+            self._start_plugin(model, spec, sensor, link, namespace)
+        return model
+
+    def _plugin_specs(self, record):
+        """Yield ``(spec, sensor, link name)`` of a model's plugins, with joint states where nothing else gives them."""
+        for spec in record.plugins:
+            yield spec, None, None
+        for link in record.links:
+            for sensor in link.sensors:
+                for spec in sensor.plugins:
+                    yield spec, sensor, link.name
+        moving = [joint.name for joint in record.joints if joint.kind in ("revolute", "prismatic")]
+        given = any("joint_state" in spec.filename or spec.find("publishWheelJointState") in ("true", "1")
+                    for spec in record.plugins)
+        if self.config.joint_states and record.plugins and moving and not given and not record.static:
+            parameters = (("jointName", ",".join(moving)), ("updateRate", str(self.config.joint_state_rate)))
+            library = "libgazebo_ros_joint_state_publisher.so"
+            yield PluginSpec(_JOINT_STATES, library, parameters, where=_JOINT_STATES), None, None
+
+    def _start_plugin(self, model, spec, sensor, link, namespace):
+        plugin_class = find_plugin(spec.filename)
+        if plugin_class is None:
+            log.warning("%s: no plugin %s here; %s is left out", model.name, spec.filename, spec.where or spec.name)
+            return
+        if namespace and spec.find("robotNamespace") is None:
+            spec = replace(spec, parameters=spec.parameters + (("robotNamespace", namespace),))
+        plugin, context, reader = plugin_class(), ModelContext(self, model, spec, sensor, link), PluginReader(spec)
+        label = "%s: plugin %s (%s)" % (model.name, spec.name, spec.filename)
+        try:
+            plugin.configure(reader, context)
+        except SimError as error:
+            context.close()
+            log.error("%s. This plugin will not run.", error)
+            return
+        except Exception:
+            context.close()
+            log.exception("%s failed to start and will not run", label)
+            return
+        if reader.defaults:
+            log.info("%s takes defaults for %s", label, ", ".join("%s = %s" % pair for pair in reader.defaults))
+        if reader.unread():
+            log.warning("%s: nothing reads %s", label, ", ".join("<%s>" % tag for tag in reader.unread()))
+        entry = (plugin, context, label)
+        model.plugins.append(entry)
+        self._active.append(entry)
+
+    def delete(self, name):
+        """Take a model out of the world; its plugins close their topics."""
+        model = self._model(name)
+        for entry in model.plugins:
+            self._stop_plugin(entry)
+        self.engine.remove_model(model.handle)
+        del self.models[name]
+        self.scene.remove_owner(name)
+        self._scene_ns = None
+
+    def _stop_plugin(self, entry):
+        plugin, context, label = entry
+        try:
+            plugin.close()
+        except Exception:
+            log.exception("%s failed while closing", label)
+        context.close()
+        if entry in self._active:
+            self._active.remove(entry)
+
+    def _model(self, name):
+        if name not in self.models:
+            raise NotFoundError("model \"%s\" does not exist; there are %s"
+                                % (name, ", ".join(self.models) or "no models"))
+        return self.models[name]
+
+    def add_observer(self, plugin, label):
+        """Let a world-level plugin take part in every step; it must already be configured."""
+        self.observers.append((plugin, None, label))
+
+    # ---- what rays see -----------------------------------------------------------------------------------------
+
+    def _add_to_scene(self, model):
+        parts = []
+        for link, collision, moves in self.engine.collisions(model.handle):
+            pose = compose(self.engine.link_pose(link), collision.pose)
+            row = self.scene.add(collision.geometry, pose, model.name, collision.laser_retro)
+            if moves or not isinstance(collision.geometry, Plane):
+                parts.append((row, link, collision.pose))
+        model.sight = SceneRows(parts)
+        self._scene_ns = None
+
+    def refresh_scene(self):
+        """Bring the poses of everything that can move into the scene; at most once per instant."""
+        if self._scene_ns == self.now_ns:
+            return
+        for model in self.models.values():
+            if not model.record.static:
+                model.sight.refresh(self.engine, self.scene)
+        self._scene_ns = self.now_ns
+
+    def _moved(self, model):
+        """Note that a model was put somewhere else."""
+        if model.record.static:
+            model.sight.refresh(self.engine, self.scene)
+        self._scene_ns = None
+
+    # ---- time --------------------------------------------------------------------------------------------------
+
+    def advance(self, until_ns):
+        """Run to the next moment at which something happens, but not past ``until_ns``; returns the time reached.
+
+        Does nothing while paused.
+        """
+        now_ns = self.now_ns
+        if self.paused or until_ns < now_ns + self.step_ns:
+            return now_ns
+        self.ports.deliver()
+        first_ns = now_ns + self.step_ns
+        stop_ns = until_ns // self.step_ns * self.step_ns
+        if self._clock_due(first_ns):
+            self.ports.clock(first_ns)
+            self._clock_last_ns = first_ns
+        if self._clock_period_ns:
+            stop_ns = min(stop_ns, max(first_ns, self._next_clock(now_ns) - self.step_ns))
+        else:
+            stop_ns = first_ns
+        for entry in self._active + self.observers:
+            stop_ns = min(stop_ns, self._ask(entry, now_ns, first_ns))
+        count = max(1, (stop_ns - now_ns) // self.step_ns)
+        self.engine.step(count)
+        self.steps += count
+        self.now_ns = now_ns + count * self.step_ns
+        self._collect_touches()
+        for entry in self._active + self.observers:
+            self._guarded(entry, entry[0].after_step, self.now_ns)
+        return self.now_ns
+
+    def _ask(self, entry, now_ns, first_ns):
+        """Let a plugin act before the first step if it wants to; return how far the engine may run for its sake."""
+        plugin = entry[0]
+        wanted_ns = self._guarded(entry, plugin.next_before, now_ns)
+        if wanted_ns is not None and wanted_ns <= first_ns:
+            self._guarded(entry, plugin.before_step, first_ns)
+            wanted_ns = self._guarded(entry, plugin.next_before, first_ns)
+        stop_ns = first_ns + 10**15 if wanted_ns is None else max(first_ns, wanted_ns - self.step_ns)
+        sample_ns = self._guarded(entry, plugin.next_after, now_ns)
+        return stop_ns if sample_ns is None else min(stop_ns, max(first_ns, sample_ns))
+
+    def _guarded(self, entry, function, time_ns):
+        """Call a plugin; one that fails is named and switched off, and the simulation goes on."""
+        try:
+            return function(time_ns)
+        except Exception:
+            log.exception("%s failed and is switched off", entry[2])
+            if entry in self.observers:
+                self.observers.remove(entry)
+            else:
+                self._stop_plugin(entry)
+            return None
+
+    def _next_clock(self, now_ns):
+        """Return the time of the first step at which the clock is due."""
+        if self._clock_last_ns is None:
+            return now_ns + self.step_ns
+        return -(-(self._clock_last_ns + self._clock_period_ns) // self.step_ns) * self.step_ns
+
+    def _clock_due(self, time_ns):
+        return self._clock_last_ns is None or time_ns >= self._clock_last_ns + self._clock_period_ns
+
+    def _collect_touches(self):
+        for touch in self.engine.drain_touches():
+            moving = [name for name in (touch.first, touch.second)
+                      if not self.models[name.split("::")[0]].record.static]
+            for name in {name.split("::")[0] for name in moving}:
+                self.touch_counts[name] = self.touch_counts.get(name, 0) + 1
+            if len(self.touches) < _TOUCHES_KEPT:
+                self.touches.append(touch)
+
+    # ---- state services ----------------------------------------------------------------------------------------
+
+    def frame_state(self, name):
+        """Return the LinkState of a reference frame, None for the world; NotFoundError if there is none."""
+        return find_frame(self.models.values(), self.engine, name)
+
+    def model_state(self, name, frame=""):
+        """Return a model's :class:`Relative` state in a reference frame.
+
+        Velocities are the difference of the world velocities, turned into the frame, without the term of a turning
+        frame, as in Gazebo.
+        """
+        state = self._model(name).state(self.engine)
+        reference = self.frame_state(frame)
+        if reference is None:
+            return Relative(*state)
+        offset = tuple(a - b for a, b in zip(state.position, reference.position))
+        back = reference.orientation
+        linear = tuple(a - b for a, b in zip(state.linear_velocity, reference.linear_velocity))
+        angular = tuple(a - b for a, b in zip(state.angular_velocity, reference.angular_velocity))
+        return Relative(rotate_inverse(back, offset), multiply(conjugate(back), state.orientation),
+                        rotate_inverse(back, linear), rotate_inverse(back, angular))
+
+    def pose_in_world(self, pose, frame):
+        """Express a pose given in a reference frame in the world; the quaternion need not be normalised."""
+        pose = (tuple(pose[0]), normalise_quaternion(pose[1]))
+        reference = self.frame_state(frame)
+        return pose if reference is None else compose((reference.position, reference.orientation), pose)
+
+    def set_model_state(self, name, pose, linear, angular, frame=""):
+        """Place a model and set the velocity of all its links; everything is given in ``frame``."""
+        model = self._model(name)
+        reference = self.frame_state(frame)
+        if reference is not None:
+            linear, angular = rotate(reference.orientation, linear), rotate(reference.orientation, angular)
+        model.place(self.engine, self.pose_in_world(pose, frame))
+        model.set_velocity(self.engine, linear, angular)
+        self._moved(model)
+
+    def set_joint_positions(self, name, positions):
+        """Set joints of a model, ``{name: position}``; names it does not have, and fixed joints, are passed over."""
+        model = self._model(name)
+        for joint in model.record.joints:
+            if joint.name in positions and joint.kind in ("revolute", "prismatic"):
+                model.bend(self.engine, joint.name, positions[joint.name])
+        self._moved(model)
+
+    # ---- resets ------------------------------------------------------------------------------------------------
+
+    def reset_world(self):
+        """Put models back to their initial poses, at rest; time goes on, joints stay as they are."""
+        for model in self.models.values():
+            model.place(self.engine, model.reset_pose)
+            model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            self._moved(model)
+        self._restart_plugins(rewound=False)
+
+    def reset_simulation(self):
+        """Start over: time zero, random sequences from the seed, models and joints as at the beginning, at rest."""
+        self.now_ns, self.steps = 0, 0
+        self._clock_last_ns = None
+        self.engine.reseed(self.config.seed)
+        for model in self.models.values():
+            model.restore(self.engine)
+            model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            self._moved(model)
+        self.touches, self.touch_counts = [], {}
+        self._restart_plugins(rewound=True)
+
+    def _restart_plugins(self, rewound):
+        for entry in self._active + self.observers:
+            self._guarded(entry, lambda now_ns, plugin=entry[0]: plugin.reset(now_ns, rewound), self.now_ns)
+
+    def close(self):
+        """Stop all plugins and free the world."""
+        for entry in list(self._active):
+            self._stop_plugin(entry)
+        self.observers = []
+        self.engine.close()
