@@ -1,0 +1,31 @@
+# Every target is one script in tools/; `make help` lists them. Variables given on the command line reach the scripts.
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test lint clean
+.NOTPARALLEL:
+
+export DEMO_ARGS TEST_JOBS TEST_TIMEOUT TEST_PACKAGES
+
+help:  ## list the targets and the variables they take
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
+	@echo
+	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
+	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=1  tests run side by side"
+	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counted as failed"
+
+setup:  ## system packages, workspace venv and build: all that the other targets need
+	@tools/setup.sh
+
+build:  ## build every package with catkin-tools into devel/
+	@tools/build.sh
+
+demo: setup  ## drive the robot to its goal with no window; ends by itself, exit 0 when the goal was reached
+	@tools/demo.sh
+
+test: setup  ## run every test of every package and print one summary; JUnit XML in test_results/
+	@tools/test.sh
+
+lint: setup  ## catkin_lint, flake8, XML and shell syntax, structure of the workspace; a warning is an error
+	@tools/lint.sh
+
+clean:  ## remove what set-up, build, demo and test made (catkin_build devel install logs .venv ...)
+	@tools/clean.sh

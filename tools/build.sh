@@ -1,0 +1,20 @@
+#!/usr/bin/env bash
+# Builds every package with catkin-tools (tracked profile `default`); arguments are handed to `catkin build`.
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_build_environment
+command -v catkin >/dev/null || die "catkin-tools is not installed; run make setup."
+cd "$WORKSPACE"
+hash_before=$(source_hash)
+# A workspace that was moved keeps caches that name its old place, and cmake refuses them.
+if [ -r "$CATKIN_BUILD/.m2wr_place" ] && [ "$(cat "$CATKIN_BUILD/.m2wr_place")" != "$WORKSPACE" ]; then
+    say "build: the workspace has moved; starting from nothing"
+    rm -rf "$CATKIN_BUILD" "$WORKSPACE/devel" "$WORKSPACE/logs"
+fi
+rm -f "$BUILD_STAMP"
+catkin build --workspace "$WORKSPACE" --profile default --no-status --no-notify --summarize "$@"
+printf '%s' "$WORKSPACE" > "$CATKIN_BUILD/.m2wr_place"
+if [ $# -eq 0 ]; then
+    printf '%s' "$hash_before" > "$BUILD_STAMP"
+fi

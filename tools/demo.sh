@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# Runs the demonstration in the built workspace; exit 0 only if the robot reached its goal. DEMO_ARGS are handed on.
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_run_environment
+cd "$WORKSPACE"
+read -r -a demo_args <<< "${DEMO_ARGS:-}"
+exec rosrun m2wr_sim demo "${demo_args[@]}"

@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Static checks of the whole workspace: a warning is an error. Every check runs, then the exit code tells.
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_run_environment
+cd "$WORKSPACE"
+failed=()
+
+check() {
+    local name=$1
+    shift
+    say "lint: $name"
+    "$@" || failed+=("$name")
+}
+
+# Files of the workspace, without what builds have written; arguments are find's tests.
+sources() {
+    find . \( -name .git -o -name .venv -o -name build -o -name catkin_build -o -name devel -o -name 'install*' \
+        -o -name logs -o -name test_results -o -name demo_output -o -name __pycache__ -o -name .pytest_cache \) -prune \
+        -o -type f "$@" -print0
+}
+
+# Broken on purpose: the fixtures that tests feed to the readers.
+lint_xml() {
+    mapfile -d '' -t files < <(sources \( -name '*.launch' -o -name '*.test' -o -name '*.xacro' -o -name '*.gazebo' \
+        -o -name '*.urdf' -o -name '*.world' -o -name '*.sdf' -o -name package.xml -o -name model.config \) \
+        ! -path '*/test/data/*')
+    "$PYTHON" tools/check_xml.py "${files[@]}"
+}
+
+lint_shell() {
+    mapfile -d '' -t files < <(sources \( -name '*.sh' -o -path './.ci/run' \))
+    local file result=0
+    for file in "${files[@]}"; do
+        bash -n "$file" || result=1
+    done
+    if command -v shellcheck >/dev/null; then
+        shellcheck --external-sources "${files[@]}" || result=1
+    fi
+    return $result
+}
+
+lint_python() {
+    mapfile -d '' -t files < <(sources -perm -u+x ! -name '*.py' ! -name '*.sh')
+    local file scripts=()
+    for file in "${files[@]}"; do
+        if head -n 1 "$file" | grep -q '^#!.*python'; then
+            scripts+=("$file")
+        fi
+    done
+    "$PYTHON" -m flake8 . "${scripts[@]}"
+}
+
+lint_catkin() {
+    mapfile -t packages < <(find src dropin test -name package.xml -printf '%h\n' | sort)
+    catkin_lint --config tools/catkin_lint.ini "${packages[@]}"
+}
+
+lint_structure() {
+    "$PYTHON" -m pytest -q -p no:cacheprovider test/unit/test_layers.py test/unit/test_python_floor.py \
+        test/unit/test_registered.py
+}
+
+check catkin_lint lint_catkin
+check flake8 lint_python
+check XML lint_xml
+check shell lint_shell
+check structure lint_structure
+[ ${#failed[@]} -eq 0 ] || die "lint: failed: ${failed[*]}"
+say "lint: clean"

@@ -1,0 +1,112 @@
+#!/usr/bin/env bash
+# Brings a bare machine to a built workspace: system packages, workspace venv, build. A second run changes nothing.
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+# Runs a command as root: directly, or through sudo, or not at all with a sentence that says what is missing.
+as_root() {
+    if [ "$(id -u)" -eq 0 ]; then
+        "$@"
+    elif command -v sudo >/dev/null; then
+        sudo -- "$@"
+    else
+        die "system packages are missing and this is neither root nor is there sudo. Run as root: $*"
+    fi
+}
+
+apt_missing() {
+    local package
+    while read -r package; do
+        if [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null)" != installed ]; then
+            printf '%s\n' "$package"
+        fi
+    done < <(list_entries "$1")
+}
+
+install_apt_packages() {
+    local missing
+    mapfile -t missing < <(apt_missing "$WORKSPACE/tools/apt-packages.txt")
+    if [ ${#missing[@]} -eq 0 ]; then
+        say "system packages: all present"
+        return
+    fi
+    say "system packages: installing ${#missing[@]}: ${missing[*]}"
+    local wait_for_lock=(-o DPkg::Lock::Timeout=600 -o APT::Acquire::Retries=3)
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get "${wait_for_lock[@]}" -q update
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get "${wait_for_lock[@]}" -q install -y --no-install-recommends \
+        -o Dpkg::Use-Pty=0 "${missing[@]}" < /dev/null
+}
+
+install_noetic_packages() {
+    local stamp=$CATKIN_BUILD/.m2wr_rosdep_hash now
+    # the real xacro is there; the stand-in would hide it
+    : > "$WORKSPACE/dropin/xacro/CATKIN_IGNORE"
+    now=$(cd "$WORKSPACE" && cat src/*/package.xml test/package.xml tools/setup.sh | sha256sum)
+    if [ "$(cat "$stamp" 2>/dev/null)" = "$now" ]; then
+        say "system packages: package.xml files unchanged since the last rosdep run"
+        return
+    fi
+    command -v rosdep >/dev/null || as_root apt-get -q install -y python3-rosdep
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y python3-venv python3-dev python3-catkin-tools \
+        python3-catkin-lint python3-flake8 python3-pytest python3-pytest-timeout build-essential libode-dev shellcheck
+    [ -d /etc/ros/rosdep/sources.list.d ] || as_root rosdep init
+    rosdep update --rosdistro noetic
+    # shellcheck disable=SC2046
+    rosdep install --from-paths "$WORKSPACE/src" "$WORKSPACE/test" --ignore-src --rosdistro noetic -y \
+        --skip-keys "$(list_entries "$WORKSPACE/tools/rosdep-skip-keys.txt" | tr '\n' ' ')"
+    mkdir -p "$CATKIN_BUILD"
+    printf '%s' "$now" > "$stamp"
+}
+
+# True when every pinned distribution is installed in the venv in exactly its version.
+venv_is_current() {
+    [ -x "$VENV/bin/python" ] && list_entries "$1" | "$VENV/bin/python" -c '
+import sys
+try:
+    from importlib.metadata import PackageNotFoundError, version
+except ImportError:
+    sys.exit(1)
+for line in sys.stdin:
+    name, _, pinned = line.strip().partition("==")
+    try:
+        if version(name) != pinned:
+            sys.exit(1)
+    except PackageNotFoundError:
+        sys.exit(1)
+'
+}
+
+install_venv() {
+    local requirements=$WORKSPACE/tools/$1 modules=$2
+    if venv_is_current "$requirements"; then
+        say "workspace venv: up to date"
+    else
+        say "workspace venv: $VENV from $requirements"
+        "$PYTHON" -m venv --clear --system-site-packages "$VENV"
+        # without dependencies: pip must not put a second numpy, lxml or yaml over those of the system
+        "$VENV/bin/python" -m pip --disable-pip-version-check install --quiet --no-deps --retries 5 -r "$requirements"
+    fi
+    "$VENV/bin/python" -c "import $modules" ||
+        die "the packages of $requirements are installed in $VENV but cannot be imported (see above);" \
+            "remove $VENV and run make setup again."
+}
+
+build_if_changed() {
+    if [ -r "$WORKSPACE/devel/setup.bash" ] && [ "$(cat "$BUILD_STAMP" 2>/dev/null)" = "$(source_hash)" ]; then
+        say "build: sources unchanged since the last build"
+    else
+        "$WORKSPACE/tools/build.sh"
+    fi
+}
+
+detect_platform
+cd "$WORKSPACE"
+if [ "$PLATFORM" = debian12 ]; then
+    install_apt_packages
+    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, numpy, lxml, yaml"
+else
+    install_noetic_packages
+    install_venv requirements-noetic.txt "ode, rosbags.rosbag1, numpy, yaml"
+fi
+build_if_changed
+say "set-up complete; in a shell: source $WORKSPACE/devel/setup.bash"

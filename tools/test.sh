@@ -1,0 +1,47 @@
+#!/usr/bin/env bash
+# Runs the tests of every package and prints one summary. The set-up has already built the workspace.
+#   TEST_PACKAGES  names of packages, separated by blanks (default: all)
+#   TEST_JOBS      tests run side by side (default 1: a simulation with its nodes keeps two cores busy, and tests that
+#                  measure rates must not be starved)
+#   TEST_TIMEOUT   seconds after which the run is ended; what has no result by then counts as failed
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_build_environment
+cd "$WORKSPACE"
+read -r -a packages <<< "${TEST_PACKAGES:-}"
+jobs=${TEST_JOBS:-1}
+limit=${TEST_TIMEOUT:-2400}
+
+[ -r "$BUILD_STAMP" ] || die "the workspace is not built; run make setup first."
+find "$CATKIN_BUILD" -mindepth 2 -maxdepth 2 -type d -name test_results -print0 | xargs -0 -r rm -rf
+started=$(date +%s)
+
+use_loopback
+# logs of the nodes stay in the workspace; one folder a run
+ROS_LOG_DIR=$WORKSPACE/logs/ros/$(date +%Y%m%d-%H%M%S)
+export ROS_LOG_DIR
+mkdir -p "$ROS_LOG_DIR"
+
+export PYTEST_ADDOPTS=${PYTEST_ADDOPTS:---color=no -q}
+
+say "tests: ${packages[*]:-all packages}, $jobs at a time, at most $limit s"
+status=0
+# A job of its own: `timeout` ends the whole group, and an interrupt at the keyboard is handed on to it.
+set -m
+timeout --kill-after=60 "$limit" catkin test --workspace "$WORKSPACE" --profile default --no-status --no-notify \
+    --continue-on-failure -p 1 "${packages[@]}" --make-args "-j$jobs" < /dev/null &
+runner=$!
+set +m
+trap 'kill -INT "$runner" 2>/dev/null; wait "$runner" || true; die "tests: interrupted"' INT TERM
+wait "$runner" || status=$?
+trap - INT TERM
+say "tests: ended after $(($(date +%s) - started)) s"
+
+problems=()
+case $status in
+    0 | 1) ;;  # 1: a test failed, which the summary tells in full
+    124 | 137) problems+=(--problem "the run was ended after TEST_TIMEOUT=$limit s") ;;
+    *) problems+=(--problem "catkin test ended with exit code $status") ;;
+esac
+"$PYTHON" "$WORKSPACE/tools/test_summary.py" "$WORKSPACE" --since "$started" "${problems[@]}" "${packages[@]}"
