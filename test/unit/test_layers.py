@@ -1,0 +1,252 @@
+"""Every module imports only what its room may: kernels arrays alone, ROS at the edges alone, one importer of ODE.
+
+A room is the folder of a module below its package's Python root, or a name pattern. The table below is the rule;
+a folder that is in no row fails too, so a new room states what it may import.
+"""
+import ast
+import fnmatch
+import importlib.util
+import os
+import sys
+import sysconfig
+from collections import namedtuple
+
+import pytest
+
+import workspace_tree as tree
+
+Rule = namedtuple("Rule", "pattern third_party messages deterministic not_ours")
+
+NUMERIC = {"numpy", "numba", "scipy"}
+XML = {"lxml", "urdf_parser_py", "xacro", "yaml"}
+ANYTHING = None
+
+# First match wins. third_party: importable besides the standard library (ANYTHING: no limit). messages: *_msgs and
+# genpy allowed. deterministic: no wall clock, no unseeded randomness. not_ours: our own modules that stay out.
+EDGES = ("m2wr_sim.ros", "m2wr_sim.plugins")
+RULES = (
+    Rule("*/*kernels.py", {"numpy", "numba"}, False, True, ("*",)),
+    Rule("m2wr_sim/sensors/bench*.py", NUMERIC, False, False, EDGES),     # measures time: that is what it is for
+    Rule("m2wr_sim/physics/*.py", NUMERIC | {"llvmlite", "ode"}, False, True, EDGES),
+    Rule("m2wr_sim/model/*.py", NUMERIC | XML, False, True, EDGES),
+    Rule("m2wr_sim/sensors/*.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_sim/control/*.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_sim/runtime/*.py", NUMERIC, False, True, ("m2wr_sim.ros",)),
+    Rule("m2wr_sim/plugins/*.py", NUMERIC, True, True, ("m2wr_sim.ros",)),
+    Rule("m2wr_sim/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbags", "yaml"}, False, True, EDGES),
+    Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
+    Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),
+    Rule("motion_plan/*_nodes.py", ANYTHING, True, False, ()),
+    Rule("motion_plan/ros/*.py", ANYTHING, True, False, ()),
+    Rule("motion_plan/*.py", NUMERIC, False, True, ("motion_plan.ros*",)),
+)
+KERNEL_STANDARD = {"math", "__future__"}
+ODE_ROOM = "m2wr_sim/physics/"
+SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}
+WALL_CLOCK = {"time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns", "time.perf_counter",
+              "time.perf_counter_ns", "time.sleep", "time.process_time", "datetime.datetime.now",
+              "datetime.datetime.utcnow", "datetime.date.today"}
+
+
+def is_standard(top):
+    """Whether a top-level module belongs to Python itself; by a list since 3.10, before that by where it lies."""
+    if top in sys.builtin_module_names:
+        return True
+    if hasattr(sys, "stdlib_module_names"):
+        return top in getattr(sys, "stdlib_module_names")
+    spec = importlib.util.find_spec(top)
+    origin = getattr(spec, "origin", None) or ""
+    return spec is not None and (origin in ("built-in", "frozen") or (
+        origin.startswith(sysconfig.get_paths()["stdlib"]) and "-packages" not in origin))
+
+
+def modules():
+    """(package folder name, path inside it) of every module below a src/<package>/src/<python package>."""
+    found = []
+    for package in tree.packages():
+        top = os.path.join(package.folder, "src")
+        if os.path.dirname(package.folder) != os.path.join(tree.ROOT, "src") or not os.path.isdir(top):
+            continue
+        for path in tree.files_below(top):
+            if path.endswith(".py"):
+                found.append((path, os.path.relpath(path, top).replace(os.sep, "/")))
+    return found
+
+
+def rule_of(inside):
+    """The first rule whose pattern fits; folders must be as many as in the pattern, only a leading ``*/`` is free."""
+    for rule in RULES:
+        same_depth = rule.pattern.startswith("*/") or rule.pattern.count("/") == inside.count("/")
+        if same_depth and fnmatch.fnmatchcase(inside, rule.pattern):
+            return rule
+    return None
+
+
+def imports_of(syntax, inside):
+    """(line, absolute dotted name) of everything a module imports, also inside functions and by literal name."""
+    found = []
+    here = inside[:-len(".py")].split("/")
+    for node in ast.walk(syntax):
+        if isinstance(node, ast.Import):
+            found.extend((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = here[:-node.level] if node.level else []
+            base = base + ([node.module] if node.module else [])
+            found.extend((node.lineno, ".".join(base + [alias.name])) for alias in node.names)
+        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+            called = dotted(node.func)
+            if called in ("importlib.import_module", "import_module", "__import__"):
+                found.append((node.lineno, str(node.args[0].value)))
+    return found
+
+
+def dotted(node):
+    """``a.b.c`` of an attribute chain, or None."""
+    parts = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    if not isinstance(node, ast.Name):
+        return None
+    return ".".join([node.id] + parts[::-1])
+
+
+def is_message(name):
+    top = name.split(".")[0]
+    return top.endswith("_msgs") or top.endswith("_srvs") or top == "genpy"
+
+
+def within(name, pattern):
+    """Whether a dotted name is the module a pattern names, or below it."""
+    return fnmatch.fnmatchcase(name, pattern) or fnmatch.fnmatchcase(name, pattern + ".*")
+
+
+def import_breaches(rule, inside, syntax, own):
+    """One sentence for each import that the module's room may not have."""
+    kernel = rule.pattern == "*/*kernels.py"
+    for line, name in imports_of(syntax, inside):
+        top = name.split(".")[0]
+        if top in own:
+            if any(within(name, pattern) for pattern in rule.not_ours):
+                yield "line {}: imports {}, which is above this room".format(line, name)
+        elif top == "ode" and not inside.startswith(ODE_ROOM):
+            yield "line {}: imports ode, which only {} may".format(line, ODE_ROOM)
+        elif rule.third_party is ANYTHING or top in rule.third_party or (rule.messages and is_message(name)):
+            continue
+        elif not is_standard(top) or (kernel and top not in KERNEL_STANDARD):
+            yield "line {}: imports {}; this room has the standard library{} and {}".format(
+                line, name, " (of it only math)" if kernel else "", ", ".join(sorted(rule.third_party)) or "no more")
+        elif rule.deterministic and top in ("random", "secrets", "uuid"):
+            yield "line {}: imports {}; randomness is handed in".format(line, name)
+
+
+def aliases_of(syntax):
+    """Local name -> dotted name it stands for, from the import statements of a module."""
+    names = {}
+    for node in ast.walk(syntax):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                top = alias.name.split(".")[0]
+                names[alias.asname or top] = alias.name if alias.asname else top
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            for alias in node.names:
+                names[alias.asname or alias.name] = "{}.{}".format(node.module, alias.name)
+    return names
+
+
+def fetched_state(syntax):
+    """One sentence for each use of the wall clock or of numpy's module-level random functions."""
+    names = aliases_of(syntax)
+    for node in ast.walk(syntax):
+        if not isinstance(node, (ast.Attribute, ast.Name)):
+            continue
+        used = dotted(node)
+        if used is None:
+            continue
+        first, _, rest = used.partition(".")
+        full = names.get(first, first) + ("." + rest if rest else "")
+        if full in WALL_CLOCK:
+            yield "line {}: uses {}; time is handed in".format(node.lineno, full)
+        drawn = full.split(".")
+        if drawn[:2] == ["numpy", "random"] and len(drawn) > 2 and drawn[2] not in SEEDED:
+            yield "line {}: uses {}; draw from a Generator that is handed in".format(node.lineno, full)
+
+
+def breaches(inside, text, own):
+    """All breaches of one module, as sentences.
+
+    Parameters
+    ----------
+    inside : str
+        Path below the package's Python root, with slashes: ``m2wr_sim/sensors/laser.py``.
+    text : str
+        Its source.
+    own : set of str
+        Top-level Python packages of this workspace that are code, not messages.
+    """
+    rule = rule_of(inside)
+    if rule is None:
+        return ["is in no room of the table in test_layers.py; add a row that says what it may import"]
+    syntax = ast.parse(text)
+    found = list(import_breaches(rule, inside, syntax, own))
+    if rule.deterministic:
+        found.extend(fetched_state(syntax))
+    return found
+
+
+MODULES = modules()
+OWN = {inside.split("/")[0] for _, inside in MODULES}
+
+
+def test_there_are_modules_to_check():
+    assert {"m2wr_sim", "motion_plan"} <= OWN
+    rooms = {inside.rsplit("/", 1)[0] for _, inside in MODULES}
+    assert {"m2wr_sim/model", "m2wr_sim/physics", "m2wr_sim/plugins", "m2wr_sim/sensors", "m2wr_sim/ros"} <= rooms
+    assert any(inside.endswith("kernels.py") for _, inside in MODULES)
+
+
+@pytest.mark.parametrize("path, inside", MODULES, ids=[inside for _, inside in MODULES])
+def test_module_keeps_to_its_room(path, inside):
+    found = breaches(inside, tree.read(path), OWN)
+    assert not found, "\n".join("{}: {}".format(tree.relative(path), sentence) for sentence in found)
+
+
+@pytest.mark.parametrize("inside, text", [
+    ("m2wr_sim/sensors/ray_kernels.py", "import os"),
+    ("m2wr_sim/sensors/ray_kernels.py", "from m2wr_sim.geometry import rotate"),
+    ("m2wr_sim/sensors/laser.py", "import rospy"),
+    ("m2wr_sim/sensors/laser.py", "from sensor_msgs.msg import LaserScan"),
+    ("m2wr_sim/sensors/laser.py", "import ode"),
+    ("m2wr_sim/sensors/laser.py", "def f():\n    import rospy"),
+    ("m2wr_sim/sensors/laser.py", "import importlib\nimportlib.import_module('rospy')"),
+    ("m2wr_sim/sensors/laser.py", "from ..ros import node"),
+    ("m2wr_sim/physics/engine.py", "from m2wr_sim.plugins.base import Plugin"),
+    ("m2wr_sim/plugins/laser.py", "import rospy"),
+    ("m2wr_sim/plugins/laser.py", "import tf2_ros"),
+    ("m2wr_sim/plugins/laser.py", "import ode"),
+    ("m2wr_sim/ros/node.py", "import ode"),
+    ("m2wr_sim/runtime/simulator.py", "import time\ntime.time()"),
+    ("m2wr_sim/runtime/simulator.py", "from time import sleep as nap\nnap(1)"),
+    ("m2wr_sim/runtime/simulator.py", "import random"),
+    ("m2wr_sim/control/noise.py", "import numpy as np\nnp.random.normal()"),
+    ("m2wr_sim/control/noise.py", "from numpy import random as r\nr.seed(1)"),
+    ("motion_plan/bug2.py", "import rospy"),
+    ("motion_plan/bug2.py", "from motion_plan.ros_nodes import Bug2Node"),
+    ("m2wr_sim/newroom/thing.py", "import math"),
+])
+def test_a_breach_is_found(inside, text):
+    assert breaches(inside, text, {"m2wr_sim", "motion_plan"})
+
+
+@pytest.mark.parametrize("inside, text", [
+    ("m2wr_sim/sensors/ray_kernels.py", "import math\nimport numpy as np\nfrom numba import njit"),
+    ("m2wr_sim/physics/pyode_engine.py", "import ode\nimport ctypes\nimport numpy as np"),
+    ("m2wr_sim/plugins/laser.py", "from sensor_msgs.msg import LaserScan\nfrom m2wr_sim.sensors import laser"),
+    ("m2wr_sim/runtime/simulator.py", "import numpy as np\nrng = np.random.default_rng([1, 2])\nrng.normal()"),
+    ("m2wr_sim/ros/node.py", "import rospy, time\ntime.sleep(1)"),
+    ("motion_plan/ros_nodes.py", "import rospy"),
+    ("motion_plan/bug2.py", "import math\nfrom motion_plan.angles import wrap_angle"),
+])
+def test_what_is_allowed_passes(inside, text):
+    assert not breaches(inside, text, {"m2wr_sim", "motion_plan"})
