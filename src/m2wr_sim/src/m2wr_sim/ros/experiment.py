@@ -1,0 +1,114 @@
+"""Run a launch file to its end and keep what roslaunch itself forgets: how its nodes ended.
+
+``roslaunch`` exits with 0 whatever happened to its nodes.  Here the first node that dies with an error is named, stops
+the whole run, and its code becomes the exit code; a required node that ends well ends the run with 0.
+"""
+import argparse
+import os
+import socket
+import sys
+import threading
+
+import roslaunch
+import rospkg
+from roslaunch.pmon import ProcessListener
+
+_USAGE = "experiment [--port PORT] PACKAGE FILE.launch [ARG:=VALUE ...]"
+
+
+class _Watch(ProcessListener):
+    """Remembers the first process that died with an error while the run was going on."""
+
+    def __init__(self):
+        self.failed = None
+        self.dead = threading.Event()
+
+    def process_died(self, process_name, exit_code):
+        """Called by roslaunch for each process that ends by itself."""
+        if exit_code and self.failed is None:
+            self.failed = (process_name, exit_code)
+            self.dead.set()
+
+
+def free_port():
+    """Return a TCP port of the loopback interface that nobody uses at the moment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def resolve(package, name):
+    """Return the path of a launch file; ``package`` may be a folder's path.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file in the package.
+    """
+    try:
+        folder = rospkg.RosPack().get_path(package)
+    except rospkg.ResourceNotFound:
+        raise FileNotFoundError("there is no package \"%s\" in this workspace; is its setup.bash sourced?" % package)
+    for candidate in (os.path.join(folder, "launch", name), os.path.join(folder, name)):
+        if os.path.isfile(candidate):
+            return candidate
+    raise FileNotFoundError("package %s has no launch file \"%s\"; expected it in %s/launch" % (package, name, folder))
+
+
+def run(path, arguments, port=None):
+    """Run a launch file until it ends, or a node fails, or Ctrl-C.
+
+    Parameters
+    ----------
+    path : str
+        The launch file.
+    arguments : list of str
+        ``name:=value``.
+    port : int, optional
+        Port of a master of the run's own; None uses the master of the environment, starting one if there is none.
+
+    Returns
+    -------
+    int
+        0, or the exit code of the first node that failed.
+    """
+    if port is not None:
+        os.environ["ROS_MASTER_URI"] = "http://127.0.0.1:%d" % port
+        os.environ.setdefault("ROS_HOSTNAME", "127.0.0.1")
+    uuid = roslaunch.rlutil.get_or_generate_uuid(None, False)
+    roslaunch.configure_logging(uuid)
+    watch = _Watch()
+    parent = roslaunch.parent.ROSLaunchParent(uuid, [(path, list(arguments))], port=port, process_listeners=[watch],
+                                              sigint_timeout=5, sigterm_timeout=2)
+    parent.start()
+    try:
+        while not parent.pm.is_shutdown and not watch.dead.is_set():
+            parent.spin_once()
+            parent.pm.join(0.1)
+            if not parent.pm.is_alive():
+                break
+    except KeyboardInterrupt:
+        pass
+    finally:
+        parent.shutdown()
+    if watch.failed is None:
+        return 0
+    name, code = watch.failed
+    sys.stderr.write("experiment: node %s ended with code %s, so the run ends with an error\n" % (name, code))
+    return code if 0 < code < 128 else 1
+
+
+def main(argv=None):
+    """Entry point; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="experiment", usage=_USAGE, description=__doc__.split("\n")[0])
+    parser.add_argument("--port", type=int,
+                        help="port for a ROS master of this run's own; default: as ROS_MASTER_URI says")
+    parser.add_argument("package")
+    parser.add_argument("launch_file")
+    parser.add_argument("arguments", nargs="*", metavar="ARG:=VALUE")
+    options = parser.parse_args(sys.argv[1:] if argv is None else argv)
+    try:
+        return run(resolve(options.package, options.launch_file), options.arguments, options.port)
+    except (FileNotFoundError, roslaunch.RLException) as error:
+        sys.stderr.write("experiment: %s\n" % error)
+        return 1

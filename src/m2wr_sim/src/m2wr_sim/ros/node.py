@@ -1,0 +1,115 @@
+"""The simulation node: parameters in, world up, loop until told to stop."""
+import logging
+import os
+import sys
+
+import numpy as np
+import rospkg
+import rospy
+from gazebo_msgs.msg import LinkStates, ModelStates
+from rospy.rostime import set_rostime_initialized
+
+from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
+from m2wr_sim.model.model_folders import ModelFolders
+from m2wr_sim.model.sdf import load_world
+from m2wr_sim.physics.engine import settings_from_physics
+from m2wr_sim.physics.pyode_engine import PyodeEngine
+from m2wr_sim.plugins.world_states import WorldStates
+from m2wr_sim.ros.diagnostics import Diagnostics
+from m2wr_sim.ros.gazebo_api import GazeboApi
+from m2wr_sim.ros.loop import Loop
+from m2wr_sim.ros.params import find_world, private_parameters, read_config
+from m2wr_sim.ros.ports import RosPorts
+from m2wr_sim.ros.spawning import Spawner
+from m2wr_sim.runtime.simulator import SimConfig, Simulator
+from m2wr_sim.sensors.laser import warm_up
+from m2wr_sim.sensors.scene import Scene
+
+log = logging.getLogger("m2wr_sim")
+
+_SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads waiting for Python's default of 5 ms
+
+
+def _log_through_rospy():
+    """Send the library's log lines to the screen and to /rosout."""
+    log.handlers = logging.getLogger("rosout").handlers
+    log.setLevel(logging.INFO)
+    log.propagate = logging.getLogger("rosout").propagate
+    log.parent = logging.getLogger("rosout").parent
+
+
+def _claim_time():
+    """Make simulated time the default, as Gazebo does, and be one's own clock."""
+    if not rospy.has_param("/use_sim_time"):
+        rospy.set_param("/use_sim_time", True)
+    set_rostime_initialized(True)
+
+
+def package_folder():
+    """Return this package's shared files: worlds and models."""
+    return rospkg.RosPack().get_path("m2wr_sim")
+
+
+def build(config, folder):
+    """Make the simulator of a :class:`~m2wr_sim.ros.params.NodeConfig`; returns it with the real-time factor wanted.
+
+    Raises
+    ------
+    WorldError, ModelError
+        If the world cannot be read or built.
+    """
+    folders = ModelFolders(os.environ.get("GAZEBO_MODEL_PATH", "").split(":") + [os.path.join(folder, "models")])
+    world = load_world(find_world(config.world, os.path.join(folder, "worlds")), resolve_model=folders)
+    step_ns = int(round((config.step or world.physics.max_step_size) * 1e9))
+    if step_ns < 1:
+        raise WorldError("%s: max_step_size is %g s; expected a positive step"
+                         % (config.world, world.physics.max_step_size))
+    engine = PyodeEngine(settings_from_physics(world.physics, step_ns, config.solver))
+    engine.reseed(config.seed)
+    simulator = Simulator(engine, Scene(), RosPorts(), SimConfig(
+        seed=config.seed, clock_rate=config.pub_clock_frequency, wheel_convention=config.wheel_convention,
+        wheel_conventions=config.wheel_conventions, command_timeout_ns=int(config.command_timeout * 1e9),
+        joint_states=config.joint_states, joint_state_rate=config.joint_state_rate))
+    simulator.paused = config.paused
+    simulator.load_world(world)
+    factor = config.real_time_factor
+    if factor is None:
+        factor = max(0.0, world.physics.real_time_update_rate * world.physics.max_step_size)
+    return simulator, factor, folders
+
+
+def run(config):
+    """Run the node until ROS shuts down."""
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    simulator, factor, folders = build(config, package_folder())
+    try:
+        warm_up(np.random.default_rng(config.seed))
+        states = [simulator.ports.advertise("~" + name, kind, 10, "")
+                  for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
+        simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
+        diagnostics = Diagnostics(simulator, factor)
+        loop = Loop(simulator, factor, rospy.is_shutdown, diagnostics.turn)
+        api = GazeboApi(simulator, loop, Spawner(simulator, folders))
+        log.info("world \"%s\" is ready: %d models, step %g ms, %s", config.world, len(simulator.models),
+                 simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as it can")
+        loop.run()
+        api.close()
+    finally:
+        simulator.close()
+
+
+def main():
+    """Entry point of the executable; returns the exit code."""
+    rospy.init_node("gazebo", disable_rostime=True)
+    _claim_time()
+    _log_through_rospy()
+    try:
+        config, unknown = read_config(private_parameters())
+        for name in unknown:
+            log.warning("parameter ~%s is not known and has no effect", name)
+        log.info("parameters: %s", config)
+        run(config)
+    except (ParameterError, WorldError, ModelError, SimError) as error:
+        rospy.logfatal("%s", error)
+        return 1
+    return 0

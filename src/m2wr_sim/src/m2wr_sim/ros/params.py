@@ -1,0 +1,127 @@
+"""The node's parameters: each read once, checked, and kept in one frozen record."""
+import math
+import os
+from dataclasses import dataclass, field, fields
+from typing import Dict, Optional
+
+import rospy
+
+from m2wr_sim.control.diff_drive import CONVENTIONS
+from m2wr_sim.errors import ParameterError
+
+
+def _parameter(default, help_text, check=None):
+    return field(default=default, metadata={"help": help_text, "check": check})
+
+
+def _at_least(least):
+    def check(value):
+        if not (math.isfinite(value) and value >= least):
+            return "expected a finite number of at least %g" % least
+        return None
+    return check
+
+
+def _one_of(*values):
+    def check(value):
+        return None if value in values else "expected one of %s" % ", ".join(values)
+    return check
+
+
+def _step(value):
+    return None if math.isfinite(value) and (value == 0.0 or 1e-5 <= value <= 0.1) else "expected 0 or 0.00001 to 0.1 s"
+
+
+@dataclass(frozen=True)
+class NodeConfig:
+    """All private parameters of the simulation node."""
+
+    world: str = _parameter("empty.world", "world file: a path, or a name from this package's worlds folder")
+    real_time_factor: Optional[float] = _parameter(
+        None, "simulated seconds per second; 0: as fast as it can; unset: as the world asks (1 for most)",
+        _at_least(0.0))
+    seed: int = _parameter(0, "seed of all sensor noise", _at_least(0))
+    step: float = _parameter(0.0, "physics step [s]; 0: the world's max_step_size", _step)
+    solver: str = _parameter("step", "step (direct) or quick (iterative)", _one_of("step", "quick"))
+    paused: bool = _parameter(False, "start paused")
+    pub_clock_frequency: float = _parameter(
+        100.0, "rate of /clock [Hz of simulated time]; 0: every step", _at_least(0.0))
+    pub_state_frequency: float = _parameter(
+        100.0, "rate of model_states and link_states [Hz of simulated time]; 0: every step", _at_least(0.0))
+    wheel_convention: str = _parameter(
+        "noetic", "which wheel is left: noetic, kinetic or rep103", _one_of(*CONVENTIONS))
+    wheel_conventions: Dict[str, str] = field(default_factory=dict, metadata={
+        "help": "the same for single models, by name", "check": None})
+    command_timeout: float = _parameter(
+        0.0, "stop a robot whose commands ceased that long ago [s]; 0: the last command holds", _at_least(0.0))
+    joint_states: bool = _parameter(True, "publish joint_states for robots whose description names no plugin for it")
+    joint_state_rate: float = _parameter(50.0, "rate of those [Hz]", _at_least(0.0))
+
+
+_NUMBERS = {"real_time_factor": float, "seed": int, "step": float, "pub_clock_frequency": float,
+            "pub_state_frequency": float, "command_timeout": float, "joint_state_rate": float}
+
+
+def read_config(parameters):
+    """Make a :class:`NodeConfig` of a dictionary of parameters; returns it with the names nobody knows.
+
+    Raises
+    ------
+    ParameterError
+        If a value is of the wrong type or out of range; the message names parameter, value and range.
+    """
+    known = {entry.name: entry for entry in fields(NodeConfig)}
+    values = {}
+    for name, value in parameters.items():
+        if name not in known:
+            continue
+        value = _typed(name, value)
+        check = known[name].metadata["check"]
+        problem = check(value) if check is not None and value is not None else None
+        if problem:
+            raise ParameterError("parameter ~%s is %r; %s" % (name, value, problem))
+        values[name] = value
+    for model, convention in values.get("wheel_conventions", {}).items():
+        if convention not in CONVENTIONS:
+            raise ParameterError("parameter ~wheel_conventions/%s is %r; expected one of %s"
+                                 % (model, convention, ", ".join(CONVENTIONS)))
+    return NodeConfig(**values), sorted(set(parameters) - set(known))
+
+
+def _typed(name, value):
+    """Accept ints for floats and whole floats for ints; refuse the rest by name."""
+    if name in _NUMBERS:
+        if name == "real_time_factor" and value == "":
+            return None
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or (
+                _NUMBERS[name] is int and value != int(value)):
+            raise ParameterError("parameter ~%s is %r; expected %s"
+                                 % (name, value, "a whole number" if _NUMBERS[name] is int else "a number"))
+        return _NUMBERS[name](value)
+    if name in ("paused", "joint_states"):
+        if not isinstance(value, bool):
+            raise ParameterError("parameter ~%s is %r; expected true or false" % (name, value))
+        return value
+    if name == "wheel_conventions":
+        if not isinstance(value, dict):
+            raise ParameterError("parameter ~wheel_conventions is %r; expected names of models with a convention each"
+                                 % (value,))
+        return value
+    return str(value)
+
+
+def private_parameters():
+    """Return this node's private parameters, without what rospy itself keeps there."""
+    found = rospy.get_param("~", {})
+    return {name: value for name, value in found.items() if name not in ("log_level", "enable_statistics")}
+
+
+def find_world(name, folder):
+    """Return the path of a world: absolute, relative to the working folder, or from this package's ``folder``.
+
+    A name that fits nowhere is returned as it is; reading it gives the error.
+    """
+    for candidate in (name, os.path.join(folder, name), os.path.join(folder, name + ".world")):
+        if os.path.isfile(candidate):
+            return os.path.abspath(candidate)
+    return name

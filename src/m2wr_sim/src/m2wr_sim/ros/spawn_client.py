@@ -1,0 +1,239 @@
+"""The spawn_model command: reads a description, asks the simulation to spawn it.  Exit code 0 or 1; 2 on misuse."""
+import argparse
+import math
+import re
+import sys
+import time
+
+import rospy
+from gazebo_msgs.msg import ModelStates
+from gazebo_msgs.srv import DeleteModel, SetModelConfiguration, SpawnModel
+from geometry_msgs.msg import Pose
+from lxml import etree
+from std_srvs.srv import Empty
+
+from m2wr_sim.geometry import quaternion_from_rpy
+
+_DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
+
+
+def make_parser():
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(prog="spawn_model", description="Spawn a URDF or SDF model in the simulation.",
+                                     add_help=True)
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument("-urdf", action="store_true", help="the description is URDF")
+    kind.add_argument("-sdf", action="store_true", help="the description is SDF")
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("-file", metavar="FILE", help="read the description from a file")
+    source.add_argument("-param", metavar="PARAM", help="read the description from a ROS parameter")
+    source.add_argument("-database", metavar="MODEL", help="a model found through GAZEBO_MODEL_PATH")
+    source.add_argument("-stdin", action="store_true", help="read the description from standard input")
+    parser.add_argument("-model", required=True, metavar="NAME", help="name of the model in the simulation")
+    parser.add_argument("-reference_frame", default="", metavar="FRAME", help="frame of the initial pose")
+    parser.add_argument("-gazebo_namespace", default="/gazebo", metavar="NS",
+                        help="namespace of the simulation's services")
+    parser.add_argument("-robot_namespace", default=None, metavar="NS", help="namespace of the robot's topics")
+    for option, text in (("-x", "position [m]"), ("-y", "position [m]"), ("-z", "position [m]"), ("-R", "roll [rad]"),
+                         ("-P", "pitch [rad]"), ("-Y", "yaw [rad]")):
+        parser.add_argument(option, type=float, default=0.0, metavar="NUMBER", help=text)
+    parser.add_argument("-J", dest="joints", nargs=2, action="append", default=[], metavar=("JOINT", "POSITION"),
+                        help="initial joint position; may be repeated")
+    parser.add_argument("-package_to_model", action="store_true", help="write model:// for package:// in mesh names")
+    parser.add_argument("-b", dest="bond", action="store_true", help="delete the model when this program ends")
+    parser.add_argument("-unpause", action="store_true", help="unpause the physics afterwards")
+    parser.add_argument("-wait", metavar="MODEL", help="first wait for another model")
+    return parser
+
+
+def parse(argv):
+    """Parse the command line; ``-J`` positions become numbers.  Misuse ends the program with code 2."""
+    parser = make_parser()
+    arguments = parser.parse_args(argv)
+    try:
+        arguments.joints = [(name, float(position)) for name, position in arguments.joints]
+    except ValueError as error:
+        parser.error("-J takes a joint and a number: %s" % error)
+    for name in "xyzRPY":
+        if not math.isfinite(getattr(arguments, name)):
+            parser.error("-%s takes a finite number" % name)
+    if arguments.database and not arguments.sdf:
+        parser.error("-database goes with -sdf")
+    return arguments
+
+
+class SpawnError(Exception):
+    """The model cannot be spawned; the message says why."""
+
+
+def read_description(arguments):
+    """Return the text of the description from wherever the command line says.
+
+    Raises
+    ------
+    SpawnError
+        If there is nothing there.
+    """
+    if arguments.file:
+        rospy.loginfo("Loading model XML from file %s", arguments.file)
+        try:
+            with open(arguments.file, encoding="utf-8") as stream:
+                text = stream.read()
+        except (OSError, UnicodeDecodeError) as error:
+            raise SpawnError("Error: cannot read file %s: %s" % (arguments.file, error))
+        if not text.strip():
+            raise SpawnError("Error: file %s is empty" % arguments.file)
+    elif arguments.param:
+        rospy.loginfo("Loading model XML from ros parameter %s", arguments.param)
+        text = rospy.get_param(arguments.param, None)
+        if text is None:
+            raise SpawnError("Error: parameter %s is not set; load the description first, for example with "
+                             "<param name=\"%s\" command=\"...\"/> in a launch file"
+                             % (arguments.param, arguments.param))
+        if not isinstance(text, str) or not text.strip():
+            raise SpawnError("Error: parameter %s is empty" % arguments.param)
+    elif arguments.database:
+        rospy.loginfo("Loading model XML from Gazebo Model Database")
+        text = _DATABASE_WORLD % arguments.database
+    else:
+        rospy.loginfo("Loading model XML from stdin")
+        text = sys.stdin.read()
+        if not text.strip():
+            raise SpawnError("Error: nothing came on standard input")
+    return normalise(text, arguments.package_to_model)
+
+
+def normalise(text, package_to_model=False):
+    """Parse the XML and write it again in ASCII without declaration and comments.
+
+    Raises
+    ------
+    SpawnError
+        If it is no well-formed XML.
+    """
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, huge_tree=True)
+    try:
+        root = etree.fromstring(text.encode("utf-8"), parser)
+    except etree.XMLSyntaxError as error:
+        raise SpawnError("Invalid XML: %s" % error)
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise SpawnError("Invalid XML: it declares a document type; entities are not expanded here")
+    if package_to_model:
+        for mesh in root.iter("mesh"):
+            if mesh.get("filename"):
+                mesh.set("filename", re.sub(r"^package://", "model://", mesh.get("filename")))
+    return etree.tostring(root, encoding="us-ascii").decode("ascii")
+
+
+def wait_for_model(name):
+    """Wait until a model of that name is in the world; returns False if ROS shuts down before."""
+    seen = []
+
+    def store(message):
+        seen[:] = message.name
+
+    subscriber = rospy.Subscriber("gazebo/model_states", ModelStates, store)
+    try:
+        rospy.loginfo("Waiting for model %s before proceeding.", name)
+        while name not in seen and not rospy.is_shutdown():
+            time.sleep(0.05)
+    finally:
+        subscriber.unregister()
+    return name in seen
+
+
+def _wait_for_service(name):
+    """Wait for a service, naming it every few seconds."""
+    rospy.loginfo("Waiting for service %s", name)
+    while not rospy.is_shutdown():
+        try:
+            rospy.wait_for_service(name, timeout=5.0)
+            return
+        except rospy.ROSException:
+            rospy.logwarn_throttle(5, "still waiting for service %s: is the simulation running?" % name)
+    raise SpawnError("interrupted while waiting for %s" % name)
+
+
+def spawn(arguments, text):
+    """Call the spawn service.
+
+    Raises
+    ------
+    SpawnError
+        If the call fails or the simulation refuses.
+    """
+    service = arguments.gazebo_namespace.rstrip("/") + ("/spawn_urdf_model" if arguments.urdf else "/spawn_sdf_model")
+    _wait_for_service(service)
+    pose = Pose()
+    pose.position.x, pose.position.y, pose.position.z = arguments.x, arguments.y, arguments.z
+    quaternion = quaternion_from_rpy(arguments.R, arguments.P, arguments.Y)
+    pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = quaternion
+    namespace = rospy.get_namespace() if arguments.robot_namespace is None else arguments.robot_namespace
+    rospy.loginfo("Calling service %s", service)
+    try:
+        response = rospy.ServiceProxy(service, SpawnModel)(
+            arguments.model, text, namespace, pose, arguments.reference_frame)
+    except (rospy.ServiceException, rospy.ROSException) as error:
+        raise SpawnError("Service call failed: %s" % error)
+    rospy.loginfo("Spawn status: %s", response.status_message)
+    if not response.success:
+        raise SpawnError("Spawn service failed. Exiting.")
+
+
+def _configure(arguments):
+    """Set the joint positions of ``-J``."""
+    time.sleep(1.0)         # as upstream: the model's plugins settle first
+    service = arguments.gazebo_namespace.rstrip("/") + "/set_model_configuration"
+    try:
+        rospy.wait_for_service(service, timeout=5.0)
+        response = rospy.ServiceProxy(service, SetModelConfiguration)(
+            arguments.model, "", [name for name, _ in arguments.joints], [position for _, position in arguments.joints])
+    except (rospy.ServiceException, rospy.ROSException) as error:
+        raise SpawnError("Service call failed: %s" % error)
+    rospy.loginfo("Set model configuration status: %s", response.status_message)
+    if not response.success:
+        raise SpawnError("joint positions were not set: %s" % response.status_message)
+
+
+def _keep_bond(arguments):
+    """Wait for shutdown and take the model out again."""
+    service = arguments.gazebo_namespace.rstrip("/") + "/delete_model"
+    proxy = rospy.ServiceProxy(service, DeleteModel)
+
+    def delete():
+        try:
+            proxy(arguments.model)
+        except (rospy.ServiceException, rospy.ROSException) as error:
+            rospy.logwarn("could not delete %s: %s", arguments.model, error)
+
+    rospy.on_shutdown(delete)
+    rospy.loginfo("Waiting for shutdown to delete model %s", arguments.model)
+    rospy.spin()
+
+
+def main(argv=None):
+    """Entry point; returns the exit code."""
+    arguments = parse(rospy.myargv(argv)[1:])
+    # no ROS time here: this program must not hang while the simulation is paused or its clock has not started
+    rospy.init_node("spawn_model", anonymous=True, disable_rostime=True)
+    rospy.rostime.switch_to_wallclock()
+    try:
+        if arguments.wait and not wait_for_model(arguments.wait):
+            return 0
+        spawn(arguments, read_description(arguments))
+        if arguments.joints:
+            _configure(arguments)
+        if arguments.unpause:
+            service = arguments.gazebo_namespace.rstrip("/") + "/unpause_physics"
+            rospy.wait_for_service(service, timeout=5.0)
+            rospy.ServiceProxy(service, Empty)()
+    except SpawnError as error:
+        rospy.logerr("%s", error)
+        if "Spawn service failed" not in str(error):
+            rospy.logerr("Spawn service failed. Exiting.")
+        return 1
+    except rospy.ROSInterruptException:
+        return 1
+    if arguments.bond:
+        _keep_bond(arguments)
+    return 0

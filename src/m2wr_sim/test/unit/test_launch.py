@@ -1,0 +1,76 @@
+"""The launch files, loaded as roslaunch loads them but with no master and nothing started."""
+import glob
+import os
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+import roslib.packages
+from roslaunch.config import ROSLaunchConfig
+from roslaunch.xmlloader import XmlLoader
+
+LAUNCH_DIR = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "launch")
+
+
+def load(name, *args):
+    """Return the nodes by name and the parameters of a launch file."""
+    config = ROSLaunchConfig()
+    XmlLoader().load(os.path.join(LAUNCH_DIR, name), config, argv=[name] + list(args), verbose=False)
+    return {node.name: node for node in config.nodes}, {key: param.value for key, param in config.params.items()}
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+@pytest.mark.parametrize("path", sorted(glob.glob(os.path.join(LAUNCH_DIR, "*.launch"))), ids=os.path.basename)
+def test_every_argument_has_a_default_and_a_description(path):
+    for arg in ElementTree.parse(path).getroot().findall("arg"):
+        assert arg.get("default") is not None and arg.get("doc") or arg.get("value") is not None, arg.get("name")
+
+
+@pytest.mark.parametrize("name", ["sim.launch", "bug2.launch"])
+def test_every_node_of_a_launch_file_exists(name):
+    nodes, _ = load(name)
+    for node in nodes.values():
+        assert roslib.packages.find_node(node.package, node.type), (node.package, node.type)
+
+
+def test_bug2_runs_the_reports_experiment_by_default():
+    nodes, params = load("bug2.launch")
+    assert sorted(nodes) == ["bug2", "gazebo", "go_to_point", "m2wr_spawn", "robot_state_publisher", "wall_follower"]
+    assert {name: params["/" + name] for name in ("initial_x", "initial_y", "des_pos_x", "des_pos_y")} == {
+        "initial_x": 0.0, "initial_y": 8.0, "des_pos_x": 0.0, "des_pos_y": -4.0}
+    assert params["/gazebo/world"] == "world02.world"
+    assert params["/gazebo/wheel_convention"] == "noetic" and params["/gazebo/wheel_conventions/m2wr"] == "kinetic"
+    assert params["/use_sim_time"] is True
+    assert '<robot name="m2wr"' in params["/robot_description"]
+    ends_the_run = {name for name, node in nodes.items() if node.required}
+    assert ends_the_run == {"bug2", "gazebo", "go_to_point", "robot_state_publisher", "wall_follower"}
+
+
+def test_arguments_reach_the_nodes():
+    nodes, params = load("bug2.launch", "world:=w.world", "initial_x:=1", "initial_y:=2", "initial_yaw:=3",
+                         "des_pos_x:=4", "des_pos_y:=5", "real_time_factor:=6", "seed:=7", "leave_rule:=report",
+                         "exit_on_goal:=true", "wheel_convention:=rep103", "step:=0.005")
+    assert {name: params["/gazebo/" + name] for name in ("world", "real_time_factor", "seed", "step")} == {
+        "world": "w.world", "real_time_factor": 6.0, "seed": 7, "step": 0.005}
+    assert params["/gazebo/wheel_conventions/m2wr"] == "rep103"
+    assert [params["/" + name] for name in ("initial_x", "initial_y", "initial_yaw", "des_pos_x", "des_pos_y")] == [
+        1, 2, 3, 4, 5]
+    assert params["/bug2/leave_rule"] == "report" and params["/bug2/exit_on_goal"] is True
+    assert "-x 1 -y 2" in nodes["m2wr_spawn"].args
+
+
+@pytest.mark.parametrize("record, bag", [("/tmp/run.bag", "/tmp/run.bag"), ("run.bag", "/home/me/run.bag")])
+def test_recording_names_the_bag_from_where_roslaunch_was_started(monkeypatch, record, bag):
+    monkeypatch.setenv("PWD", "/home/me")
+    nodes, _ = load("bug2.launch", "record:=" + record)
+    assert "-O '%s'" % bag in nodes["record"].args and nodes["record"].required
+
+
+def test_rviz_comes_with_a_display_or_when_asked_for(monkeypatch):
+    assert "rviz" in load("bug2.launch", "gui:=true")[0]
+    monkeypatch.setenv("DISPLAY", ":7")
+    assert "rviz" in load("bug2.launch")[0]
+    assert "rviz" not in load("bug2.launch", "gui:=false")[0]
