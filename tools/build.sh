@@ -15,6 +15,10 @@ fi
 rm -f "$BUILD_STAMP"
 catkin build --workspace "$WORKSPACE" --profile default --no-status --no-notify --summarize "$@"
 printf '%s' "$WORKSPACE" > "$CATKIN_BUILD/.m2wr_place"
+if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
+    say "compiled kernels: filling the cache, so that the first launch need not wait"
+    (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
+fi
 if [ $# -eq 0 ]; then
     printf '%s' "$hash_before" > "$BUILD_STAMP"
 fi

@@ -13,6 +13,7 @@ from std_srvs.srv import Empty, EmptyResponse
 from m2wr_sim.errors import NotFoundError
 from m2wr_sim.ros.loop import ShuttingDown
 from m2wr_sim.ros.spawning import Spawner
+from m2wr_sim.runtime.entities import tell
 
 log = logging.getLogger(__name__)
 
@@ -106,8 +107,8 @@ class GazeboApi:
 
     def _set_model_state(self, wanted):
         if wanted.model_name not in self._simulator.models:
-            log.error("set_model_state: there is no model \"%s\"; the world has %s", wanted.model_name,
-                      ", ".join(self._simulator.models) or "none")
+            log.warning("set_model_state: there is no model \"%s\"; models: %s", wanted.model_name,
+                        tell(self._simulator.models))
             return False, "SetModelState: model does not exist"
         numbers = sum(read_pose(wanted.pose), ()) + read_vector(wanted.twist.linear) + read_vector(wanted.twist.angular)
         if not all(abs(number) < float("inf") for number in numbers):

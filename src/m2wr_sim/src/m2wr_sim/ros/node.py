@@ -3,7 +3,6 @@ import logging
 import os
 import sys
 
-import numpy as np
 import rospkg
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
@@ -13,7 +12,7 @@ from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
 from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.physics.engine import settings_from_physics
-from m2wr_sim.physics.pyode_engine import PyodeEngine
+from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
 from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.gazebo_api import GazeboApi
@@ -22,8 +21,8 @@ from m2wr_sim.ros.params import find_world, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
 from m2wr_sim.ros.spawning import Spawner
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
-from m2wr_sim.sensors.laser import warm_up
 from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.warm_up import warm_up
 
 log = logging.getLogger("m2wr_sim")
 
@@ -64,7 +63,7 @@ def build(config, folder):
     if step_ns < 1:
         raise WorldError("%s: max_step_size is %g s; expected a positive step"
                          % (config.world, world.physics.max_step_size))
-    engine = PyodeEngine(settings_from_physics(world.physics, step_ns, config.solver))
+    engine = make_engine(config.engine, settings_from_physics(world.physics, step_ns, config.solver))
     engine.reseed(config.seed)
     simulator = Simulator(engine, Scene(), RosPorts(), SimConfig(
         seed=config.seed, clock_rate=config.pub_clock_frequency, wheel_convention=config.wheel_convention,
@@ -81,9 +80,9 @@ def build(config, folder):
 def run(config):
     """Run the node until ROS shuts down."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
+    warm_up(config.engine)
     simulator, factor, folders = build(config, package_folder())
     try:
-        warm_up(np.random.default_rng(config.seed))
         states = [simulator.ports.advertise("~" + name, kind, 10, "")
                   for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
         simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")

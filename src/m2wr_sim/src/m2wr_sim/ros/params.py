@@ -8,6 +8,7 @@ import rospy
 
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ParameterError
+from m2wr_sim.physics.factory import ENGINES
 
 
 def _parameter(default, help_text, check=None):
@@ -42,6 +43,8 @@ class NodeConfig:
         _at_least(0.0))
     seed: int = _parameter(0, "seed of all sensor noise", _at_least(0))
     step: float = _parameter(0.0, "physics step [s]; 0: the world's max_step_size", _step)
+    engine: str = _parameter(
+        "auto", "physics loop: native (compiled), pyode (same numbers, slower) or auto", _one_of(*ENGINES))
     solver: str = _parameter("step", "step (direct) or quick (iterative)", _one_of("step", "quick"))
     paused: bool = _parameter(False, "start paused")
     pub_clock_frequency: float = _parameter(

@@ -1,5 +1,6 @@
 """spawn_urdf_model and spawn_sdf_model: from the text in a request to a model in the world."""
 import logging
+import re
 
 import rospkg
 import rospy
@@ -14,6 +15,8 @@ log = logging.getLogger(__name__)
 
 _UNREADABLE = ("GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot be converted to "
                "Gazebo compatible format.")
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_PACKAGE = re.compile(r"package://([^/\"'<>\s]+)")
 _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to scope the link by model name?")
 
 
@@ -35,14 +38,18 @@ class Spawner:
         try:
             return self._packages.get_path(name)
         except rospkg.ResourceNotFound:
+            log.error("spawn_urdf_model: package://%s: there is no package \"%s\" in this workspace; expected one that rospack "
+                      "finds", name, name)
             raise rospy.ServiceException("urdf reference package name does not exist: %s" % name)
 
     def spawn_urdf(self, request):
-        """Answer spawn_urdf_model; text without a ``<robot>`` makes the call itself fail, as in Gazebo."""
+        """Answer spawn_urdf_model; no ``<robot>`` or an unknown ``package://`` make the call itself fail, as in Gazebo."""
         if "<robot" not in request.model_xml:
             log.error("spawn_urdf_model: the text for \"%s\" has no <robot> element; expected a URDF",
                       request.model_name)
             raise rospy.ServiceException("SpawnModel: Failure - entity format is invalid.")
+        for package in sorted(set(_PACKAGE.findall(_COMMENT.sub("", request.model_xml)))):
+            self._package_folder(package)       # also those of visual meshes, which nothing here opens
         return self._spawn(request, lambda: load_urdf(
             request.model_xml, source="URDF of %s" % request.model_name, model_name=request.model_name,
             resolve_package=self._package_folder))

@@ -9,6 +9,18 @@ from m2wr_sim.geometry import compose, invert, normalise_quaternion
 INERTIAL_FRAMES = ("", "world", "map", "/map")
 
 
+_NAMES_TOLD = 8
+
+
+def tell(names):
+    """Return names for a message; of a long list only the first few."""
+    names = list(names)
+    if not names:
+        return "none"
+    more = len(names) - _NAMES_TOLD
+    return ", ".join(names[:_NAMES_TOLD]) + (" and %d more" % more if more > 0 else "")
+
+
 class LiveModel:
     """A model in the world: its record, the engine's numbers for its parts, its plugins, and where a reset puts it."""
 
@@ -139,5 +151,4 @@ def find_frame(models, engine, name):
         found = find_link([model], name)
         if found is not None:
             return engine.link_state(model.handle.links[found[1]])
-    raise NotFoundError("no model or link is called \"%s\"; there are %s"
-                        % (name, ", ".join(model.name for model in models) or "no models"))
+    raise NotFoundError("no model or link is called \"%s\"; models: %s" % (name, tell(model.name for model in models)))

@@ -16,7 +16,7 @@ from m2wr_sim.model.types import Plane, PluginSpec
 from m2wr_sim.plugins.base import PluginReader
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.context import ModelContext
-from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame
+from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, tell
 from m2wr_sim.runtime.schedule import period_of
 
 log = logging.getLogger(__name__)
@@ -202,8 +202,7 @@ class Simulator:
 
     def _model(self, name):
         if name not in self.models:
-            raise NotFoundError("model \"%s\" does not exist; there are %s"
-                                % (name, ", ".join(self.models) or "no models"))
+            raise NotFoundError("model \"%s\" does not exist; models: %s" % (name, tell(self.models)))
         return self.models[name]
 
     def add_observer(self, plugin, label):

@@ -1,0 +1,230 @@
+"""The stepping loop and the contact callback, compiled: libode is called by name, no Python object is touched.
+
+Everything the callback needs lies in one block of 8-byte words, which it sees as unsigned integers and as floats alike:
+
+====================  =======================================================================================
+words                 content
+====================  =======================================================================================
+0 .. 31               header, see the ``H_`` names; sections are given by their first word
+H_CONTACTS            ``MAX_FOUND`` dContact structures of ``CONTACT_WORDS`` words
+H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
+H_GEOMS               ``GEOM_WORDS`` words a geom: class, body handle
+H_SPACES              the movable models' spaces
+H_NOW, H_BEFORE       pairs that touch in this step and in the last: row, row, position, depth
+H_LOG                 touches that began: step, row, row, position, depth
+====================  =======================================================================================
+
+The symbols of libode must be known to the compiler before this module is imported; see native_ode.publish_symbols.
+"""
+import math
+
+import numpy as np
+from numba import carray, cfunc, njit, types
+
+(H_WORLD, H_GROUP, H_ADDRESS, H_CALLBACK, H_STATIC, H_MOVING, H_SPACE_COUNT, H_CLASS_COUNT, H_CONTACTS, H_PAIRS,
+ H_GEOMS, H_SPACES, H_NOW, H_BEFORE, H_LOG, H_NOW_COUNT, H_BEFORE_COUNT, H_LOG_COUNT, H_STEPS, H_QUICK,
+ H_SIZE) = range(21)
+HEADER_WORDS = 32
+
+# dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
+CONTACT_WORDS = 31
+C_MODE, C_MU, C_MU2, C_BOUNCE, C_BOUNCE_VELOCITY, C_SOFT_ERP, C_SOFT_CFM, C_SLIP1, C_SLIP2 = 0, 1, 2, 6, 7, 8, 9, 13, 14
+C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH = 15, 15, 19, 23
+MAX_FOUND = 150
+
+PAIR_WORDS = 16
+(P_VALID, P_MODE, P_MU, P_MU2, P_STEEP_MU, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
+ P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE) = range(15)
+
+GEOM_WORDS = 2
+G_CLASS, G_BODY = 0, 1
+
+TOUCH_WORDS, MAX_TOUCHING = 6, 64
+LOG_WORDS, MAX_LOG = 7, 256
+
+_STEEP = 0.5
+
+_handle = types.uintp
+_is_space = types.ExternalFunction("dGeomIsSpace", types.int32(_handle))
+_geom_data = types.ExternalFunction("dGeomGetData", _handle(_handle))
+_collide = types.ExternalFunction("dCollide", types.int32(_handle, _handle, types.int32, _handle, types.int32))
+_space_collide = types.ExternalFunction("dSpaceCollide", types.void(_handle, _handle, _handle))
+_space_collide2 = types.ExternalFunction("dSpaceCollide2", types.void(_handle, _handle, _handle, _handle))
+_create_contact = types.ExternalFunction("dJointCreateContact", _handle(_handle, _handle, _handle))
+_attach = types.ExternalFunction("dJointAttach", types.void(_handle, _handle, _handle))
+_group_empty = types.ExternalFunction("dJointGroupEmpty", types.void(_handle))
+_world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.float64))
+_world_quick_step = types.ExternalFunction("dWorldQuickStep", types.int32(_handle, types.float64))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _merge(values, first, count):
+    """Average ``count`` contacts into the first, as contacts.merge does, with the same order of operations."""
+    px = py = pz = nx = ny = nz = depth = 0.0
+    deepest = first
+    for index in range(count):
+        at = first + index * CONTACT_WORDS
+        px += values[at + C_POSITION]
+        py += values[at + C_POSITION + 1]
+        pz += values[at + C_POSITION + 2]
+        nx += values[at + C_NORMAL]
+        ny += values[at + C_NORMAL + 1]
+        nz += values[at + C_NORMAL + 2]
+        if values[at + C_DEPTH] > depth:
+            depth, deepest = values[at + C_DEPTH], at
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if norm < 0.5 * count:
+        for word in range(C_GEOMETRY, C_DEPTH + 1):
+            values[first + word] = values[deepest + word]
+        return
+    position, normal = first + C_POSITION, first + C_NORMAL
+    values[position], values[position + 1], values[position + 2] = px / count, py / count, pz / count
+    values[normal], values[normal + 1], values[normal + 2] = nx / norm, ny / norm, nz / norm
+    values[first + C_DEPTH] = depth
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _spread(values, first, count, limit):
+    """Move the contacts that contacts.spread would choose to the front, in their order."""
+    chosen = np.zeros(MAX_FOUND, np.bool_)
+    nearest = np.full(MAX_FOUND, math.inf)
+    last = 0
+    for index in range(count):
+        if values[first + index * CONTACT_WORDS + C_DEPTH] > values[first + last * CONTACT_WORDS + C_DEPTH]:
+            last = index
+    chosen[last] = True
+    for _ in range(limit - 1):
+        origin = first + last * CONTACT_WORDS + C_POSITION
+        best, best_distance = -1, -1.0
+        for index in range(count):
+            at = first + index * CONTACT_WORDS + C_POSITION
+            dx, dy = values[at] - values[origin], values[at + 1] - values[origin + 1]
+            dz = values[at + 2] - values[origin + 2]
+            distance = dx * dx + dy * dy + dz * dz
+            if distance < nearest[index]:
+                nearest[index] = distance
+            if nearest[index] > best_distance and not chosen[index]:
+                best, best_distance = index, nearest[index]
+        chosen[best] = True
+        last = best
+    kept = 0
+    for index in range(count):
+        if chosen[index]:
+            if kept != index:
+                for word in range(C_GEOMETRY, C_DEPTH + 1):
+                    values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
+            kept += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _note_touch(words, values, one, two, at):
+    """Remember that two geoms touch in this step; only the first contact of a pair counts."""
+    count = words[H_NOW_COUNT]
+    for index in range(count):
+        row = words[H_NOW] + index * TOUCH_WORDS
+        if words[row] == one and words[row + 1] == two:
+            return
+    if count == MAX_TOUCHING:
+        return
+    row = words[H_NOW] + count * TOUCH_WORDS
+    words[row], words[row + 1] = one, two
+    for axis in range(3):
+        values[row + np.uint64(2 + axis)] = values[at + C_POSITION + axis]
+    values[row + np.uint64(5)] = values[at + C_DEPTH]
+    words[H_NOW_COUNT] = count + np.uint64(1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _contacts(words, values, one, two):
+    """Make the contact joints of two geoms, as PyodeEngine does."""
+    row_one, row_two = _geom_data(one), _geom_data(two)
+    if row_one == 0 or row_two == 0:
+        return
+    geom_one, geom_two = words[H_GEOMS] + (row_one - 1) * GEOM_WORDS, words[H_GEOMS] + (row_two - 1) * GEOM_WORDS
+    cell = words[geom_one + G_CLASS] * words[H_CLASS_COUNT] + words[geom_two + G_CLASS]
+    pair = np.int64(words[H_PAIRS] + cell * PAIR_WORDS)
+    if values[pair + P_VALID] == 0.0:
+        return
+    first = np.int64(words[H_CONTACTS])
+    address = words[H_ADDRESS] + np.uint64(8) * words[H_CONTACTS]
+    count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
+    if count == 0:
+        return
+    limit = np.int64(values[pair + P_MAX_CONTACTS])
+    if count > 1 and values[pair + P_MERGE] != 0.0:
+        _merge(values, first, count)
+        count = 1
+    elif count > limit:
+        _spread(values, first, count, limit)
+        count = limit
+    ground, both_move = values[pair + P_GROUND] != 0.0, values[pair + P_BOTH_MOVE] != 0.0
+    for index in range(count):
+        at = first + index * CONTACT_WORDS
+        mu, mu2 = values[pair + P_MU], values[pair + P_MU2]
+        steep = -_STEEP < values[at + C_NORMAL + 2] < _STEEP
+        if steep and values[pair + P_STEEP_MU] < mu:
+            mu = values[pair + P_STEEP_MU]
+            mu2 = min(mu2, mu)
+        if not ground and (steep or both_move):
+            _note_touch(words, values, row_one, row_two, at)
+        words[at + C_MODE] = np.uint64(values[pair + P_MODE])
+        values[at + C_MU], values[at + C_MU2] = mu, mu2
+        values[at + C_BOUNCE] = values[pair + P_BOUNCE]
+        values[at + C_BOUNCE_VELOCITY] = values[pair + P_BOUNCE_VELOCITY]
+        values[at + C_SLIP1], values[at + C_SLIP2] = values[pair + P_SLIP1] * count, values[pair + P_SLIP2] * count
+        values[at + C_SOFT_ERP], values[at + C_SOFT_CFM] = values[pair + P_SOFT_ERP], values[pair + P_SOFT_CFM]
+        joint = _create_contact(words[H_WORLD], words[H_GROUP], words[H_ADDRESS] + np.uint64(8 * at))
+        _attach(joint, words[geom_one + G_BODY], words[geom_two + G_BODY])
+
+
+@cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
+def near(data, one, two):
+    """ODE's near callback."""
+    header = carray(data, (HEADER_WORDS,), np.uint64)
+    if _is_space(one) or _is_space(two):
+        _space_collide2(one, two, header[H_ADDRESS], header[H_CALLBACK])
+        return
+    words = carray(data, (np.int64(header[H_SIZE]),), np.uint64)
+    values = carray(data, (np.int64(header[H_SIZE]),), np.float64)
+    _contacts(words, values, one, two)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _log_touches(words, values):
+    """Log the pairs that touch now and did not in the last step, then make now the last step."""
+    for index in range(np.int64(words[H_NOW_COUNT])):
+        row = np.int64(words[H_NOW]) + index * TOUCH_WORDS
+        known = False
+        for past in range(np.int64(words[H_BEFORE_COUNT])):
+            other = np.int64(words[H_BEFORE]) + past * TOUCH_WORDS
+            known = known or (words[row] == words[other] and words[row + 1] == words[other + 1])
+        count = np.int64(words[H_LOG_COUNT])
+        if not known and count < MAX_LOG:
+            log = np.int64(words[H_LOG]) + count * LOG_WORDS
+            words[log] = words[H_STEPS]
+            for word in range(TOUCH_WORDS):
+                words[log + 1 + word] = words[row + word]
+            words[H_LOG_COUNT] = np.uint64(count + 1)
+    words[H_NOW], words[H_BEFORE] = words[H_BEFORE], words[H_NOW]
+    words[H_BEFORE_COUNT], words[H_NOW_COUNT] = words[H_NOW_COUNT], np.uint64(0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run(words, values, steps, dt):
+    """Take ``steps`` steps of ``dt`` seconds; ``words`` and ``values`` are the block as uint64 and as float64."""
+    world, group, data, callback = words[H_WORLD], words[H_GROUP], words[H_ADDRESS], words[H_CALLBACK]
+    spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
+    quick = words[H_QUICK] != 0
+    for _ in range(steps):
+        words[H_STEPS] += np.uint64(1)
+        for index in range(space_count):
+            _space_collide2(words[spaces + index], words[H_STATIC], data, callback)
+        if space_count > 1:
+            _space_collide(words[H_MOVING], data, callback)
+        if quick:
+            _world_quick_step(world, dt)
+        else:
+            _world_step(world, dt)
+        _group_empty(group)
+        if words[H_NOW_COUNT] or words[H_BEFORE_COUNT]:
+            _log_touches(words, values)

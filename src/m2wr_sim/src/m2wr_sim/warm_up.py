@@ -1,0 +1,28 @@
+"""Compile every kernel, or load it from its cache, before anything waits for it: ``python3 -m m2wr_sim.warm_up``."""
+import sys
+
+import numpy as np
+
+from m2wr_sim.geometry import IDENTITY
+from m2wr_sim.model.types import Box, Collision, Link, Model, Plane, Sphere
+from m2wr_sim.physics.engine import EngineSettings
+from m2wr_sim.physics.factory import make_engine
+from m2wr_sim.sensors import laser
+
+
+def warm_up(engine_kind="auto"):
+    """Run the ray kernels and an engine's loop once on a tiny world."""
+    laser.warm_up(np.random.default_rng(0))
+    engine = make_engine(engine_kind, EngineSettings())
+    try:
+        for name, geometry, static in (("floor", Plane(), True), ("box", Box((1.0, 1.0, 1.0)), False),
+                                       ("ball", Sphere(0.5), False)):
+            link = Link("link", collisions=(Collision("shape", geometry),))
+            engine.add_model(Model(name, (link,), static=static), IDENTITY)
+        engine.step(2)
+    finally:
+        engine.close()
+
+
+if __name__ == "__main__":
+    sys.exit(warm_up())
