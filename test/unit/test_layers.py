@@ -34,7 +34,7 @@ RULES = (
     Rule("m2wr_sim/runtime/*.py", NUMERIC, False, True, ("m2wr_sim.ros",)),
     Rule("m2wr_sim/plugins/*.py", NUMERIC, True, True, ("m2wr_sim.ros",)),
     Rule("m2wr_sim/ros/*.py", ANYTHING, True, False, ()),
-    Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbags", "yaml"}, False, True, EDGES),
+    Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbag", "yaml"}, False, True, EDGES),
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
     Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),
     Rule("motion_plan/*_nodes.py", ANYTHING, True, False, ()),

@@ -58,8 +58,10 @@ def main(argv=None):
     print("wall time %.1f s, picture %s, bag %s" % (wall, picture, bag))
     if code:
         return code
-    if summary.final_state != "goal_reached" or summary.touches:
-        sys.stderr.write("demo: the run ended as \"%s\" with %s touches; expected goal_reached and none\n"
-                         % (summary.final_state, summary.touches))
+    if summary.final_state != "goal_reached" or summary.touches != 0 or not summary.least_clearance > 0.0:
+        sys.stderr.write("demo: the run ended as \"%s\" with %s touches and a least clearance of %s m; expected "
+                         "goal_reached, 0 and more than 0\n"
+                         % (summary.final_state, "unknown" if summary.touches is None else summary.touches,
+                            summary.least_clearance))
         return 1
     return 0

@@ -13,23 +13,22 @@ class Diagnostics:
     def __init__(self, simulator, factor):
         self._simulator, self._factor = simulator, factor
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
-        self._last = self._start = (time.monotonic(), simulator.now_ns)
+        self._last = (time.monotonic(), simulator.now_ns)
         self._run_seconds = self._run_sim_ns = 0
-        self._messages, self._reported = simulator.engine.solver_messages, {}
+        self._messages, self._seen, self._reported = simulator.engine.solver_messages, 0, set()
 
     def turn(self):
-        """Publish if a second has passed, and name new collisions at once."""
-        self._report_touches()
+        """Publish if a second has passed, and at once when something has been touched for the first time."""
         wall = time.monotonic()
         elapsed = wall - self._last[0]
-        if elapsed < _PERIOD:
+        if not self._report_touches() and elapsed < _PERIOD:
             return
         advanced_ns = self._simulator.now_ns - self._last[1]
         self._last = (wall, self._simulator.now_ns)
         if not self._simulator.paused and advanced_ns >= 0:
             self._run_seconds += elapsed
             self._run_sim_ns += advanced_ns
-        self._publish(max(0.0, advanced_ns * 1e-9 / elapsed))
+        self._publish(max(0.0, advanced_ns * 1e-9 / max(elapsed, 1e-6)))
 
     def _publish(self, factor):
         simulator = self._simulator
@@ -59,10 +58,17 @@ class Diagnostics:
         return DiagnosticStatus.OK, "running at %.2f times real time" % factor
 
     def _report_touches(self):
-        """Log the first touch of each pair, so that a bump does not go unseen."""
-        for touch in self._simulator.touches[len(self._reported):]:
+        """Log the first touch of each pair, so that a bump does not go unseen; return whether there was one."""
+        touches = self._simulator.touches
+        if len(touches) < self._seen:       # the simulation was reset
+            self._seen, self._reported = 0, set()
+        new = False
+        for touch in touches[self._seen:]:
             pair = (touch.first, touch.second)
-            if pair not in self._reported.values():
+            if pair not in self._reported:
+                new = True
+                self._reported.add(pair)
                 rospy.logwarn("%s touches %s at (%.2f, %.2f, %.2f), %.1f mm deep, at %.2f s", touch.first, touch.second,
                               *touch.position, 1000.0 * touch.depth, self._simulator.now_ns * 1e-9)
-            self._reported[len(self._reported)] = pair
+        self._seen = len(touches)
+        return new

@@ -1,0 +1,206 @@
+"""A finished run as arrays, read from the bag it was recorded into."""
+import math
+import os
+from collections import namedtuple
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+import numpy as np
+import rosbag
+
+from m2wr_sim.errors import SimError
+from m2wr_sim.geometry import yaw_of
+
+ODOMETRY, CLOCK, DIAGNOSTICS = "/odom", "/clock", "/diagnostics"
+STATE, HIT, LEAVE, LINE = "/bug2/state", "/bug2/hit_point", "/bug2/leave_point", "/bug2/m_line"
+TYPES = {ODOMETRY: "nav_msgs/Odometry", CLOCK: "rosgraph_msgs/Clock", DIAGNOSTICS: "diagnostic_msgs/DiagnosticArray",
+         STATE: "std_msgs/String", HIT: "geometry_msgs/PointStamped", LEAVE: "geometry_msgs/PointStamped",
+         LINE: "nav_msgs/Path"}
+SIMULATION_STATUS = "m2wr_sim: simulation"
+FIRST_STATE = "go_to_point"
+JUMP = 0.5          # m between two samples: somebody put the robot there, it did not drive
+
+_Entry = namedtuple("_Entry", "recorded message")   # recorded: the recorder's time [s], simulated or not
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """One run.  Whatever was not recorded is None.
+
+    Attributes
+    ----------
+    path : str
+        The bag.
+    times, x, y, yaw : (n,) float64 or None
+        Simulated time [s] and pose of link_chassis in the odometry frame [m, rad] since the run began.
+    states : tuple of (float, str) or None
+        Simulated time [s] and name of each state that differs from the one before.
+    hit_points, leave_points : (k, 2) float64 or None
+        Where walls were met and left [m].
+    touches : int or None
+        How often the robot began to touch something, as last told on /diagnostics.
+    mean_factor : float or None
+        Simulated seconds per second over the whole run.
+    start, goal : (float, float) or None
+        Ends of the line to follow [m].
+    """
+
+    path: str
+    times: Optional[np.ndarray] = None
+    x: Optional[np.ndarray] = None
+    y: Optional[np.ndarray] = None
+    yaw: Optional[np.ndarray] = None
+    states: Optional[Tuple[Tuple[float, str], ...]] = None
+    hit_points: Optional[np.ndarray] = None
+    leave_points: Optional[np.ndarray] = None
+    touches: Optional[int] = None
+    mean_factor: Optional[float] = None
+    start: Optional[Tuple[float, float]] = None
+    goal: Optional[Tuple[float, float]] = None
+
+
+def read_run(path, start=None, goal=None, robot="m2wr"):
+    """Read a recorded run.
+
+    The run begins with the first ``go_to_point`` on /bug2/state, or behind the last jump of more than 0.5 m between
+    two samples of /odom, whichever is later: falling to the ground and being put at the start belong to no run.  Where
+    the time stamps of /odom go back, the world was reset, and only what comes after that is read.
+
+    Parameters
+    ----------
+    path : str
+        A finished bag.
+    start, goal : (float, float), optional
+        Ends of the line to follow [m]; the ends of /bug2/m_line where not given.
+    robot : str
+        Name of the model whose touches count.
+
+    Returns
+    -------
+    RunLog
+
+    Raises
+    ------
+    SimError
+        If there is no such bag, or it is unfinished, broken or empty, or a topic has an unexpected type.
+    """
+    path = os.fspath(path)
+    topics = _read_topics(path)
+    samples, recorded = _odometry(topics)
+    if samples is not None and len(samples) < len(topics[ODOMETRY]):
+        for topic in (STATE, HIT, LEAVE):
+            topics[topic] = [entry for entry in topics.get(topic, ()) if entry.recorded >= recorded[0]]
+    states = _states(topics, _to_simulated(topics, samples, recorded))
+    line = [(pose.pose.position.x, pose.pose.position.y) for pose in topics[LINE][-1].message.poses] \
+        if topics.get(LINE) else []
+    times, x, y, yaw = (None,) * 4 if samples is None else _driven(samples, states)
+    touches, factor = _diagnosis(topics, robot, path)
+    return RunLog(path, times, x, y, yaw, states, _points(topics, HIT), _points(topics, LEAVE), touches, factor,
+                  _pair(start) or (line[0] if line else None), _pair(goal) or (line[-1] if line else None))
+
+
+def _read_topics(path):
+    """Return the messages of the topics of interest, in the order of the recorder's time."""
+    if path.endswith(".active"):
+        raise SimError("bag %s: the recorder is still writing it, or was killed before it could finish; expected a "
+                       "finished bag (stop the recorder with Ctrl-C, or run `rosbag reindex` on the file)" % path)
+    if not os.path.exists(path) and os.path.exists(path + ".active"):
+        raise SimError("bag %s: there is only %s.active; the recorder has not finished, expected a finished bag"
+                       % (path, path))
+    try:
+        with rosbag.Bag(path) as bag:
+            if not bag.get_message_count():
+                raise SimError("bag %s: there is no message in it; expected a recorded run" % path)
+            _check_types(bag, path)
+            topics = {}
+            for topic, message, recorded in bag.read_messages([name for name in TYPES if name != CLOCK]):
+                topics.setdefault(topic, []).append(_Entry(recorded.to_sec(), message))
+            if ODOMETRY not in topics:      # a clock comes a thousand times a second: read only if nothing else tells
+                topics[CLOCK] = [_Entry(recorded.to_sec(), message)
+                                 for _, message, recorded in bag.read_messages([CLOCK])]
+            return topics
+    except OSError as error:
+        raise SimError("bag %s: %s; expected a readable bag file" % (path, error.strerror or error))
+    except rosbag.ROSBagUnindexedException:
+        raise SimError("bag %s: it has no index, so it was not finished; expected a finished bag (try `rosbag reindex`)"
+                       % path)
+    except SimError:
+        raise
+    except Exception as error:      # damaged bytes come out as whatever the reader trips over first
+        raise SimError("bag %s: it cannot be read (%s: %s); expected a bag of format 2.0 that is whole"
+                       % (path, type(error).__name__, error)) from error
+
+
+def _check_types(bag, path):
+    for topic, info in bag.get_type_and_topic_info().topics.items():
+        if topic in TYPES and info.msg_type != TYPES[topic]:
+            raise SimError("bag %s: topic %s has the type %s; expected %s" % (path, topic, info.msg_type, TYPES[topic]))
+
+
+def _odometry(topics):
+    """Return samples (n, 4) of simulated time, x, y, yaw and the recorder's times (n,), since the last reset."""
+    if not topics.get(ODOMETRY):
+        return None, None
+    samples = np.empty((len(topics[ODOMETRY]), 4))
+    for row, entry in zip(samples, topics[ODOMETRY]):
+        pose, turn = entry.message.pose.pose.position, entry.message.pose.pose.orientation
+        row[:] = (entry.message.header.stamp.to_sec(), pose.x, pose.y, yaw_of((turn.x, turn.y, turn.z, turn.w)))
+    recorded = np.array([entry.recorded for entry in topics[ODOMETRY]])
+    back = np.flatnonzero(np.diff(samples[:, 0]) < 0.0)
+    first = back[-1] + 1 if len(back) else 0
+    return samples[first:], recorded[first:]
+
+
+def _to_simulated(topics, samples, recorded):
+    """Return a function from the recorder's time to simulated time, for messages without a stamp of their own."""
+    if samples is not None:
+        return lambda time: float(np.interp(time, recorded, samples[:, 0]))
+    if topics.get(CLOCK):
+        clock = np.array([(entry.recorded, entry.message.clock.to_sec()) for entry in topics[CLOCK]])
+        return lambda time: float(np.interp(time, clock[:, 0], clock[:, 1]))
+    return float
+
+
+def _states(topics, simulated):
+    if not topics.get(STATE):
+        return None
+    states = []
+    for recorded, message in topics[STATE]:
+        if not states or states[-1][1] != message.data:
+            states.append((simulated(recorded), message.data))
+    return tuple(states)
+
+
+def _driven(samples, states):
+    """Return times, x, y, yaw of the samples that belong to the run."""
+    began = next((time for time, name in states or () if name == FIRST_STATE), -math.inf)
+    first = min(int(np.searchsorted(samples[:, 0], began)), len(samples) - 1)
+    jumps = np.flatnonzero(np.hypot(np.diff(samples[:, 1]), np.diff(samples[:, 2])) > JUMP)
+    if len(jumps):
+        first = max(first, jumps[-1] + 1)
+    return tuple(np.ascontiguousarray(column) for column in samples[first:].T)
+
+
+def _points(topics, topic):
+    if not topics.get(topic):
+        return None
+    return np.array([(entry.message.point.x, entry.message.point.y) for entry in topics[topic]])
+
+
+def _diagnosis(topics, robot, path):
+    """Return touches and mean real-time factor from the simulation's last status."""
+    found = [status for entry in topics.get(DIAGNOSTICS, ()) for status in entry.message.status
+             if status.name == SIMULATION_STATUS]
+    if not found:
+        return None, None
+    values = {pair.key: pair.value for pair in found[-1].values}
+    touches, factor = values.get("touches of " + robot, "0"), values.get("mean real-time factor")
+    try:        # a model that touched nothing is not listed
+        return int(touches), None if factor is None else float(factor)
+    except ValueError:
+        raise SimError("bag %s: status \"%s\" on %s tells \"%s\" touches of %s and the mean real-time factor \"%s\"; "
+                       "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, touches, robot, factor))
+
+
+def _pair(point):
+    return None if point is None else (float(point[0]), float(point[1]))
