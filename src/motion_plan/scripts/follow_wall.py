@@ -1,0 +1,6 @@
+#!/usr/bin/env python3
+"""Behaviour: follow the wall on the right (the same as wall_follower.py)."""
+from motion_plan.ros_nodes import wall_follower
+
+if __name__ == '__main__':
+    wall_follower()

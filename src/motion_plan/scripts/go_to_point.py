@@ -1,0 +1,6 @@
+#!/usr/bin/env python3
+"""Behaviour: drive to the point (des_pos_x, des_pos_y); switched by /go_to_point_switch."""
+from motion_plan.ros_nodes import go_to_point
+
+if __name__ == '__main__':
+    go_to_point()

@@ -1,0 +1,6 @@
+#!/usr/bin/env python3
+"""Behaviour: follow the wall on the right; switched by /wall_follower_switch."""
+from motion_plan.ros_nodes import wall_follower
+
+if __name__ == '__main__':
+    wall_follower()

@@ -1,0 +1,43 @@
+"""Angles in the plane: wrapping and the yaw of a quaternion. Plain floats, no ROS types."""
+import math
+
+TWO_PI = 2.0 * math.pi
+
+
+def wrap_angle(angle):
+    """Return ``angle`` [rad] wrapped to [-pi, pi), whatever number of turns it holds."""
+    return (angle + math.pi) % TWO_PI - math.pi
+
+
+def normalize_angle(angle):
+    """Return ``angle`` [rad] moved by one turn towards zero when its size exceeds pi.
+
+    The report's own formula: it takes away one turn only, so it is right for differences of two wrapped
+    angles and leaves +pi and -pi as they are.
+    """
+    if math.fabs(angle) > math.pi:
+        angle = angle - (2 * math.pi * angle) / (math.fabs(angle))
+    return angle
+
+
+def yaw_of_quaternion(x, y, z, w):
+    """Return the yaw [rad] of a quaternion.
+
+    Parameters
+    ----------
+    x, y, z, w : float
+        The quaternion; it need not have unit length. All zeros means no rotation, as in Gazebo.
+
+    Returns
+    -------
+    float
+        Rotation about the fixed z axis (roll, pitch, yaw convention of REP 103) in [-pi, pi].
+
+    Raises
+    ------
+    ValueError
+        If a component is not finite.
+    """
+    if not all(math.isfinite(value) for value in (x, y, z, w)):
+        raise ValueError('quaternion (%s, %s, %s, %s): expected four finite numbers' % (x, y, z, w))
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -1,0 +1,11 @@
+"""The robot's measures that the guards need, in the frame of link_chassis (x forward, y left), in metres."""
+
+#: The wheels' axle: the point about which the robot turns on the spot.
+AXLE_X = -0.05
+#: The laser (joint_sensor_laser).
+LASER_X = 0.15
+#: Farthest point of the body from the axle: the tip of the (invisible) colliding caster at x = +0.40.
+TURNING_RADIUS = 0.45
+#: Parts of the footprint: rectangles (x_min, x_max, y_min, y_max) and discs (x, y, radius).
+FOOTPRINT_BOXES = ((-0.25, 0.25, -0.15, 0.15), (-0.15, 0.05, 0.18, 0.22), (-0.15, 0.05, -0.22, -0.18))
+FOOTPRINT_DISCS = ((0.35, 0.0, 0.05),)

@@ -1,0 +1,56 @@
+"""Obstacle avoidance without a goal: drive on, turn away from what is nearer than a metre."""
+import logging
+from enum import Enum
+
+LOG = logging.getLogger(__name__)
+
+#: A sector nearer than this [m] counts as occupied.
+THRESHOLD = 1.0
+
+
+class State(Enum):
+    """What the robot does; the value is its command (linear_x [m/s], angular_z [rad/s])."""
+
+    GO_STRAIGHT = (0.6, 0.0)
+    TURN_LEFT = (0.0, 0.3)
+    TURN_RIGHT = (0.0, -0.3)
+    PASS_BETWEEN = (0.3, 0.0)
+
+
+#: (front, fleft, fright occupied) -> text of the case, state.
+CASES = {
+    (False, False, False): ('case 1 - nothing', State.GO_STRAIGHT),
+    (True, False, False): ('case 2 - front', State.TURN_LEFT),
+    (False, False, True): ('case 3 - fright', State.TURN_LEFT),
+    (False, True, False): ('case 4 - fleft', State.TURN_RIGHT),
+    (True, False, True): ('case 5 - front and fright', State.TURN_LEFT),
+    (True, True, False): ('case 6 - front and fleft', State.TURN_RIGHT),
+    (True, True, True): ('case 7 - front and fleft and fright', State.TURN_LEFT),
+    (False, True, True): ('case 8 - fleft and fright', State.PASS_BETWEEN),
+}
+
+
+class ObstacleAvoidance:
+    """The table of eight cases over the sectors front, fleft and fright."""
+
+    def __init__(self):
+        self.state = State.GO_STRAIGHT
+        self.case = ''
+
+    def take_action(self, regions):
+        """Choose the state from ``regions`` (dict of sector to metres). A value equal to 1 m decides nothing."""
+        values = [regions[name] for name in ('front', 'fleft', 'fright')]
+        if not all(value < THRESHOLD or value > THRESHOLD for value in values):
+            self.case = 'unknown case'
+            LOG.info('%s %s', self.case, regions)
+            return
+        case, self.state = CASES[tuple(value < THRESHOLD for value in values)]
+        if case != self.case:
+            self.case = case
+            LOG.info('%s', case)
+
+    def update(self, pose=None, regions=None):
+        """Return (linear_x [m/s], angular_z [rad/s]); ``pose`` is not used."""
+        if regions is not None:
+            self.take_action(regions)
+        return self.state.value

@@ -1,0 +1,49 @@
+"""The last second of poses, so that a scan is placed where the robot was when it was taken."""
+from collections import deque
+
+from motion_plan.angles import wrap_angle
+
+
+class PoseHistory:
+    """Time-stamped planar poses.
+
+    Parameters
+    ----------
+    length : int
+        Number of poses kept.
+    """
+
+    def __init__(self, length=40):
+        self._poses = deque(maxlen=length)
+
+    def add(self, stamp, pose):
+        """Take ``pose`` (x, y [m], yaw [rad]) of time ``stamp`` [s]; a stamp in the past starts a new history."""
+        if self._poses and stamp < self._poses[-1][0]:
+            self._poses.clear()
+        if self._poses and stamp == self._poses[-1][0]:
+            self._poses.pop()
+        self._poses.append((stamp, pose))
+
+    def clear(self):
+        """Forget all poses."""
+        self._poses.clear()
+
+    def latest(self):
+        """Return the newest pose, or None."""
+        return self._poses[-1][1] if self._poses else None
+
+    def at(self, stamp):
+        """Return the pose at ``stamp`` [s], interpolated; the first or last one for a time outside, None if empty."""
+        if not self._poses:
+            return None
+        later = None
+        for time, pose in reversed(self._poses):
+            if time <= stamp:
+                if later is None:
+                    return pose
+                part = (stamp - time) / (later[0] - time)
+                turn = wrap_angle(later[1][2] - pose[2])
+                return (pose[0] + part * (later[1][0] - pose[0]), pose[1] + part * (later[1][1] - pose[1]),
+                        wrap_angle(pose[2] + part * turn))
+            later = (time, pose)
+        return later[1]

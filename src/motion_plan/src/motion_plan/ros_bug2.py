@@ -1,0 +1,230 @@
+"""The node bug2: puts the robot at the start, switches the two behaviours, tells what it does."""
+import json
+import math
+import time
+
+import rospy
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import SetModelState
+from geometry_msgs.msg import PointStamped, PoseStamped
+from nav_msgs.msg import Path
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+
+from motion_plan.bug2 import STATE_DESCRIPTIONS, Bug2, State
+from motion_plan.ros_support import (NodeError, Senses, optional_number, required_number, run_node, spin_at_rate,
+                                     wait_for_clock, wait_while)
+
+LAUNCH_FILE = 'bug2.launch'
+SWITCHES = ('/go_to_point_switch', '/wall_follower_switch')
+SET_MODEL_STATE = '/gazebo/set_model_state'
+STATUS_PERIOD = 0.5
+#: Wall seconds that the last latched messages get to leave before the node exits.
+FAREWELL_SECONDS = 0.5
+
+
+class Bug2Publishers:
+    """The latched topics that tell what Bug 2 does."""
+
+    def __init__(self):
+        self._state = rospy.Publisher('bug2/state', String, queue_size=1, latch=True)
+        self._status = rospy.Publisher('bug2/status', String, queue_size=1, latch=True)
+        self._hit = rospy.Publisher('bug2/hit_point', PointStamped, queue_size=1, latch=True)
+        self._leave = rospy.Publisher('bug2/leave_point', PointStamped, queue_size=1, latch=True)
+        self._line = rospy.Publisher('bug2/m_line', Path, queue_size=1, latch=True)
+
+    def state(self, bug, frame_id, stamp):
+        """Publish a new state, with the point at which it was entered."""
+        self._state.publish(String(data=bug.state.value))
+        for publisher, point, state in ((self._hit, bug.hit_point, State.WALL_FOLLOWING),
+                                        (self._leave, bug.leave_point, State.GO_TO_POINT)):
+            if point is not None and bug.state is state:
+                msg = PointStamped()
+                msg.header.frame_id, msg.header.stamp = frame_id, stamp
+                msg.point.x, msg.point.y = point
+                publisher.publish(msg)
+
+    def status(self, bug, pose, stamp):
+        """Publish the state in numbers, as JSON."""
+        self._status.publish(String(data=json.dumps({
+            'stamp': stamp.to_sec(), 'state': bug.state.value, 'reason': bug.reason, 'leave_rule': bug.leave_rule,
+            'position': [round(pose[0], 4), round(pose[1], 4)],
+            'distance_to_line': round(bug.distance_to_line(pose), 4),
+            'distance_to_goal': round(bug.distance_to_goal(pose), 4),
+            'hit_point': bug.hit_point, 'leave_point': bug.leave_point}, sort_keys=True)))
+
+    def m_line(self, bug, frame_id, stamp):
+        """Publish the m-line as a path of two poses."""
+        path = Path()
+        path.header.frame_id, path.header.stamp = frame_id, stamp
+        yaw = math.atan2(bug.goal[1] - bug.line_start[1], bug.goal[0] - bug.line_start[0])
+        for x, y in (bug.line_start, bug.goal):
+            pose = PoseStamped()
+            pose.header = path.header
+            pose.pose.position.x, pose.pose.position.y = x, y
+            pose.pose.orientation.z, pose.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+            path.poses.append(pose)
+        self._line.publish(path)
+
+
+class Bug2Node:
+    """Reads the parameters, waits for the services, then takes a turn of `Bug2` at 20 Hz."""
+
+    def __init__(self):
+        start = (required_number('initial_x', 'x of the start in metres', LAUNCH_FILE),
+                 required_number('initial_y', 'y of the start in metres', LAUNCH_FILE))
+        goal = (required_number('des_pos_x', 'x of the goal in metres', LAUNCH_FILE),
+                required_number('des_pos_y', 'y of the goal in metres', LAUNCH_FILE))
+        self._initial_yaw = optional_number('initial_yaw', 0.0, 'heading at the start in radians')
+        self._exit_on_goal = bool(rospy.get_param('~exit_on_goal', False))
+        self._model_name = rospy.get_param('~model_name', 'm2wr')
+        try:
+            self.bug = Bug2(start, goal, rospy.get_param('~leave_rule', 'complete'))
+        except ValueError as error:
+            raise NodeError('parameters initial_x, initial_y, des_pos_x, des_pos_y, ~leave_rule: %s' % error)
+        self._publishers = Bug2Publishers()
+        self._senses = Senses(remember=True)
+        self._switched = None
+        rospy.on_shutdown(self._leave_nothing_driving)
+        self._told_line = None
+        self._next_status = 0.0
+
+    def spin(self):
+        """Put the robot at its start and drive it; return the exit code."""
+        wait_for_clock()
+        self._wait_for_services()
+        self._place_robot()
+        wait_while(lambda: self._senses.pose is None or self._senses.regions is None, self._missing_topics)
+        self.change_state(State.GO_TO_POINT)
+        code = spin_at_rate(self._turn, self._time_reset)
+        if code is not None and not rospy.is_shutdown():
+            time.sleep(FAREWELL_SECONDS)
+        return code
+
+    def change_state(self, state):
+        """Log the state, publish it and switch the behaviours for it."""
+        rospy.loginfo('state changed: %s%s', STATE_DESCRIPTIONS[state],
+                      ' (%s)' % self.bug.reason if self.bug.reason else '')
+        self._publishers.state(self.bug, self._senses.frame_id, rospy.get_rostime())
+        self._next_status = 0.0
+        self._switch_behaviours()
+
+    def distance_to_line(self, point):
+        """Return the distance [m] of (x, y) from the line through start and goal."""
+        return self.bug.distance_to_line(point)
+
+    def _turn(self, now):
+        with self._senses.lock:
+            pose, speed, regions = self._senses.pose, self._senses.speed, self._senses.regions
+            if pose is None or regions is None:
+                return None
+            before, stale = self.bug.state, self._senses.stale(now)
+            state = self.bug.update(now, pose, regions, self._senses.surroundings, speed, self._senses.scan_age(now))
+        if stale and not self.bug.finished:
+            rospy.logwarn_throttle(5.0, 'bug2: nothing new on %s for over a second' % stale)
+        if state is not before:
+            self.change_state(state)
+            self._report_end(state, pose)
+        elif self._switched is not state:
+            self._switch_behaviours()
+        self._tell(now, pose)
+        if self._exit_on_goal and self.bug.finished and self._switched is state:
+            return 0 if state is State.GOAL_REACHED else 1
+        return None
+
+    def _tell(self, now, pose):
+        if self._told_line != self.bug.line_start:
+            self._publishers.m_line(self.bug, self._senses.frame_id, rospy.get_rostime())
+            self._told_line = self.bug.line_start
+        if now >= self._next_status:
+            self._next_status = now + STATUS_PERIOD
+            self._publishers.status(self.bug, pose, rospy.get_rostime())
+        if self.bug.finished:
+            return
+        line = 'distance to line: [%.2f], position: [%.2f, %.2f]' % (self.distance_to_line(pose), pose[0], pose[1])
+        if self.bug.leave_rule == 'report':
+            rospy.loginfo(line)
+        else:
+            rospy.loginfo_throttle(2.0, line)
+
+    def _report_end(self, state, pose):
+        goal = 'goal (%.2f, %.2f)' % self.bug.goal
+        if state is State.GOAL_REACHED:
+            rospy.loginfo('%s reached: the robot stands at (%.2f, %.2f), %s', goal, pose[0], pose[1], self.bug.reason)
+        elif state is State.GOAL_UNREACHABLE:
+            rospy.logerr('%s cannot be reached: %s; the robot stands at (%.2f, %.2f)', goal, self.bug.reason,
+                         pose[0], pose[1])
+
+    def _switch_behaviours(self):
+        """Call the two switches in the report's order; what fails is tried again in the next turn."""
+        state = self.bug.state
+        # at the goal go_to_point stays on, as in the report: it holds the robot with zero commands
+        wanted = {State.WALL_FOLLOWING: (False, True), State.GOAL_UNREACHABLE: (False, False)}.get(state, (True, False))
+        for service, value in zip(SWITCHES, wanted):
+            try:
+                rospy.ServiceProxy(service, SetBool)(value)
+            except (rospy.ServiceException, rospy.ROSException) as error:
+                if not rospy.is_shutdown():
+                    rospy.logwarn_throttle(2.0, 'bug2: service %s (%s) failed, trying again: %s'
+                                           % (service, value, error))
+                return
+        self._switched = state
+
+    def _leave_nothing_driving(self):
+        """Nobody would watch the way any more: switch off what this node had switched on."""
+        if self._switched is None:
+            return
+        for service in SWITCHES:
+            try:
+                rospy.ServiceProxy(service, SetBool)(False)
+            except (rospy.ServiceException, rospy.ROSException):
+                continue    # it is shutting down as well, and stops the robot by itself
+
+    def _wait_for_services(self):
+        for service in SWITCHES + (SET_MODEL_STATE,):
+            while True:
+                try:
+                    rospy.wait_for_service(service, timeout=4.0)
+                    break
+                except rospy.ROSException:
+                    if rospy.is_shutdown():
+                        raise rospy.ROSInterruptException('shutdown while waiting for %s' % service)
+                    rospy.logwarn('bug2: still waiting for the service %s', service)
+
+    def _place_robot(self):
+        """Set the robot to the start; asked again every second until the simulator has the model."""
+        state = ModelState()
+        state.model_name = self._model_name
+        state.pose.position.x, state.pose.position.y = self.bug.start
+        if self._initial_yaw != 0.0:    # else the report's all-zero quaternion, which means no rotation
+            state.pose.orientation.z = math.sin(self._initial_yaw / 2)
+            state.pose.orientation.w = math.cos(self._initial_yaw / 2)
+        while not rospy.is_shutdown():
+            try:
+                answer = rospy.ServiceProxy(SET_MODEL_STATE, SetModelState)(state)
+                if answer.success:
+                    # what was measured before the robot was moved says nothing about where it is now
+                    self._senses.forget(not_before=rospy.get_time())
+                    return
+                problem = answer.status_message
+            except (rospy.ServiceException, rospy.ROSException) as error:
+                problem = str(error)
+            rospy.logwarn_throttle(5.0, 'bug2: %s did not place model "%s" at (%.2f, %.2f): %s; trying again'
+                                   % (SET_MODEL_STATE, self._model_name, self.bug.start[0], self.bug.start[1], problem))
+            time.sleep(1.0)
+
+    def _missing_topics(self):
+        missing = [name for name, value in (('/odom', self._senses.pose), ('/m2wr/laser/scan', self._senses.regions))
+                   if value is None]
+        return 'bug2: still waiting for %s' % ' and '.join(missing)
+
+    def _time_reset(self):
+        self._senses.forget()
+        self._next_status = 0.0
+        self.bug.restart()
+        self.change_state(State.GO_TO_POINT)
+
+
+def bug2():
+    """Run the node; its own name is bug0, launch files name it bug2."""
+    run_node('bug0', Bug2Node)

@@ -1,0 +1,158 @@
+"""The nodes reading_laser, go_to_point, wall_follower and obstacle_avoidance around their state machines."""
+import rospy
+from geometry_msgs.msg import Twist
+
+from motion_plan.go_to_point import GoToPoint
+from motion_plan.obstacle_avoidance import ObstacleAvoidance
+from motion_plan.regions import READING_LASER_BOUNDS, SECTOR_NAMES
+from motion_plan.ros_support import Senses, Switchable, required_number, run_node, spin_at_rate, wait_for_clock
+from motion_plan.wall_follower import WallFollower
+from motion_plan.wall_guard import WallGuard
+
+
+class ReadingLaserNode:
+    """Logs the five sector minima of every scan, right to left."""
+
+    def __init__(self):
+        self._senses = Senses(odom=False, bounds=READING_LASER_BOUNDS, on_regions=self.clbk_laser)
+
+    @staticmethod
+    def clbk_laser(regions):
+        """Log the list."""
+        rospy.loginfo([regions[name] for name in SECTOR_NAMES])
+
+    @staticmethod
+    def spin():
+        """Wait for the end."""
+        wait_for_clock()
+        rospy.spin()
+
+
+class GoToPointNode:
+    """Publishes the commands of `GoToPoint` while switched on by /go_to_point_switch."""
+
+    def __init__(self):
+        goal = (required_number('des_pos_x', 'x of the goal in metres', 'behaviors.launch'),
+                required_number('des_pos_y', 'y of the goal in metres', 'behaviors.launch'))
+        self.behaviour = GoToPoint(goal)
+        self._senses = Senses(scan=False)
+        self._switch = Switchable('/go_to_point_switch', self._switched)
+
+    def _switched(self, on):
+        if on:
+            self.behaviour.restart()
+
+    def spin(self):
+        """Run the loop."""
+        return spin_at_rate(self._turn, self._time_reset)
+
+    def _turn(self, now):
+        if not self._switch.active:
+            return
+        with self._senses.lock:
+            pose, stale = self._senses.pose, self._senses.stale(now)
+        if pose is None:
+            rospy.logwarn_throttle(5.0, 'go_to_point: switched on, but no /odom has been received yet')
+        elif stale:
+            rospy.logwarn_throttle(5.0, 'go_to_point: nothing new on %s for over a second: standing still' % stale)
+            self._switch.publish((0.0, 0.0))
+        else:
+            self._switch.publish(self.behaviour.update(pose))
+
+    def _time_reset(self):
+        self._senses.forget()
+        self.behaviour.restart()
+
+
+class WallFollowerNode:
+    """Publishes the commands of `WallFollower`, guarded by `WallGuard`, while switched on by /wall_follower_switch."""
+
+    def __init__(self):
+        self.behaviour = WallFollower()
+        self._guard = WallGuard() if rospy.get_param('~guard', True) else None
+        self._senses = Senses(odom=self._guard is not None, remember=self._guard is not None,
+                              on_regions=self.behaviour.take_action)
+        self._switch = Switchable('/wall_follower_switch', self._switched)
+
+    def _switched(self, on):
+        with self._senses.lock:
+            if self._guard is not None:
+                self._guard.release()
+
+    def spin(self):
+        """Run the loop."""
+        return spin_at_rate(self._turn, self._time_reset)
+
+    def _turn(self, now):
+        if not self._switch.active:
+            return
+        with self._senses.lock:
+            command = self._command(now)
+        if command is not None:
+            self._switch.publish(command)
+
+    def _command(self, now):
+        senses = self._senses
+        if self._guard is None:
+            return self.behaviour.update()
+        if senses.regions is None or senses.pose is None:
+            rospy.logwarn_throttle(5.0, 'wall_follower: switched on, but no %s has been received yet (the guard needs '
+                                        'it)' % ('/odom' if senses.pose is None else 'laser scan'))
+            return None
+        stale = senses.stale(now)
+        if stale:
+            rospy.logwarn_throttle(5.0, 'wall_follower: nothing new on %s for over a second: standing still' % stale)
+            return 0.0, 0.0
+        return self._guard.update(now, senses.pose, senses.surroundings, self.behaviour.update())
+
+    def _time_reset(self):
+        with self._senses.lock:
+            self._senses.forget()
+            if self._guard is not None:
+                self._guard.release()
+
+
+class ObstacleAvoidanceNode:
+    """Drives about and turns away from what is near; active from the first scan on."""
+
+    def __init__(self):
+        self.behaviour = ObstacleAvoidance()
+        self._publisher = rospy.Publisher('/cmd_vel', Twist, queue_size=1)
+        self._senses = Senses(odom=False, on_regions=self.clbk_laser)
+        rospy.on_shutdown(self._stop)
+
+    def clbk_laser(self, regions):
+        """Answer a scan with a command."""
+        msg = Twist()
+        msg.linear.x, msg.angular.z = self.behaviour.update(None, regions)
+        self._publisher.publish(msg)
+
+    def _stop(self):
+        self._publisher.publish(Twist())
+        rospy.rostime.wallsleep(0.1)
+
+    @staticmethod
+    def spin():
+        """Wait for the end."""
+        wait_for_clock()
+        rospy.spin()
+
+
+def reading_laser():
+    """Run the node reading_laser."""
+    run_node('reading_laser', ReadingLaserNode)
+
+
+def go_to_point():
+    """Run the node go_to_point."""
+    run_node('go_to_point', GoToPointNode)
+
+
+def wall_follower():
+    """Run the node wall_follower."""
+    run_node('wall_follower', WallFollowerNode)
+
+
+def obstacle_avoidance():
+    """Run the node obstacle_avoidance."""
+    run_node('obstacle_avoidance', ObstacleAvoidanceNode)

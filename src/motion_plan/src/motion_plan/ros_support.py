@@ -1,0 +1,277 @@
+"""What the nodes share: parameters, logging, the loop, and messages turned into plain values."""
+import logging
+import math
+import sys
+import threading
+import time
+
+import rospy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+from std_srvs.srv import SetBool, SetBoolResponse
+
+from motion_plan.angles import yaw_of_quaternion
+from motion_plan.pose_history import PoseHistory
+from motion_plan.regions import RegionReader, ScanError
+from motion_plan.surroundings import Surroundings
+
+RATE_HZ = 20
+#: Wall seconds between two reminders of something that is waited for.
+REMIND_SECONDS = 5.0
+#: Messages older than this [s] are not driven on.
+STALE_SECONDS = 1.0
+SCAN_TOPIC = '/m2wr/laser/scan'
+
+
+class NodeError(Exception):
+    """A node cannot run; the text is one sentence for the user."""
+
+
+class RosoutHandler(logging.Handler):
+    """Passes the log lines of the ROS-free modules on to rospy, so that they reach the screen and /rosout."""
+
+    def emit(self, record):
+        """Log ``record`` at rospy's level of the same name."""
+        log = {logging.DEBUG: rospy.logdebug, logging.INFO: rospy.loginfo, logging.WARNING: rospy.logwarn}
+        log.get(record.levelno, rospy.logerr)('%s', record.getMessage())
+
+
+def run_node(name, make_node):
+    """Start the node ``name``, run what ``make_node()`` returns and leave with its exit code.
+
+    A NodeError ends in one fatal line and exit code 1, not in a traceback.
+    """
+    rospy.init_node(name)
+    library = logging.getLogger('motion_plan')
+    library.addHandler(RosoutHandler())
+    library.setLevel(logging.INFO)
+    library.propagate = False
+    try:
+        code = make_node().spin()
+    except NodeError as error:
+        rospy.logfatal('%s: %s', rospy.get_name(), error)
+        code = 1
+    except rospy.ROSInterruptException:
+        code = 0
+    sys.exit(code or 0)
+
+
+def required_number(name, meaning, launch_file):
+    """Return the global parameter ``name`` as a float.
+
+    Raises
+    ------
+    NodeError
+        If it is missing, no number or not finite: one sentence that says how to set it.
+    """
+    if not rospy.has_param(name):
+        raise NodeError('parameter "%s" (%s) is not set: set it with "rosparam set %s VALUE" or start the node by '
+                        '"roslaunch motion_plan %s", which sets it' % (name, meaning, name, launch_file))
+    return finite_number(name, rospy.get_param(name), meaning)
+
+
+def optional_number(name, default, meaning):
+    """Return the global parameter ``name`` as a finite float, or ``default``."""
+    return finite_number(name, rospy.get_param(name, default), meaning)
+
+
+def finite_number(name, value, meaning):
+    """Return ``value`` as a float; NodeError when it is no finite number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise NodeError('parameter "%s" (%s) is %r: expected a finite number' % (name, meaning, value))
+    return number
+
+
+def wait_while(condition, sentence):
+    """Wait in wall time while ``condition()`` holds; warn with ``sentence()`` every five seconds. Ends on shutdown."""
+    last = time.monotonic()
+    while condition():
+        if rospy.is_shutdown():
+            raise rospy.ROSInterruptException('shutdown while waiting')
+        if time.monotonic() - last > REMIND_SECONDS:
+            last = time.monotonic()
+            rospy.logwarn('%s', sentence())
+        time.sleep(0.02)
+
+
+def wait_for_clock():
+    """Wait for the simulated clock, if one is to be used."""
+    wait_while(lambda: rospy.get_rostime().is_zero(),
+               lambda: '%s: /use_sim_time is true but nothing publishes /clock; start the simulator, or "rosparam set '
+                       '/use_sim_time false" if none is to run' % rospy.get_name())
+
+
+def spin_at_rate(turn, time_reset):
+    """Call ``turn(now)`` at 20 Hz until it returns an exit code or ROS shuts down; returns the code.
+
+    ``time_reset()`` is called when time has jumped back, as after a reset of the simulation.
+    """
+    wait_for_clock()
+    rate = rospy.Rate(RATE_HZ, reset=True)
+    last = rospy.get_time()
+    while not rospy.is_shutdown():
+        now = rospy.get_time()
+        if now < last:
+            rospy.logwarn('%s: time jumped back from %.3f s to %.3f s; starting anew', rospy.get_name(), last, now)
+            time_reset()
+            rate = rospy.Rate(RATE_HZ, reset=True)
+        last = now
+        code = turn(now)
+        if code is not None:
+            return code
+        try:
+            rate.sleep()
+        except rospy.ROSTimeMovedBackwardsException:
+            continue
+    return 0
+
+
+def planar_pose(msg):
+    """Return (pose, speed) of a nav_msgs/Odometry: (x, y, yaw) and (linear_x, angular_z).
+
+    Raises
+    ------
+    ValueError
+        If one of the numbers is not finite.
+    """
+    position, q = msg.pose.pose.position, msg.pose.pose.orientation
+    pose = (position.x, position.y, yaw_of_quaternion(q.x, q.y, q.z, q.w))
+    speed = (msg.twist.twist.linear.x, msg.twist.twist.angular.z)
+    if not all(math.isfinite(value) for value in pose + speed):
+        raise ValueError('position (%s, %s), speed %s: expected finite numbers' % (position.x, position.y, speed))
+    return pose, speed
+
+
+class Senses:
+    """The newest odometry and scan of a node, as plain values; subscribes by itself.
+
+    Attributes
+    ----------
+    lock : threading.RLock
+        To be held while several attributes are read together.
+    pose, speed : tuple or None
+        Of the newest odometry.
+    regions : dict or None
+        Sector minima of the newest valid scan.
+    surroundings : Surroundings
+        Filled when ``remember`` is true and odometry is there.
+    """
+
+    def __init__(self, odom=True, scan=True, remember=False, bounds=None, on_regions=None):
+        self.lock = threading.RLock()
+        self.surroundings = Surroundings()
+        self.reader = RegionReader(bounds) if bounds else RegionReader()
+        self.history = PoseHistory()
+        self._remember, self._on_regions = remember, on_regions
+        self.forget()
+        if odom:
+            rospy.Subscriber('/odom', Odometry, self.clbk_odom, queue_size=1, tcp_nodelay=True)
+        if scan:
+            rospy.Subscriber(SCAN_TOPIC, LaserScan, self.clbk_laser, queue_size=1, tcp_nodelay=True)
+
+    def forget(self, not_before=0.0):
+        """Drop everything received so far, and refuse messages stamped before ``not_before`` [s]."""
+        with self.lock:
+            self.pose = self.speed = self.regions = None
+            self.frame_id = 'odom'
+            self.odom_time = self.scan_time = self.scan_stamp = None
+            self._not_before = not_before
+            self.history.clear()
+            self.surroundings.clear()
+
+    def clbk_odom(self, msg):
+        """Store pose and speed; refuse what is not finite."""
+        try:
+            pose, speed = planar_pose(msg)
+        except ValueError as error:
+            rospy.logwarn_throttle(5.0, '%s: /odom refused: %s' % (rospy.get_name(), error))
+            return
+        stamp = msg.header.stamp.to_sec()
+        with self.lock:
+            if 0.0 < stamp < self._not_before:
+                return
+            self.pose, self.speed, self.odom_time = pose, speed, rospy.get_time()
+            self.frame_id = msg.header.frame_id or 'odom'
+            self.history.add(stamp, pose)
+
+    def clbk_laser(self, msg):
+        """Store the sector minima and remember the points; refuse scans that make no sense."""
+        try:
+            regions = self.reader.read(msg.ranges, msg.angle_min, msg.angle_max, msg.angle_increment)
+        except ScanError as error:
+            rospy.logwarn_throttle(5.0, '%s: %s refused: %s' % (rospy.get_name(), SCAN_TOPIC, error))
+            return
+        for notice in self.reader.take_notices():
+            rospy.logwarn('%s: %s', rospy.get_name(), notice)
+        stamp = msg.header.stamp.to_sec()
+        with self.lock:
+            if 0.0 < stamp < self._not_before:
+                return
+            self.regions, self.scan_time, self.scan_stamp = regions, rospy.get_time(), stamp
+            pose = self.history.at(stamp) if self._remember else None
+            if pose is not None:
+                self.surroundings.update(msg.ranges, msg.angle_min, msg.angle_increment, pose)
+            if self._on_regions is not None:
+                self._on_regions(regions)
+
+    def scan_age(self, now):
+        """Return the age of the newest scan [s]: by its stamp, or by its arrival when stamps are of another clock."""
+        age = now - self.scan_stamp
+        return age if 0.0 <= age < 5.0 else max(0.0, now - self.scan_time)
+
+    def stale(self, now):
+        """Return the topics whose newest message is older than a second, as a text; '' when all is well."""
+        names = [name for name, at in (('/odom', self.odom_time), (SCAN_TOPIC, self.scan_time))
+                 if at is not None and now - at > STALE_SECONDS]
+        return ' and '.join(names)
+
+
+class Switchable:
+    """Publishes commands while switched on; one zero command when switched off or shut down.
+
+    Parameters
+    ----------
+    service : str
+        Name of the std_srvs/SetBool service.
+    on_switch : callable
+        Called with True or False on a change, before anything is published.
+    """
+
+    def __init__(self, service, on_switch):
+        self.active = False
+        self._lock = threading.Lock()
+        self._on_switch = on_switch
+        self._publisher = rospy.Publisher('/cmd_vel', Twist, queue_size=1)
+        rospy.Service(service, SetBool, self.clbk_switch)
+        rospy.on_shutdown(self._shut_down)
+
+    def clbk_switch(self, request):
+        """Serve the switch; the reply is the report's: success, 'Done!'."""
+        with self._lock:
+            changed = self.active != request.data
+            if changed:
+                self._on_switch(request.data)
+            self.active = request.data
+            if changed and not request.data:
+                self._publisher.publish(Twist())
+        return SetBoolResponse(success=True, message='Done!')
+
+    def publish(self, command):
+        """Publish (linear_x, angular_z), unless switched off in the meantime."""
+        msg = Twist()
+        msg.linear.x, msg.angular.z = command
+        with self._lock:
+            if self.active:
+                self._publisher.publish(msg)
+
+    def _shut_down(self):
+        with self._lock:
+            if self.active:
+                self.active = False
+                self._publisher.publish(Twist())
+                time.sleep(0.1)    # the queued message must leave before the process does

@@ -1,0 +1,151 @@
+"""What the laser has seen around the robot, also beside and behind it, as points in the odometry frame.
+
+The laser looks 90 degrees to each side, the robot turns about an axle 0.2 m behind it: a corner leaves the view
+while the robot can still touch it. So points are kept until the robot is far away or a beam goes through them.
+No planning here: only the store and the two questions asked of it.
+"""
+import math
+
+import numpy as np
+
+from motion_plan.angles import wrap_angle
+from motion_plan.body import AXLE_X, LASER_X
+
+#: Points farther than this from the robot are forgotten [m].
+FORGET_DISTANCE = 3.0
+#: Readings beyond this are not stored [m].
+KEEP_RANGE = 2.5
+#: Grid on which stored points are thinned [m].
+CELL = 0.04
+#: A beam must go this much behind a point to clear it [m]: range noise, and the pose of a moment before.
+CLEAR_MARGIN = 0.10
+#: Jump of the pose between two scans that only a teleport can make [m].
+TELEPORT = 0.5
+
+
+def axle_of(pose):
+    """Return the (x, y) of the axle [m] for a pose (x, y, yaw) of link_chassis, both in the odometry frame."""
+    return pose[0] + AXLE_X * math.cos(pose[2]), pose[1] + AXLE_X * math.sin(pose[2])
+
+
+class Surroundings:
+    """Obstacle points around the robot in the odometry frame.
+
+    Attributes
+    ----------
+    points : (N, 2) float64
+        x, y [m] in the odometry frame.
+    """
+
+    def __init__(self):
+        self.points = np.empty((0, 2))
+        self._pose = None
+        self._layout = None
+        self._angles = self._cos = self._sin = None
+
+    def clear(self):
+        """Forget everything, as after a reset."""
+        self.points = np.empty((0, 2))
+        self._pose = None
+
+    def update(self, ranges, angle_min, angle_increment, pose, range_min=0.10):
+        """Take one scan in.
+
+        Parameters
+        ----------
+        ranges : (B,) array_like
+            Readings [m]; +inf, -inf and NaN as in REP 117.
+        angle_min, angle_increment : float
+            Of the scan [rad].
+        pose : (float, float, float)
+            x, y [m], yaw [rad] of link_chassis in the odometry frame when the scan was taken.
+        range_min : float
+            Range that stands for a "too close" reading [m].
+        """
+        readings = np.array(ranges, dtype=np.float64)
+        readings[readings < range_min] = range_min
+        self._prepare(len(readings), angle_min, angle_increment)
+        if self._pose is not None and math.hypot(pose[0] - self._pose[0], pose[1] - self._pose[1]) > TELEPORT:
+            self.points = np.empty((0, 2))
+        self._pose = pose
+        cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
+        laser_x, laser_y = pose[0] + LASER_X * cos_yaw, pose[1] + LASER_X * sin_yaw
+        kept = self._unseen(readings, angle_min, angle_increment, laser_x, laser_y, pose[2])
+        near = readings < KEEP_RANGE
+        distance = readings[near]
+        local_x, local_y = distance * self._cos[near], distance * self._sin[near]
+        seen = np.column_stack((laser_x + cos_yaw * local_x - sin_yaw * local_y,
+                                laser_y + sin_yaw * local_x + cos_yaw * local_y))
+        points = np.concatenate((seen, kept))
+        cells = np.floor(points / CELL).astype(np.int64)
+        first = np.unique(cells[:, 0] * 1000003 + cells[:, 1], return_index=True)[1]
+        self.points = points[first]
+
+    def nearest(self, x, y):
+        """Return (distance [m], point) of the stored point nearest to x, y; (inf, None) when nothing is stored."""
+        if len(self.points) == 0:
+            return math.inf, None
+        distance = np.hypot(self.points[:, 0] - x, self.points[:, 1] - y)
+        index = int(np.argmin(distance))
+        return float(distance[index]), self.points[index]
+
+    def free_travel(self, x, y, directions, radius):
+        """How far a disc can go from x, y before a stored point is inside it.
+
+        Parameters
+        ----------
+        x, y : float
+            Centre of the disc [m] in the odometry frame.
+        directions : (D,) array_like
+            Directions of travel [rad] in the odometry frame.
+        radius : float
+            Of the disc [m].
+
+        Returns
+        -------
+        travel : (D,) float64
+            Free travel [m], inf where nothing is in the way. 0 where a point inside the disc would be approached;
+            a point inside the disc that is left behind does not count.
+        blockers : (D,) int64
+            Index in ``points`` of what ends the travel, -1 where nothing does.
+        """
+        directions = np.atleast_1d(np.asarray(directions, dtype=np.float64))
+        if len(self.points) == 0:
+            return np.full(len(directions), math.inf), np.full(len(directions), -1)
+        delta_x, delta_y = self.points[:, 0] - x, self.points[:, 1] - y
+        cos_dir, sin_dir = np.cos(directions)[:, None], np.sin(directions)[:, None]
+        along = cos_dir * delta_x + sin_dir * delta_y
+        across = cos_dir * delta_y - sin_dir * delta_x
+        reach = radius * radius - across * across
+        with np.errstate(invalid='ignore'):
+            travel = along - np.sqrt(reach)
+        travel[(reach <= 0.0) | (along <= 0.0)] = math.inf
+        np.maximum(travel, 0.0, out=travel)
+        blockers = np.argmin(travel, axis=1)
+        least = travel[np.arange(len(directions)), blockers]
+        blockers[np.isinf(least)] = -1
+        return least, blockers
+
+    def _prepare(self, count, angle_min, angle_increment):
+        if self._layout != (count, angle_min, angle_increment):
+            self._angles = angle_min + angle_increment * np.arange(count)
+            self._cos, self._sin = np.cos(self._angles), np.sin(self._angles)
+            self._layout = (count, angle_min, angle_increment)
+
+    def _unseen(self, readings, angle_min, angle_increment, laser_x, laser_y, yaw):
+        """Stored points that the new scan says nothing about: out of its field, or hidden behind something."""
+        if len(self.points) == 0:
+            return self.points
+        delta_x, delta_y = self.points[:, 0] - laser_x, self.points[:, 1] - laser_y
+        distance = np.hypot(delta_x, delta_y)
+        bearing = wrap_angle(np.arctan2(delta_y, delta_x) - yaw)
+        middle = 0.5 * (self._angles[0] + self._angles[-1])
+        beam = np.rint((middle + wrap_angle(bearing - middle) - angle_min) / angle_increment).astype(np.int64)
+        inside = (beam >= 0) & (beam < len(readings))
+        beam = np.clip(beam, 1, len(readings) - 2) if len(readings) > 2 else np.zeros_like(beam)
+        last = len(readings) - 1
+        # the least of three beams: a thin post must not be cleared by the beam that passes beside it
+        through = np.fmin(np.fmin(readings[np.maximum(beam - 1, 0)], readings[np.minimum(beam + 1, last)]),
+                          readings[beam])
+        seen = inside & (distance < through + CLEAR_MARGIN)
+        return self.points[~seen & (distance < FORGET_DISTANCE)]

@@ -1,0 +1,260 @@
+"""The guard of the wall follower: keeps contact with a wall and keeps clear of it.
+
+The report's table looks at three sectors in front of the laser. It cuts corners that have left the view, and it turns
+for ever where the way is narrower than about 0.9 m. The guard lets the table act while no wall is held and nothing is
+near. Once a wall is met it holds it: the robot is taken for a disc around its axle, wide enough to turn on the spot,
+and goes round the wall by the right-hand rule: beginning at the held point of the wall, the first direction to the
+left in which the disc is free. A disc that can always turn is a point in the plane of free centres, so it cannot
+wedge itself, and its way round an obstacle is the border of that plane, which closes.
+"""
+import logging
+import math
+
+import numpy as np
+
+from motion_plan.angles import wrap_angle
+from motion_plan.body import AXLE_X, FOOTPRINT_BOXES, FOOTPRINT_DISCS, TURNING_RADIUS
+from motion_plan.surroundings import axle_of
+
+LOG = logging.getLogger(__name__)
+
+#: Distance from the axle to the wall that is kept while following [m]; gaps below twice this are walls.
+FOLLOW_RADIUS = 0.56
+#: The disc that is never to be entered [m]: the turning radius and some room.
+HARD_RADIUS = TURNING_RADIUS + 0.03
+#: Below this a turn on the spot could touch something; only checked single moves are made then [m].
+ESCAPE_RADIUS = TURNING_RADIUS + 0.015
+#: A direction is free when the disc can go this far in it [m].
+LOOK_AHEAD = 0.6
+#: A wall nearer to the axle than this is taken hold of [m].
+HOLD_DISTANCE = 1.35
+#: The held point may slide this far along the wall between two looks [m].
+SLIDE = 0.3
+#: In a tight place the disc shrinks to this [m]. A place is tight when no direction is free, or when the robot has not
+#: come STUCK_DISTANCE [m] far in STUCK_TIME [s]; it stays tight for TIGHT_WAY [m].
+TIGHT_RADIUS = 0.50
+#: A disc smaller by the noise of the remembered points [m]: tried, and kept for so much of the way [m], before turning
+#: back by more than TURN_BACK [rad].
+NOISE_RADIUS = 0.53
+NOISE_WAY = 0.5
+TURN_BACK = 1.9
+STUCK_DISTANCE = 0.4
+STUCK_TIME = 12.0
+TIGHT_WAY = 1.5
+#: Steps of the search for a free direction [rad].
+SWEEP = np.radians(np.arange(0.0, 360.0, 3.0))
+CRUISE_SPEED = 0.5
+TURN_SPEED = 0.5
+STEER_GAIN = 2.5
+STEER_LIMIT = 0.8
+#: A heading error above this is turned away on the spot [rad].
+TURN_ON_SPOT = 0.7
+#: An escape goes on until the axle is this far from everything [m].
+ESCAPED_RADIUS = HARD_RADIUS + 0.015
+#: Clearance an escaping move keeps from every stored point [m]: the first if it can, the second at least; where there
+#: is less already, no move may lessen it.
+ESCAPE_CLEARANCE = (0.06, 0.03)
+ESCAPE_SPEED = 0.15
+ESCAPE_TURN = 0.3
+ESCAPE_ALIGNED = 0.4
+ESCAPE_TIMES = np.arange(0.1, 0.91, 0.1)
+
+
+def footprint_clearance(points, pose):
+    """Return the least distance [m] between the robot's outline at ``pose`` and ``points`` (N, 2); negative inside."""
+    delta = points - np.asarray(pose[:2])
+    cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
+    local_x = cos_yaw * delta[:, 0] + sin_yaw * delta[:, 1]
+    local_y = cos_yaw * delta[:, 1] - sin_yaw * delta[:, 0]
+    least = math.inf
+    for x_min, x_max, y_min, y_max in FOOTPRINT_BOXES:
+        out_x = np.maximum(x_min - local_x, local_x - x_max)
+        out_y = np.maximum(y_min - local_y, local_y - y_max)
+        outside = np.hypot(np.maximum(out_x, 0.0), np.maximum(out_y, 0.0))
+        least = min(least, float(np.min(outside + np.minimum(np.maximum(out_x, out_y), 0.0))))
+    for x, y, radius in FOOTPRINT_DISCS:
+        least = min(least, float(np.min(np.hypot(local_x - x, local_y - y))) - radius)
+    return least
+
+
+def drive(pose, linear_x, angular_z, dt):
+    """Return the pose after driving an arc for ``dt`` seconds; the axle moves along the heading."""
+    x, y = axle_of(pose)
+    yaw = pose[2] + angular_z * dt
+    middle = pose[2] + 0.5 * angular_z * dt
+    x, y = x + linear_x * dt * math.cos(middle), y + linear_x * dt * math.sin(middle)
+    return x - AXLE_X * math.cos(yaw), y - AXLE_X * math.sin(yaw), yaw
+
+
+class WallGuard:
+    """Right-hand rule for a disc; holds one point of the wall from turn to turn.
+
+    Attributes
+    ----------
+    contact : (2,) float64 or None
+        The held point of the wall, odometry frame [m].
+    """
+
+    def __init__(self):
+        self.contact = None
+        self._anchor = None
+        self._tight_at = None
+        self._escaping = False
+
+    def release(self):
+        """Let go of the wall, as when the behaviour is switched on or off."""
+        self.contact = None
+        self._anchor = None
+        self._tight_at = None
+        self._escaping = False
+
+    def update(self, now, pose, surroundings, nominal):
+        """Return the command that keeps clear of everything.
+
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        pose : (float, float, float)
+            x, y [m], yaw [rad] of link_chassis in the odometry frame.
+        surroundings : motion_plan.surroundings.Surroundings
+            What has been seen so far.
+        nominal : (float, float)
+            What the report's table commands; passed on while no wall is held.
+
+        Returns
+        -------
+        (float, float)
+            linear_x [m/s] and angular_z [rad/s].
+        """
+        x, y = axle_of(pose)
+        nearest = surroundings.nearest(x, y)[0]
+        self._escaping = nearest < (ESCAPED_RADIUS if self._escaping else ESCAPE_RADIUS)
+        if self._escaping:
+            return self._escape(pose, nearest, surroundings)
+        self._hold(x, y, pose[2], surroundings)
+        if self.contact is None:
+            return self._limited(nominal, x, y, pose[2], surroundings)
+        self._watch_progress(now, x, y)
+        direction = self._direction(x, y, pose[2], nearest, surroundings)
+        if direction is None:
+            return 0.0, TURN_SPEED
+        error = wrap_angle(direction - pose[2])
+        if abs(error) > TURN_ON_SPOT:
+            return 0.0, math.copysign(TURN_SPEED, error)
+        angular_z = max(-STEER_LIMIT, min(STEER_LIMIT, STEER_GAIN * error))
+        return self._limited((CRUISE_SPEED * (1.0 - abs(error) / TURN_ON_SPOT), angular_z), x, y, pose[2], surroundings)
+
+    def _hold(self, x, y, yaw, surroundings):
+        """Keep the held point on its wall; take hold of a wall that is near enough."""
+        if self.contact is not None:
+            distance, point = surroundings.nearest(self.contact[0], self.contact[1])
+            if distance < SLIDE:
+                self.contact = point
+                return
+            LOG.debug('the wall that was followed is gone')
+            self.contact = None
+        travel, blocker = surroundings.free_travel(x, y, [yaw], FOLLOW_RADIUS)
+        if travel[0] < HOLD_DISTANCE - FOLLOW_RADIUS:
+            self.contact = surroundings.points[blocker[0]]
+            return
+        distance, point = surroundings.nearest(x, y)
+        if distance < HOLD_DISTANCE:
+            self.contact = point
+
+    def _watch_progress(self, now, x, y):
+        """Find out whether the place is tight: widths near the disc's, where noise opens and shuts the way."""
+        if self._tight_at is not None \
+                and math.hypot(x - self._tight_at[0], y - self._tight_at[1]) > self._tight_way:
+            self._tight_at = None
+        if self._anchor is None or math.hypot(x - self._anchor[1], y - self._anchor[2]) > STUCK_DISTANCE:
+            self._anchor = (now, x, y)
+        elif now - self._anchor[0] > STUCK_TIME and (self._tight_at is None or self._radius > TIGHT_RADIUS):
+            self._tighten(x, y, TIGHT_RADIUS, TIGHT_WAY)
+
+    def _direction(self, x, y, yaw, nearest, surroundings):
+        """Direction to take [rad] or None; tightens the disc where none is free, or where noise makes it turn back."""
+        contact = self.contact
+        direction = self._first_free(x, y, nearest, surroundings)
+        if self._tight_at is not None or (direction is not None and abs(wrap_angle(direction - yaw)) < TURN_BACK):
+            return direction
+        held, self.contact = self.contact, contact
+        if direction is None:
+            self._tighten(x, y, TIGHT_RADIUS, TIGHT_WAY)
+            return self._first_free(x, y, nearest, surroundings)
+        self._tighten(x, y, NOISE_RADIUS, NOISE_WAY)
+        onward = self._first_free(x, y, nearest, surroundings)
+        if onward is not None and abs(wrap_angle(onward - yaw)) < TURN_BACK:
+            return onward
+        self.contact, self._tight_at = held, None
+        return direction
+
+    def _tighten(self, x, y, radius, way):
+        self._tight_at, self._radius, self._tight_way = (x, y), radius, way
+
+    def _first_free(self, x, y, nearest, surroundings):
+        """Direction [rad] to take, or None when the disc is free in no direction; moves the held point along."""
+        wanted = FOLLOW_RADIUS if self._tight_at is None else self._radius
+        radius = min(wanted, max(HARD_RADIUS, nearest - 0.005))
+        start = math.atan2(self.contact[1] - y, self.contact[0] - x)
+        directions = start + SWEEP
+        travel, blockers = surroundings.free_travel(x, y, directions, radius)
+        free = travel >= LOOK_AHEAD
+        if not free.any():
+            return None
+        first = int(np.argmax(free))
+        if first == 0:
+            return directions[0]
+        # what ends the last blocked direction is the part of the wall that lies next to the way taken
+        self.contact = surroundings.points[blockers[first - 1]]
+        # the wall is nearer than it should be: a little more to the left, if that is free as well
+        outward = directions[first] + (wanted - radius) / LOOK_AHEAD
+        if surroundings.free_travel(x, y, [outward], radius)[0][0] >= 0.5 * LOOK_AHEAD:
+            return outward
+        return directions[first]
+
+    @staticmethod
+    def _limited(command, x, y, yaw, surroundings):
+        """Slow ``command`` down so that the robot stops before the hard disc is entered on its present heading."""
+        linear_x, angular_z = command
+        travel = surroundings.free_travel(x, y, [yaw], HARD_RADIUS)[0][0]
+        # 0.4 s covers the reaction, late commands and braking
+        return max(0.0, min(linear_x, (travel - 0.03) / 0.4)), angular_z
+
+    def _escape(self, pose, nearest, surroundings):
+        """Something is inside the turning disc: the first checked move of those that lead to a free direction."""
+        x, y = axle_of(pose)
+        self._hold(x, y, pose[2], surroundings)
+        direction = None if self.contact is None else self._first_free(x, y, nearest, surroundings)
+        delta = surroundings.points - np.asarray(pose[:2])
+        points = surroundings.points[np.hypot(delta[:, 0], delta[:, 1]) < 1.2]
+        clearance = footprint_clearance(points, pose)
+        if direction is None:
+            moves = [(ESCAPE_SPEED, 0.0), (0.0, ESCAPE_TURN), (0.0, -ESCAPE_TURN)]
+        else:
+            error = wrap_angle(direction - pose[2])
+            turn = math.copysign(min(ESCAPE_TURN, STEER_GAIN * abs(error)), error)
+            if abs(error) > ESCAPE_ALIGNED and not self._can_turn(points, pose, error, clearance):
+                # something stands in this sense of turning: the long way round, if nothing stands in that
+                turn = -turn
+                if not self._can_turn(points, pose, error - math.copysign(2 * math.pi, error), clearance):
+                    turn = 0.0
+            ahead = abs(error) < ESCAPE_ALIGNED or turn == 0.0
+            moves = [(ESCAPE_SPEED if ahead else 0.0, turn), (0.0, turn), (ESCAPE_SPEED, turn), (ESCAPE_SPEED, 0.0)]
+        least = []
+        for linear_x, angular_z in moves:
+            poses = [drive(pose, linear_x, angular_z, time) for time in ESCAPE_TIMES]
+            least.append(min(footprint_clearance(points, later) for later in poses))
+        for allowed in ESCAPE_CLEARANCE:
+            for move, reached in zip(moves, least):
+                if reached >= min(allowed, clearance):
+                    return move
+        return 0.0, 0.0
+
+    @staticmethod
+    def _can_turn(points, pose, angle, clearance):
+        """Whether the robot can turn on the spot by ``angle`` [rad] without coming too near to ``points``."""
+        for part in np.linspace(0.0, 1.0, 2 + int(abs(angle) / 0.1))[1:]:
+            if footprint_clearance(points, drive(pose, 0.0, part * angle, 1.0)) < min(ESCAPE_CLEARANCE[1], clearance):
+                return False
+        return True
