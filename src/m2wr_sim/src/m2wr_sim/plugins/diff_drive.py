@@ -81,9 +81,12 @@ class DiffDrive(Plugin):
                             ctx.model_name, self._separation, distance, self._separation / distance)
 
     def _on_command(self, message):
-        linear, angular = message.linear.x, message.angular.z
+        self.command(message.linear.x, message.angular.z)
+
+    def command(self, linear, angular):
+        """Take a velocity command [m/s, rad/s] that is to hold from the next tick on; refuse what is not finite."""
         if math.isfinite(linear) and math.isfinite(angular):
-            self._command, self._command_ns = (linear, angular), self._last_ns
+            self._command, self._command_ns = (linear, angular), None       # next_before, which follows, tells the time
             return
         if self._refused_ns is None or self._last_ns - self._refused_ns >= _REFUSAL_PAUSE_NS:
             self._refused_ns = self._last_ns
@@ -92,6 +95,8 @@ class DiffDrive(Plugin):
                                   self._ctx.model_name, linear, angular, *self._command)
 
     def next_before(self, now_ns):
+        if self._command_ns is None:
+            self._command_ns = now_ns
         if self._encoder is not None:
             return now_ns + self._ctx.step_ns
         return self._schedule.next_due(self._ctx.step_ns)
@@ -100,6 +105,7 @@ class DiffDrive(Plugin):
         if self._encoder is not None:
             rates = self._physics.joint_rate(self._left), self._physics.joint_rate(self._right)
             self._encoder.update(rates[0] * self._radius, rates[1] * self._radius, self._ctx.step_ns * 1e-9)
+        elapsed_ns = self._schedule.elapsed(now_ns)
         if not self._schedule.due(now_ns):
             return
         stamp = self._ctx.moment(now_ns)
@@ -112,9 +118,9 @@ class DiffDrive(Plugin):
             message.header.stamp = stamp
             message.position = [self._physics.joint_angle(self._right), self._physics.joint_angle(self._left)]
             self._states.publish(message)
-        self._drive(now_ns)
+        self._drive(now_ns, elapsed_ns)
 
-    def _drive(self, now_ns):
+    def _drive(self, now_ns, elapsed_ns):
         """Turn the newest command into motor targets."""
         timeout_ns = self._ctx.command_timeout_ns
         command = (0.0, 0.0) if timeout_ns and now_ns - self._command_ns > timeout_ns else self._command
@@ -122,27 +128,28 @@ class DiffDrive(Plugin):
         if self._acceleration > 0.0:
             current = (self._physics.joint_rate(self._left) * self._radius,
                        self._physics.joint_rate(self._right) * self._radius)
-            limit = self._acceleration * (now_ns - self._last_ns) * 1e-9
+            limit = self._acceleration * elapsed_ns * 1e-9
             target, self._instructed = ramp(target, current, self._instructed, limit)
         self._physics.set_joint_motor(self._left, target[0] / self._radius, self._torque)
         self._physics.set_joint_motor(self._right, target[1] / self._radius, self._torque)
         self._last_ns = now_ns
 
+    def measure(self):
+        """Return what odometry says now: position, orientation, and linear x, linear y, angular z of the base."""
+        if self._encoder is not None:
+            return ((self._encoder.x, self._encoder.y, 0.0), quaternion_from_rpy(0.0, 0.0, self._encoder.theta),
+                    (self._encoder.linear_x, 0.0, self._encoder.angular_z))
+        position, orientation, linear, angular = self._ctx.model_state()
+        yaw = yaw_of(orientation)
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        return position, orientation, (cosine * linear[0] + sine * linear[1], cosine * linear[1] - sine * linear[0],
+                                       angular[2])
+
     def _send_odometry(self, stamp):
         message = Odometry()
         message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, self._frame, self._child_frame
         pose, twist = message.pose.pose, message.twist.twist
-        if self._encoder is not None:
-            position = (self._encoder.x, self._encoder.y, 0.0)
-            orientation = quaternion_from_rpy(0.0, 0.0, self._encoder.theta)
-            twist.linear.x, twist.angular.z = self._encoder.linear_x, self._encoder.angular_z
-        else:
-            position, orientation, linear, angular = self._ctx.model_state()
-            yaw = yaw_of(orientation)
-            cosine, sine = math.cos(yaw), math.sin(yaw)
-            twist.linear.x = cosine * linear[0] + sine * linear[1]
-            twist.linear.y = cosine * linear[1] - sine * linear[0]
-            twist.angular.z = angular[2]
+        position, orientation, (twist.linear.x, twist.linear.y, twist.angular.z) = self.measure()
         pose.position.x, pose.position.y, pose.position.z = position
         pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
         message.pose.covariance = _POSE_COVARIANCE

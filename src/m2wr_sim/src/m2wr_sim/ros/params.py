@@ -96,10 +96,11 @@ def _typed(name, value):
     if name in _NUMBERS:
         if name == "real_time_factor" and value == "":
             return None
+        whole = _NUMBERS[name] is int
         if isinstance(value, bool) or not isinstance(value, (int, float)) or (
-                _NUMBERS[name] is int and value != int(value)):
+                whole and not (math.isfinite(value) and value == int(value))):
             raise ParameterError("parameter ~%s is %r; expected %s"
-                                 % (name, value, "a whole number" if _NUMBERS[name] is int else "a number"))
+                                 % (name, value, "a whole number" if whole else "a number"))
         return _NUMBERS[name](value)
     if name in ("paused", "joint_states"):
         if not isinstance(value, bool):

@@ -20,6 +20,10 @@ class StrictSchedule:
         """Return the time [ns] of the first step at which this is due."""
         return (self._last_ns + self.period_ns) // step_ns * step_ns + step_ns
 
+    def elapsed(self, now_ns):
+        """Return the time [ns] since the last tick was due: a period and a step where ticks are punctual."""
+        return now_ns - self._last_ns
+
     def due(self, now_ns):
         """Tell whether it is due now, and if so count the tick."""
         if now_ns - self._last_ns <= self.period_ns:

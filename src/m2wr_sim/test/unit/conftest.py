@@ -1,0 +1,194 @@
+"""Worlds, robots and simulators for the tests of this folder, all in this process and without a ROS master."""
+import math
+import pickle
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+sys.path.insert(0, str(SOURCE))         # for a plain pytest run; catkin's environment leads to the same files
+
+from m2wr_sim.model.types import (Box, Collision, Cylinder, Inertial, Link, Model, Plane, Sphere,  # noqa: E402
+                                  Surface, World)
+from m2wr_sim.model.urdf import load_urdf  # noqa: E402
+from m2wr_sim.physics import factory  # noqa: E402
+from m2wr_sim.physics.engine import EngineSettings  # noqa: E402
+from m2wr_sim.runtime.ports import LocalPorts  # noqa: E402
+from m2wr_sim.runtime.simulator import SimConfig, Simulator  # noqa: E402
+from m2wr_sim.sensors.scene import Scene  # noqa: E402
+
+ENGINES = ("native", "pyode")
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+WHEEL_RADIUS, WHEEL_TRACK = 0.1, 0.4
+
+
+def package_folder(name):
+    """Return a package's folder: the installed or built one, else the one that stands beside this one."""
+    import rospkg
+    try:
+        return rospkg.RosPack().get_path(name)
+    except rospkg.ResourceNotFound:
+        return str(Path(__file__).resolve().parents[3] / name)
+
+
+def at(x=0.0, y=0.0, z=0.0, yaw=0.0):
+    """Return a pose that stands upright."""
+    return ((x, y, z), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+
+
+def one_link(name, geometry, pose, static=True, mass=1.0, surface=Surface(), **link_values):
+    """Return a model of one link with one collision; a movable one gets the inertia of a solid body."""
+    if isinstance(geometry, Box):
+        x, y, z = geometry.size
+        inertia = (mass * (y * y + z * z) / 12, 0, 0, mass * (x * x + z * z) / 12, 0, mass * (x * x + y * y) / 12)
+    elif isinstance(geometry, Sphere):
+        inertia = (0.4 * mass * geometry.radius ** 2, 0, 0, 0.4 * mass * geometry.radius ** 2, 0,
+                   0.4 * mass * geometry.radius ** 2)
+    else:
+        inertia = (0.1 * mass, 0, 0, 0.1 * mass, 0, 0.1 * mass)
+    link = Link("link", inertial=Inertial(mass, inertia=inertia),
+                collisions=(Collision("collision", geometry, surface=surface),), **link_values)
+    return Model(name, (link,), pose=pose, static=static)
+
+
+def ground(mu=100.0):
+    """Return the ground plane of Gazebo's empty world."""
+    return one_link("ground_plane", Plane(size=(100.0, 100.0)), at(), surface=Surface(mu=mu, mu2=50.0))
+
+
+def box(name, x, y, z, size=(0.5, 0.5, 0.5), **values):
+    """Return a box with its centre at (x, y, z); static unless told otherwise."""
+    return one_link(name, Box(size), at(x, y, z), **values)
+
+
+def sphere(name, x, y, z, radius=0.25, **values):
+    """Return a sphere with its centre at (x, y, z)."""
+    return one_link(name, Sphere(radius), at(x, y, z), **values)
+
+
+def cylinder(name, x, y, z, radius=0.25, length=1.0, **values):
+    """Return an upright cylinder with its centre at (x, y, z)."""
+    return one_link(name, Cylinder(radius, length), at(x, y, z), **values)
+
+
+@pytest.fixture(scope="session")
+def m2wr():
+    """Return the report's robot, read from its xacro."""
+    path = Path(package_folder("m2wr_description")) / "urdf" / "m2wr.xacro"
+    return load_urdf(path.read_text(encoding="utf-8"), str(path), resolve_package=package_folder)
+
+
+@pytest.fixture(scope="session")
+def build():
+    """Return the functions that make models."""
+    return SimpleNamespace(at=at, one_link=one_link, ground=ground, box=box, sphere=sphere, cylinder=cylinder)
+
+
+def copied(message):
+    """Return a copy of a message; far faster for long lists than copy.deepcopy."""
+    return pickle.loads(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
+
+
+@pytest.fixture(params=ENGINES)
+def engine_kind(request):
+    """Return a kind of engine; a test that asks for it, or for the makers below, runs with each."""
+    return request.param
+
+
+@pytest.fixture
+def make_engine(engine_kind):
+    """Return a function that makes engines; they are closed after the test."""
+    engines = []
+
+    def make(step_ms=1.0, models=(), **settings):
+        engine = factory.make_engine(engine_kind, EngineSettings(step_ns=int(round(step_ms * 1e6)), **settings))
+        engines.append(engine)
+        engine.handles = [engine.add_model(model, model.pose) for model in models]
+        return engine
+
+    yield make
+    for engine in engines:
+        engine.close()
+
+
+@pytest.fixture
+def drive():
+    """Return a function that sets m2wr's wheel motors for a twist that REP 103 would agree with."""
+    def set_motors(engine, handle, linear_x, angular_z):
+        turn = 0.5 * WHEEL_TRACK * angular_z
+        # the wheel named left stands at y = -0.2, on the right
+        engine.set_joint_motor(handle.joints["joint_left_wheel"], (linear_x + turn) / WHEEL_RADIUS, 5.0)
+        engine.set_joint_motor(handle.joints["joint_right_wheel"], (linear_x - turn) / WHEEL_RADIUS, 5.0)
+    return set_motors
+
+
+class Rig:
+    """A simulator with local ports and what a test wants to do with it in one line each."""
+
+    def __init__(self, simulator):
+        self.simulator, self.ports, self.engine = simulator, simulator.ports, simulator.engine
+
+    def run(self, seconds, chunk_ns=10**15):
+        """Advance by some simulated seconds, at most ``chunk_ns`` a call."""
+        end_ns = self.simulator.now_ns + int(round(seconds * 1e9))
+        while self.simulator.now_ns < end_ns:
+            before_ns = self.simulator.now_ns
+            self.simulator.advance(min(end_ns, before_ns + chunk_ns))
+            assert self.simulator.now_ns > before_ns, "time stands still at %d ns" % before_ns
+        return self
+
+    def send(self, linear_x, angular_z, topic="/cmd_vel"):
+        """Send a velocity command."""
+        from geometry_msgs.msg import Twist
+        message = Twist()
+        message.linear.x, message.angular.z = linear_x, angular_z
+        self.ports.send(topic, message)
+        return self
+
+    def messages(self, topic):
+        """Return what was published on a topic."""
+        return self.ports.topics[topic].messages
+
+    def stamps_ms(self, topic):
+        """Return the stamps of a topic in milliseconds."""
+        return [message.header.stamp / 1e6 for message in self.messages(topic)]
+
+    def pose(self, model="m2wr"):
+        """Return a model's pose in the world."""
+        return self.simulator.models[model].pose(self.engine)
+
+    def rate(self, joint, model="m2wr"):
+        """Return a joint's rate."""
+        return self.engine.joint_rate(self.simulator.models[model].handle.joints[joint])
+
+
+@pytest.fixture
+def make_rig(engine_kind):
+    """Return a function that makes a :class:`Rig` of a ground plane and more models; closed after the test."""
+    rigs = []
+
+    def make(*models, **options):
+        step_ms, world = options.pop("step_ms", 1.0), options.pop("world", None)
+        engine = factory.make_engine(engine_kind, EngineSettings(step_ns=int(round(step_ms * 1e6))))
+        rig = Rig(Simulator(engine, Scene(), LocalPorts(copied), SimConfig(**options)))
+        rigs.append(rig)
+        rig.simulator.load_world(world or World(models=(ground(),) + models))
+        return rig
+
+    yield make
+    for rig in rigs:
+        rig.simulator.close()
+
+
+@pytest.fixture
+def m2wr_rig(make_rig, m2wr):
+    """Return a function that makes a rig with m2wr in it, spawned as spawn_model does."""
+    def make(*models, **options):
+        pose, namespace = options.pop("pose", at(z=0.1)), options.pop("namespace", "/")
+        robot = options.pop("robot", m2wr)
+        rig = make_rig(*models, **options)
+        rig.simulator.spawn(robot, pose, namespace=namespace)
+        return rig
+    return make

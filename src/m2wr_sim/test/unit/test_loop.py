@@ -1,0 +1,212 @@
+"""The node's loop: pacing against a clock, requests from other threads, pause and end."""
+import threading
+
+import pytest
+
+from m2wr_sim.ros.loop import Loop, Pacer, ShuttingDown
+
+MS = 1000000
+
+
+class Wall:
+    """A wall clock that stands until it is moved."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+# -- pacing -------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("factor, ahead", [(1.0, 0.010), (2.0, 0.005), (0.5, 0.020)])
+def test_the_pacer_tells_how_far_ahead_simulated_time_is(factor, ahead):
+    wall = Wall()
+    pacer = Pacer(factor, wall)
+    assert pacer.ahead(500 * MS) == 0.0             # the schedule starts here
+    assert pacer.ahead(510 * MS) == pytest.approx(ahead)
+    wall.now += 0.004
+    assert pacer.ahead(510 * MS) == pytest.approx(ahead - 0.004)
+
+
+def test_without_a_factor_nothing_waits():
+    pacer = Pacer(0.0, Wall())
+    assert pacer.ahead(0) == pacer.ahead(10 ** 12) == 0.0
+
+
+def test_small_delays_are_made_up_for():
+    wall = Wall()
+    pacer = Pacer(1.0, wall)
+    pacer.ahead(0)
+    wall.now += 0.09
+    assert pacer.ahead(10 * MS) == 0.0              # 80 ms behind
+    assert pacer.ahead(100 * MS) == pytest.approx(0.010)
+
+
+def test_long_delays_are_not():
+    wall = Wall()
+    pacer = Pacer(1.0, wall)
+    pacer.ahead(0)
+    wall.now += 5.0
+    assert pacer.ahead(10 * MS) == 0.0              # five seconds behind: the schedule moves
+    assert pacer.ahead(30 * MS) == pytest.approx(0.020)
+
+
+def test_a_restarted_schedule_starts_at_the_next_look():
+    wall = Wall()
+    pacer = Pacer(1.0, wall)
+    pacer.ahead(0)
+    wall.now += 60.0
+    pacer.restart()
+    assert pacer.ahead(7 * MS) == 0.0 and pacer.ahead(9 * MS) == pytest.approx(0.002)
+
+
+# -- the loop -----------------------------------------------------------------------------------------------------
+
+class Running:
+    """A loop in a thread of its own, as fast as it can unless told otherwise."""
+
+    def __init__(self, simulator, factor=0.0):
+        self._stop, self.turns = threading.Event(), 0
+        self.simulator = simulator
+        self.loop = Loop(simulator, factor, self._stop.is_set, self._turn)
+        self.thread = threading.Thread(target=self.loop.run, daemon=True)
+
+    def _turn(self):
+        self.turns += 1
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def stop(self):
+        self._stop.set()
+        self.thread.join(10.0)
+        assert not self.thread.is_alive(), "the loop does not end"
+
+    def __exit__(self, *_):
+        self.stop()
+
+    def wait(self, condition):
+        """Wait until a condition, asked for in the loop's thread, holds."""
+        for _ in range(100000):
+            if self.loop.call(condition):
+                return
+        raise AssertionError("%s never came true" % condition)
+
+
+@pytest.fixture
+def simulator(make_rig, build):
+    rig = make_rig()
+    rig.simulator.spawn(build.box("crate", 0, 0, 0.25, static=False), build.at(z=0.25))
+    return rig.simulator
+
+
+def test_it_runs_and_takes_turns(simulator):
+    with Running(simulator) as running:
+        running.wait(lambda: simulator.now_ns >= 200 * MS)
+    assert running.turns >= 10
+
+
+def test_requests_are_answered_in_the_loops_thread(simulator):
+    with Running(simulator) as running:
+        assert running.loop.call(threading.current_thread) is running.thread
+        assert running.loop.call(lambda: list(simulator.models)) == ["ground_plane", "crate"]
+
+
+def test_an_error_goes_to_who_asked_and_the_loop_lives_on(simulator):
+    with Running(simulator) as running:
+        with pytest.raises(ZeroDivisionError):
+            running.loop.call(lambda: 1 // 0)
+        before_ns = running.loop.call(lambda: simulator.now_ns)
+        running.wait(lambda: simulator.now_ns > before_ns)
+
+
+def test_requests_are_served_while_paused_and_time_stands(simulator):
+    simulator.paused = True
+    with Running(simulator) as running:
+        assert [running.loop.call(lambda: simulator.now_ns) for _ in range(5)] == [0] * 5
+
+        def resume():
+            simulator.paused = False
+        running.loop.call(resume)
+        running.wait(lambda: simulator.now_ns > 0)
+
+
+def test_a_request_does_not_wait_for_a_slow_schedule(simulator):
+    """At a thousandth of real time a batch of 10 ms takes ten seconds; requests come in between."""
+    with Running(simulator, factor=0.001) as running:
+        for _ in range(20):
+            assert running.loop.call(lambda: simulator.now_ns) <= 20 * MS
+
+
+def test_many_threads_ask_at_once(simulator):
+    answers = []
+    with Running(simulator) as running:
+        def ask(number):
+            for _ in range(50):
+                answers.append(running.loop.call(lambda: number))
+        threads = [threading.Thread(target=ask, args=(number,)) for number in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(20.0)
+    assert sorted(answers) == sorted(list(range(4)) * 50)
+
+
+def test_time_goes_on_from_zero_after_a_reset(simulator):
+    with Running(simulator, factor=50.0) as running:
+        running.wait(lambda: simulator.now_ns >= 300 * MS)
+        running.loop.call(simulator.reset_simulation)
+        running.wait(lambda: 0 < simulator.now_ns)
+        running.wait(lambda: simulator.now_ns >= 100 * MS)
+
+
+def test_after_the_end_requests_are_refused(simulator):
+    with Running(simulator) as running:
+        running.stop()
+        with pytest.raises(ShuttingDown):
+            running.loop.call(lambda: None)
+
+
+def test_a_request_that_waits_at_the_end_is_refused(simulator):
+    """The loop is asked from inside its own last turn by another thread, which must not hang."""
+    outcome = []
+    stopping = threading.Event()
+
+    def ask():
+        try:
+            outcome.append(loop.call(lambda: "answered"))
+        except ShuttingDown:
+            outcome.append("refused")
+
+    asking = threading.Thread(target=ask)
+
+    def last_turn():
+        stopping.set()
+        asking.start()
+
+    loop = Loop(simulator, 0.0, stopping.is_set, last_turn)
+    loop.run()
+    asking.join(10.0)
+    assert outcome == ["refused"]
+
+
+def test_a_simulator_that_fails_ends_the_loop_and_frees_who_waits(simulator, monkeypatch):
+    def fail(_):
+        raise RuntimeError("solver exploded")
+    monkeypatch.setattr(simulator, "advance", fail)
+    loop = Loop(simulator, 0.0, lambda: False, lambda: None)
+    with pytest.raises(RuntimeError):
+        loop.run()
+    with pytest.raises(ShuttingDown):
+        loop.call(lambda: None)
+
+
+@pytest.mark.parametrize("step_ms", [1, 7, 25])
+def test_any_step_size_is_taken(make_rig, step_ms):
+    simulator = make_rig(step_ms=step_ms).simulator
+    with Running(simulator) as running:
+        running.wait(lambda: simulator.now_ns >= 100 * MS)
+    assert simulator.now_ns == simulator.steps * step_ms * MS

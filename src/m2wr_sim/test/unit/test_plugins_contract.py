@@ -1,0 +1,155 @@
+"""What every registered plugin must do: start, keep its rate, reset, let go, and name what it does not read."""
+from dataclasses import replace
+
+import pytest
+
+from conftest import at
+from m2wr_sim.model.types import PluginSpec
+from m2wr_sim.plugins.base import Plugin, PluginReader
+from m2wr_sim.plugins.registry import PLUGINS, find_plugin
+
+RATE = 20.0
+# what a plugin needs on m2wr to start, its topic there, and whether it belongs into a sensor
+SUITABLE = {
+    "libgazebo_ros_diff_drive.so": (
+        (("leftJoint", "joint_left_wheel"), ("rightJoint", "joint_right_wheel"), ("updateRate", str(RATE))),
+        "/odom", False),
+    "libgazebo_ros_laser.so": ((("topicName", "/scan"),), "/scan", True),
+    "libgazebo_ros_gpu_laser.so": ((("topicName", "/scan"),), "/scan", True),
+    "libgazebo_ros_joint_state_publisher.so": (
+        (("jointName", "joint_left_wheel"), ("updateRate", str(RATE))), "/joint_states", False),
+}
+ALL = sorted(PLUGINS)
+
+
+def robot_with(robot, library, extra=()):
+    """Return m2wr with one plugin only."""
+    parameters, _, in_sensor = SUITABLE[library]
+    spec = PluginSpec("the plugin", library, parameters + extra, where="here")
+    chassis = robot.links[0]
+    sensors = tuple(replace(sensor, plugins=(spec,) if in_sensor else ()) for sensor in chassis.sensors)
+    return replace(robot, plugins=() if in_sensor else (spec,),
+                   links=(replace(chassis, sensors=sensors),) + robot.links[1:])
+
+
+@pytest.fixture(params=ALL)
+def library(request):
+    return request.param
+
+
+@pytest.fixture
+def make(make_rig, m2wr):
+    def make_with(library, extra=()):
+        rig = make_rig(joint_states=False)
+        rig.simulator.spawn(robot_with(m2wr, library, extra), at(z=0.1), namespace="/")
+        return rig, SUITABLE[library][1]
+    return make_with
+
+
+def test_this_file_knows_every_plugin():
+    assert set(SUITABLE) == set(PLUGINS)
+
+
+def test_the_registry_finds_it_under_all_its_names(library):
+    found = find_plugin(library)
+    assert issubclass(found, Plugin)
+    bare = library[len("lib"):-len(".so")]
+    for name in (bare, "lib" + bare, bare + ".so", "/opt/ros/noetic/lib/" + library, "  %s\n" % library):
+        assert find_plugin(name) is found
+
+
+@pytest.mark.parametrize("name", ["", "libgazebo_ros_unknown.so", ".so", "diff_drive"])
+def test_the_registry_knows_nothing_else(name):
+    assert find_plugin(name) is None
+
+
+def test_it_starts_and_keeps_its_rate(make, library, caplog):
+    rig, topic = make(library)
+    stamps = rig.run(3.0).stamps_ms(topic)
+    assert len(rig.simulator.models["m2wr"].plugins) == 1
+    assert len(stamps) in (59, 60) and {b - a for a, b in zip(stamps, stamps[1:])} == {50.0}
+    assert not [record for record in caplog.records if record.levelname in ("ERROR", "CRITICAL")]
+
+
+def test_its_stamps_are_never_in_the_future_and_never_repeat(make, library):
+    rig, topic = make(library)
+    for _ in range(200):
+        rig.run(0.001)
+        stamps = [message.header.stamp for message in rig.messages(topic)]
+        assert len(set(stamps)) == len(stamps) and all(stamp <= rig.simulator.now_ns for stamp in stamps)
+
+
+def test_it_goes_on_after_each_reset(make, library):
+    rig, topic = make(library)
+    rig.run(1.0)
+    for reset, since in ((rig.simulator.reset_world, 1000), (rig.simulator.reset_simulation, 0)):
+        before = len(rig.messages(topic))
+        reset()
+        rig.run(1.0)
+        stamps = rig.stamps_ms(topic)[before:]
+        assert len(stamps) in (19, 20) and all(since < stamp <= since + 1000 for stamp in stamps)
+
+
+def test_it_lets_go_of_everything_when_its_model_is_deleted(make, library, m2wr):
+    rig, topic = make(library)
+    rig.run(0.2)
+    old = rig.ports.topics[topic]
+    rig.simulator.delete("m2wr")
+    count = len(old.messages)
+    rig.run(0.2)
+    assert not old.listening and len(old.messages) == count
+    assert not any(subscription.open for subscription in rig.ports.subscriptions.values())
+    rig.simulator.spawn(robot_with(m2wr, library), at(z=0.1), namespace="/")
+    rig.run(0.2)
+    assert rig.ports.topics[topic] is not old and len(rig.messages(topic)) in (3, 4)
+
+
+def test_it_names_the_tags_nothing_reads(make, library, caplog):
+    make(library, (("colour", "red"), ("alwaysOn", "true"), ("colour", "blue")))
+    sentence, = [record.getMessage() for record in caplog.records if "nothing reads" in record.getMessage()]
+    assert sentence.count("<colour>") == 1 and "alwaysOn" not in sentence and library in sentence
+
+
+def test_what_it_publishes_does_not_depend_on_the_batches(make, library):
+    results = []
+    for chunk_ns in (10 ** 6, 7 * 10 ** 6, 10 ** 15):
+        rig, topic = make(library)
+        rig.run(1.0, chunk_ns)
+        results.append([str(message) for message in rig.messages(topic)])
+    assert results[0] == results[1] == results[2] and len(results[0]) > 15
+
+
+# -- reading tags -------------------------------------------------------------------------------------------------
+
+def reader(**tags):
+    return PluginReader(PluginSpec("p", "p.so", tuple(tags.items()), where="a.urdf:3: plugin \"p\""))
+
+
+def test_text_number_flag_and_choice():
+    tags = reader(text="abc", number=" 2.5 ", yes="TRUE", no="0", odd="maybe", choice="b", other="z")
+    assert tags.text("text") == "abc" and tags.number("number") == 2.5
+    assert tags.flag("yes", False) is True and tags.flag("no", True) is False and tags.flag("odd", True) is True
+    assert tags.choice("choice", ("a", "b"), "a") == "b" and tags.choice("other", ("a", "b"), "a") == "a"
+    assert tags.unread() == [] and tags.defaults == []
+
+
+def test_defaults_are_remembered():
+    tags = reader(empty="")
+    assert tags.number("rate", 5.0) == 5.0 and tags.text("empty", "x") == "x" and tags.flag("on", True) is True
+    assert tags.defaults == [("rate", 5.0), ("empty", "x"), ("on", "true")]
+
+
+@pytest.mark.parametrize("text, words", [("abc", "holds \"abc\""), ("nan", "holds \"nan\""), ("inf", "finite"),
+                                         ("-2", "at least 0")])
+def test_numbers_that_are_none_are_refused(text, words):
+    from m2wr_sim.errors import PluginError
+    with pytest.raises(PluginError) as caught:
+        reader(rate=text).number("rate", 1.0, minimum=0.0)
+    assert words in str(caught.value) and "a.urdf:3" in str(caught.value) and "<rate>" in str(caught.value)
+
+
+def test_a_needed_tag_that_is_missing_is_refused():
+    from m2wr_sim.errors import PluginError
+    with pytest.raises(PluginError) as caught:
+        reader().text("jointName")
+    assert str(caught.value) == "a.urdf:3: plugin \"p\": needs a <jointName> element"

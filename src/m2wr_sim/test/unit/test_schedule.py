@@ -1,0 +1,108 @@
+"""When rate-limited work is due: Gazebo's rule for model plugins and its rule for sensors."""
+import pytest
+
+from m2wr_sim.runtime.schedule import SensorSchedule, StrictSchedule, period_of
+
+MS = 1000000
+
+
+def ticks_of(schedule, step_ms, until_ms, start_ms=0):
+    """Return the times [ms] of ticks when every step is tried."""
+    return [now for now in range(start_ms + step_ms, until_ms + 1, step_ms) if schedule.due(now * MS)]
+
+
+@pytest.mark.parametrize("rate, period", [(20.0, 50 * MS), (30.0, 33333333), (1000.0, MS), (0.0, 0), (-5.0, 0)])
+def test_period_of_a_rate(rate, period):
+    assert period_of(rate) == period
+
+
+@pytest.mark.parametrize("step_ms, ticks", [
+    (1, [51, 101, 151, 201]), (2, [52, 102, 152, 202]), (5, [55, 105, 155, 205]), (10, [60, 110, 160, 210]),
+    (3, [51, 102, 153, 201]), (7, [56, 105, 154, 203])])
+def test_plugins_tick_after_more_than_a_period_without_drift(step_ms, ticks):
+    assert ticks_of(StrictSchedule(20.0, 0), step_ms, 220)[:4] == ticks
+
+
+def test_plugins_loaded_later_count_from_there():
+    assert ticks_of(StrictSchedule(20.0, 1000 * MS), 1, 1160, start_ms=1000) == [1051, 1101, 1151]
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0])
+def test_plugins_without_a_rate_tick_with_every_step(rate):
+    schedule = StrictSchedule(rate, 0)
+    assert ticks_of(schedule, 4, 20) == [4, 8, 12, 16, 20]
+    assert not schedule.due(20 * MS)
+
+
+def test_a_late_plugin_catches_up_step_by_step():
+    schedule = StrictSchedule(20.0, 0)
+    assert ticks_of(schedule, 1, 205, start_ms=200) == [201, 202, 203, 204]     # 50, 100, 150 and 200 ms were due
+    assert ticks_of(schedule, 1, 300, start_ms=205) == [251]
+
+
+def test_a_restarted_plugin_waits_a_whole_period():
+    schedule = StrictSchedule(20.0, 0)
+    schedule.restart(500 * MS)
+    assert ticks_of(schedule, 1, 620, start_ms=500) == [551, 601]
+
+
+def test_a_plugin_goes_on_when_time_has_gone_back():
+    schedule = StrictSchedule(20.0, 0)
+    ticks_of(schedule, 1, 5000)
+    schedule.restart(0)
+    assert ticks_of(schedule, 1, 120) == [51, 101]
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 7.3, 400.0, 0.0])
+@pytest.mark.parametrize("step_ms", [1, 2, 3, 5, 10])
+def test_plugins_foretell_their_ticks(rate, step_ms):
+    every, jumping, jumps, now_ns = StrictSchedule(rate, 0), StrictSchedule(rate, 0), [], 0
+    while True:
+        now_ns = max(now_ns + step_ms * MS, jumping.next_due(step_ms * MS))
+        if now_ns > 600 * MS:
+            break
+        assert jumping.due(now_ns)
+        jumps.append(now_ns // MS)
+    assert jumps == ticks_of(every, step_ms, 600)
+
+
+def test_a_sensor_is_due_at_once_and_then_once_a_period():
+    assert ticks_of(SensorSchedule(20.0), 1, 170) == [1, 51, 101, 151]
+    assert ticks_of(SensorSchedule(20.0), 5, 170) == [5, 55, 105, 155]
+
+
+def test_a_sensor_carries_over_what_the_step_made_it_late():
+    ticks = ticks_of(SensorSchedule(30.0), 5, 10000)
+    gaps = {after - before for before, after in zip(ticks, ticks[1:])}
+    assert gaps == {30, 35} and len(ticks) == pytest.approx(300, abs=1)
+
+
+def test_a_sensor_late_by_more_than_a_period_drops_it():
+    schedule = SensorSchedule(20.0)
+    assert schedule.due(1 * MS) and schedule.due(171 * MS)      # 120 ms late
+    assert ticks_of(schedule, 1, 300, start_ms=171) == [221, 271]
+
+
+def test_a_sensor_without_a_rate_measures_with_every_step():
+    assert ticks_of(SensorSchedule(0.0), 2, 8) == [2, 4, 6, 8]
+
+
+def test_a_restarted_sensor_is_due_at_once():
+    schedule = SensorSchedule(20.0)
+    ticks_of(schedule, 1, 130)
+    schedule.restart()
+    assert schedule.next_due(130 * MS, MS) == 131 * MS
+    assert ticks_of(schedule, 1, 240, start_ms=130) == [131, 181, 231]
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 7.3, 400.0, 0.0])
+@pytest.mark.parametrize("step_ms", [1, 2, 3, 5, 10])
+def test_sensors_foretell_their_measurements(rate, step_ms):
+    every, jumping, jumps, now_ns = SensorSchedule(rate), SensorSchedule(rate), [], 0
+    while True:
+        now_ns = jumping.next_due(now_ns, step_ms * MS)
+        if now_ns > 600 * MS:
+            break
+        assert jumping.due(now_ns)
+        jumps.append(now_ns // MS)
+    assert jumps == ticks_of(every, step_ms, 600)
