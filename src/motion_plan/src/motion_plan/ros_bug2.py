@@ -27,10 +27,10 @@ class Bug2Publishers:
     """The latched topics that tell what Bug 2 does."""
 
     def __init__(self):
-        self._state = rospy.Publisher('bug2/state', String, queue_size=1, latch=True)
+        self._state = rospy.Publisher('bug2/state', String, queue_size=10, latch=True)
         self._status = rospy.Publisher('bug2/status', String, queue_size=1, latch=True)
-        self._hit = rospy.Publisher('bug2/hit_point', PointStamped, queue_size=1, latch=True)
-        self._leave = rospy.Publisher('bug2/leave_point', PointStamped, queue_size=1, latch=True)
+        self._hit = rospy.Publisher('bug2/hit_point', PointStamped, queue_size=10, latch=True)
+        self._leave = rospy.Publisher('bug2/leave_point', PointStamped, queue_size=10, latch=True)
         self._line = rospy.Publisher('bug2/m_line', Path, queue_size=1, latch=True)
 
     def state(self, bug, frame_id, stamp):

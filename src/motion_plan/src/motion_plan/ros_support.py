@@ -231,6 +231,10 @@ class Senses:
         return ' and '.join(names)
 
 
+#: Wall seconds that a shutdown waits for a command that is just being published.
+SHUTDOWN_PATIENCE = 0.2
+
+
 class Switchable:
     """Publishes commands while switched on; one zero command when switched off or shut down.
 
@@ -252,10 +256,10 @@ class Switchable:
 
     def clbk_switch(self, request):
         """Serve the switch; the reply is the report's: success, 'Done!'."""
+        if self.active != request.data:
+            self._on_switch(request.data)       # takes locks of its own: not under this one
         with self._lock:
             changed = self.active != request.data
-            if changed:
-                self._on_switch(request.data)
             self.active = request.data
             if changed and not request.data:
                 self._publisher.publish(Twist())
@@ -270,8 +274,14 @@ class Switchable:
                 self._publisher.publish(msg)
 
     def _shut_down(self):
-        with self._lock:
+        # rospy calls this inside its signal handler, on a thread that may be holding the lock at this very moment:
+        # wait for another thread, but not for ever
+        locked = self._lock.acquire(timeout=SHUTDOWN_PATIENCE)
+        try:
             if self.active:
                 self.active = False
                 self._publisher.publish(Twist())
                 time.sleep(0.1)    # the queued message must leave before the process does
+        finally:
+            if locked:
+                self._lock.release()

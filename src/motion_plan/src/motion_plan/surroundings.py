@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from motion_plan.angles import wrap_angle
-from motion_plan.body import AXLE_X, LASER_X
+from motion_plan.body import AXLE_X, FOOTPRINT_BOXES, LASER_X
 
 #: Points farther than this from the robot are forgotten [m].
 FORGET_DISTANCE = 3.0
@@ -19,6 +19,8 @@ KEEP_RANGE = 2.5
 CELL = 0.04
 #: A beam must go this much behind a point to clear it [m]: range noise, and the pose of a moment before.
 CLEAR_MARGIN = 0.10
+#: A reading so near to where a wheel is, is the wheel [m]: four standard deviations of the noise.
+WHEEL_MARGIN = 0.04
 #: Jump of the pose between two scans that only a teleport can make [m].
 TELEPORT = 0.5
 
@@ -71,7 +73,7 @@ class Surroundings:
         cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
         laser_x, laser_y = pose[0] + LASER_X * cos_yaw, pose[1] + LASER_X * sin_yaw
         kept = self._unseen(readings, angle_min, angle_increment, laser_x, laser_y, pose[2])
-        near = readings < KEEP_RANGE
+        near = (readings < KEEP_RANGE) & ~self._own_wheels(readings)
         distance = readings[near]
         local_x, local_y = distance * self._cos[near], distance * self._sin[near]
         seen = np.column_stack((laser_x + cos_yaw * local_x - sin_yaw * local_y,
@@ -80,6 +82,13 @@ class Surroundings:
         cells = np.floor(points / CELL).astype(np.int64)
         first = np.unique(cells[:, 0] * 1000003 + cells[:, 1], return_index=True)[1]
         self.points = points[first]
+
+    def _own_wheels(self, readings):
+        """Tell which readings are the robot's own wheels: they stand higher than the laser, behind its +-90 degrees."""
+        x, y = LASER_X + readings * self._cos, np.abs(readings * self._sin)
+        x_min, x_max, y_min, y_max = FOOTPRINT_BOXES[1]
+        return ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
+                & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
 
     def nearest(self, x, y):
         """Return (distance [m], point) of the stored point nearest to x, y; (inf, None) when nothing is stored."""

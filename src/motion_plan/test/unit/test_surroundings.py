@@ -99,3 +99,24 @@ def test_pose_history_starts_anew_when_time_jumps_back():
     history.add(5.0, (1.0, 1.0, 0.0))
     history.add(0.1, (2.0, 2.0, 0.0))
     assert history.at(5.0) == (2.0, 2.0, 0.0)
+
+
+def test_a_scanner_that_looks_all_round_does_not_store_the_own_wheels():
+    increment = 2.0 * math.pi / 720
+    angles = np.arange(720) * increment - math.pi
+    ranges = np.full(720, np.inf)
+    wheels = np.abs(np.abs(angles) - math.radians(140)) < math.radians(3)     # where they stand, seen from the laser
+    ranges[wheels] = math.hypot(-0.05 - 0.15, 0.18)
+    ranges[360] = 1.0
+    around = Surroundings()
+    around.update(ranges, -math.pi, increment, (1.0, 2.0, 0.7))
+    assert around.nearest(*(1.0 + 1.15 * math.cos(0.7), 2.0 + 1.15 * math.sin(0.7)))[0] < 0.05
+    assert len(around.points) == 1
+
+
+def test_an_obstacle_a_hand_beside_the_wheel_is_stored():
+    ranges = np.full(720, np.inf)
+    ranges[0] = math.hypot(0.2, 0.32)
+    around = Surroundings()
+    around.update(ranges, math.atan2(0.32, -0.2), 0.001, (0.0, 0.0, 0.0))
+    assert around.nearest(-0.05, 0.32)[0] < 1e-6
