@@ -1,7 +1,7 @@
 """The node's parameters: types, ranges, unknown names, and where a world's name leads."""
 import pytest
 
-from m2wr_sim.errors import ParameterError
+from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.ros.params import NodeConfig, find_world, read_config
 
 
@@ -87,4 +87,8 @@ def test_worlds_are_found_by_path_then_in_the_folder(tmp_path, monkeypatch):
         assert find_world(name, str(folder)) == str(elsewhere / "b.world")
     (elsewhere / "a.world").write_text("<sdf/>")
     assert find_world("a.world", str(folder)) == str(elsewhere / "a.world")
-    assert find_world("nowhere.world", str(folder)) == "nowhere.world"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PWD", str(elsewhere))       # where the user stands, as roslaunch leaves it
+    assert find_world("b", str(folder)) == str(elsewhere / "b.world")
+    with pytest.raises(WorldError, match="nowhere.world.*cannot be read.*%s.*%s" % (elsewhere, folder)):
+        find_world("nowhere.world", str(folder))

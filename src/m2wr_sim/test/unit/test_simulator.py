@@ -439,3 +439,33 @@ def test_closing_closes_every_plugin(traced):
     rig, calls = traced()
     rig.simulator.close()
     assert calls[-1][0] == "close" and not rig.ports.topics["/trace"].listening
+
+
+@pytest.mark.parametrize("name", ["ns::ball", "::"])
+def test_a_name_that_would_be_taken_for_a_link_is_refused(make_rig, build, name):
+    simulator = make_rig().simulator
+    with pytest.raises(ModelError, match="cannot be the name of a model"):
+        simulator.spawn(build.sphere("thing", 0.0, 0.0, 1.0, static=False), at(), name)
+    assert name not in simulator.models
+
+
+def test_a_spawn_that_fails_half_way_leaves_nothing_behind(make_rig, build, monkeypatch):
+    simulator = make_rig().simulator
+    before, thing = len(simulator.scene), build.sphere("thing", 0.0, 0.0, 1.0, static=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(simulator, "plugin_class", lambda filename: 1 // 0)
+        with pytest.raises(ZeroDivisionError):
+            simulator.spawn(replace(thing, plugins=(PluginSpec("p", "libany.so"),)), at())
+    assert "thing" not in simulator.models and len(simulator.scene) == before
+    simulator.spawn(thing, at())
+
+
+def test_positions_and_velocities_beyond_the_engines_numbers_are_refused(make_rig, build):
+    simulator, thing = make_rig().simulator, build.sphere("thing", 0.0, 0.0, 1.0, static=False)
+    with pytest.raises(ModelError, match="from the origin"):
+        simulator.spawn(thing, at(1e7), "far")
+    simulator.spawn(thing, at(), "near")
+    with pytest.raises(ModelError, match="expected at most"):
+        simulator.set_model_state("near", at(), REST, (0.0, 0.0, 1e12))
+    with pytest.raises(ModelError, match="from the origin"):
+        simulator.set_model_state("near", at(0.0, -1e9), REST, REST)

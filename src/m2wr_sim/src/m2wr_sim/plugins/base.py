@@ -59,6 +59,7 @@ class PluginReader:
     def __init__(self, spec, known=()):
         self.spec = spec
         self._read = {"robotNamespace", "alwaysOn", "rosDebugLevel"} | set(known)
+        self.problems = []                  # sentences on values that were not understood
         self.defaults = []                  # (tag, default) of what was missing, for one line in the log
 
     def text(self, tag, default=None):
@@ -86,12 +87,19 @@ class PluginReader:
 
     def flag(self, tag, default):
         """Return a boolean (true, false, 1, 0 in any case); anything else keeps the default, as in Gazebo."""
-        text = self.text(tag, "true" if default else "false").strip().lower()
-        return {"true": True, "1": True, "false": False, "0": False}.get(text, default)
+        text = self.text(tag, "true" if default else "false").strip()
+        values = {"true": True, "1": True, "false": False, "0": False}
+        if text.lower() not in values:
+            self.problems.append("<%s> must be either true or false but is \"%s\"; %s is taken"
+                                 % (tag, text, str(default).lower()))
+        return values.get(text.lower(), default)
 
     def choice(self, tag, values, default):
         """Return one of ``values``; anything else keeps the default, as in Gazebo."""
         text = self.text(tag, default)
+        if text not in values:
+            self.problems.append("<%s> must be one of %s but is \"%s\"; %s is taken"
+                                 % (tag, ", ".join(values), text, default))
         return text if text in values else default
 
     def unread(self):
@@ -154,8 +162,8 @@ class PluginContext(abc.ABC):
         """Return a message time stamp."""
 
     @abc.abstractmethod
-    def frame(self, name):
-        """Return a frame name with this model's tf prefix."""
+    def frame(self, name, namespace=""):
+        """Return a frame name with the tf prefix that is set for the plugin's namespace, or above it."""
 
     @abc.abstractmethod
     def advertise(self, topic, message_class, queue_size=10, namespace=None):

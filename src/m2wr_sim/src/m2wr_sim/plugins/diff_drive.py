@@ -38,13 +38,13 @@ class DiffDrive(Plugin):
         self._publish_tf = spec.flag("publishOdomTF", True) and self._publish_odometry
         self._publish_wheel_tf = spec.flag("publishWheelTF", False)
         publish_wheel_states = spec.flag("publishWheelJointState", False)
-        self._frame, self._child_frame = (ctx.frame(spec.text("odometryFrame", "odom")),
-                                          ctx.frame(spec.text("robotBaseFrame", "base_footprint")))
+        self._namespace = namespace = spec.spec.find("robotNamespace") or ctx.model_name
+        self._frame = ctx.frame(spec.text("odometryFrame", "odom"), namespace)
+        self._child_frame = ctx.frame(spec.text("robotBaseFrame", "base_footprint"), namespace)
         self._choose_sides(spec, left_name, right_name)
         self._encoder = EncoderOdometry(self._separation, self._swapped) if encoder else None
         self._command, self._command_ns, self._refused_ns = (0.0, 0.0), ctx.now_ns, None
         self._instructed, self._last_ns = (0.0, 0.0), ctx.now_ns
-        namespace = spec.spec.find("robotNamespace") or ctx.model_name
         ctx.subscribe(spec.text("commandTopic", "cmd_vel"), Twist, self._on_command, namespace)
         odometry_topic, self._odometry, self._states = spec.text("odometryTopic", "odom"), None, None
         if self._publish_odometry:
@@ -162,7 +162,7 @@ class DiffDrive(Plugin):
         for name in self._joint_names:
             joint = self._ctx.joint_record(name)
             position, orientation = self._ctx.pose_in_model(self._ctx.link(joint.child))
-            parent, child = self._ctx.frame(joint.parent), self._ctx.frame(joint.child)
+            parent, child = (self._ctx.frame(name, self._namespace) for name in (joint.parent, joint.child))
             self._ctx.send_transform(stamp, parent, child, position, orientation)
 
     def reset(self, now_ns, rewound):

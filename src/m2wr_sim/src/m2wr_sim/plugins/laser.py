@@ -29,13 +29,23 @@ class Laser(Plugin):
         self._awake = False
         self._message = LaserScan()
         header = self._message
-        header.header.frame_id = ctx.frame(spec.text("frameName", "/world"))
+        header.header.frame_id = ctx.frame(spec.text("frameName", "/world"), namespace)
         header.angle_min, header.angle_max = self._laser.angle_min, self._laser.angle_max
         header.angle_increment = self._laser.angle_increment
         header.range_min, header.range_max = self._laser.range_min, self._laser.range_max
 
+    def wanted(self):
+        """Tell whether anybody listens to the scans."""
+        return self._port is not None and self._port.wanted()
+
+    def measure(self):
+        """Take a scan now; returns the sensor's own arrays of ranges and intensities."""
+        pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
+        self._ctx.refresh_scene()
+        return self._laser.cast(self._ctx.scene, pose)
+
     def next_after(self, now_ns):
-        if self._port is None or not self._port.wanted():
+        if not self.wanted():
             self._awake = False
             return NEVER
         if not self._awake:
@@ -46,9 +56,7 @@ class Laser(Plugin):
     def after_step(self, now_ns):
         if not self._awake or not self._schedule.due(now_ns):
             return
-        pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
-        self._ctx.refresh_scene()
-        ranges, intensities = self._laser.cast(self._ctx.scene, pose)
+        ranges, intensities = self.measure()
         message = self._message
         message.header.stamp = self._ctx.moment(now_ns)
         message.ranges, message.intensities = ranges.tolist(), intensities.tolist()

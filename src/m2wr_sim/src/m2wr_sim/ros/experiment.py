@@ -8,12 +8,13 @@ import os
 import socket
 import sys
 import threading
+import time
 
 import roslaunch
 import rospkg
 from roslaunch.pmon import ProcessListener
 
-_USAGE = "experiment [--port PORT] PACKAGE FILE.launch [ARG:=VALUE ...]"
+_USAGE = "experiment [--port PORT] [--timeout SECONDS] PACKAGE FILE.launch [ARG:=VALUE ...]"
 
 
 class _Watch(ProcessListener):
@@ -55,7 +56,7 @@ def resolve(package, name):
     raise FileNotFoundError("package %s has no launch file \"%s\"; expected it in %s/launch" % (package, name, folder))
 
 
-def run(path, arguments, port=None):
+def run(path, arguments, port=None, timeout=None):
     """Run a launch file until it ends, or a node fails, or Ctrl-C.
 
     Parameters
@@ -67,10 +68,13 @@ def run(path, arguments, port=None):
     port : int, optional
         Port of a master of the run's own; None uses the master of the environment, starting one if there is none.
 
+    timeout : float, optional
+        Wall seconds after which the run is ended and counts as failed.
+
     Returns
     -------
     int
-        0, or the exit code of the first node that failed.
+        0; or the exit code of the first node that failed; 1 after the time-out, 130 after Ctrl-C.
     """
     if port is not None:
         os.environ["ROS_MASTER_URI"] = "http://127.0.0.1:%d" % port
@@ -80,19 +84,24 @@ def run(path, arguments, port=None):
     watch = _Watch()
     parent = roslaunch.parent.ROSLaunchParent(uuid, [(path, list(arguments))], port=port, process_listeners=[watch],
                                               sigint_timeout=5, sigterm_timeout=2)
-    parent.start()
+    ends, ended = (None if timeout is None else time.monotonic() + timeout), None
     try:
+        parent.start()
         while not parent.pm.is_shutdown and not watch.dead.is_set():
             parent.spin_once()
             parent.pm.join(0.1)
             if not parent.pm.is_alive():
                 break
+            if ends is not None and time.monotonic() > ends:
+                sys.stderr.write("experiment: not finished after %g s of wall time; ending the run\n" % timeout)
+                ended = 1
+                break
     except KeyboardInterrupt:
-        pass
+        ended = 130
     finally:
         parent.shutdown()
     if watch.failed is None:
-        return 0
+        return ended or 0
     name, code = watch.failed
     sys.stderr.write("experiment: node %s ended with code %s, so the run ends with an error\n" % (name, code))
     return code if 0 < code < 128 else 1
@@ -103,12 +112,15 @@ def main(argv=None):
     parser = argparse.ArgumentParser(prog="experiment", usage=_USAGE, description=__doc__.split("\n")[0])
     parser.add_argument("--port", type=int,
                         help="port for a ROS master of this run's own; default: as ROS_MASTER_URI says")
+    parser.add_argument("--timeout", type=float,
+                        help="wall seconds after which the run counts as failed; default: none")
     parser.add_argument("package")
     parser.add_argument("launch_file")
     parser.add_argument("arguments", nargs="*", metavar="ARG:=VALUE")
     options = parser.parse_args(sys.argv[1:] if argv is None else argv)
     try:
-        return run(resolve(options.package, options.launch_file), options.arguments, options.port)
+        return run(resolve(options.package, options.launch_file), options.arguments, options.port,
+                   options.timeout)
     except (FileNotFoundError, roslaunch.RLException) as error:
         sys.stderr.write("experiment: %s\n" % error)
         return 1

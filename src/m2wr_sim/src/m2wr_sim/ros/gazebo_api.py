@@ -1,6 +1,7 @@
 """Gazebo's services and command topics under ``~``, as calls of the simulator; texts are Gazebo's to the letter."""
 import functools
 import logging
+import time
 
 import rospy
 from gazebo_msgs.msg import ModelState
@@ -10,13 +11,14 @@ from gazebo_msgs.srv import (DeleteModel, DeleteModelResponse, GetModelPropertie
                              SetModelStateResponse, SpawnModel)
 from std_srvs.srv import Empty, EmptyResponse
 
-from m2wr_sim.errors import NotFoundError
+from m2wr_sim.errors import ModelError, NotFoundError
 from m2wr_sim.ros.loop import ShuttingDown
 from m2wr_sim.ros.spawning import Spawner
 from m2wr_sim.runtime.entities import tell
 
 log = logging.getLogger(__name__)
 
+_DRAIN = 0.2            # s of wall time between the last message of the old time and the clock's jump back to zero
 _NO_SCOPED_FRAME = ("reference relative_entity_name not found, did you forget to scope the body by model name?")
 
 
@@ -120,6 +122,9 @@ class GazeboApi:
         except NotFoundError as error:
             log.error("set_model_state: %s", error)
             return False, "SetModelState: specified reference frame entity does not exist"
+        except ModelError as error:
+            log.error("set_model_state: %s", error)
+            return False, "SetModelState: %s" % error
         return True, "SetModelState: set model state done"
 
     def _on_model_state(self, message):
@@ -185,6 +190,9 @@ class GazeboApi:
 
     def reset_simulation(self, _):
         """Start over at time zero."""
+        # robot_state_publisher falls silent until the old time comes again if a joint state of the old time reaches it
+        # after the clock has gone back
+        time.sleep(_DRAIN)
         self._simulator.reset_simulation()
         log.info("simulation reset: time is zero, models are as at the start")
         return EmptyResponse()

@@ -1,8 +1,12 @@
 """The simulation node: parameters in, world up, loop until told to stop."""
 import logging
 import os
+import socket
 import sys
+from xmlrpc.client import Fault as XmlRpcFault
+from xmlrpc.client import ServerProxy
 
+import rosgraph
 import rospkg
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
@@ -26,6 +30,7 @@ from m2wr_sim.warm_up import warm_up
 
 log = logging.getLogger("m2wr_sim")
 
+_PING_PATIENCE = 2.0            # s for a running namesake to answer
 _SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads waiting for Python's default of 5 ms
 
 
@@ -80,9 +85,10 @@ def build(config, folder):
 def run(config):
     """Run the node until ROS shuts down."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    warm_up(config.engine)
     simulator, factor, folders = build(config, package_folder())
     try:
+        log.info("loading the compiled kernels (the first start after an installation compiles them: some seconds)")
+        warm_up(config.engine)
         states = [simulator.ports.advertise("~" + name, kind, 10, "")
                   for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
         simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
@@ -97,8 +103,35 @@ def run(config):
         simulator.close()
 
 
+def running_namesake(name):
+    """Return the address of a living node that has this name already, or None.
+
+    ROS would silently end that node in favour of a new one.
+    """
+    try:
+        address = rosgraph.Master("/m2wr_sim_start").lookupNode(name)
+    except (rosgraph.MasterException, OSError):
+        return None
+    previous = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(_PING_PATIENCE)
+    try:
+        ServerProxy(address).getPid("/m2wr_sim_start")
+        return address
+    except (OSError, XmlRpcFault):
+        return None
+    finally:
+        socket.setdefaulttimeout(previous)
+
+
 def main():
     """Entry point of the executable; returns the exit code."""
+    mappings = rosgraph.names.load_mappings(sys.argv)
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(argv=sys.argv), mappings.get("__name", "gazebo"))
+    address = running_namesake(name)
+    if address is not None:
+        sys.stderr.write("a simulation runs already: node %s at %s. Stop it first (rosnode kill %s), or start this one "
+                         "under another name or master.\n" % (name, address, name))
+        return 1
     rospy.init_node("gazebo", disable_rostime=True)
     _claim_time()
     _log_through_rospy()
@@ -110,5 +143,8 @@ def main():
         run(config)
     except (ParameterError, WorldError, ModelError, SimError) as error:
         rospy.logfatal("%s", error)
+        return 1
+    except Exception as error:
+        log.exception("the simulation ends for a fault of its own: %s: %s", type(error).__name__, error)
         return 1
     return 0

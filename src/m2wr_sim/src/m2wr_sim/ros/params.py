@@ -7,7 +7,7 @@ from typing import Dict, Optional
 import rospy
 
 from m2wr_sim.control.diff_drive import CONVENTIONS
-from m2wr_sim.errors import ParameterError
+from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.physics.factory import ENGINES
 
 
@@ -121,11 +121,19 @@ def private_parameters():
 
 
 def find_world(name, folder):
-    """Return the path of a world: absolute, relative to the working folder, or from this package's ``folder``.
+    """Return the path of a world: absolute, relative to where the user stands, or from this package's ``folder``.
 
-    A name that fits nowhere is returned as it is; reading it gives the error.
+    roslaunch starts nodes in a folder of their own, but leaves the user's in the environment.
+
+    Raises
+    ------
+    WorldError
+        If there is no such file; the message names the places that were searched.
     """
-    for candidate in (name, os.path.join(folder, name), os.path.join(folder, name + ".world")):
-        if os.path.isfile(candidate):
-            return os.path.abspath(candidate)
-    return name
+    places = list(dict.fromkeys((os.environ.get("PWD", ""), os.getcwd(), folder)))
+    for place in places:
+        for candidate in (os.path.join(place, name), os.path.join(place, name + ".world")):
+            if place and os.path.isfile(candidate):
+                return os.path.abspath(candidate)
+    raise WorldError("world file \"%s\" cannot be read: there is none of that name; searched %s"
+                     % (name, "as given" if os.path.isabs(name) else ", ".join(place for place in places if place)))

@@ -125,17 +125,19 @@ def normalise(text, package_to_model=False):
     return etree.tostring(root, encoding="us-ascii").decode("ascii")
 
 
-def wait_for_model(name):
+def wait_for_model(name, namespace):
     """Wait until a model of that name is in the world; returns False if ROS shuts down before."""
     seen = []
 
     def store(message):
         seen[:] = message.name
 
-    subscriber = rospy.Subscriber("gazebo/model_states", ModelStates, store)
+    topic = namespace.rstrip("/") + "/model_states"
+    subscriber = rospy.Subscriber(topic, ModelStates, store)
     try:
         rospy.loginfo("Waiting for model %s before proceeding.", name)
         while name not in seen and not rospy.is_shutdown():
+            rospy.logwarn_throttle(5, "no model %s on %s yet" % (name, topic))
             time.sleep(0.05)
     finally:
         subscriber.unregister()
@@ -150,7 +152,8 @@ def _wait_for_service(name):
             rospy.wait_for_service(name, timeout=5.0)
             return
         except rospy.ROSException:
-            rospy.logwarn_throttle(5, "still waiting for service %s: is the simulation running?" % name)
+            if not rospy.is_shutdown():
+                rospy.logwarn("still waiting for service %s: is the simulation running?", name)
     raise SpawnError("interrupted while waiting for %s" % name)
 
 
@@ -195,6 +198,16 @@ def _configure(arguments):
         raise SpawnError("joint positions were not set: %s" % response.status_message)
 
 
+def _unpause(arguments):
+    """Let time go on, for ``-unpause``."""
+    service = arguments.gazebo_namespace.rstrip("/") + "/unpause_physics"
+    try:
+        rospy.wait_for_service(service, timeout=5.0)
+        rospy.ServiceProxy(service, Empty)()
+    except (rospy.ServiceException, rospy.ROSException) as error:
+        raise SpawnError("the simulation was not unpaused: %s" % error)
+
+
 def _keep_bond(arguments):
     """Wait for shutdown and take the model out again."""
     service = arguments.gazebo_namespace.rstrip("/") + "/delete_model"
@@ -218,15 +231,13 @@ def main(argv=None):
     rospy.init_node("spawn_model", anonymous=True, disable_rostime=True)
     rospy.rostime.switch_to_wallclock()
     try:
-        if arguments.wait and not wait_for_model(arguments.wait):
+        if arguments.wait and not wait_for_model(arguments.wait, arguments.gazebo_namespace):
             return 0
         spawn(arguments, read_description(arguments))
         if arguments.joints:
             _configure(arguments)
         if arguments.unpause:
-            service = arguments.gazebo_namespace.rstrip("/") + "/unpause_physics"
-            rospy.wait_for_service(service, timeout=5.0)
-            rospy.ServiceProxy(service, Empty)()
+            _unpause(arguments)
     except SpawnError as error:
         rospy.logerr("%s", error)
         if "Spawn service failed" not in str(error):

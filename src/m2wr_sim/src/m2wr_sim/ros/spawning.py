@@ -17,7 +17,15 @@ _UNREADABLE = ("GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF o
                "Gazebo compatible format.")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _PACKAGE = re.compile(r"package://([^/\"'<>\s]+)")
+_BEFORE_ROOT = re.compile(r"(?:\s|\ufeff|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>)*"
+                          r"<([A-Za-z_][\w.:-]*)", re.DOTALL)
 _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to scope the link by model name?")
+
+
+def _root_tag(text):
+    """Return the name of the root element as far as it can be told without parsing; None if there is none."""
+    found = _BEFORE_ROOT.match(text)
+    return found.group(1) if found else None
 
 
 class Spawner:
@@ -38,13 +46,13 @@ class Spawner:
         try:
             return self._packages.get_path(name)
         except rospkg.ResourceNotFound:
-            log.error("spawn_urdf_model: package://%s: there is no package \"%s\" in this workspace; expected one that rospack "
-                      "finds", name, name)
+            log.error("spawn_urdf_model: package://%s: there is no package \"%s\"; expected one that rospack finds",
+                      name, name)
             raise rospy.ServiceException("urdf reference package name does not exist: %s" % name)
 
     def spawn_urdf(self, request):
-        """Answer spawn_urdf_model; no ``<robot>`` or an unknown ``package://`` make the call itself fail, as in Gazebo."""
-        if "<robot" not in request.model_xml:
+        """Answer spawn_urdf_model; without a ``<robot>``, or with an unknown ``package://``, the call itself fails."""
+        if _root_tag(request.model_xml) != "robot":
             log.error("spawn_urdf_model: the text for \"%s\" has no <robot> element; expected a URDF",
                       request.model_name)
             raise rospy.ServiceException("SpawnModel: Failure - entity format is invalid.")
@@ -56,12 +64,13 @@ class Spawner:
 
     def spawn_sdf(self, request):
         """Answer spawn_sdf_model; a URDF is taken too, as Gazebo does."""
-        if "<robot" in request.model_xml:
+        root = _root_tag(request.model_xml)
+        if root == "robot":
             return self.spawn_urdf(request)
-        if "<sdf" not in request.model_xml and "<gazebo" not in request.model_xml:
-            log.error("spawn_sdf_model: the text for \"%s\" has no <sdf> element; expected an SDF model",
-                      request.model_name)
-            raise rospy.ServiceException("SpawnModel: Failure - entity format is invalid.")
+        if root not in ("sdf", "gazebo"):
+            reason = "the text begins with %s; expected <sdf> or <robot>" % ("<%s>" % root if root else "no element")
+            log.error("spawn of \"%s\": %s", request.model_name, reason)
+            return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, reason))
         return self._spawn(request, lambda: self._only_model(request))
 
     def _only_model(self, request):
@@ -94,5 +103,10 @@ class Spawner:
         except SimError as error:
             log.error("spawn of \"%s\": %s", request.model_name, error)
             return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, error))
+        except rospy.ServiceException:
+            raise
+        except Exception as error:
+            log.exception("spawn of \"%s\" failed", request.model_name)
+            return SpawnModelResponse(False, "%s %s: %s" % (_UNREADABLE, type(error).__name__, error))
         log.info("spawned \"%s\"", request.model_name)
         return SpawnModelResponse(True, "SpawnModel: Successfully spawned entity")

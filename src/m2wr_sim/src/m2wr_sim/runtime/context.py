@@ -61,8 +61,8 @@ class ModelContext(PluginContext):
     def moment(self, now_ns):
         return self._ports.moment(now_ns)
 
-    def frame(self, name):
-        return self._ports.frame(name, self._model.namespace)
+    def frame(self, name, namespace=""):
+        return self._ports.frame(name, namespace)
 
     def advertise(self, topic, message_class, queue_size=10, namespace=None):
         port = self._ports.advertise(topic, message_class, queue_size, namespace or "")

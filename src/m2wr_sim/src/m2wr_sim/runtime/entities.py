@@ -97,7 +97,7 @@ class LiveModel:
 
 
 class SceneRows:
-    """The rows a model has in the scene that rays see, and how to bring them up to date.
+    """Rows in the scene that rays see, and how to bring them up to date.
 
     Parameters
     ----------
@@ -106,18 +106,17 @@ class SceneRows:
     """
 
     def __init__(self, parts):
+        self.parts = parts
         self._rows = np.array([row for row, _, _ in parts], dtype=np.int64)
-        self._parts = [(link, pose) for _, link, pose in parts]
         self._positions = np.zeros((len(parts), 3))
         self._orientations = np.zeros((len(parts), 4))
+        self._read = None
 
     def refresh(self, engine, scene):
         """Write the present poses into the scene."""
-        poses = {}
-        for index, (link, offset) in enumerate(self._parts):
-            if link not in poses:
-                poses[link] = engine.link_pose(link)
-            self._positions[index], self._orientations[index] = compose(poses[link], offset)
+        if self._read is None:
+            self._read = engine.pose_reader([part[1:] for part in self.parts])
+        self._read(self._positions, self._orientations)
         scene.set_poses(self._rows, self._positions, self._orientations)
 
 

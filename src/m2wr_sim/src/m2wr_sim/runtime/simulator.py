@@ -13,7 +13,8 @@ from typing import Dict
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose, conjugate, multiply, normalise_quaternion, rotate, rotate_inverse
 from m2wr_sim.model.types import Plane, PluginSpec
-from m2wr_sim.plugins.base import PluginReader
+from m2wr_sim.physics.engine import FARTHEST, FASTEST
+from m2wr_sim.plugins.base import Plugin, PluginReader
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, tell
@@ -26,6 +27,18 @@ _TOUCHES_KEPT = 1000
 
 Relative = namedtuple("Relative", "position orientation linear angular")
 """Pose and velocity of a model relative to some frame."""
+
+
+def _within_reach(name, pose):
+    """Return a pose; ModelError if it is farther out than the engine's numbers carry."""
+    if not all(abs(value) <= FARTHEST for value in pose[0]):
+        raise ModelError("position %s for \"%s\": expected at most %g m from the origin" % (pose[0], name, FARTHEST))
+    return pose
+
+
+def _overrides(plugin, name):
+    """Tell whether a plugin has a method of its own where the base class has one that does nothing."""
+    return getattr(getattr(plugin, name), "__func__", None) is not getattr(Plugin, name)
 
 
 @dataclass(frozen=True)
@@ -74,7 +87,8 @@ class Simulator:
         self.touches, self.touch_counts = [], {}
         self._clock_period_ns, self._clock_last_ns = period_of(self.config.clock_rate), None
         self._active = []               # (plugin, context, label) of all models, in load order
-        self._scene_ns = None
+        self._scene_ns = self._moving_sight = None
+        self._asked = None              # plugins by what they want to be asked
 
     # ---- world -------------------------------------------------------------------------------------------------
 
@@ -87,9 +101,9 @@ class Simulator:
         for spec in world.plugins:
             log.warning("%s: world plugin %s (%s) is not known here and left out", spec.where, spec.name, spec.filename)
         if world.state is not None:
-            self._apply_state(world.state)
+            self.apply_state(world.state)
 
-    def _apply_state(self, state):
+    def apply_state(self, state):
         """Set time, poses and velocities from a world file's ``<state>``; a reset does not come back to it."""
         self.now_ns = state.sim_time_ns // self.step_ns * self.step_ns
         for entry in state.models:
@@ -124,17 +138,24 @@ class Simulator:
         name = name or record.name
         if name in self.models:
             raise ModelError("a model called \"%s\" is already in the world" % name)
+        if "::" in name or not name:
+            raise ModelError("\"%s\" cannot be the name of a model; expected a name without \"::\", which separates a "
+                             "model from its links" % name)
         if not record.links:
             raise ModelError("model \"%s\" has no links" % name)
         for note in record.notes:
             log.warning("%s: %s", name, note)
-        pose = (tuple(pose[0]), normalise_quaternion(pose[1]))
+        pose = _within_reach(name, (tuple(pose[0]), normalise_quaternion(pose[1])))
         handle = self.engine.add_model(record, pose, name)
         model = LiveModel(record, handle, pose, namespace or "")
         self.models[name] = model
-        self._add_to_scene(model)
-        for spec, sensor, link in self._plugin_specs(record):
-            self._start_plugin(model, spec, sensor, link, namespace)
+        try:
+            self._add_to_scene(model)
+            for spec, sensor, link in self._plugin_specs(record):
+                self._start_plugin(model, spec, sensor, link, namespace)
+        except Exception:
+            self.delete(name)           # no half a model stays behind
+            raise
         return model
 
     def _plugin_specs(self, record):
@@ -153,8 +174,13 @@ class Simulator:
             library = "libgazebo_ros_joint_state_publisher.so"
             yield PluginSpec(_JOINT_STATES, library, parameters, where=_JOINT_STATES), None, None
 
+    @staticmethod
+    def plugin_class(filename):
+        """Return the class that stands for a plugin library, or None; a subclass may have others."""
+        return find_plugin(filename)
+
     def _start_plugin(self, model, spec, sensor, link, namespace):
-        plugin_class = find_plugin(spec.filename)
+        plugin_class = self.plugin_class(spec.filename)
         if plugin_class is None:
             log.warning("%s: no plugin %s here; %s is left out", model.name, spec.filename, spec.where or spec.name)
             return
@@ -174,11 +200,14 @@ class Simulator:
             return
         if reader.defaults:
             log.info("%s takes defaults for %s", label, ", ".join("%s = %s" % pair for pair in reader.defaults))
+        for problem in reader.problems:
+            log.warning("%s: %s", label, problem)
         if reader.unread():
             log.warning("%s: nothing reads %s", label, ", ".join("<%s>" % tag for tag in reader.unread()))
         entry = (plugin, context, label)
         model.plugins.append(entry)
         self._active.append(entry)
+        self._asked = None
 
     def delete(self, name):
         """Take a model out of the world; its plugins close their topics."""
@@ -187,18 +216,22 @@ class Simulator:
             self._stop_plugin(entry)
         self.engine.remove_model(model.handle)
         del self.models[name]
+        self.touch_counts.pop(name, None)
         self.scene.remove_owner(name)
-        self._scene_ns = None
+        self._scene_ns = self._moving_sight = None
 
     def _stop_plugin(self, entry):
+        """Close a plugin, once: one that was switched off before is closed already."""
+        if entry not in self._active:
+            return
+        self._active.remove(entry)
+        self._asked = None
         plugin, context, label = entry
         try:
             plugin.close()
         except Exception:
             log.exception("%s failed while closing", label)
         context.close()
-        if entry in self._active:
-            self._active.remove(entry)
 
     def _model(self, name):
         if name not in self.models:
@@ -208,6 +241,7 @@ class Simulator:
     def add_observer(self, plugin, label):
         """Let a world-level plugin take part in every step; it must already be configured."""
         self.observers.append((plugin, None, label))
+        self._asked = None
 
     # ---- what rays see -----------------------------------------------------------------------------------------
 
@@ -219,15 +253,16 @@ class Simulator:
             if moves or not isinstance(collision.geometry, Plane):
                 parts.append((row, link, collision.pose))
         model.sight = SceneRows(parts)
-        self._scene_ns = None
+        self._scene_ns = self._moving_sight = None
 
     def refresh_scene(self):
         """Bring the poses of everything that can move into the scene; at most once per instant."""
         if self._scene_ns == self.now_ns:
             return
-        for model in self.models.values():
-            if not model.record.static:
-                model.sight.refresh(self.engine, self.scene)
+        if self._moving_sight is None:
+            self._moving_sight = SceneRows([part for model in self.models.values() if not model.record.static
+                                            for part in model.sight.parts])
+        self._moving_sight.refresh(self.engine, self.scene)
         self._scene_ns = self.now_ns
 
     def _moved(self, model):
@@ -256,27 +291,38 @@ class Simulator:
             stop_ns = min(stop_ns, max(first_ns, self._next_clock(now_ns) - self.step_ns))
         else:
             stop_ns = first_ns
-        for entry in self._active + self.observers:
-            stop_ns = min(stop_ns, self._ask(entry, now_ns, first_ns))
+        before, after, _ = self._agenda()
+        for entry in before:
+            stop_ns = min(stop_ns, self._run_before(entry, now_ns, first_ns))
+        for entry in after:
+            sample_ns = self._guarded(entry, entry[0].next_after, now_ns)
+            if sample_ns is not None and sample_ns < stop_ns:
+                stop_ns = max(first_ns, sample_ns)
         count = max(1, (stop_ns - now_ns) // self.step_ns)
         self.engine.step(count)
         self.steps += count
         self.now_ns = now_ns + count * self.step_ns
         self._collect_touches()
-        for entry in self._active + self.observers:
+        for entry in self._agenda()[2]:
             self._guarded(entry, entry[0].after_step, self.now_ns)
         return self.now_ns
 
-    def _ask(self, entry, now_ns, first_ns):
+    def _agenda(self):
+        """Return the plugins with something to do before a step, those that measure at times, those that act after."""
+        if self._asked is None:
+            entries = self._active + self.observers
+            self._asked = tuple([entry for entry in entries if _overrides(entry[0], name)]
+                                for name in ("next_before", "next_after", "after_step"))
+        return self._asked
+
+    def _run_before(self, entry, now_ns, first_ns):
         """Let a plugin act before the first step if it wants to; return how far the engine may run for its sake."""
         plugin = entry[0]
         wanted_ns = self._guarded(entry, plugin.next_before, now_ns)
         if wanted_ns is not None and wanted_ns <= first_ns:
             self._guarded(entry, plugin.before_step, first_ns)
             wanted_ns = self._guarded(entry, plugin.next_before, first_ns)
-        stop_ns = first_ns + 10**15 if wanted_ns is None else max(first_ns, wanted_ns - self.step_ns)
-        sample_ns = self._guarded(entry, plugin.next_after, now_ns)
-        return stop_ns if sample_ns is None else min(stop_ns, max(first_ns, sample_ns))
+        return first_ns + 10**15 if wanted_ns is None else max(first_ns, wanted_ns - self.step_ns)
 
     def _guarded(self, entry, function, time_ns):
         """Call a plugin; one that fails is named and switched off, and the simulation goes on."""
@@ -284,6 +330,7 @@ class Simulator:
             return function(time_ns)
         except Exception:
             log.exception("%s failed and is switched off", entry[2])
+            self._asked = None
             if entry in self.observers:
                 self.observers.remove(entry)
             else:
@@ -301,10 +348,9 @@ class Simulator:
 
     def _collect_touches(self):
         for touch in self.engine.drain_touches():
-            moving = [name for name in (touch.first, touch.second)
-                      if not self.models[name.split("::")[0]].record.static]
-            for name in {name.split("::")[0] for name in moving}:
-                self.touch_counts[name] = self.touch_counts.get(name, 0) + 1
+            for name in {side.split("::")[0] for side in (touch.first, touch.second)}:
+                if name in self.models and not self.models[name].record.static:
+                    self.touch_counts[name] = self.touch_counts.get(name, 0) + 1
             if len(self.touches) < _TOUCHES_KEPT:
                 self.touches.append(touch)
 
@@ -340,10 +386,13 @@ class Simulator:
     def set_model_state(self, name, pose, linear, angular, frame=""):
         """Place a model and set the velocity of all its links; everything is given in ``frame``."""
         model = self._model(name)
+        if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
+            raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
+                             % (tuple(linear), tuple(angular), name, FASTEST))
         reference = self.frame_state(frame)
         if reference is not None:
             linear, angular = rotate(reference.orientation, linear), rotate(reference.orientation, angular)
-        model.place(self.engine, self.pose_in_world(pose, frame))
+        model.place(self.engine, _within_reach(name, self.pose_in_world(pose, frame)))
         model.set_velocity(self.engine, linear, angular)
         self._moved(model)
 
@@ -369,6 +418,7 @@ class Simulator:
         """Start over: time zero, random sequences from the seed, models and joints as at the beginning, at rest."""
         self.now_ns, self.steps = 0, 0
         self._clock_last_ns = None
+        self.engine.forget()
         self.engine.reseed(self.config.seed)
         for model in self.models.values():
             model.restore(self.engine)
@@ -385,5 +435,5 @@ class Simulator:
         """Stop all plugins and free the world."""
         for entry in list(self._active):
             self._stop_plugin(entry)
-        self.observers = []
+        self.observers, self._asked = [], None
         self.engine.close()
