@@ -1,0 +1,187 @@
+"""``m2wr/GoToGoal-v0``: a Gymnasium environment in which a robot drives to a goal without touching anything.
+
+Importing this module registers it.  It needs the Python package gymnasium, which nothing else here does.
+
+A step lasts 0.1 s of simulated time; then the laser scans and the odometry is taken.  The reward of a step is
+
+    1.0 for each metre that the robot came nearer to the goal
+    - 0.1 for each second
+    + 10 at the goal, - 10 for touching anything but the ground
+
+and either of the last two ends the episode; after 60 s it is cut off.
+"""
+import math
+
+import numpy as np
+
+from m2wr_sim.api.sim import Sim
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ImportError as error:
+    raise ImportError("m2wr_sim.api.gym_env needs the Python package gymnasium, 1.0 or newer, which is not installed "
+                      "(%s)" % error) from error
+
+ENV_ID = "m2wr/GoToGoal-v0"
+PROGRESS_REWARD, TIME_REWARD = 1.0, -0.1        # each metre nearer, each second
+GOAL_REWARD, TOUCH_REWARD = 10.0, -10.0
+_ROOM = 0.7                     # m from the start and the goal to the nearest obstacle: m2wr turns within 0.45 m
+_TRIES = 1000
+_FARTHEST = 50.0                # m: bound of the goal's place as observed
+
+
+class GoToGoalEnv(gymnasium.Env):
+    """See the module docstring.
+
+    Observation, a dictionary of float32 arrays:
+
+    ========== =========== ======================================================================================
+    ``scan``   (beams,)    least range of each group of neighbouring beams [m], the longest range for no hit
+    ``goal``   (2,)        the goal in the robot's frame: ahead, to the left [m]
+    ``velocity`` (2,)      linear x [m/s], angular z [rad/s] by odometry
+    ========== =========== ======================================================================================
+
+    Action: (2,) float32, linear x [m/s] and angular z [rad/s]; clipped to the limits.
+
+    ``reset`` draws start, heading and goal from the environment's generator; ``options={"start": (x, y, yaw)}`` and
+    ``options={"goal": (x, y)}`` set them.  ``info`` holds ``distance`` [m], ``time`` [s], ``touches`` and
+    ``is_success``.
+
+    Parameters
+    ----------
+    world, robot
+        As for :class:`~m2wr_sim.api.sim.Sim`; the robot needs a drive and a laser of one row.
+    duration : float
+        Of a step [s].
+    time_limit : float
+        Of an episode [s].
+    beams : int
+        Size of ``scan``; must divide the laser's number of beams.
+    max_linear, max_angular : float
+        Limits of the action [m/s, rad/s].
+    area : (4,) floats
+        Where start and goal may be: x min, x max, y min, y max [m].
+    distance : (2,) floats
+        Least and greatest distance from start to goal [m].
+    goal_radius : float
+        The goal counts as reached within this distance [m].
+    render_mode : None
+        There is no rendering.
+    **options
+        The other options of Sim.
+
+    Raises
+    ------
+    ValueError
+        If the robot's laser cannot be cut into ``beams`` groups, or an option has an unusable value.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(self, world="world02", robot="m2wr", duration=0.1, time_limit=60.0, beams=72, max_linear=0.6,
+                 max_angular=1.0, area=(-8.0, 8.0, -8.0, 8.0), distance=(2.0, 6.0), goal_radius=0.3, render_mode=None,
+                 **options):
+        if render_mode is not None:
+            raise ValueError("render_mode %r; expected None: there is no rendering" % (render_mode,))
+        if not 0.0 <= goal_radius < distance[0] <= distance[1]:
+            raise ValueError("goal_radius %r and distance %r; expected goal_radius < least distance <= greatest"
+                             % (goal_radius, distance))
+        self.render_mode = None
+        self._sim = Sim(world, robot, sensing="now", **options)
+        try:
+            laser = self._sim.lasers()[0] if self._sim.lasers() else None
+            if laser is None or beams < 1 or laser.count % beams:
+                raise ValueError("beams %r; expected a divisor of the laser's %d readings"
+                                 % (beams, 0 if laser is None else laser.count))
+            self._sim.drive()               # tells if there is none
+        except Exception:
+            self._sim.close()
+            raise
+        self._name, self._beams = self._sim.robots[0], int(beams)
+        self._duration, self._time_limit, self._goal_radius = duration, time_limit, goal_radius
+        self._area, self._range = tuple(area), tuple(distance)
+        self._goal, self._distance = (0.0, 0.0), 0.0
+        limits = np.array([max_linear, max_angular], np.float32)
+        self.action_space = spaces.Box(-limits, limits, dtype=np.float32)
+        self._bounds = {"scan": (0.0, laser.range_max), "goal": (-_FARTHEST, _FARTHEST),
+                        "velocity": (-10.0 * limits, 10.0 * limits)}
+        sizes = {"scan": (self._beams,), "goal": (2,), "velocity": (2,)}
+        self.observation_space = spaces.Dict({
+            name: spaces.Box(*(np.broadcast_to(np.float32(bound), sizes[name]) for bound in bounds))
+            for name, bounds in self._bounds.items()})
+
+    def reset(self, *, seed=None, options=None):
+        """Start an episode; see the class for the options."""
+        super().reset(seed=seed)
+        sim, options = self._sim, options or {}
+        sim.reset(seed=int(self.np_random.integers(2**31)))
+        start, goal = self._places(options.get("start"), options.get("goal"))
+        sim.set_pose(start)
+        sim.measure()
+        self._goal = goal
+        result = sim.observe()
+        self._distance = self._goal_distance(result)
+        return self._observation(result), self._info(result)
+
+    def _places(self, start, goal):
+        """Draw what is not given: places with room around them, as far apart as asked for."""
+        for _ in range(_TRIES):
+            heading = self.np_random.uniform(-math.pi, math.pi)
+            from_place = tuple(start) if start is not None else self._free_place() + (heading,)
+            to_place = tuple(goal) if goal is not None else self._free_place()
+            apart = math.hypot(to_place[0] - from_place[0], to_place[1] - from_place[1])
+            if (start is not None and goal is not None) or self._range[0] <= apart <= self._range[1]:
+                return from_place, to_place[:2]
+        raise RuntimeError("found no start and goal %g to %g m apart in %s in %d tries; give them to reset as options"
+                           % (self._range + (self._area, _TRIES)))
+
+    def _free_place(self):
+        for _ in range(_TRIES):
+            x, y = (float(self.np_random.uniform(low, high)) for low, high in (self._area[:2], self._area[2:]))
+            if self._sim.clearance(x, y, reach=2.0 * _ROOM, ignore=self._name) >= _ROOM:
+                return x, y
+        raise RuntimeError("found no place in %s that is %g m away from everything after %d tries"
+                           % (self._area, _ROOM, _TRIES))
+
+    def step(self, action):
+        """Drive on for ``duration``; raises ValueError for an action that is not two finite numbers."""
+        command = np.asarray(action, dtype=np.float64)
+        if command.shape != (2,) or not np.all(np.isfinite(command)):
+            raise ValueError("action %r; expected two finite numbers: linear x [m/s], angular z [rad/s]" % (action,))
+        result = self._sim.step(np.clip(command, self.action_space.low, self.action_space.high), self._duration)
+        before, self._distance = self._distance, self._goal_distance(result)
+        touched, reached = bool(result.touches), self._distance < self._goal_radius
+        reward = PROGRESS_REWARD * (before - self._distance) + TIME_REWARD * self._duration
+        if touched:
+            reward += TOUCH_REWARD
+        elif reached:
+            reward += GOAL_REWARD
+        truncated = not (touched or reached) and result.time >= self._time_limit
+        return self._observation(result), float(reward), touched or reached, truncated, self._info(result)
+
+    def _goal_distance(self, result):
+        return math.hypot(self._goal[0] - result.position[0], self._goal[1] - result.position[1])
+
+    def _observation(self, result):
+        x, y, yaw = result.pose
+        ahead, aside = self._goal[0] - x, self._goal[1] - y
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        values = {"scan": result.scan.ranges.reshape(self._beams, -1).min(axis=1),
+                  "goal": (cosine * ahead + sine * aside, cosine * aside - sine * ahead),
+                  "velocity": (result.odometry.linear_x, result.odometry.angular_z)}
+        return {name: np.clip(np.asarray(values[name], np.float32), *self._bounds[name]).astype(np.float32)
+                for name in values}
+
+    def _info(self, result):
+        touches = len(result.touches)
+        return {"distance": self._distance, "time": result.time, "touches": touches,
+                "is_success": self._distance < self._goal_radius and not touches}
+
+    def close(self):
+        """Free the world."""
+        self._sim.close()
+
+
+if ENV_ID not in gymnasium.registry:
+    gymnasium.register(ENV_ID, entry_point=GoToGoalEnv)

@@ -1,0 +1,125 @@
+"""Worlds and robots from what a caller has at hand: a name, a path, the text itself, or a record read before."""
+import os
+from pathlib import Path
+
+import rospkg
+
+from m2wr_sim.errors import ModelError, NotFoundError, WorldError
+from m2wr_sim.model.model_folders import ModelFolders
+from m2wr_sim.model.safe_xml import errors_as
+from m2wr_sim.model.sdf import load_sdf_models, load_world
+from m2wr_sim.model.types import Model, World
+from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.xacro_text import expand_xacro
+
+_HERE = Path(__file__).resolve()
+#: Robots that are known by name: package, and file in it.
+ROBOTS = {"m2wr": ("m2wr_description", "urdf/m2wr.xacro")}
+
+
+def package_folder(name):
+    """Return the folder of a ROS package: in the workspace of the environment, or beside this very package.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such package.
+    """
+    beside = [_HERE.parents[4] / name]                          # the source tree
+    if len(_HERE.parents) > 5:
+        beside.append(_HERE.parents[5] / "share" / name)        # an install space
+    found = None
+    if name != "m2wr_sim":                                      # the worlds are those of the version that runs
+        try:
+            found = rospkg.RosPack().get_path(name)
+        except rospkg.ResourceNotFound:
+            pass
+    for folder in beside:
+        if found is None and (folder / "package.xml").is_file():
+            found = str(folder)
+    if found is not None:
+        return found
+    raise NotFoundError("there is no package \"%s\" in ROS_PACKAGE_PATH nor beside m2wr_sim (%s)"
+                        % (name, ", ".join(str(folder) for folder in beside)))
+
+
+def _model_folders():
+    own = os.path.join(package_folder("m2wr_sim"), "models")
+    return ModelFolders(os.environ.get("GAZEBO_MODEL_PATH", "").split(":") + [own])
+
+
+def read_world(world):
+    """Read a world.
+
+    Parameters
+    ----------
+    world : World, str or Path
+        A record (returned as it is), the path of an SDF ``.world`` file, the name of one of this package's worlds
+        (``world02`` or ``world02.world``), or the SDF text itself.
+
+    Returns
+    -------
+    m2wr_sim.model.types.World
+        It can be used for any number of simulations.
+
+    Raises
+    ------
+    WorldError
+        If there is no such world or it cannot be used.
+    """
+    if isinstance(world, World):
+        return world
+    text = os.fspath(world)
+    if "<" in text:
+        return load_world(text, resolve_model=_model_folders())
+    folder = os.path.join(package_folder("m2wr_sim"), "worlds")
+    for candidate in (text, os.path.join(folder, text), os.path.join(folder, text + ".world")):
+        if os.path.isfile(candidate):
+            return load_world(candidate, resolve_model=_model_folders())
+    known = sorted(name[:-len(".world")] for name in os.listdir(folder) if name.endswith(".world"))
+    raise WorldError("world \"%s\": there is no such file; expected a path or one of %s" % (text, ", ".join(known)))
+
+
+def read_robot(robot, arguments=None):
+    """Read a robot, or any other model.
+
+    Parameters
+    ----------
+    robot : Model, str or Path
+        A record (returned as it is), the name of a robot of this workspace (``m2wr``), the path of a URDF, xacro or
+        SDF file, or the text of one.
+    arguments : dict, optional
+        Values of xacro arguments, by name.
+
+    Returns
+    -------
+    m2wr_sim.model.types.Model
+        It can be spawned any number of times.
+
+    Raises
+    ------
+    ModelError
+        If there is no such robot or it cannot be used.
+    """
+    if isinstance(robot, Model):
+        return robot
+    text, source = os.fspath(robot), "robot"
+    if text in ROBOTS:
+        package, file = ROBOTS[text]
+        text = os.path.join(package_folder(package), file)
+    if "<" not in text:
+        source = text
+        try:
+            text = Path(source).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ModelError("robot \"%s\": %s; expected a readable file, its text, or one of %s"
+                             % (source, error, ", ".join(sorted(ROBOTS))))
+    if "<robot" in text:
+        if arguments:
+            with errors_as(ModelError):
+                text = expand_xacro(text, source, package_folder, {name: str(arguments[name]) for name in arguments})
+        return load_urdf(text, source, resolve_package=package_folder)
+    models = load_sdf_models(text, source, resolve_model=_model_folders())
+    if len(models) != 1:
+        raise ModelError("%s holds %d models; expected one" % (source, len(models)))
+    return models[0]

@@ -1,0 +1,146 @@
+"""The Gymnasium environment: passes the library's own check, pays for progress, ends at the goal and at a touch."""
+import math
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the optional Python package gymnasium is not installed")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from m2wr_sim.api import gym_env, read_robot, read_world  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Return a world and a robot, read once."""
+    return {"world": read_world("world02"), "robot": read_robot("m2wr")}
+
+
+@pytest.fixture
+def env(scene):
+    """Return an environment."""
+    made = gym_env.GoToGoalEnv(**scene)
+    yield made
+    made.close()
+
+
+def drive(env, observation, limit=1000):
+    """Turn to the goal and drive; returns rewards, the last step's result and the observations."""
+    rewards, seen = [], [observation]
+    for _ in range(limit):
+        bearing = math.atan2(observation["goal"][1], observation["goal"][0])
+        action = np.array([0.5 * max(0.0, math.cos(bearing)), np.clip(2.0 * bearing, -1.0, 1.0)], np.float32)
+        observation, reward, terminated, truncated, info = env.step(action)
+        rewards.append(reward)
+        seen.append(observation)
+        if terminated or truncated:
+            break
+    return rewards, (terminated, truncated, info), seen
+
+
+def test_passes_the_checker_without_a_warning():
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        env = gymnasium.make(gym_env.ENV_ID)
+        try:
+            check_env(env.unwrapped)
+        finally:
+            env.close()
+    assert [str(one.message) for one in said if "ymnasium" in str(one.filename) or one.category is UserWarning] == []
+
+
+def test_made_by_name_with_options_and_vectorised():
+    env = gymnasium.make("m2wr_sim.api.gym_env:m2wr/GoToGoal-v0", beams=36, duration=0.2)
+    observation, info = env.reset(seed=1)
+    assert observation["scan"].shape == (36,) and env.observation_space.contains(observation)
+    assert env.step(np.zeros(2, np.float32))[4]["time"] == pytest.approx(0.2)
+    env.close()
+    many = gymnasium.make_vec(gym_env.ENV_ID, num_envs=2, vectorization_mode="sync")
+    observations, _ = many.reset(seed=1)
+    assert observations["scan"].shape == (2, 72)
+    assert np.array_equal(observations["goal"], many.reset(seed=1)[0]["goal"])
+    many.close()
+
+
+def test_reaching_the_goal_ends_the_episode_and_pays(env):
+    observation, info = env.reset(seed=0, options={"start": (0.0, 8.0, 0.0), "goal": (3.0, 7.0)})
+    assert info["distance"] == pytest.approx(math.hypot(3.0, 1.0), abs=1e-6)
+    assert observation["goal"] == pytest.approx((3.0, -1.0), abs=1e-5)
+    rewards, (terminated, truncated, info), seen = drive(env, observation)
+    assert terminated and not truncated and info["is_success"] and info["distance"] < 0.3
+    progress = math.hypot(3.0, 1.0) - info["distance"]
+    assert sum(rewards) == pytest.approx(progress - 0.1 * info["time"] + 10.0, abs=1e-6)
+    assert all(env.observation_space.contains(one) for one in seen)
+    assert np.median([one["velocity"][0] for one in seen]) == pytest.approx(0.5, abs=0.02)
+
+
+def test_touching_something_ends_the_episode_and_costs(env):
+    observation, _ = env.reset(seed=0, options={"start": (0.0, 7.0, -math.pi / 2), "goal": (0.0, 0.0)})
+    rewards, (terminated, truncated, info), seen = drive(env, observation)        # a wall at y = 5 is in the way
+    assert terminated and not truncated and not info["is_success"] and info["touches"] > 0
+    assert rewards[-1] < -9.0 and min(rewards[:-1]) > -0.2
+    assert seen[-1]["scan"].min() < 0.5 < seen[0]["scan"].min()
+
+
+def test_time_cuts_the_episode_off(scene):
+    env = gym_env.GoToGoalEnv(time_limit=0.5, **scene)
+    env.reset(seed=3)
+    ends = [env.step(np.zeros(2, np.float32))[2:4] for _ in range(5)]
+    env.close()
+    assert ends == [(False, False)] * 4 + [(False, True)]
+
+
+def test_a_seed_repeats_an_episode_to_the_last_bit_whatever_came_before(env, scene):
+    def episode(one):
+        observation, _ = one.reset(seed=7)
+        rewards, end, seen = drive(one, observation, 20)
+        return rewards, end, b"".join(part[name].tobytes() for part in seen for name in sorted(part))
+
+    first = episode(env)
+    env.reset(seed=8)
+    env.step(np.array([0.6, 1.0], np.float32))
+    assert episode(env) == first
+    other = gym_env.GoToGoalEnv(**scene)
+    assert episode(other) == first
+    other.close()
+
+
+def test_places_have_room_and_are_as_far_apart_as_asked(env):
+    for seed in range(20):
+        _, info = env.reset(seed=seed)
+        assert 2.0 <= info["distance"] <= 6.0 and info["touches"] == 0
+        x, y = env._sim.pose()[0][:2]
+        assert env._sim.clearance(x, y, ignore="m2wr") >= 0.69
+        assert env._sim.clearance(*env._goal, ignore="m2wr") >= 0.69
+
+
+def test_scan_holds_the_least_range_of_each_group(env):
+    observation, _ = env.reset(seed=2)
+    full = env._sim.observe().scan.ranges
+    expected = np.minimum(full.reshape(72, 10).min(axis=1), 10.0)
+    assert np.array_equal(observation["scan"], expected) and np.isfinite(observation["scan"]).all()
+
+
+@pytest.mark.parametrize("options, text", [
+    ({"beams": 7}, "expected a divisor of the laser's 720"), ({"render_mode": "human"}, "no rendering"),
+    ({"goal_radius": 3.0}, "goal_radius")])
+def test_unusable_options_are_refused(scene, options, text):
+    with pytest.raises(ValueError, match=text):
+        gym_env.GoToGoalEnv(**dict(scene, **options))
+
+
+def test_an_action_that_is_not_finite_is_refused(env):
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="two finite numbers"):
+        env.step(np.array([np.nan, 0.0], np.float32))
+
+
+def test_without_gymnasium_the_message_says_what_to_install():
+    code = "import sys\nsys.path[:] = %r\nsys.modules['gymnasium'] = None\nimport m2wr_sim.api.gym_env\n" % (sys.path,)
+    done = subprocess.run([sys.executable, "-c", code], stderr=subprocess.PIPE, timeout=120)
+    assert done.returncode != 0
+    assert "needs the Python package gymnasium, 1.0 or newer, which is not installed" in done.stderr.decode()
