@@ -33,7 +33,10 @@ RULES = (
     Rule("m2wr_sim/control/*.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_sim/runtime/*.py", NUMERIC, False, True, ("m2wr_sim.ros",)),
     Rule("m2wr_sim/plugins/*.py", NUMERIC, True, True, ("m2wr_sim.ros",)),
+    Rule("m2wr_sim/api/*.py", NUMERIC | {"gymnasium", "rospkg"}, False, True,
+         ("m2wr_sim.ros", "motion_plan.ros*", "motion_plan.*_nodes")),
     Rule("m2wr_sim/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_sim/bench/*.py", ANYTHING, True, False, ()),               # measures time, and the whole node
     Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbag", "yaml"}, False, True, EDGES),
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
     Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),

@@ -18,8 +18,9 @@ def warm_up(engine_kind="auto"):
         for name, geometry, static in (("floor", Plane(), True), ("box", Box((1.0, 1.0, 1.0)), False),
                                        ("ball", Sphere(0.5), False)):
             link = Link("link", collisions=(Collision("shape", geometry),))
-            engine.add_model(Model(name, (link,), static=static), IDENTITY)
+            handle = engine.add_model(Model(name, (link,), static=static), IDENTITY)
         engine.step(2)
+        engine.pose_reader([(handle.links["link"], IDENTITY)])(np.zeros((1, 3)), np.zeros((1, 4)))
     finally:
         engine.close()
 

@@ -2,12 +2,13 @@
 import math
 import random
 
+import numpy as np
 import pytest
-from m2wr_sim.errors import ParameterError
+from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import (Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, Plane, Sphere, Surface)
 from m2wr_sim.physics import native_ode
-from m2wr_sim.physics.engine import EngineSettings
+from m2wr_sim.physics.engine import Engine, EngineSettings
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 
@@ -89,19 +90,82 @@ def test_same_bits_as_the_python_loop_for_any_batch_length(step_ns, solver):
     assert results[2] == results[0]
 
 
-def test_worlds_the_compiled_loop_leaves_to_pyode_are_the_same_too():
+def folding_arm():
+    """Four links in a row on damped hinges, the last one on a damped slider; links collide among themselves."""
+    def part(index, self_collide):
+        return Link("part%d" % index, ((0.32 * index, 0.0, 0.0), NO_TURN),
+                    Inertial(0.5, inertia=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01)),
+                    (Collision("box", Box((0.3, 0.2, 0.1))), Collision("ball", Sphere(0.1))),
+                    self_collide=self_collide, linear_damping=0.001 * index, angular_damping=0.002)
+
+    links = tuple(part(index, index != 2) for index in range(4))
+    axis = Axis((0.0, 1.0, 0.0), damping=0.05)
+    joints = tuple(Joint("bend%d" % index, "revolute", "part%d" % index, "part%d" % (index + 1),
+                         ((-0.16, 0.0, 0.0), NO_TURN), axis) for index in range(2))
+    slide = Joint("slide", "prismatic", "part2", "part3",
+                  axis=Axis((1.0, 0.0, 0.0), damping=0.5, lower=-0.1, upper=0.1))
+    return Model("arm", links, joints + (slide,))
+
+
+def test_damping_and_models_that_touch_themselves_are_the_same_too():
     results = []
     for engine_class in (PyodeEngine, native.NativeEngine):
         engine, robots, free = build(engine_class)
-        damped = Model("damped", (Link("link", inertial=Inertial(1.0, inertia=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01)),
-                                       collisions=(Collision("shape", Sphere(0.1)),), linear_damping=0.01),))
         engine.step(20)
-        handle = engine.add_model(damped, ((-1.0, 0.0, 1.0), NO_TURN))
-        first = drive(engine, robots, free, 10, rounds=2)
-        engine.remove_model(handle)
-        results.append((first, drive(engine, robots, free, 10, rounds=2)))
+        handle = engine.add_model(folding_arm(), ((-1.0, 0.0, 1.0), NO_TURN))
+        for joint, rate in (("bend0", -3.0), ("bend1", -3.0), ("slide", 0.2)):
+            engine.set_joint_motor(handle.joints[joint], rate, 4.0)
+        seen, touches = drive(engine, robots, [handle] + free, 10, rounds=3)
+        itself = [touch for touch in touches if touch.first.startswith("arm") and touch.second.startswith("arm")]
+        results.append((seen, touches, [engine.joint_angle(joint) for joint in handle.joints.values()]))
+        assert itself, "the arm never touched itself: the scene tests too little"
         engine.close()
     assert results[0] == results[1]
+
+
+def test_full_turns_are_counted_and_survive_a_change_of_the_world():
+    for engine_class in (PyodeEngine, native.NativeEngine):
+        engine, robots, _ = build(engine_class)
+        joint = robots[0].joints["left"]
+        engine.set_joint_motor(joint, 10.0, 5.0)
+        engine.step(1500)
+        turned = engine.joint_angle(joint)
+        assert turned > 2.0 * math.pi
+        engine.add_model(solid("late", Sphere(0.1), 1.0), ((5.0, 5.0, 1.0), NO_TURN))
+        assert engine.joint_angle(joint) == turned
+        engine.step(100)
+        assert turned < engine.joint_angle(joint) < turned + 1.5
+        engine.set_joint_angle(joint, 0.0)
+        assert engine.joint_angle(joint) == 0.0
+        engine.close()
+
+
+def test_poses_of_shapes_are_those_of_the_slow_way():
+    engine, robots, free = build(native.NativeEngine)
+    offset = ((0.1, -0.2, 0.3), quaternion_from_rpy(0.3, -0.2, 1.0))
+    parts = [(link, offset) for handle in robots + free for link in handle.links.values()]
+    read, slow = engine.pose_reader(parts), Engine.pose_reader(engine, parts)
+    results = [(np.zeros((len(parts), 3)), np.zeros((len(parts), 4))) for _ in range(2)]
+    for extra in range(2):
+        engine.step(300)
+        for reader, arrays in zip((read, slow), results):
+            reader(*arrays)
+        assert all(np.array_equal(one, two) for one, two in zip(*results))
+        engine.add_model(solid("extra%d" % extra, Sphere(0.1), 1.0), ((5.0, 5.0 + extra, 1.0), NO_TURN))
+    engine.remove_model(free[0])
+    with pytest.raises(KeyError):
+        read(*results[0])
+    engine.close()
+
+
+def test_a_body_thrown_out_of_the_world_stops_it_and_is_named():
+    engine, robots, _ = build(native.NativeEngine)
+    engine.step(10)
+    engine.set_joint_motor(robots[1].joints["left"], 3.0, 5.0)
+    engine.set_link_velocity(robots[1].links["chassis"], (0.0, 0.0, 1e12), (0.0, 0.0, 0.0))
+    with pytest.raises(SimError, match=r"step 11 .*robot1::\w+ is at .*Motors: left 3 with up to 5, right"):
+        engine.step(100)
+    engine.close()
 
 
 def test_a_world_without_bodies_lets_time_pass():

@@ -8,6 +8,11 @@ from collections import namedtuple
 from dataclasses import dataclass
 from typing import Dict, Tuple
 
+from m2wr_sim.geometry import compose
+
+# Beyond these ODE loses its numbers and ends the process without a word of ours.
+LEAST_MASS, LEAST_INERTIA, FARTHEST, FASTEST = 1e-6, 1e-12, 1e6, 1e4      # kg, kg m^2, m, m/s and rad/s
+
 ModelHandle = namedtuple("ModelHandle", "name links joints")
 """``links`` and ``joints`` map names to the integers the engine knows them by."""
 
@@ -97,6 +102,29 @@ class Engine(abc.ABC):
     def collisions(self, handle):
         """Return ``[(link, Collision, movable), ...]`` of a model, in load order."""
 
+    def pose_reader(self, parts):
+        """Return a function that writes the present world poses of shapes fixed to links.
+
+        Parameters
+        ----------
+        parts : list of (int, pose)
+            Link, and the pose of the shape in the link frame.
+
+        Returns
+        -------
+        callable
+            ``read(positions, orientations)`` fills (n, 3) and (n, 4) float64 arrays, quaternions as x y z w.  It is of
+            no use once one of the links has been removed.
+        """
+        def read(positions, orientations):
+            poses = {}
+            for index, (link, offset) in enumerate(parts):
+                if link not in poses:
+                    poses[link] = self.link_pose(link)
+                positions[index], orientations[index] = compose(poses[link], offset)
+
+        return read
+
     @abc.abstractmethod
     def drain_touches(self):
         """Return the list of :class:`Touch` since the last call and forget it."""
@@ -108,6 +136,13 @@ class Engine(abc.ABC):
     @abc.abstractmethod
     def reseed(self, seed):
         """Restart whatever random sequence the solver draws from."""
+
+    @abc.abstractmethod
+    def forget(self):
+        """Forget the past: which pairs touch, the count of steps, the order in which things last moved.
+
+        Poses and velocities stay.  Afterwards the world steps as a new one in the same state would, to the last bit.
+        """
 
     @abc.abstractmethod
     def close(self):

@@ -35,6 +35,12 @@ def publish_symbols():
     llvmlite.binding.load_library_permanently(_library._name)
 
 
+try:
+    publish_symbols()       # before any module with compiled calls is imported: without the symbols the compiler aborts
+except ImportError:
+    pass                    # asked again, and reported, by whoever needs them
+
+
 def library():
     """Return libode with the signatures that handles need, or None where it cannot be loaded by name."""
     if _library is not None:
@@ -42,7 +48,8 @@ def library():
         for name, result, arguments in (
                 ("dJointGroupCreate", handle, [ctypes.c_int]), ("dJointGroupDestroy", None, [handle]),
                 ("dGeomGetBody", handle, [handle]), ("dBodyGetWorld", handle, [handle]),
-                ("dGeomSetData", None, [handle, handle])):
+                ("dGeomSetData", None, [handle, handle]),
+                ("dBodyGetJoint", handle, [handle, ctypes.c_int])):
             function = getattr(_library, name)
             function.restype, function.argtypes = result, arguments
     return _library

@@ -11,6 +11,7 @@ import ode
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import compose, matrix_from_quaternion, multiply, rotate, rotate_inverse
 from m2wr_sim.model.types import Box, Cylinder, Sphere
+from m2wr_sim.physics.engine import FARTHEST, LEAST_INERTIA, LEAST_MASS
 
 CATEGORY_STATIC, CATEGORY_MOVING = 1, 2
 COLLIDE_EVERYTHING = 0x7fffffff
@@ -61,6 +62,9 @@ def make_body(world, link, name, pose, sleeps):
     if not inertial.mass > 0.0 or not np.all(np.isfinite(tensor)) or np.linalg.eigvalsh(tensor)[0] <= 0.0:
         raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
                          "positive definite inertia" % (name, inertial.mass, list(inertial.inertia)))
+    if inertial.mass < LEAST_MASS or np.linalg.eigvalsh(tensor)[0] < LEAST_INERTIA:
+        raise ModelError("link %s: mass %g kg with inertia %s is less than the solver can take; expected at least %g "
+                         "kg and %g kg m^2" % (name, inertial.mass, list(inertial.inertia), LEAST_MASS, LEAST_INERTIA))
     com, com_turn = inertial.pose
     turn = matrix_from_quaternion(com_turn)
     tensor = turn @ tensor @ turn.T
@@ -107,8 +111,8 @@ def make_geom(collision, space, where):
     else:
         raise ModelError("%s: cannot collide with a %s; expected a box, sphere, cylinder or plane"
                          % (where, type(geometry).__name__))
-    if not all(math.isfinite(size) and size > 0.0 for size in sizes):
-        raise ModelError("%s: size %s; expected positive numbers" % (where, list(sizes)))
+    if not all(0.0 < size <= FARTHEST for size in sizes):
+        raise ModelError("%s: size %s; expected positive numbers of at most %g m" % (where, list(sizes), FARTHEST))
     return geom(space, *arguments)
 
 

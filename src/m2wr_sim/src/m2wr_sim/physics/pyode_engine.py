@@ -155,6 +155,13 @@ class PyodeEngine(Engine):
                 table.pop(number, None)
         self._release(parts)
         self._refresh_lists()
+        self._wake()
+
+    def _wake(self):
+        """Wake every sleeping body: what it rested on may be gone, and ODE does not notice that by itself."""
+        for parts in self._moving:
+            for link in parts.links:
+                link.body.enable()
 
     def _release(self, parts):
         """Free a model's ODE objects: joints, then geoms, then bodies."""
@@ -312,9 +319,9 @@ class PyodeEngine(Engine):
 
     def set_link_pose(self, link, pose):
         entry = self._links[link]
+        self._wake()
         if entry.body is not None:
             bodies.place_body(entry.body, entry.com, pose)
-            entry.body.enable()
             return
         entry.pose = pose
         for geom, collision in entry.geoms:
@@ -366,9 +373,23 @@ class PyodeEngine(Engine):
 
     def set_gravity(self, gravity):
         self._world.setGravity(tuple(gravity))
+        self._wake()
 
     def reseed(self, seed):
         native_ode.seed_random(seed)
+
+    def forget(self):
+        self._steps = 0
+        self._touching, self._touched, self._touches = {}, {}, []
+        for parts in self._moving:
+            # a space sorts what moved last to the front, which decides the order of contacts: sort as when built
+            self._moving_space.remove(parts.space)
+            self._moving_space.add(parts.space)
+            for geom in parts.geoms:
+                if self._shapes[geom].moves:
+                    parts.space.remove(geom)
+                    parts.space.add(geom)
+        self._wake()
 
     def close(self):
         for parts in list(self._parts.values()):

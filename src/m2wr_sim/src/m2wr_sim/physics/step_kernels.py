@@ -5,11 +5,15 @@ Everything the callback needs lies in one block of 8-byte words, which it sees a
 ====================  =======================================================================================
 words                 content
 ====================  =======================================================================================
-0 .. 31               header, see the ``H_`` names; sections are given by their first word
+0 .. 39               header, see the ``H_`` names; sections are given by their first word
 H_CONTACTS            ``MAX_FOUND`` dContact structures of ``CONTACT_WORDS`` words
 H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
-H_GEOMS               ``GEOM_WORDS`` words a geom: class, body handle
-H_SPACES              the movable models' spaces
+H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model)
+H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves
+H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns
+H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, whether it is a hinge (else a slider)
+H_DAMPED_LINKS        ``DAMPED_WORDS`` words a damped body: body, parts of linear and angular velocity kept in a step
+H_BODIES              all bodies, to see that they stay in this world
 H_NOW, H_BEFORE       pairs that touch in this step and in the last: row, row, position, depth
 H_LOG                 touches that began: step, row, row, position, depth
 ====================  =======================================================================================
@@ -23,8 +27,9 @@ from numba import carray, cfunc, njit, types
 
 (H_WORLD, H_GROUP, H_ADDRESS, H_CALLBACK, H_STATIC, H_MOVING, H_SPACE_COUNT, H_CLASS_COUNT, H_CONTACTS, H_PAIRS,
  H_GEOMS, H_SPACES, H_NOW, H_BEFORE, H_LOG, H_NOW_COUNT, H_BEFORE_COUNT, H_LOG_COUNT, H_STEPS, H_QUICK,
- H_SIZE) = range(21)
-HEADER_WORDS = 32
+ H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
+ H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST) = range(31)
+HEADER_WORDS = 40
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
 CONTACT_WORDS = 31
@@ -36,15 +41,20 @@ PAIR_WORDS = 16
 (P_VALID, P_MODE, P_MU, P_MU2, P_STEEP_MU, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
  P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE) = range(15)
 
-GEOM_WORDS = 2
-G_CLASS, G_BODY = 0, 1
+GEOM_WORDS = 3
+G_CLASS, G_BODY, G_LINK = 0, 1, 2
+SPACE_WORDS = HINGE_WORDS = 2
+DAMPED_WORDS = 3
 
 TOUCH_WORDS, MAX_TOUCHING = 6, 64
 LOG_WORDS, MAX_LOG = 7, 256
 
+TOO_FAST = 1e9          # m/s and rad/s: nothing gets there but a world that has come apart
+
 _STEEP = 0.5
 
 _handle = types.uintp
+_numbers = types.CPointer(types.float64)
 _is_space = types.ExternalFunction("dGeomIsSpace", types.int32(_handle))
 _geom_data = types.ExternalFunction("dGeomGetData", _handle(_handle))
 _collide = types.ExternalFunction("dCollide", types.int32(_handle, _handle, types.int32, _handle, types.int32))
@@ -53,8 +63,29 @@ _space_collide2 = types.ExternalFunction("dSpaceCollide2", types.void(_handle, _
 _create_contact = types.ExternalFunction("dJointCreateContact", _handle(_handle, _handle, _handle))
 _attach = types.ExternalFunction("dJointAttach", types.void(_handle, _handle, _handle))
 _group_empty = types.ExternalFunction("dJointGroupEmpty", types.void(_handle))
+_connected = types.ExternalFunction("dAreConnected", types.int32(_handle, _handle))
+_hinge_angle = types.ExternalFunction("dJointGetHingeAngle", types.float64(_handle))
+_hinge_rate = types.ExternalFunction("dJointGetHingeAngleRate", types.float64(_handle))
+_slider_rate = types.ExternalFunction("dJointGetSliderPositionRate", types.float64(_handle))
+_add_hinge_torque = types.ExternalFunction("dJointAddHingeTorque", types.void(_handle, types.float64))
+_add_slider_force = types.ExternalFunction("dJointAddSliderForce", types.void(_handle, types.float64))
+_position = types.ExternalFunction("dBodyGetPosition", _numbers(_handle))
+_quaternion = types.ExternalFunction("dBodyGetQuaternion", _numbers(_handle))
+_linear_velocity = types.ExternalFunction("dBodyGetLinearVel", _numbers(_handle))
+_angular_velocity = types.ExternalFunction("dBodyGetAngularVel", _numbers(_handle))
+_set_linear_velocity = types.ExternalFunction(
+    "dBodySetLinearVel", types.void(_handle, types.float64, types.float64, types.float64))
+_set_angular_velocity = types.ExternalFunction(
+    "dBodySetAngularVel", types.void(_handle, types.float64, types.float64, types.float64))
 _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.float64))
 _world_quick_step = types.ExternalFunction("dWorldQuickStep", types.int32(_handle, types.float64))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rotate(x, y, z, w, vx, vy, vz):
+    """Rotate a vector by a unit quaternion, with the order of operations of geometry.rotate."""
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -189,6 +220,67 @@ def near(data, one, two):
     _contacts(words, values, one, two)
 
 
+@cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
+def near_itself(data, one, two):
+    """ODE's near callback inside a model: only between two links that ask for it and share no joint."""
+    header = carray(data, (HEADER_WORDS,), np.uint64)
+    words = carray(data, (np.int64(header[H_SIZE]),), np.uint64)
+    row_one, row_two = _geom_data(one), _geom_data(two)
+    if row_one == 0 or row_two == 0:
+        return
+    geom_one, geom_two = words[H_GEOMS] + (row_one - 1) * GEOM_WORDS, words[H_GEOMS] + (row_two - 1) * GEOM_WORDS
+    link_one, link_two = words[geom_one + G_LINK], words[geom_two + G_LINK]
+    if link_one == 0 or link_two == 0 or link_one == link_two:
+        return
+    if not _connected(words[geom_one + G_BODY], words[geom_two + G_BODY]):
+        _contacts(words, carray(data, (np.int64(header[H_SIZE]),), np.float64), one, two)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _damp(words, values):
+    """Slow damped joints and bodies down, as PyodeEngine does."""
+    for index in range(np.int64(words[H_DAMPED_JOINT_COUNT])):
+        row = np.int64(words[H_DAMPED_JOINTS]) + index * DAMPED_WORDS
+        joint, damping = words[row], values[row + 1]
+        if words[row + 2]:
+            _add_hinge_torque(joint, -damping * _hinge_rate(joint))
+        else:
+            _add_slider_force(joint, -damping * _slider_rate(joint))
+    for index in range(np.int64(words[H_DAMPED_LINK_COUNT])):
+        row = np.int64(words[H_DAMPED_LINKS]) + index * DAMPED_WORDS
+        body, linear_kept, angular_kept = words[row], values[row + 1], values[row + 2]
+        linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
+        _set_linear_velocity(body, linear_kept * linear[0], linear_kept * linear[1], linear_kept * linear[2])
+        _set_angular_velocity(body, angular_kept * angular[0], angular_kept * angular[1], angular_kept * angular[2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unwrap(words, values, elapsed):
+    """Count full turns: of the angles that fit the reading, take the one nearest to what the rate predicts."""
+    for index in range(np.int64(words[H_HINGE_COUNT])):
+        row = np.int64(words[H_HINGES]) + index * HINGE_WORDS
+        raw = _hinge_angle(words[row])
+        predicted = values[row + 1] + _hinge_rate(words[row]) * elapsed
+        values[row + 1] = raw + 2.0 * math.pi * np.rint((predicted - raw) / (2.0 * math.pi))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lost_body(words):
+    """Return the number, counted from 1, of the first body that is nowhere or too fast; 0 where there is none.
+
+    It must be found while it is still somewhere: libode ends the process when it meets what is no number.
+    """
+    first = np.int64(words[H_BODIES])
+    for index in range(np.int64(words[H_BODY_COUNT])):
+        body = words[first + index]
+        at, speed = carray(_position(body), (3,)), carray(_linear_velocity(body), (3,))
+        turn = carray(_angular_velocity(body), (3,))
+        fast = abs(speed[0]) + abs(speed[1]) + abs(speed[2]) + abs(turn[0]) + abs(turn[1]) + abs(turn[2])
+        if not (abs(at[0]) + abs(at[1]) + abs(at[2]) < math.inf and fast < TOO_FAST):
+            return index + 1
+    return 0
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _log_touches(words, values):
     """Log the pairs that touch now and did not in the last step, then make now the last step."""
@@ -211,14 +303,22 @@ def _log_touches(words, values):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run(words, values, steps, dt):
-    """Take ``steps`` steps of ``dt`` seconds; ``words`` and ``values`` are the block as uint64 and as float64."""
+    """Take ``steps`` steps of ``dt`` seconds; ``words`` and ``values`` are the block as uint64 and as float64.
+
+    Stops after a step that left a body nowhere or too fast; the body's number is then in ``H_LOST``.
+    """
     world, group, data, callback = words[H_WORLD], words[H_GROUP], words[H_ADDRESS], words[H_CALLBACK]
     spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
-    quick = words[H_QUICK] != 0
+    quick, damped = words[H_QUICK] != 0, words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
     for _ in range(steps):
         words[H_STEPS] += np.uint64(1)
+        if damped:
+            _damp(words, values)
         for index in range(space_count):
-            _space_collide2(words[spaces + index], words[H_STATIC], data, callback)
+            row = spaces + index * SPACE_WORDS
+            _space_collide2(words[row], words[H_STATIC], data, callback)
+            if words[row + 1]:
+                _space_collide(words[row], data, words[H_CALLBACK_ITSELF])
         if space_count > 1:
             _space_collide(words[H_MOVING], data, callback)
         if quick:
@@ -228,3 +328,36 @@ def run(words, values, steps, dt):
         _group_empty(group)
         if words[H_NOW_COUNT] or words[H_BEFORE_COUNT]:
             _log_touches(words, values)
+        lost = _lost_body(words)
+        if lost:
+            words[H_LOST] = np.uint64(lost)
+            return
+    _unwrap(words, values, steps * dt)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def read_poses(bodies, shifts, offsets, positions, orientations):
+    """Write the world poses of shapes that are fixed to bodies.
+
+    Parameters
+    ----------
+    bodies : (n,) uint64
+        Body of each shape.
+    shifts : (n, 3) float64
+        Centre of mass of its link, in link axes.
+    offsets : (n, 7) float64
+        Pose of the shape in the link frame: x y z, then the quaternion x y z w.
+    positions, orientations : (n, 3), (n, 4) float64
+        Written; quaternions are x y z w.
+    """
+    for k in range(bodies.shape[0]):
+        at, turn = carray(_position(bodies[k]), (3,)), carray(_quaternion(bodies[k]), (4,))
+        w, x, y, z = turn[0], turn[1], turn[2], turn[3]
+        cx, cy, cz = _rotate(x, y, z, w, shifts[k, 0], shifts[k, 1], shifts[k, 2])
+        dx, dy, dz = _rotate(x, y, z, w, offsets[k, 0], offsets[k, 1], offsets[k, 2])
+        positions[k, 0], positions[k, 1], positions[k, 2] = at[0] - cx + dx, at[1] - cy + dy, at[2] - cz + dz
+        qx, qy, qz, qw = offsets[k, 3], offsets[k, 4], offsets[k, 5], offsets[k, 6]
+        orientations[k, 0] = w * qx + x * qw + y * qz - z * qy
+        orientations[k, 1] = w * qy - x * qz + y * qw + z * qx
+        orientations[k, 2] = w * qz + x * qy - y * qx + z * qw
+        orientations[k, 3] = w * qw - x * qx - y * qy - z * qz
