@@ -478,3 +478,25 @@ def test_what_was_removed_is_not_felt_any_more(make_engine, build):
     assert state_of(engine).position[2] == pytest.approx(0.25, abs=1e-3)
     with pytest.raises(KeyError):
         engine.link_pose(engine.handles[1].links["link"])
+
+
+def test_a_touch_of_two_bodies_is_counted_once_whichever_comes_first(make_engine, build):
+    engine = make_engine(models=[build.ground()])
+    for index in range(3):
+        engine.add_model(build.box("box%d" % index, 0.0, 0.0, 0.25 + 0.501 * index, static=False),
+                         build.at(0.0, 0.0, 0.25 + 0.501 * index))
+    for _ in range(300):
+        engine.step(1)
+    pairs = [(touch.first, touch.second) for touch in engine.drain_touches()]
+    assert pairs and all(pair == tuple(sorted(pair)) for pair in pairs)
+    assert len(pairs) == len(set(pairs)) == 2
+
+
+def test_a_model_that_comes_again_under_its_name_touches_anew(make_engine, build):
+    engine = make_engine(models=[build.ground(), build.box("table", 0.0, 0.0, 0.5, (1.0, 1.0, 1.0), static=False)])
+    for _ in range(2):
+        handle = engine.add_model(build.box("cup", 0.0, 0.0, 1.2495, static=False), build.at(0.0, 0.0, 1.2495))
+        engine.step(50)
+        assert [(touch.first.split("::")[0], touch.second.split("::")[0]) for touch in engine.drain_touches()] == [
+            ("cup", "table")]
+        engine.remove_model(handle)

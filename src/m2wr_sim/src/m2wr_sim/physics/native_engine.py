@@ -39,6 +39,10 @@ class NativeEngine(PyodeEngine):
         self._handles = {link: self._handles.get(link) or self._body_handle(link)
                          for parts in self._moving for link in parts.links}
 
+    def remove_model(self, handle):
+        self._forget_block()            # carries the touches over while the model's names are still known
+        super().remove_model(handle)
+
     def _forget_block(self):
         if self._words is not None:
             self._carry_touches()
@@ -226,7 +230,7 @@ class NativeEngine(PyodeEngine):
         words, values = self._words, self._values
         for index in range(int(words[kernels.H_LOG_COUNT])):
             at = int(words[kernels.H_LOG]) + index * kernels.LOG_WORDS
-            one, two = self._rows[int(words[at + 1]) - 1], self._rows[int(words[at + 2]) - 1]
+            one, two = sorted((self._rows[int(words[at + 1]) - 1], self._rows[int(words[at + 2]) - 1]))
             self._touches.append(
                 Touch(int(words[at]), one, two, tuple(values[at + 3:at + 6]), float(values[at + 6])))
         words[kernels.H_LOG_COUNT] = 0
@@ -237,7 +241,7 @@ class NativeEngine(PyodeEngine):
         self._touching = {}
         for index in range(int(words[kernels.H_BEFORE_COUNT])):
             at = int(words[kernels.H_BEFORE]) + index * kernels.TOUCH_WORDS
-            names = (self._rows[int(words[at]) - 1], self._rows[int(words[at + 1]) - 1])
+            names = tuple(sorted((self._rows[int(words[at]) - 1], self._rows[int(words[at + 1]) - 1])))
             self._touching[names] = (tuple(values[at + 2:at + 5]), float(values[at + 5]))
 
     def _restore_touches(self):
@@ -246,7 +250,7 @@ class NativeEngine(PyodeEngine):
         kept = [names for names in self._touching if names[0] in rows and names[1] in rows][:kernels.MAX_TOUCHING]
         for index, names in enumerate(kept):
             at = int(words[kernels.H_BEFORE]) + index * kernels.TOUCH_WORDS
-            words[at], words[at + 1] = rows[names[0]], rows[names[1]]
+            words[at], words[at + 1] = sorted((rows[names[0]], rows[names[1]]))
         words[kernels.H_BEFORE_COUNT] = len(kept)
 
     def forget(self):

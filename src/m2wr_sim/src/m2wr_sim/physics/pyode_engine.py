@@ -255,7 +255,9 @@ class PyodeEngine(Engine):
         if one.moves or two.moves:
             surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
                                    self.settings)
-        pair = None if surface is None else (surface, one.body, two.body, (one.name, two.name))
+        # ODE exchanges the two as things move; a touch of a pair is the same touch either way
+        names = tuple(sorted((one.name, two.name)))
+        pair = None if surface is None else (surface, one.body, two.body, names)
         self._pairs[(first, second)] = pair
         return pair
 

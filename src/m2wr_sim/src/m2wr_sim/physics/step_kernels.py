@@ -197,7 +197,7 @@ def _contacts(words, values, one, two):
             mu = values[pair + P_STEEP_MU]
             mu2 = min(mu2, mu)
         if not ground and (steep or both_move):
-            _note_touch(words, values, row_one, row_two, at)
+            _note_touch(words, values, min(row_one, row_two), max(row_one, row_two), at)
         words[at + C_MODE] = np.uint64(values[pair + P_MODE])
         values[at + C_MU], values[at + C_MU2] = mu, mu2
         values[at + C_BOUNCE] = values[pair + P_BOUNCE]
