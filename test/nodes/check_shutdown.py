@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+"""Ctrl-C ends a whole run within five seconds and leaves nothing behind; signals end the node well."""
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import unittest
+from xmlrpc.client import ServerProxy
+
+import rosbag
+import rosgraph
+import rospy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from sim_probe import Running, Simulation, marked, program, run_checks, run_program, wait_until  # noqa: E402
+from check_launch_errors import free_port  # noqa: E402
+
+RECORDED = {"/clock", "/odom", "/tf", "/m2wr/laser/scan", "/cmd_vel"}
+PROGRESS = "distance to line"
+WITHIN = 5.0        # s, from Ctrl-C to the end of everything
+
+
+def limit():
+    """WITHIN where a processor is free, more in proportion to what waits for one."""
+    return WITHIN * max(1.0, os.getloadavg()[0] / os.cpu_count())
+
+
+def recorded(master):
+    """Topics that the node /record has a connection to a publisher of."""
+    try:
+        _, _, connections = ServerProxy(master.lookupNode("/record")).getBusInfo("/check")
+    except (rosgraph.MasterException, OSError):     # not there yet
+        return set()
+    return {connection[4] for connection in connections if connection[2] == "i" and connection[5]}
+
+
+class Shutdown(unittest.TestCase):
+    """Every run has a master of its own; the nodes alone use the test's."""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def start_run(self, *command):
+        """Start bug2.launch with a bag; returns the running program and the bag's path."""
+        port = free_port()
+        bag = os.path.join(self.folder, "run.bag")
+        run = Running(list(command) + [str(port), "m2wr_sim", "bug2.launch", "gui:=false", "record:=" + bag],
+                      {"ROS_MASTER_URI": "http://127.0.0.1:%d" % port})
+        self.addCleanup(run.__exit__)
+        run.wait_for_text("state changed: Go to point")
+        wait_until(lambda: os.path.isfile(bag + ".active"), "the bag to be begun")
+        master = rosgraph.Master(rospy.get_name(), master_uri="http://127.0.0.1:%d" % port)
+        wait_until(lambda: RECORDED <= recorded(master), "rosbag to be connected to %s" % sorted(RECORDED))
+        lines = run.text.count(PROGRESS)
+        # the first may be said in the very moment of the start, the second follows two seconds later
+        wait_until(lambda: run.text.count(PROGRESS) >= lines + 2, "the robot to report its progress twice more")
+        return run, bag
+
+    def assert_clean_end(self, run, bag):
+        code, seconds = run.end(signal.SIGINT)
+        self.assertEqual(code, 0, run.text)
+        self.assertLess(seconds, limit(), run.text)
+        self.assertEqual(marked(run.mark), {})
+        self.assertEqual(sorted(os.listdir(self.folder)), ["run.bag"])
+        with rosbag.Bag(bag) as written:
+            topics = written.get_type_and_topic_info()[1]
+        for topic in sorted(RECORDED):
+            self.assertIn(topic, topics)
+            self.assertGreater(topics[topic].message_count, 0, topic)
+        for words in ("Traceback", "escalating", "core dumped"):
+            self.assertNotIn(words, run.text)
+
+    def test_interrupt_ends_roslaunch_and_closes_the_bag(self):
+        self.assert_clean_end(*self.start_run(shutil.which("roslaunch"), "-p"))
+
+    def test_interrupt_ends_experiment_and_closes_the_bag(self):
+        self.assert_clean_end(*self.start_run(program("m2wr_sim", "experiment"), "--port"))
+
+    def start_node(self, *arguments):
+        """Start the simulation alone and wait until it is ready."""
+        node = Running([program("m2wr_sim", "m2wr_sim_node")] + list(arguments))
+        self.addCleanup(node.__exit__)
+        node.wait_for_text("is ready")
+        return node
+
+    def test_signals_end_the_node_well(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            for arguments in ([], ["_paused:=true"], ["_real_time_factor:=0"]):
+                if rospy.has_param("/gazebo"):
+                    rospy.delete_param("/gazebo")       # of the node before
+                node = self.start_node(*arguments)
+                Simulation().models()
+                code, seconds = node.end(number)
+                self.assertEqual(code, 0, "%s %s: %s" % (number, arguments, node.text))
+                self.assertLess(seconds, limit())
+                for words in ("Traceback", "Exception", "ERROR", "FATAL"):
+                    self.assertNotIn(words, node.text)
+
+    def test_a_second_simulation_is_refused_and_the_first_goes_on(self):
+        first = self.start_node()
+        simulation = Simulation()
+        done = run_program([program("m2wr_sim", "m2wr_sim_node")])
+        self.assertEqual(done.returncode, 1, done.stderr)
+        for words in ("a simulation runs already", "/gazebo", "rosnode kill"):
+            self.assertIn(words, done.stderr)
+        self.assertNotIn("Traceback", done.stdout + done.stderr)
+        simulation.run_for(0.2)
+        self.assertEqual(first.end(signal.SIGTERM)[0], 0, first.text)
+
+    def test_a_simulation_that_was_killed_does_not_stand_in_the_way_of_the_next(self):
+        first = self.start_node()
+        first.end(signal.SIGKILL)
+        second = self.start_node()
+        Simulation().run_for(0.2)
+        self.assertEqual(second.end(signal.SIGTERM)[0], 0, second.text)
+
+
+if __name__ == "__main__":
+    rospy.init_node("check_shutdown", disable_rostime=True)
+    run_checks("shutdown", Shutdown)
