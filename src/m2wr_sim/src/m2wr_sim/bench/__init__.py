@@ -1,0 +1,1 @@
+"""How fast the simulation is: worlds to measure in, stop watches, and the command ``benchmark``."""

@@ -1,0 +1,101 @@
+"""The README's table of speeds, and the plain lines for one case."""
+import json
+import statistics
+import subprocess
+import sys
+
+from m2wr_sim.bench import machine
+from m2wr_sim.errors import SimError
+
+_MEANINGS = (
+    ("factor", "simulated seconds per second of processor time", "%.1f"),
+    ("wall_factor", "simulated seconds per second", "%.1f"),
+    ("step_us", "physics step of all robots [us]", "%.2f"),
+    ("scan_us", "scan [us]", "%.1f"),
+    ("physics_share", "share of physics", "%.2f"),
+    ("scan_share", "share of rays", "%.2f"),
+    ("message_share", "share of messages and the rest of the node", "%.2f"),
+    ("messages_per_s", "messages received per simulated second", "%.0f"),
+    ("startup_s", "start of the node to the first scan [s]", "%.2f"),
+    ("load", "processor time per time", "%.3f"),
+    ("memory_mb", "peak memory [MB]", "%.0f"),
+    ("growth_mb", "growth of memory in the span [MB]", "%.2f"),
+    ("messages", "messages of the solver", "%d"),
+    ("touches", "touches of robots", "%d"),
+    ("c_step_us", "the same step in C [us]", "%.2f"),
+    ("ratio", "ratio to C", "%.3f"),
+)
+
+CASES = (
+    ("1 robot, 1 ms", ("--duration", "20")),
+    ("1 robot, 5 ms", ("--step", "0.005", "--duration", "60")),
+    ("1 robot, 1 ms, 2000 obstacles", ("--obstacles", "2000", "--duration", "20")),
+    ("1 robot, 5 ms, 2000 obstacles", ("--obstacles", "2000", "--step", "0.005", "--duration", "60")),
+    ("10 robots, 5 ms", ("--robots", "10", "--step", "0.005", "--duration", "10")),
+    ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005", "--duration", "4")),
+    ("1 robot, 1 ms, engine pyode", ("--engine", "pyode", "--duration", "10")),
+    ("node, 1 ms, nobody listens", ("--node", "--duration", "40")),
+    ("node, 1 ms, one process on every topic", ("--clients", "1", "--duration", "40")),
+    ("node, 5 ms, nobody listens", ("--node", "--step", "0.005", "--duration", "100")),
+    ("node, 5 ms, one process on every topic", ("--clients", "1", "--step", "0.005", "--duration", "100")),
+    ("node at real-time factor 1, one process", ("--clients", "1", "--factor", "1", "--duration", "10")),
+)
+COMPARISONS = (("1 robot, 1 ms", ()), ("1 robot, 5 ms", ("--step", "0.005")),
+               ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005")))
+
+
+def lines(result):
+    """Return the figures of one case as text, a line each."""
+    rows = [(meaning, form % result[key]) for key, meaning, form in _MEANINGS if result.get(key) is not None]
+    width = max(len(meaning) for meaning, _ in rows)
+    return "".join("%-*s  %s\n" % (width, meaning, value) for meaning, value in rows)
+
+
+def run_case(arguments):
+    """Measure one case in a process of its own, so that none sees another's memory or caches."""
+    command = [sys.executable, "-m", "m2wr_sim.bench.command", "--json"] + list(arguments)
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+    if done.returncode:
+        raise SimError("%s failed: %s" % (" ".join(command[1:]), done.stderr.strip()))
+    return json.loads(done.stdout.splitlines()[-1])["result"]
+
+
+def _cell(results, key, form):
+    values = [result[key] for result in results if result.get(key) is not None]
+    return form % statistics.median(values) if values else ""
+
+
+def make(repeats, progress):
+    """Measure every case ``repeats`` times, in turns, and return the table as Markdown with the machine's description.
+
+    Raises
+    ------
+    SimError
+        If a case cannot be measured.
+    """
+    found = {name: [] for name, _ in CASES}
+    for repeat in range(repeats):
+        for index, (name, arguments) in enumerate(CASES):
+            found[name].append(run_case(arguments))
+            progress((repeat * len(CASES) + index + 1) / (repeats * len(CASES) + len(COMPARISONS)))
+    text = ["| case | real-time factor | step [us] | scan [us] | messages, rest of the node | start to first scan [s] "
+            "| peak memory [MB] | solver messages |", "| --- " * 8 + "|"]
+    for name, arguments in CASES:
+        results = found[name]
+        factor = _cell(results, "factor", "%.0f")
+        if "--factor" in arguments:
+            factor = "1, with %.1f %% of a core" % (100.0 * statistics.median(result["load"] for result in results))
+        share = statistics.median(result.get("message_share", -1.0) for result in results)
+        text.append("| %s |" % " | ".join((
+            name, factor, _cell(results, "step_us", "%.1f"), _cell(results, "scan_us", "%.1f"),
+            "%.0f %%" % (100.0 * share) if share >= 0.0 else "", _cell(results, "startup_s", "%.2f"),
+            _cell(results, "memory_mb", "%.0f"), "%d" % max(result["messages"] for result in results))))
+    text += ["", "| the stepping loop against the same loop in C | this [us] | C [us] | ratio |",
+             "| --- | --- | --- | --- |"]
+    for index, (name, arguments) in enumerate(COMPARISONS):
+        result = run_case(("--compare", "c", "--repeats", str(2 * repeats + 1)) + arguments)
+        progress((repeats * len(CASES) + index + 1) / (repeats * len(CASES) + len(COMPARISONS)))
+        text.append("| %s | %.2f | %.2f | %.2f |" % (name, result["step_us"], result["c_step_us"], result["ratio"]))
+    text += ["", "Medians of %d runs in turns, simulated seconds per second of processor time; %s."
+             % (repeats, machine.sentence(machine.describe()))]
+    return "\n".join(text) + "\n"
