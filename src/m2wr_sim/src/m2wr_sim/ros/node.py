@@ -1,6 +1,7 @@
 """The simulation node: parameters in, world up, loop until told to stop."""
 import logging
 import os
+import signal
 import socket
 import sys
 from xmlrpc.client import Fault as XmlRpcFault
@@ -49,6 +50,18 @@ def _claim_time():
     set_rostime_initialized(True)
 
 
+def _note_signals():
+    """Let SIGINT and SIGTERM only be noted, in the list returned; the loop looks at it between two batches of steps.
+
+    rospy's own handler shuts everything down inside the signal, on the thread that may be in the middle of publishing
+    and then waits for ever for a lock it holds itself.
+    """
+    noted = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: noted.append(received))
+    return noted
+
+
 def package_folder():
     """Return this package's shared files: worlds and models."""
     return rospkg.RosPack().get_path("m2wr_sim")
@@ -82,8 +95,8 @@ def build(config, folder):
     return simulator, factor, folders
 
 
-def run(config):
-    """Run the node until ROS shuts down."""
+def run(config, stopping):
+    """Run the node until ``stopping()`` is true."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
     simulator, factor, folders = build(config, package_folder())
     try:
@@ -93,7 +106,7 @@ def run(config):
                   for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
         simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
         diagnostics = Diagnostics(simulator, factor)
-        loop = Loop(simulator, factor, rospy.is_shutdown, diagnostics.turn)
+        loop = Loop(simulator, factor, stopping, diagnostics.turn)
         api = GazeboApi(simulator, loop, Spawner(simulator, folders))
         log.info("world \"%s\" is ready: %d models, step %g ms, %s", config.world, len(simulator.models),
                  simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as it can")
@@ -132,7 +145,10 @@ def main():
         sys.stderr.write("a simulation runs already: node %s at %s. Stop it first (rosnode kill %s), or start this one "
                          "under another name or master.\n" % (name, address, name))
         return 1
-    rospy.init_node("gazebo", disable_rostime=True)
+    rospy.init_node("gazebo", disable_rostime=True)     # may wait for a master; rospy's own handler ends that
+    signals = _note_signals()
+    if rospy.is_shutdown():
+        return 1
     _claim_time()
     _log_through_rospy()
     try:
@@ -140,7 +156,7 @@ def main():
         for name in unknown:
             log.warning("parameter ~%s is not known and has no effect", name)
         log.info("parameters: %s", config)
-        run(config)
+        run(config, lambda: bool(signals) or rospy.is_shutdown())
     except (ParameterError, WorldError, ModelError, SimError) as error:
         rospy.logfatal("%s", error)
         return 1
