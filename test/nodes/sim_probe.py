@@ -188,9 +188,9 @@ def program(package, name):
 
 
 def marked_environment(more=None):
-    """Return an environment with a new mark, and the mark."""
+    """Return an environment with a new mark, and the mark; Python programs in it say at once what they say."""
     mark = uuid.uuid4().hex
-    return dict(os.environ, **dict(more or {}, **{MARK: mark})), mark
+    return dict(os.environ, **dict({"PYTHONUNBUFFERED": "1"}, **dict(more or {}, **{MARK: mark}))), mark
 
 
 def marked(mark):
