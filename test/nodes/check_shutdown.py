@@ -11,9 +11,11 @@ from xmlrpc.client import ServerProxy
 import rosbag
 import rosgraph
 import rospy
+from rosgraph_msgs.msg import Clock
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import Running, Simulation, marked, program, run_checks, run_program, wait_until  # noqa: E402
+from sim_probe import (Recorder, Running, Simulation, marked, program, run_checks,  # noqa: E402
+                       run_program, wait_until)
 from check_launch_errors import free_port  # noqa: E402
 
 RECORDED = {"/clock", "/odom", "/tf", "/m2wr/laser/scan", "/cmd_vel"}
@@ -97,6 +99,17 @@ class Shutdown(unittest.TestCase):
                 self.assertLess(seconds, limit())
                 for words in ("Traceback", "Exception", "ERROR", "FATAL"):
                     self.assertNotIn(words, node.text)
+
+    def test_rosnode_kill_ends_the_node_well(self):
+        node = self.start_node("_real_time_factor:=5", "_pub_clock_frequency:=0")
+        clock = Recorder("/clock", Clock).connected()
+        clock.next(10)
+        done = run_program([shutil.which("rosnode"), "kill", "/gazebo"])
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(node.wait(), 0, node.text)
+        for words in ("Traceback", "Exception", "ERROR", "FATAL"):
+            self.assertNotIn(words, node.text)
+        clock.close()
 
     def test_a_second_simulation_is_refused_and_the_first_goes_on(self):
         first = self.start_node()

@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import sys
+import threading
 from xmlrpc.client import Fault as XmlRpcFault
 from xmlrpc.client import ServerProxy
 
@@ -31,6 +32,7 @@ from m2wr_sim.warm_up import warm_up
 
 log = logging.getLogger("m2wr_sim")
 
+_END_PATIENCE = 5.0             # s for the loop to end before ROS closes the topics under it
 _PING_PATIENCE = 2.0            # s for a running namesake to answer
 _SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads waiting for Python's default of 5 ms
 
@@ -149,6 +151,8 @@ def main():
     signals = _note_signals()
     if rospy.is_shutdown():
         return 1
+    ended = threading.Event()
+    rospy.on_shutdown(lambda: (signals.append("shutdown"), ended.wait(_END_PATIENCE)))     # rosnode kill comes this way
     _claim_time()
     _log_through_rospy()
     try:
@@ -163,4 +167,6 @@ def main():
     except Exception as error:
         log.exception("the simulation ends for a fault of its own: %s: %s", type(error).__name__, error)
         return 1
+    finally:
+        ended.set()
     return 0
