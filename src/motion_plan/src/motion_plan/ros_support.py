@@ -1,6 +1,7 @@
 """What the nodes share: parameters, logging, the loop, and messages turned into plain values."""
 import logging
 import math
+import signal
 import sys
 import threading
 import time
@@ -37,12 +38,26 @@ class RosoutHandler(logging.Handler):
         log.get(record.levelno, rospy.logerr)('%s', record.getMessage())
 
 
+def shut_down_beside():
+    """Let SIGINT and SIGTERM shut ROS down on a thread of its own.
+
+    rospy does it inside the signal, on the thread that may be publishing at that very moment and then waits for ever
+    for a lock that it holds itself.
+    """
+    def on_signal(number, _):
+        threading.Thread(target=rospy.signal_shutdown, args=('signal-%d' % number,)).start()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+
+
 def run_node(name, make_node):
     """Start the node ``name``, run what ``make_node()`` returns and leave with its exit code.
 
     A NodeError ends in one fatal line and exit code 1, not in a traceback.
     """
     rospy.init_node(name)
+    shut_down_beside()
     library = logging.getLogger('motion_plan')
     library.addHandler(RosoutHandler())
     library.setLevel(logging.INFO)
@@ -52,8 +67,10 @@ def run_node(name, make_node):
     except NodeError as error:
         rospy.logfatal('%s: %s', rospy.get_name(), error)
         code = 1
-    except rospy.ROSInterruptException:
-        code = 0
+    except rospy.ROSException:
+        if not rospy.core.is_shutdown_requested():
+            raise
+        code = 0        # interrupted in its sleep, or about to publish on a topic that has just been closed
     sys.exit(code or 0)
 
 
