@@ -30,7 +30,7 @@ def crane():
 def live(make_engine):
     """Return an engine with a crane in it, and the LiveModel of that."""
     engine, pose, record = make_engine(), at(3.0, 2.0, 0.5, math.pi / 2), crane()
-    return engine, LiveModel(record, engine.add_model(record, pose), pose, "")
+    return engine, LiveModel(record, engine.add_model(record, pose), pose)
 
 
 def place_of(engine, model, link):

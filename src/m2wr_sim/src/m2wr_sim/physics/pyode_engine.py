@@ -4,7 +4,6 @@ It is the reference for faster engines and the fallback where they cannot run.  
 objects of the binding die with their last reference, so every geom and joint is held in a list.  No binding object
 refers back to this engine: the cycle collector would free the world before its bodies and crash the interpreter.
 """
-import logging
 import math
 
 import ode
@@ -15,8 +14,6 @@ from m2wr_sim.model.types import Plane
 from m2wr_sim.physics import native_ode, pyode_bodies as bodies
 from m2wr_sim.physics.contacts import STEEP, merge, pair_surface, spread
 from m2wr_sim.physics.engine import Engine, LinkState, ModelHandle, Touch
-
-log = logging.getLogger(__name__)
 
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
 

@@ -4,6 +4,8 @@ import time
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from m2wr_sim.ros.convert import stamp_of
+
 _PERIOD = 1.0       # s of wall time
 
 
@@ -45,7 +47,7 @@ class Diagnostics:
         values += [("touches of " + name, str(count)) for name, count in sorted(simulator.touch_counts.items())]
         status.values = [KeyValue(key, value) for key, value in values]
         array = DiagnosticArray(status=[status])
-        array.header.stamp = rospy.Time(simulator.now_ns // 10**9, simulator.now_ns % 10**9)
+        array.header.stamp = stamp_of(simulator.now_ns)
         self._publisher.publish(array)
 
     def _judge(self, factor, new_messages):

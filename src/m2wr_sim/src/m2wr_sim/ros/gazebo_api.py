@@ -12,6 +12,7 @@ from gazebo_msgs.srv import (DeleteModel, DeleteModelResponse, GetModelPropertie
 from std_srvs.srv import Empty, EmptyResponse
 
 from m2wr_sim.errors import ModelError, NotFoundError
+from m2wr_sim.ros.convert import read_pose, read_vector, stamp_of, write_pose
 from m2wr_sim.ros.loop import ShuttingDown
 from m2wr_sim.ros.spawning import Spawner
 from m2wr_sim.runtime.entities import tell
@@ -20,23 +21,6 @@ log = logging.getLogger(__name__)
 
 _DRAIN = 0.2            # s of wall time between the last message of the old time and the clock's jump back to zero
 _NO_SCOPED_FRAME = ("reference relative_entity_name not found, did you forget to scope the body by model name?")
-
-
-def read_pose(pose):
-    """Return ``(position, orientation)`` of a geometry_msgs/Pose."""
-    return ((pose.position.x, pose.position.y, pose.position.z),
-            (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w))
-
-
-def write_pose(pose, position, orientation):
-    """Fill a geometry_msgs/Pose."""
-    pose.position.x, pose.position.y, pose.position.z = position
-    pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
-
-
-def read_vector(vector):
-    """Return a geometry_msgs/Vector3 as a tuple."""
-    return (vector.x, vector.y, vector.z)
 
 
 class GazeboApi:
@@ -94,7 +78,7 @@ class GazeboApi:
             return response
         self._sequence[request.model_name] = self._sequence.get(request.model_name, 0) + 1
         response.header.seq = self._sequence[request.model_name]
-        response.header.stamp = rospy.Time.from_sec(0) + rospy.Duration(*divmod(self._simulator.now_ns, 10**9))
+        response.header.stamp = stamp_of(self._simulator.now_ns)
         response.header.frame_id = request.relative_entity_name
         write_pose(response.pose, state.position, state.orientation)
         for vector, values in ((response.twist.linear, state.linear), (response.twist.angular, state.angular)):

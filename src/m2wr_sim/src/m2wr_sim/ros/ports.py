@@ -7,6 +7,7 @@ from rosgraph_msgs.msg import Clock
 from rospy.rostime import _set_rostime
 from tf2_msgs.msg import TFMessage
 
+from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.runtime.ports import Ports
 
 
@@ -111,7 +112,7 @@ class RosPorts(Ports):
         """Return the stamp; the clock goes out first, so that no message is stamped later than what clocks show."""
         if now_ns > self._clock_ns:
             self.clock(now_ns)
-        return rospy.Time(now_ns // 1000000000, now_ns % 1000000000)
+        return stamp_of(now_ns)
 
     def frame(self, name, namespace):
         """Apply the ``tf_prefix`` found from the namespace upwards; a leading slash asks for none."""
@@ -128,7 +129,7 @@ class RosPorts(Ports):
     def clock(self, now_ns):
         """Publish the time and make it this node's own ROS time, without a subscription to itself."""
         self._clock_ns = now_ns
-        stamp = rospy.Time(now_ns // 1000000000, now_ns % 1000000000)
+        stamp = stamp_of(now_ns)
         _set_rostime(stamp)
         self._clock_message.clock = stamp
         self._clock.publish(self._clock_message)

@@ -10,6 +10,7 @@ from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.sdf import load_sdf_models
 from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.ros.convert import read_pose
 
 log = logging.getLogger(__name__)
 
@@ -82,9 +83,7 @@ class Spawner:
 
     def _spawn(self, request, load):
         simulator = self._simulator
-        pose = request.initial_pose
-        pose = ((pose.position.x, pose.position.y, pose.position.z),
-                (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w))
+        pose = read_pose(request.initial_pose)
         if not all(abs(number) < float("inf") for number in pose[0] + pose[1]):
             return SpawnModelResponse(False, "SpawnModel: initial_pose is not finite")
         try:

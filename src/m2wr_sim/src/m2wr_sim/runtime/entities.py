@@ -24,8 +24,8 @@ def tell(names):
 class LiveModel:
     """A model in the world: its record, the engine's numbers for its parts, its plugins, and where a reset puts it."""
 
-    def __init__(self, record, handle, pose, namespace):
-        self.record, self.handle, self.reset_pose, self.namespace = record, handle, pose, namespace
+    def __init__(self, record, handle, pose):
+        self.record, self.handle, self.reset_pose = record, handle, pose
         self.name = handle.name
         self.plugins = []
         self.sight = None               # SceneRows of what moves

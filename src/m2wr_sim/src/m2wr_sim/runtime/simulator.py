@@ -147,7 +147,7 @@ class Simulator:
             log.warning("%s: %s", name, note)
         pose = _within_reach(name, (tuple(pose[0]), normalise_quaternion(pose[1])))
         handle = self.engine.add_model(record, pose, name)
-        model = LiveModel(record, handle, pose, namespace or "")
+        model = LiveModel(record, handle, pose)
         self.models[name] = model
         try:
             self._add_to_scene(model)
