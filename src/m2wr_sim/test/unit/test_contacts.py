@@ -184,3 +184,20 @@ def test_those_chosen_keep_their_order_and_are_different():
 def test_contacts_in_one_place_can_still_be_chosen_from():
     found = [((0.0, 0.0, 0.0), UP, 1e-4)] * 6
     assert len(spread(found, 4)) == 4
+
+
+# -- the direction of friction --------------------------------------------------------------------------------------
+
+def test_the_direction_of_friction_is_the_first_shapes_or_else_the_seconds():
+    plain, east, up = collision(), collision(fdir1=(2.0, 0.0, 0.0)), collision(fdir1=(0.0, 0.0, 1.0))
+    for one, two, along, second in ((plain, plain, (0.0, 0.0, 0.0), False), (east, up, (1.0, 0.0, 0.0), False),
+                                    (up, east, (0.0, 0.0, 1.0), False), (plain, east, (1.0, 0.0, 0.0), True)):
+        surface = pair_surface(one, two, False, False, False, SETTINGS)
+        assert (surface.along, surface.along_second) == (along, second)
+        assert bool(surface.mode & contacts.MODE_FDIR1) is any(along)
+
+
+def test_a_direction_of_friction_lies_in_the_surface_or_is_none():
+    assert contacts.along_surface((0.6, 0.0, 0.8), UP) == pytest.approx((1.0, 0.0, 0.0))
+    assert contacts.along_surface((-0.03, 0.0, -1.0), UP) == pytest.approx((-1.0, 0.0, 0.0))
+    assert contacts.along_surface((0.01, 0.0, 1.0), UP) is None

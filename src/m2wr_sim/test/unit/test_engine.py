@@ -370,7 +370,7 @@ def test_collisions_are_listed_in_load_order(make_engine, m2wr, build):
 
 BROKEN = {
     "no such shape": (Link("l", inertial=SMALL, collisions=(Collision("c", "mesh"),)),
-                      "a box, sphere, cylinder or plane"),
+                      "a box, sphere, cylinder, plane, mesh or heightmap"),
     "empty box": (Link("l", inertial=SMALL, collisions=(Collision("c", Box((1.0, 0.0, 1.0))),)),
                   "expected positive numbers"),
     "not a number": (Link("l", inertial=SMALL, collisions=(Collision("c", Sphere(float("nan"))),)),

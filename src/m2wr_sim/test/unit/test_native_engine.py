@@ -54,7 +54,8 @@ def build(engine_class, step_ns=1000000, solver="step"):
                           quaternion_from_rpy(0.0, 0.0, angle)))
     robots = [engine.add_model(robot(), ((0.0, 0.9 * index, 0.3), NO_TURN), "robot%d" % index) for index in range(2)]
     rubber = Surface(restitution=0.5, restitution_threshold=0.0, kp=1e5)
-    free = [engine.add_model(solid("crate", Box((0.3, 0.3, 0.3)), 1.0),
+    grooved = Surface(mu=0.9, mu2=0.3, fdir1=(1.0, 1.0, 0.2))
+    free = [engine.add_model(solid("crate", Box((0.3, 0.3, 0.3)), 1.0, grooved),
                              ((0.9, 0.0, 0.5), quaternion_from_rpy(0.1, 0.2, 0.3))),
             engine.add_model(solid("ball", Sphere(0.2), 0.5, rubber), ((0.9, 0.9, 0.9), NO_TURN))]
     return engine, robots, free
@@ -88,6 +89,48 @@ def test_same_bits_as_the_python_loop_for_any_batch_length(step_ns, solver):
     assert results[0][1], "nothing was touched: the scene tests too little"
     assert results[1] == results[0]
     assert results[2] == results[0]
+
+
+def test_fences_change_no_number(monkeypatch):
+    results = []
+    for fences in (True, False):
+        monkeypatch.setattr(native.NativeEngine, "fences", fences)
+        engine, robots, free = build(native.NativeEngine)
+        results.append(drive(engine, robots, free, 50, rounds=20))
+        engine.close()
+    assert results[0][1] and results[0] == results[1]
+
+
+def free_flags(engine):
+    """Tell of each movable model whether the engine believes that nothing but the ground is near it."""
+    words = engine._words
+    return [bool(words[int(words[native.layout.H_SPACES]) + index * native.layout.SPACE_WORDS + native.layout.S_FREE])
+            for index in range(int(words[native.layout.H_SPACE_COUNT]))]
+
+
+@pytest.mark.parametrize("arrival", ["spawned", "moved"])
+def test_a_wall_that_arrives_inside_a_fence_stops_the_robot(arrival):
+    engine = native.NativeEngine(EngineSettings())
+    engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
+    for index in range(6):                  # more shapes than the robot has: else it asks for everything anyway
+        engine.add_model(solid("post%d" % index, Cylinder(0.1, 1.0)), ((20.0, index, 0.5), NO_TURN))
+    wall = solid("wall", Box((0.1, 3.0, 1.0)))
+    far = engine.add_model(wall, ((30.0, 0.0, 0.5), NO_TURN)) if arrival == "moved" else None
+    handle = engine.add_model(robot(), ((0.0, 0.0, 0.1), NO_TURN))
+    for joint in handle.joints.values():
+        engine.set_joint_motor(joint, 5.0, 5.0)
+    engine.step(200)
+    assert free_flags(engine) == [True]
+    place = ((0.65, 0.0, 0.5), NO_TURN)
+    if far is None:
+        engine.add_model(wall, place)
+    else:
+        engine.set_link_pose(far.links["link"], place)
+    engine.step(2000)
+    assert free_flags(engine) == [False]
+    assert engine.link_pose(handle.links["chassis"])[0][0] < 0.35            # 1.1 without the wall
+    assert any("wall" in touch.first + touch.second for touch in engine.drain_touches())
+    engine.close()
 
 
 def folding_arm():

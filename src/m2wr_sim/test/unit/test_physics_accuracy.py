@@ -1,6 +1,7 @@
 """How true the report's robot drives, stands and bumps, at steps of 1 to 10 ms."""
 import math
 import random
+from dataclasses import replace
 
 import pytest
 
@@ -331,3 +332,40 @@ def test_the_iterative_solver_repeats_from_its_seed(make_engine, m2wr, drive, bu
         course = Course(engine, m2wr, drive, build.at(z=0.1), 2)
         results.append(course.drive(0.5, 0.2).run(3.0))
     assert results[0] == results[1] and results[0].position[0] > 0.5
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("way", [0, 1])
+def test_friction_has_the_direction_that_turns_with_the_shape(make_engine, build, turned, way):
+    surface = Surface(mu=0.8, mu2=0.2, fdir1=(1.0, 0.0, 0.0))
+    brick = build.box("brick", 0.0, 0.0, 0.05, (0.4, 0.4, 0.1), static=False, mass=2.0, surface=surface)
+    brick = replace(brick, pose=build.at(0.0, 0.0, 0.05, math.pi / 2 if turned else 0.0), allow_auto_disable=False)
+    engine = make_engine(models=(build.ground(), brick))
+    engine.step(500)
+    link = engine.handles[1].links["link"]
+    start = engine.link_pose(link)[0]
+    engine.set_link_velocity(link, tuple(2.0 if axis == way else 0.0 for axis in range(3)), (0.0, 0.0, 0.0))
+    engine.step(3000)
+    end = engine.link_pose(link)[0]
+    mu = 0.8 if (way == 0) is not turned else 0.2
+    assert end[way] - start[way] == pytest.approx(4.0 / (2.0 * mu * 9.8), rel=0.02)
+    assert abs(end[1 - way] - start[1 - way]) < 0.01
+
+
+@pytest.mark.parametrize("kind, xyz", [("revolute", (0.0, 0.0, 1.0)), ("prismatic", (1.0, 0.0, 0.0))])
+def test_a_spring_swings_about_its_reference_and_damping_brings_it_there(make_engine, kind, xyz):
+    inertial = Inertial(0.5, inertia=(0.5, 0.0, 0.0, 0.5, 0.0, 0.5))
+    axis = Axis(xyz=xyz, spring_stiffness=8.0, spring_reference=0.3)
+    models = [Model(name, (Link("link", inertial=inertial, gravity=False),), (
+        Joint("j", kind, "world", "link", axis=replace(axis, damping=damping)),))
+        for name, damping in (("free", 0.0), ("slowed", 2.0))]
+    engine = make_engine(models=models)
+    free, slowed = (handle.joints["j"] for handle in engine.handles)
+    seen = []
+    for _ in range(1571):                       # one period: 2 pi sqrt(0.5 / 8) s
+        engine.step(1)
+        seen.append(engine.joint_angle(free))
+    assert max(seen) == pytest.approx(0.6, abs=2e-3) and abs(seen[-1]) < 2e-3
+    assert seen[785] == pytest.approx(0.6, abs=2e-3)
+    engine.step(8000)
+    assert engine.joint_angle(slowed) == pytest.approx(0.3, abs=1e-3)

@@ -5,6 +5,8 @@ Poses are pairs ``((x, y, z), (x, y, z, w))`` in metres and unit quaternions; se
 from dataclasses import dataclass, field
 from typing import Any, Optional, Tuple
 
+import numpy as np
+
 from m2wr_sim.geometry import IDENTITY
 
 Vector = Tuple[float, float, float]
@@ -39,6 +41,46 @@ class Plane:
 
     normal: Vector = (0.0, 0.0, 1.0)
     size: Tuple[float, float] = (1.0, 1.0)   # only for drawing
+
+
+class _Arrays:
+    """Compares records that hold arrays by what is in them."""
+
+    def __eq__(self, other):
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(np.array_equal(mine, others) for mine, others in zip(vars(self).values(), vars(other).values()))
+
+    def __hash__(self):
+        return hash((type(self).__name__, self.source))
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh(_Arrays):
+    """Triangles in the collision's frame, counter-clockwise seen from outside; scale and units are applied.
+
+    ``vertices`` is (n, 3) float64 [m], ``triangles`` (m, 3) int32; neither must be written to.  ``source`` says for
+    messages where they come from.
+    """
+
+    vertices: Any
+    triangles: Any
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Heightmap(_Arrays):
+    """Ground over a rectangle around its frame; never moves by itself.
+
+    ``heights`` is (rows, columns) float64 [m], columns along x and rows *against* y, as in a picture; each cell is cut
+    from its corner at least x, least y to the one at greatest x, greatest y.  ``size`` is the extent in x and y [m],
+    ``position`` where the middle at height 0 lies in the collision's frame.
+    """
+
+    heights: Any
+    size: Tuple[float, float] = (1.0, 1.0)
+    position: Vector = (0.0, 0.0, 0.0)
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -133,6 +175,8 @@ class Sensor:
     always_on: bool = False
     visualize: bool = False
     ray: Optional[RayScan] = None
+    imu_noise: Tuple[Noise, ...] = ()   # empty, or of angular velocity x y z and linear acceleration x y z
+    contact_collisions: Tuple[str, ...] = ()    # of a contact sensor: names of collisions of its link
     plugins: Tuple[Any, ...] = ()   # of PluginSpec
 
 
@@ -155,7 +199,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Axis:
-    """One degree of freedom: direction in the joint frame, damping [N m s/rad], friction [N m], limits."""
+    """One degree of freedom: direction in the joint frame, damping [N m s/rad], friction [N m], limits, spring.
+
+    ``spring_stiffness`` [N m/rad or N/m] pulls towards the position ``spring_reference`` [rad or m].
+    """
 
     xyz: Vector = (0.0, 0.0, 1.0)
     damping: float = 0.0
@@ -166,6 +213,8 @@ class Axis:
     velocity: float = -1.0
     stop_erp: float = 0.2
     stop_cfm: float = 0.0
+    spring_stiffness: float = 0.0
+    spring_reference: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -264,13 +313,30 @@ class WorldState:
 
 
 @dataclass(frozen=True)
+class Light:
+    """A lamp, for clients that ask after it; colours are red, green, blue, alpha from 0 to 1.
+
+    ``attenuation`` is constant [-], linear [1/m] and quadratic [1/m^2].
+    """
+
+    name: str
+    kind: str = "point"             # point, spot, directional
+    pose: Pose = IDENTITY
+    diffuse: Tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    specular: Tuple[float, float, float, float] = (0.1, 0.1, 0.1, 1.0)
+    attenuation: Vector = (1.0, 0.0, 0.0)
+    direction: Vector = (0.0, 0.0, -1.0)
+    cast_shadows: bool = False
+
+
+@dataclass(frozen=True)
 class World:
-    """A world: models in load order, physics, lights by name, optional stored state."""
+    """A world: models in load order, physics, lights, optional stored state."""
 
     name: str = "default"
     models: Tuple[Model, ...] = ()
     physics: Physics = Physics()
-    lights: Tuple[str, ...] = ()
+    lights: Tuple[Light, ...] = ()
     plugins: Tuple[PluginSpec, ...] = ()
     state: Optional[WorldState] = None
     notes: Tuple[str, ...] = field(default=())

@@ -1,1 +1,4 @@
 """The ODE world: bodies, joints, contacts."""
+from m2wr_sim import kernel_cache
+
+kernel_cache.refresh(__file__)

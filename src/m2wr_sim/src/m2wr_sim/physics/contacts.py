@@ -5,7 +5,7 @@ A contact is a tuple ``(position, normal, depth)``; the normal points from the s
 import math
 from collections import namedtuple
 
-from m2wr_sim.model.types import Box, Plane
+from m2wr_sim.model.types import Box, Heightmap, Mesh, Plane, Sphere
 
 MODE_MU2 = 0x001
 MODE_FDIR1 = 0x002
@@ -17,15 +17,33 @@ MODE_SLIP2 = 0x200
 MODE_APPROX1 = 0x7000       # friction proportional to the normal force; ODE 0.16's value, not the Python binding's
 
 MIN_SOFT_CFM = 1e-6         # stiffer contacts than this make the direct solver lose track
+HEAVY = 100.0               # kg: above that, contacts get stiffer with the mass
 BOX_CONTACTS = 4            # a face needs no more than its corners
+MESH_CONTACTS = 8           # of any other shape with triangles, which each may give several
+MERGE_ALL, MERGE_FACES, MERGE_DEEPEST = 1, 2, 3
+FACES = 4                   # most differently inclined places at which one wheel or ball touches one mesh
+SAME_FACE = 0.8             # cosine of the angle between normals that still belong to one place: 37 degrees
+SAME_PLANE = 0.998          # the same for a ball, which touches a plane in one point: 4 degrees
+ALONG_AT_LEAST = 0.02       # sine of the angle to the normal below which a friction direction means nothing
 STEEP = 0.5                 # |normal z| below this: a wall, not ground
 
 PairSurface = namedtuple(
     "PairSurface",
-    "mode mu mu2 steep_mu slip1 slip2 bounce bounce_velocity soft_erp soft_cfm max_contacts merge ground")
+    "mode mu mu2 steep_mu slip1 slip2 bounce bounce_velocity soft_erp soft_cfm max_contacts merge ground "
+    "along along_second")
 
 
-def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, settings):
+def load_class(mass):
+    """Return how many times stiffer than usual the contacts of a model of that mass [kg] must be, a power of two.
+
+    The world's compliance lets a contact carry ``max_correcting_velocity / cfm`` (10 kN) and no more: what weighs tons
+    would sink without end.  Compliance in proportion to mass gives heavy things the depth, and the solver the numbers,
+    of :data:`HEAVY`.
+    """
+    return 2.0 ** math.ceil(math.log2(mass / HEAVY)) if HEAVY < mass < math.inf else 1.0
+
+
+def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, settings, stiffer=1.0):
     """Combine two collisions into one :class:`PairSurface`, by Gazebo's rules.
 
     Friction and restitution take the smaller value, slip adds up, stiffness combines as springs in series.  Gazebo's
@@ -40,6 +58,8 @@ def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, sett
     both_move : bool
         Whether both belong to bodies; a contact between two bodies is never "standing on the ground".
     settings : EngineSettings
+    stiffer : float
+        The :func:`load_class` of the lighter of those that move.
 
     Returns
     -------
@@ -66,15 +86,51 @@ def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, sett
         stiffness = 1.0 / (1.0 / max(one.kp, 1e-9) + 1.0 / max(two.kp, 1e-9))
         damping = max(0.0, one.kd + two.kd)
         soft_erp = step * stiffness / (step * stiffness + damping)
-        soft_cfm = max(MIN_SOFT_CFM, 1.0 / (step * stiffness + damping))
+        soft_cfm = max(MIN_SOFT_CFM / stiffer, 1.0 / (step * stiffness + damping))
         mode |= MODE_SOFT_ERP | MODE_SOFT_CFM
+    elif stiffer > 1.0:
+        soft_cfm = settings.cfm / stiffer
+        mode |= MODE_SOFT_CFM
     limit = min(settings.max_contacts, max(1, first.max_contacts), max(1, second.max_contacts))
-    if isinstance(first.geometry, Box) or isinstance(second.geometry, Box):
+    shapes, merging = (first.geometry, second.geometry), MERGE_ALL if wheel else 0
+    if any(isinstance(shape, (Mesh, Heightmap)) for shape in shapes):
+        limit = min(limit, MESH_CONTACTS)
+        if any(isinstance(shape, Sphere) for shape in shapes):
+            merging = MERGE_DEEPEST
+        elif wheel:
+            merging = MERGE_FACES
+    if any(isinstance(shape, Box) for shape in shapes):
         limit = min(limit, BOX_CONTACTS)
+    along, along_second = _friction_direction(one.fdir1, two.fdir1)
+    if any(along):
+        mode |= MODE_FDIR1 | MODE_MU2
     ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
     return PairSurface(mode, mu, mu2, min(mu, settings.wheel_steep_mu) if wheel else mu, slip1, slip2, bounce,
-                       min(one.restitution_threshold, two.restitution_threshold), soft_erp, soft_cfm, limit, wheel,
-                       ground)
+                       min(one.restitution_threshold, two.restitution_threshold), soft_erp, soft_cfm, limit, merging,
+                       ground, along, along_second)
+
+
+def _friction_direction(one, two):
+    """Return the direction of a pair's mu, as a unit vector in a shape's axes, and whether that is the second shape.
+
+    The first shape's counts; zeros where neither has one: ODE then chooses by the normal alone.
+    """
+    for vector, second in ((one, False), (two, True)):
+        length = math.sqrt(sum(value * value for value in vector))
+        if length > 0.0:
+            return tuple(value / length for value in vector), second
+    return (0.0, 0.0, 0.0), False
+
+
+def along_surface(direction, normal):
+    """Return the unit vector of a direction's part along a surface, or None where it points nearly into it.
+
+    The direction of friction turns with its shape; without this a rolling wheel's would dive into the ground.
+    """
+    into = direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2]
+    x, y, z = direction[0] - into * normal[0], direction[1] - into * normal[1], direction[2] - into * normal[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    return (x / length, y / length, z / length) if length > ALONG_AT_LEAST else None
 
 
 def _smaller_friction(one, two):
@@ -107,6 +163,53 @@ def merge(contacts):
     if norm < 0.5 * count:
         return deepest
     return ((px / count, py / count, pz / count), (nx / norm, ny / norm, nz / norm), depth)
+
+
+def merge_faces(contacts, limit):
+    """Average the contacts of a wheel with a mesh or heightmap, those of each place it touches at into one.
+
+    Neighbouring triangles tell of one touch several times over, while a floor and a wall in one mesh are two.  A
+    contact belongs to the first place whose first normal is like its own; places past the limit are left out.
+    """
+    places = []
+    for contact in contacts:
+        normal = contact[1]
+        for place in places:
+            seed = place[0][1]
+            if seed[0] * normal[0] + seed[1] * normal[1] + seed[2] * normal[2] > SAME_FACE:
+                place.append(contact)
+                break
+        else:
+            if len(places) < min(FACES, limit):
+                places.append([contact])
+    return [merge(place) if len(place) > 1 else place[0] for place in places]
+
+
+def deepest_faces(contacts, limit):
+    """Keep of a ball's contacts with a mesh or heightmap the deepest of each plane, deepest first.
+
+    The triangles around the one under the ball answer, too, at their edges: averaged with those the contact would lie
+    beside the ball's lowest point and set it rolling.
+    """
+    kept, left = [], list(contacts)
+    while left and len(kept) < min(FACES, limit):
+        best = max(range(len(left)), key=lambda index: (left[index][2], -index))
+        seed = left[best][1]
+        kept.append(left[best])
+        left = [contact for index, contact in enumerate(left) if index != best and not (
+            seed[0] * contact[1][0] + seed[1] * contact[1][1] + seed[2] * contact[1][2] > SAME_PLANE)]
+    return kept
+
+
+def reduced(contacts, surface):
+    """Return the contacts that a pair makes of those found, more than one, as its PairSurface says."""
+    if surface.merge == MERGE_ALL:
+        return [merge(contacts)]
+    if surface.merge == MERGE_FACES:
+        return merge_faces(contacts, surface.max_contacts)
+    if surface.merge == MERGE_DEEPEST:
+        return deepest_faces(contacts, surface.max_contacts)
+    return spread(contacts, surface.max_contacts) if len(contacts) > surface.max_contacts else contacts
 
 
 def spread(contacts, limit):

@@ -4,14 +4,24 @@ Links and joints are addressed by the integers that :meth:`Engine.add_model` han
 looks up names.  Positions, orientations ``(x, y, z, w)`` and velocities are in the world frame, SI units.
 """
 import abc
+import logging
 from collections import namedtuple
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, Tuple
 
+from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import compose
+
+log = logging.getLogger(__name__)
 
 # Beyond these ODE loses its numbers and ends the process without a word of ours.
 LEAST_MASS, LEAST_INERTIA, FARTHEST, FASTEST = 1e-6, 1e-12, 1e6, 1e4      # kg, kg m^2, m, m/s and rad/s
+
+TOO_FAST = 1e9          # m/s and rad/s, in all directions together: only a world that has come apart gets there
+
+SHORTEST_STEP, LONGEST_STEP, TRUSTED_STEP = 1e-5, 0.1, 0.02     # s; up to the last one robots drive true
+
+JOINT_PARAMETERS = ("lower", "upper", "rate", "max_force", "fudge_factor", "cfm", "stop_erp", "stop_cfm", "erp")
 
 ModelHandle = namedtuple("ModelHandle", "name links joints")
 """``links`` and ``joints`` map names to the integers the engine knows them by."""
@@ -95,6 +105,41 @@ class Engine(abc.ABC):
         """Change only the force limit of a joint's motor."""
 
     @abc.abstractmethod
+    def add_link_force(self, link, force, torque):
+        """Push a link at its centre of mass during the next step [N, N m, world axes]; nothing for a static link."""
+
+    @abc.abstractmethod
+    def add_joint_force(self, joint, force):
+        """Push along a joint's axis during the next step [N m or N]; nothing for a joint without an axis."""
+
+    @abc.abstractmethod
+    def set_link_gravity(self, link, acts):
+        """Choose whether gravity acts on a link."""
+
+    @abc.abstractmethod
+    def set_link_inertial(self, link, inertial):
+        """Give a link another mass and inertia; the centre of mass stays where it was built.
+
+        Raises
+        ------
+        ModelError
+            If they are not those of a physical body.
+        """
+
+    @abc.abstractmethod
+    def change_joint(self, joint, axis, parameters):
+        """Give a joint other numbers.
+
+        Parameters
+        ----------
+        joint : int
+        axis : Axis
+            Taken from it: damping.
+        parameters : dict
+            Of :data:`JOINT_PARAMETERS`, name to value, for what the solver keeps itself.
+        """
+
+    @abc.abstractmethod
     def set_joint_angle(self, joint, angle):
         """Tell what a joint's position counts as, after its links have been placed accordingly."""
 
@@ -130,8 +175,46 @@ class Engine(abc.ABC):
         """Return the list of :class:`Touch` since the last call and forget it."""
 
     @abc.abstractmethod
+    def watch_contacts(self, names):
+        """Report the contacts of some collisions from the next step on, the forces in them included.
+
+        Parameters
+        ----------
+        names : iterable of str
+            ``model::link::collision``; names of nothing report nothing.
+
+        Returns
+        -------
+        ContactWatch
+            Of :mod:`m2wr_sim.physics.contact_watch`; to be given to :meth:`end_watch` when it is no longer read.
+        """
+
+    @abc.abstractmethod
+    def end_watch(self, watch):
+        """Stop reporting to a watch."""
+
+    @abc.abstractmethod
+    def feel_joint(self, joint):
+        """Let the solver note, from the next step on, what a joint does to its links."""
+
+    @abc.abstractmethod
+    def joint_wrench(self, joint):
+        """Return what a joint did to its child link in the last step; needs :meth:`feel_joint` before.
+
+        Returns
+        -------
+        (force, torque)
+            [N] and [N m] about the link's centre of mass, world axes, the joint's motor included; zeros before the
+            first step.
+        """
+
+    @abc.abstractmethod
+    def configure(self, settings):
+        """Go on with other :class:`EngineSettings`; the solver cannot be changed."""
+
     def set_gravity(self, gravity):
         """Change gravity [m/s^2]."""
+        self.configure(replace(self.settings, gravity=tuple(gravity)))
 
     @abc.abstractmethod
     def reseed(self, seed):
@@ -147,6 +230,29 @@ class Engine(abc.ABC):
     @abc.abstractmethod
     def close(self):
         """Free the world; the engine cannot be used afterwards."""
+
+
+def whole_step(step, where):
+    """Return a physics step in whole nanoseconds; one above :data:`TRUSTED_STEP` is taken with a warning.
+
+    Parameters
+    ----------
+    step : float
+        In seconds.
+    where : str
+        What asks for it, for the message.
+
+    Raises
+    ------
+    WorldError
+        If the step is none that a world can be stepped with.
+    """
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        raise WorldError("%s: physics step of %g s; expected %g to %g s" % (where, step, SHORTEST_STEP, LONGEST_STEP))
+    if step > TRUSTED_STEP:
+        log.warning("%s: physics step of %g ms; above %g ms robots bump through things and drive untrue",
+                    where, 1e3 * step, 1e3 * TRUSTED_STEP)
+    return int(round(step * 1e9))
 
 
 def settings_from_physics(physics, step_ns, solver="step"):

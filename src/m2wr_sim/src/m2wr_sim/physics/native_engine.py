@@ -3,33 +3,49 @@
 pyode gives the native handles of what it builds; from there libode is driven without it.  The block of memory that the
 compiled loop works on is filled anew whenever the world's make-up has changed.
 """
+import ctypes
+import logging
+import math
+
 import numpy as np
 import ode
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.physics import native_ode, step_kernels as kernels
+from m2wr_sim.model.types import Plane
+from m2wr_sim.physics import native_ode, step_kernels as kernels, step_layout as layout
+from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.engine import Touch
-from m2wr_sim.physics.pyode_bodies import PARAM_FMAX, PARAM_VEL
+from m2wr_sim.physics.fence_kernels import count_solids
+from m2wr_sim.physics.pyode_bodies import describe_loss
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 
+log = logging.getLogger(__name__)
 
-_SECTIONS = (kernels.H_CONTACTS, kernels.H_PAIRS, kernels.H_GEOMS, kernels.H_SPACES, kernels.H_HINGES,
-             kernels.H_DAMPED_JOINTS, kernels.H_DAMPED_LINKS, kernels.H_BODIES, kernels.H_NOW, kernels.H_BEFORE,
-             kernels.H_LOG)
+_SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES, layout.H_HINGES,
+             layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_NOW,
+             layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
+_NOWHERE = 1e300        # m: nothing has been looked about yet
 
 
 class NativeEngine(PyodeEngine):
-    """See :class:`~m2wr_sim.physics.engine.Engine`."""
+    """See :class:`~m2wr_sim.physics.engine.Engine`.
+
+    ``fences = False`` makes every model ask the whole static space in every step; the numbers are the same.
+    """
+
+    fences = True
 
     def __init__(self, settings):
         super().__init__(settings)
         self._library = native_ode.library()
         self._group = self._library.dJointGroupCreate(0)
+        self._probe = self._library.dCreateBox(0, 1.0, 1.0, 1.0)
         self._words = self._values = None
-        self._rows = []                         # names of geoms by row
+        self._rows, self._row_shapes = [], []   # names of geoms, and the geoms' shapes, by row
         self._angles = {}                       # hinge -> where the block keeps its angle
         self._handles = {}                      # link -> handle of its body
+        self._touching_room = layout.TOUCHING_ROOM
         self._makeup = 0                        # grows with every change of what the world is made of
 
     def _refresh_lists(self):
@@ -58,24 +74,34 @@ class NativeEngine(PyodeEngine):
         if self._words is None:
             self._fill_block()
         words = self._words
-        kernels.run(words, self._values, count, self._dt)
-        self._steps += count
-        if words[kernels.H_LOG_COUNT]:
-            self._read_log()
-        if words[kernels.H_LOST]:
-            self._tell_lost()
+        while count:
+            taken = kernels.run(words, self._values, count, self._dt)       # fewer than wanted where its log is full
+            count -= taken
+            self._steps += taken
+            if words[layout.H_LOG_COUNT]:
+                self._read_log()
+            if words[layout.H_REPORT_COUNT]:
+                self._read_reports()
+            if words[layout.H_LOST]:
+                self._tell_lost()
+        if 2 * words[layout.H_BEFORE_COUNT] > self._touching_room:
+            self._make_room()
+
+    def _make_room(self):
+        """Give the touches of one step more room before it is used up; tell of any that were lost."""
+        count, missed = int(self._words[layout.H_BEFORE_COUNT]), int(self._words[layout.H_MISSED])
+        if missed:
+            log.warning("step %d: more things touch at once than there was room for; %d contacts are not told",
+                        self._steps, missed)
+        if 2 * count > self._touching_room:
+            self._forget_block()
+            self._touching_room = 4 * count
 
     def _tell_lost(self):
         """Say which body has been thrown out of the world, and what drove it."""
-        steps = int(self._words[kernels.H_STEPS])
         parts, link = [(parts, link) for parts in self._moving for link in parts.links][
-            int(self._words[kernels.H_LOST]) - 1]
-        motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
-                                           drive.joint.getParam(PARAM_FMAX))
-                  for drive in parts.joints if drive.spec.kind in ("revolute", "prismatic")]
-        raise SimError("step %d (%g ms each): %s is at %s and moves at %s m/s; the world has come apart and cannot go "
-                       "on. Motors: %s" % (steps, 1e3 * self._dt, link.name, link.body.getPosition(),
-                                           link.body.getLinearVel(), ", ".join(motors) or "none"))
+            int(self._words[layout.H_LOST]) - 1]
+        raise SimError(describe_loss(int(self._words[layout.H_STEPS]), self._dt, parts, link))
 
     # ---- the block ---------------------------------------------------------------------------------------------
 
@@ -83,55 +109,66 @@ class NativeEngine(PyodeEngine):
         """Lay out the block for the world as it is now."""
         geoms = [(geom, self._shapes[geom]) for parts in self._parts.values() for geom in parts.geoms]
         classes, representatives = self._classes(shape for _, shape in geoms)
-        touching = kernels.MAX_TOUCHING * kernels.TOUCH_WORDS
-        sizes = (kernels.MAX_FOUND * kernels.CONTACT_WORDS, len(representatives) ** 2 * kernels.PAIR_WORDS,
-                 len(geoms) * kernels.GEOM_WORDS, len(self._moving) * kernels.SPACE_WORDS,
-                 len(self._hinges) * kernels.HINGE_WORDS, len(self._damped_joints) * kernels.DAMPED_WORDS,
-                 len(self._damped_links) * kernels.DAMPED_WORDS, len(self._handles), touching, touching,
-                 kernels.MAX_LOG * kernels.LOG_WORDS)
-        words = np.zeros(kernels.HEADER_WORDS + sum(sizes), np.uint64)
+        self._touching_room = max(self._touching_room, 4 * sum(shape.moves for _, shape in geoms))
+        touching = self._touching_room * layout.TOUCH_WORDS
+        log_room = self._touching_room + layout.SPARE_LOG
+        sizes = (layout.MAX_FOUND * layout.CONTACT_WORDS, len(representatives) ** 2 * layout.PAIR_WORDS,
+                 len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
+                 len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
+                 len(self._damped_links) * layout.DAMPED_WORDS, len(self._handles),
+                 len(self._handles) * layout.FENCE_WORDS, touching, touching,
+                 log_room * layout.LOG_WORDS,
+                 layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0)
+        words = np.zeros(layout.HEADER_WORDS + sum(sizes), np.uint64)
         starts = {}
-        at = kernels.HEADER_WORDS
+        at = layout.HEADER_WORDS
         for section, size in zip(_SECTIONS, sizes):
             words[section] = starts[section] = at
             at += size
         self._words, self._values = words, words.view(np.float64)
-        words[kernels.H_WORLD] = self._library.dBodyGetWorld(next(iter(self._handles.values())))
-        words[kernels.H_GROUP], words[kernels.H_ADDRESS] = self._group, words.ctypes.data
-        words[kernels.H_CALLBACK], words[kernels.H_SIZE] = kernels.near.address, words.size
-        words[kernels.H_CALLBACK_ITSELF] = kernels.near_itself.address
-        words[kernels.H_STATIC], words[kernels.H_MOVING] = self._static_space._id(), self._moving_space._id()
-        words[kernels.H_CLASS_COUNT] = len(representatives)
-        words[kernels.H_QUICK], words[kernels.H_STEPS] = self.settings.solver == "quick", self._steps
-        self._fill_pairs(self._values, starts[kernels.H_PAIRS], representatives)
-        self._fill_geoms(starts[kernels.H_GEOMS], geoms, classes)
+        words[layout.H_WORLD] = self._library.dBodyGetWorld(next(iter(self._handles.values())))
+        words[layout.H_GROUP], words[layout.H_ADDRESS] = self._group, words.ctypes.data
+        words[layout.H_CALLBACK], words[layout.H_SIZE] = kernels.near.address, words.size
+        words[layout.H_CALLBACK_ITSELF] = kernels.near_itself.address
+        words[layout.H_STATIC], words[layout.H_MOVING] = self._static_space._id(), self._moving_space._id()
+        words[layout.H_CLASS_COUNT] = len(representatives)
+        words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
+        words[layout.H_QUICK], words[layout.H_STEPS] = self.settings.solver == "quick", self._steps
+        self._fill_pairs(self._values, starts[layout.H_PAIRS], representatives)
+        self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)
         self._fill_bodies(starts)
         self._fill_joints(starts)
+        self._fill_fences(starts, geoms)
         self._restore_touches()
 
     def _fill_geoms(self, start, geoms, classes):
         meets_itself = {link.name: index + 1 for parts in self._moving if parts.self_colliding
                         for index, link in enumerate(parts.links) if link.spec.self_collide}
-        self._rows = []
+        self._rows, self._row_shapes = [], [shape for _, shape in geoms]
+        self._words[layout.H_WATCHING] = bool(self._watches)
         for index, (geom, shape) in enumerate(geoms):
-            row = start + index * kernels.GEOM_WORDS
-            self._words[row + kernels.G_CLASS] = classes[shape]
-            self._words[row + kernels.G_BODY] = self._library.dGeomGetBody(geom._id()) or 0
-            self._words[row + kernels.G_LINK] = meets_itself.get(shape.link, 0)
+            row = start + index * layout.GEOM_WORDS
+            self._words[row + layout.G_CLASS] = classes[shape]
+            self._words[row + layout.G_BODY] = self._library.dGeomGetBody(geom._id()) or 0
+            self._words[row + layout.G_LINK] = meets_itself.get(shape.link, 0)
+            self._words[row + layout.G_WATCHED] = shape.name in self._watched
             self._library.dGeomSetData(geom._id(), index + 1)
             self._rows.append(shape.name)
 
     def _fill_bodies(self, starts):
         words, values = self._words, self._values
-        words[kernels.H_SPACE_COUNT], words[kernels.H_BODY_COUNT] = len(self._moving), len(self._handles)
+        words[layout.H_SPACE_COUNT], words[layout.H_BODY_COUNT] = len(self._moving), len(self._handles)
+        bodies = 0
         for index, parts in enumerate(self._moving):
-            row = starts[kernels.H_SPACES] + index * kernels.SPACE_WORDS
-            words[row], words[row + 1] = parts.space._id(), parts.self_colliding
-        first = starts[kernels.H_BODIES]
+            row = starts[layout.H_SPACES] + index * layout.SPACE_WORDS
+            words[row:row + layout.SPACE_WORDS] = (
+                parts.space._id(), parts.self_colliding, 0, bodies, len(parts.links), 0)
+            bodies += len(parts.links)
+        first = starts[layout.H_BODIES]
         words[first:first + len(self._handles)] = list(self._handles.values())
-        words[kernels.H_DAMPED_LINK_COUNT] = len(self._damped_links)
+        words[layout.H_DAMPED_LINK_COUNT] = len(self._damped_links)
         for index, link in enumerate(self._damped_links):
-            row = starts[kernels.H_DAMPED_LINKS] + index * kernels.DAMPED_WORDS
+            row = starts[layout.H_DAMPED_LINKS] + index * layout.DAMPED_WORDS
             words[row] = self._handles[link]
             values[row + 1] = max(0.0, 1.0 - link.spec.linear_damping)
             values[row + 2] = max(0.0, 1.0 - link.spec.angular_damping)
@@ -139,14 +176,52 @@ class NativeEngine(PyodeEngine):
     def _fill_joints(self, starts):
         words, values = self._words, self._values
         handles = self._joint_handles() if self._hinges or self._damped_joints else {}
-        words[kernels.H_HINGE_COUNT], words[kernels.H_DAMPED_JOINT_COUNT] = len(self._hinges), len(self._damped_joints)
+        words[layout.H_HINGE_COUNT], words[layout.H_DAMPED_JOINT_COUNT] = len(self._hinges), len(self._damped_joints)
         for index, drive in enumerate(self._hinges):
-            row = starts[kernels.H_HINGES] + index * kernels.HINGE_WORDS
+            row = starts[layout.H_HINGES] + index * layout.HINGE_WORDS
             words[row], values[row + 1] = handles[drive], drive.angle
             self._angles[drive] = row + 1
         for index, drive in enumerate(self._damped_joints):
-            row = starts[kernels.H_DAMPED_JOINTS] + index * kernels.DAMPED_WORDS
+            row = starts[layout.H_DAMPED_JOINTS] + index * layout.DAMPED_WORDS
             words[row], values[row + 1], words[row + 2] = handles[drive], abs(drive.spec.axis.damping), drive.hinge
+            values[row + 3:row + 5] = drive.spec.axis.spring_stiffness, drive.spec.axis.spring_reference
+
+    def _fill_fences(self, starts, geoms):
+        """Prepare to leave the static space alone where nothing is near; worth it, and exact, over one ground plane.
+
+        libode goes through the smaller of two spaces first, so a model with more geoms than the static space has is met
+        in another order and stays out of this.
+        """
+        words, values = self._words, self._values
+        planes = [geom for geom, shape in geoms if isinstance(shape.collision.geometry, Plane)]
+        words[layout.H_FENCED] = self.fences and len(planes) == 1
+        if not words[layout.H_FENCED]:
+            return
+        words[layout.H_PLANE], words[layout.H_PROBE] = planes[0]._id(), self._probe
+        words[layout.H_PROBE_CALLBACK] = count_solids.address
+        statics = self._library.dSpaceGetNumGeoms(self._static_space._id())
+        for index, parts in enumerate(self._moving):
+            count = self._library.dSpaceGetNumGeoms(parts.space._id())
+            row = starts[layout.H_SPACES] + index * layout.SPACE_WORDS
+            words[row + layout.S_GEOM_COUNT] = count if count < statics else 0
+        reach = self._reach(geoms)
+        for index, handle in enumerate(self._handles.values()):
+            row = starts[layout.H_FENCES] + index * layout.FENCE_WORDS
+            values[row:row + layout.FENCE_WORDS] = reach.get(handle, 0.0), _NOWHERE, _NOWHERE, _NOWHERE
+
+    def _reach(self, geoms):
+        """Return ``{body: radius}`` [m] of spheres round the bodies that hold their geoms however they turn."""
+        reach, box = {}, (ctypes.c_double * 6)()
+        for geom, shape in geoms:
+            body = self._library.dGeomGetBody(geom._id())
+            if not body:
+                continue
+            self._library.dGeomGetAABB(geom._id(), box)
+            at = shape.body.getPosition()
+            radius = math.sqrt(sum(max(abs(box[2 * axis] - at[axis]), abs(box[2 * axis + 1] - at[axis])) ** 2
+                                   for axis in range(3)))
+            reach[body] = max(radius, reach.get(body, 0.0))
+        return reach
 
     def _body_handle(self, link):
         """Return the native handle of a link's body: asked of a geom on it, which may be there just for that."""
@@ -173,7 +248,8 @@ class NativeEngine(PyodeEngine):
         numbers, classes, representatives = {}, {}, []
         for shape in shapes:
             collision = shape.collision
-            key = (collision.surface, type(collision.geometry), collision.max_contacts, shape.wheel, shape.moves)
+            key = (collision.surface, type(collision.geometry), collision.max_contacts, shape.wheel, shape.moves,
+                   shape.stiffer)
             if key not in numbers:
                 numbers[key] = len(representatives)
                 representatives.append(shape)
@@ -187,13 +263,15 @@ class NativeEngine(PyodeEngine):
                 if not (one.moves or two.moves):
                     continue
                 both_move = one.moves and two.moves
-                surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, both_move, self.settings)
+                surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, both_move, self.settings,
+                                       min(one.stiffer, two.stiffer))
                 if surface is None:
                     continue
-                at = start + (one_index * count + two_index) * kernels.PAIR_WORDS
-                values[at:at + 15] = (1.0, surface.mode, surface.mu, surface.mu2, surface.steep_mu, surface.slip1,
+                at = start + (one_index * count + two_index) * layout.PAIR_WORDS
+                values[at:at + 19] = (1.0, surface.mode, surface.mu, surface.mu2, surface.steep_mu, surface.slip1,
                                       surface.slip2, surface.bounce, surface.bounce_velocity, surface.soft_erp,
-                                      surface.soft_cfm, surface.max_contacts, surface.merge, surface.ground, both_move)
+                                      surface.soft_cfm, surface.max_contacts, surface.merge, surface.ground, both_move,
+                                      *surface.along, surface.along_second)
 
     # ---- state -------------------------------------------------------------------------------------------------
 
@@ -206,6 +284,15 @@ class NativeEngine(PyodeEngine):
         at = self._angles.get(self._joints[joint])
         if at is not None:
             self._values[at] = angle
+
+    def set_link_pose(self, link, pose):
+        super().set_link_pose(link, pose)
+        if self._links[link].body is None:
+            self._forget_block()                # a static thing has moved: it may now stand inside a fence
+
+    def configure(self, settings):
+        super().configure(settings)
+        self._forget_block()
 
     def pose_reader(self, parts):
         entries = [self._links[link] for link, _ in parts]
@@ -228,30 +315,54 @@ class NativeEngine(PyodeEngine):
 
     def _read_log(self):
         words, values = self._words, self._values
-        for index in range(int(words[kernels.H_LOG_COUNT])):
-            at = int(words[kernels.H_LOG]) + index * kernels.LOG_WORDS
+        for index in range(int(words[layout.H_LOG_COUNT])):
+            at = int(words[layout.H_LOG]) + index * layout.LOG_WORDS
             one, two = sorted((self._rows[int(words[at + 1]) - 1], self._rows[int(words[at + 2]) - 1]))
             self._touches.append(
                 Touch(int(words[at]), one, two, tuple(values[at + 3:at + 6]), float(values[at + 6])))
-        words[kernels.H_LOG_COUNT] = 0
+        words[layout.H_LOG_COUNT] = 0
+
+    def _read_reports(self):
+        """Tell the watches of the contacts since the last look, from the oldest that is still in the block."""
+        words, values = self._words, self._values
+        count = int(words[layout.H_REPORT_COUNT])
+        words[layout.H_REPORT_COUNT] = 0
+        links = {link.name: link for link in self._links.values()}
+        for index in range(max(0, count - layout.MAX_REPORTS), count):
+            at = int(words[layout.H_REPORTS]) + index % layout.MAX_REPORTS * layout.REPORT_WORDS
+            sides = [(shape.name, shape.moves, links[shape.link].pose[0])
+                     for shape in (self._row_shapes[int(words[at + side]) - 1] for side in (1, 2))]
+            numbers = values[at + 3:at + layout.REPORT_WORDS].tolist()
+            geometry = (tuple(numbers[0:3]), tuple(numbers[3:6]), numbers[6])
+            feedback = [tuple(numbers[first:first + 3]) for first in (7, 11, 15, 19)]
+            hand_out(self._watches, int(words[at]), sides, geometry, feedback)
+
+    def watch_contacts(self, names):
+        watch = super().watch_contacts(names)
+        self._forget_block()
+        return watch
+
+    def end_watch(self, watch):
+        super().end_watch(watch)
+        self._forget_block()
 
     def _carry_touches(self):
         """Keep which pairs touch, by name, over a change of the block or a step by pyode."""
         words, values = self._words, self._values
         self._touching = {}
-        for index in range(int(words[kernels.H_BEFORE_COUNT])):
-            at = int(words[kernels.H_BEFORE]) + index * kernels.TOUCH_WORDS
+        for index in range(int(words[layout.H_BEFORE_COUNT])):
+            at = int(words[layout.H_BEFORE]) + index * layout.TOUCH_WORDS
             names = tuple(sorted((self._rows[int(words[at]) - 1], self._rows[int(words[at + 1]) - 1])))
             self._touching[names] = (tuple(values[at + 2:at + 5]), float(values[at + 5]))
 
     def _restore_touches(self):
         words = self._words
         rows = {name: index + 1 for index, name in enumerate(self._rows)}
-        kept = [names for names in self._touching if names[0] in rows and names[1] in rows][:kernels.MAX_TOUCHING]
+        kept = [names for names in self._touching if names[0] in rows and names[1] in rows][:self._touching_room]
         for index, names in enumerate(kept):
-            at = int(words[kernels.H_BEFORE]) + index * kernels.TOUCH_WORDS
+            at = int(words[layout.H_BEFORE]) + index * layout.TOUCH_WORDS
             words[at], words[at + 1] = sorted((rows[names[0]], rows[names[1]]))
-        words[kernels.H_BEFORE_COUNT] = len(kept)
+        words[layout.H_BEFORE_COUNT] = len(kept)
 
     def forget(self):
         self._forget_block()
@@ -260,5 +371,6 @@ class NativeEngine(PyodeEngine):
     def close(self):
         if self._group is not None:
             self._library.dJointGroupDestroy(self._group)
-            self._group = None
+            self._library.dGeomDestroy(self._probe)
+            self._group = self._probe = None
         super().close()

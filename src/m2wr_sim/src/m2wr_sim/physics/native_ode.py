@@ -48,7 +48,9 @@ def library():
         for name, result, arguments in (
                 ("dJointGroupCreate", handle, [ctypes.c_int]), ("dJointGroupDestroy", None, [handle]),
                 ("dGeomGetBody", handle, [handle]), ("dBodyGetWorld", handle, [handle]),
-                ("dGeomSetData", None, [handle, handle]),
+                ("dGeomSetData", None, [handle, handle]), ("dSpaceGetNumGeoms", ctypes.c_int, [handle]),
+                ("dGeomGetAABB", None, [handle, handle]), ("dGeomDestroy", None, [handle]),
+                ("dCreateBox", handle, [handle] + 3 * [ctypes.c_double]),
                 ("dBodyGetJoint", handle, [handle, ctypes.c_int])):
             function = getattr(_library, name)
             function.restype, function.argtypes = result, arguments

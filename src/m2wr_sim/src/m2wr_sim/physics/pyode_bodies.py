@@ -9,9 +9,11 @@ import numpy as np
 import ode
 
 from m2wr_sim.errors import ModelError
-from m2wr_sim.geometry import compose, matrix_from_quaternion, multiply, rotate, rotate_inverse
-from m2wr_sim.model.types import Box, Cylinder, Sphere
+from m2wr_sim.geometry import IDENTITY, compose, matrix_from_quaternion, multiply, rotate, rotate_inverse
+from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Sphere
+from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
 from m2wr_sim.physics.engine import FARTHEST, LEAST_INERTIA, LEAST_MASS
+from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
 
 CATEGORY_STATIC, CATEGORY_MOVING = 1, 2
 COLLIDE_EVERYTHING = 0x7fffffff
@@ -19,6 +21,8 @@ COLLIDE_EVERYTHING = 0x7fffffff
 # Joint parameters of ODE 0.16 by number: the binding's own constants are those of an older library and do nothing.
 PARAM_LO_STOP, PARAM_HI_STOP, PARAM_VEL, PARAM_FMAX, PARAM_CFM = 0, 1, 2, 5, 8
 PARAM_STOP_ERP, PARAM_STOP_CFM = 9, 10
+PARAMETERS = {"lower": PARAM_LO_STOP, "upper": PARAM_HI_STOP, "rate": PARAM_VEL, "max_force": PARAM_FMAX,
+              "fudge_factor": 6, "cfm": PARAM_CFM, "stop_erp": PARAM_STOP_ERP, "stop_cfm": PARAM_STOP_CFM, "erp": 13}
 
 _WHEEL_ALIGNMENT = math.cos(math.radians(2.0))
 _WHEEL_SNAP = math.cos(math.radians(0.1))
@@ -48,6 +52,30 @@ def ode_quaternion(quaternion):
     return (quaternion[3], quaternion[0], quaternion[1], quaternion[2])
 
 
+def make_mass(inertial, name):
+    """Return ODE's mass of an Inertial, in link axes about the centre of mass.
+
+    Raises
+    ------
+    ModelError
+        If mass or inertia are not those of a physical body.
+    """
+    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
+    if not 0.0 < inertial.mass < math.inf or not np.all(np.isfinite(tensor)) or np.linalg.eigvalsh(tensor)[0] <= 0.0:
+        raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
+                         "positive definite inertia" % (name, inertial.mass, list(inertial.inertia)))
+    if inertial.mass < LEAST_MASS or np.linalg.eigvalsh(tensor)[0] < LEAST_INERTIA:
+        raise ModelError("link %s: mass %g kg with inertia %s is less than the solver can take; expected at least %g "
+                         "kg and %g kg m^2" % (name, inertial.mass, list(inertial.inertia), LEAST_MASS, LEAST_INERTIA))
+    turn = matrix_from_quaternion(inertial.pose[1])
+    tensor = turn @ tensor @ turn.T
+    mass = ode.Mass()
+    mass.setParameters(inertial.mass, 0.0, 0.0, 0.0, tensor[0, 0], tensor[1, 1], tensor[2, 2],
+                       tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    return mass
+
+
 def make_body(world, link, name, pose, sleeps):
     """Create the body of a movable link whose frame stands at ``pose`` in the world.
 
@@ -56,21 +84,7 @@ def make_body(world, link, name, pose, sleeps):
     ModelError
         If mass or inertia are not those of a physical body.
     """
-    inertial = link.inertial
-    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
-    if not inertial.mass > 0.0 or not np.all(np.isfinite(tensor)) or np.linalg.eigvalsh(tensor)[0] <= 0.0:
-        raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
-                         "positive definite inertia" % (name, inertial.mass, list(inertial.inertia)))
-    if inertial.mass < LEAST_MASS or np.linalg.eigvalsh(tensor)[0] < LEAST_INERTIA:
-        raise ModelError("link %s: mass %g kg with inertia %s is less than the solver can take; expected at least %g "
-                         "kg and %g kg m^2" % (name, inertial.mass, list(inertial.inertia), LEAST_MASS, LEAST_INERTIA))
-    com, com_turn = inertial.pose
-    turn = matrix_from_quaternion(com_turn)
-    tensor = turn @ tensor @ turn.T
-    mass = ode.Mass()
-    mass.setParameters(inertial.mass, 0.0, 0.0, 0.0, tensor[0, 0], tensor[1, 1], tensor[2, 2],
-                       tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    mass = make_mass(link.inertial, name)
     world.setAutoDisableFlag(bool(sleeps))
     body = ode.Body(world)
     world.setAutoDisableFlag(False)
@@ -78,7 +92,7 @@ def make_body(world, link, name, pose, sleeps):
     body.setGravityMode(bool(link.gravity))
     if link.kinematic:
         body.setKinematic()
-    place_body(body, com, pose)
+    place_body(body, link.inertial.pose[0], pose)
     return body
 
 
@@ -99,6 +113,10 @@ def make_geom(collision, space, where):
         If the geometry is of no kind this engine knows or has no positive size.
     """
     geometry = collision.geometry
+    if isinstance(geometry, Mesh):
+        return mesh_geom(geometry, space, where)
+    if isinstance(geometry, Heightmap):
+        return height_geom(geometry, space, where)
     if isinstance(geometry, Box):
         sizes, geom = geometry.size, ode.GeomBox
         arguments = (tuple(geometry.size),)
@@ -109,7 +127,7 @@ def make_geom(collision, space, where):
         sizes, geom = (geometry.radius, geometry.length), ode.GeomCylinder
         arguments = (geometry.radius, geometry.length)
     else:
-        raise ModelError("%s: cannot collide with a %s; expected a box, sphere, cylinder or plane"
+        raise ModelError("%s: cannot collide with a %s; expected a box, sphere, cylinder, plane, mesh or heightmap"
                          % (where, type(geometry).__name__))
     if not all(0.0 < size <= FARTHEST for size in sizes):
         raise ModelError("%s: size %s; expected positive numbers of at most %g m" % (where, list(sizes), FARTHEST))
@@ -140,8 +158,20 @@ def attach_geom(geom, body, com, pose):
 def place_geom(geom, link_pose, pose):
     """Put the geom of a static link."""
     position, orientation = compose(link_pose, pose)
+    position, orientation = compose((position, orientation), getattr(geom, "frame", IDENTITY))
     geom.setPosition(position)
     geom.setQuaternion(ode_quaternion(orientation))
+
+
+def direct_friction(contact, surface, geom):
+    """Give a contact the direction of mu that turns with ``geom``; returns the mode, without it where it means nothing.
+    """
+    w, x, y, z = geom.getQuaternion()
+    along = along_surface(rotate((x, y, z, w), surface.along), contact.getContactGeomParams()[1])
+    if along is None:
+        return surface.mode & ~MODE_FDIR1
+    contact.setFDir1(along)
+    return surface.mode
 
 
 def make_joint(world, spec, name, parent, child):
@@ -242,3 +272,22 @@ def initial_link_pose(model_pose, link):
 def _unit(quaternion):
     norm = math.sqrt(sum(value * value for value in quaternion))
     return tuple(value / norm for value in quaternion)
+
+
+def describe_loss(step, dt, parts, link):
+    """Return the sentence for a body that has been thrown out of the world: when, where, and what drove it.
+
+    Parameters
+    ----------
+    step, dt : int, float
+        Number of the step, its length [s].
+    parts : object with ``joints``
+        The model of the body.
+    link : LinkBody
+    """
+    motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
+                                       drive.joint.getParam(PARAM_FMAX))
+              for drive in parts.joints if drive.spec.kind in ("revolute", "prismatic")]
+    return ("step %d (%g ms each): %s is at %s and moves at %s m/s; the world has come apart and cannot go on. "
+            "Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
+                            ", ".join(motors) or "none"))

@@ -5,15 +5,18 @@ objects of the binding die with their last reference, so every geom and joint is
 refers back to this engine: the cycle collector would free the world before its bodies and crash the interpreter.
 """
 import math
+from dataclasses import replace
 
 import ode
 
-from m2wr_sim.errors import ModelError
+from m2wr_sim.errors import ModelError, SimError
 from m2wr_sim.geometry import cross, rotate
-from m2wr_sim.model.types import Plane
+from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import native_ode, pyode_bodies as bodies
-from m2wr_sim.physics.contacts import STEEP, merge, pair_surface, spread
-from m2wr_sim.physics.engine import Engine, LinkState, ModelHandle, Touch
+from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
+from m2wr_sim.physics.contacts import MODE_FDIR1, STEEP, load_class, pair_surface, reduced
+from m2wr_sim.physics.engine import TOO_FAST, Engine, LinkState, ModelHandle, Touch
+from m2wr_sim.physics.native_shapes import enter_space, leave_space
 
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
 
@@ -25,32 +28,24 @@ class _ModelParts:
         self.name, self.static = name, static
         self.space = None
         self.links, self.joints, self.geoms = [], [], []
-        self.self_colliding = False
+        self.self_colliding, self.stiffer = False, 1.0
 
 
 class _Shape:
     """What the contact callback needs to know of a geom."""
 
-    __slots__ = ("name", "collision", "wheel", "moves", "link", "body")
+    __slots__ = ("name", "collision", "wheel", "moves", "link", "body", "stiffer")
 
-    def __init__(self, name, collision, wheel, link, body):
+    def __init__(self, name, collision, wheel, link, body, stiffer):
         self.name, self.collision, self.wheel, self.link, self.body = name, collision, wheel, link, body
-        self.moves = body is not None
+        self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
 
 
 class PyodeEngine(Engine):
     """See :class:`~m2wr_sim.physics.engine.Engine`."""
 
     def __init__(self, settings):
-        self.settings = settings
-        self._dt = settings.step_ns * 1e-9
         self._world = ode.World()
-        self._world.setGravity(settings.gravity)
-        self._world.setERP(settings.erp)
-        self._world.setCFM(settings.cfm)
-        self._world.setContactSurfaceLayer(settings.surface_layer)
-        self._world.setContactMaxCorrectingVel(settings.max_correcting_velocity)
-        self._world.setQuickStepNumIterations(settings.iterations)
         self._world.setAutoDisableLinearThreshold(0.1)
         self._world.setAutoDisableAngularThreshold(0.1)
         self._world.setAutoDisableSteps(5)
@@ -68,7 +63,10 @@ class PyodeEngine(Engine):
         self._hinges = []
         self._steps = 0
         self._touching, self._touched, self._touches = {}, {}, []
+        self._watches, self._watched, self._felt = [], frozenset(), []
+        self._felt_since = {}                   # joint -> number of the step before the first one felt
         self._messages = native_ode.MessageCounter()
+        PyodeEngine.configure(self, settings)
 
     # ---- building ----------------------------------------------------------------------------------------------
 
@@ -97,6 +95,7 @@ class PyodeEngine(Engine):
         return self._next_id
 
     def _build(self, parts, model, pose):
+        parts.stiffer = load_class(sum(link.inertial.mass for link in model.links))
         wheels = bodies.wheel_poses(model)
         sleeps = model.allow_auto_disable and not model.joints and not any(link.sensors for link in model.links)
         if not parts.static:
@@ -126,20 +125,21 @@ class PyodeEngine(Engine):
 
     def _add_geom(self, parts, link, collision, wheel_pose):
         where = "%s::%s" % (link.name, collision.name)
-        space = self._static_space if parts.space is None else parts.space   # an empty space is false
+        grounded = parts.space is None or isinstance(collision.geometry, Heightmap)     # an empty space is false
+        space = self._static_space if grounded else parts.space
         if isinstance(collision.geometry, Plane):
             geom = bodies.make_plane(collision, link.pose, self._static_space)
             body = None
         else:
             geom = bodies.make_geom(collision, space, where)
-            body = link.body
+            body = None if grounded else link.body
             if body is not None:
                 bodies.attach_geom(geom, body, link.com, wheel_pose or collision.pose)
             else:
                 bodies.place_geom(geom, link.pose, collision.pose)
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
-        self._shapes[geom] = _Shape(where, collision, wheel_pose is not None, link.name, body)
+        self._shapes[geom] = _Shape(where, collision, wheel_pose is not None, link.name, body, parts.stiffer)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
@@ -169,7 +169,7 @@ class PyodeEngine(Engine):
             drive.joint.attach(None, None)
         parts.joints = []
         for geom in parts.geoms:
-            (parts.space if self._shapes[geom].moves else self._static_space).remove(geom)
+            leave_space(geom, parts.space if self._shapes[geom].moves else self._static_space)
             del self._shapes[geom]
         names = tuple(link.name + "::" for link in parts.links)
         for table in (self._touching, self._touched):
@@ -186,7 +186,8 @@ class PyodeEngine(Engine):
         """Collect what needs attention in every step, so that a step asks nothing else."""
         self._hinges = [drive for drive in self._joints.values() if drive.hinge]
         self._damped_joints = [drive for drive in self._joints.values()
-                               if drive.spec.axis.damping and drive.spec.kind in ("revolute", "prismatic")]
+                               if (drive.spec.axis.damping or drive.spec.axis.spring_stiffness)
+                               and drive.spec.kind in ("revolute", "prismatic")]
         self._damped_links = [link for link in self._links.values() if link.body is not None
                               and (link.spec.linear_damping or link.spec.angular_damping)]
 
@@ -196,6 +197,9 @@ class PyodeEngine(Engine):
         world, group, static, moving = self._world, self._contact_group, self._static_space, self._moving
         near = self._near
         advance = world.quickStep if self.settings.solver == "quick" else world.step
+        # libode ends the process when it meets what is no number: a body must be found before it gets there
+        speeds = [(parts, link, link.body.getLinearVel, link.body.getAngularVel)
+                  for parts in moving for link in parts.links]
         for _ in range(count):
             self._steps += 1
             if self._damped_joints or self._damped_links:
@@ -207,17 +211,23 @@ class PyodeEngine(Engine):
             if len(moving) > 1:
                 self._moving_space.collide(None, near)
             advance(self._dt)
+            if self._felt:
+                self._hand_out_contacts()
             group.empty()
             if self._touched or self._touching:
                 self._note_touches()
+            for parts, link, linear, angular in speeds:
+                if not sum(map(abs, linear() + angular())) < TOO_FAST:
+                    raise SimError(bodies.describe_loss(self._steps, self._dt, parts, link))
         self._unwrap(count)
 
     def _damp(self):
         for drive in self._damped_joints:
-            if drive.hinge:
-                drive.joint.addTorque(-abs(drive.spec.axis.damping) * drive.joint.getAngleRate())
-            else:
-                drive.joint.addForce(-abs(drive.spec.axis.damping) * drive.joint.getPositionRate())
+            axis, joint = drive.spec.axis, drive.joint
+            position, rate = (joint.getAngle(), joint.getAngleRate()) if drive.hinge else (
+                joint.getPosition(), joint.getPositionRate())
+            push = joint.addTorque if drive.hinge else joint.addForce
+            push(-abs(axis.damping) * rate - axis.spring_stiffness * (position - axis.spring_reference))
         for link in self._damped_links:
             for scale, get, put in ((link.spec.linear_damping, link.body.getLinearVel, link.body.setLinearVel),
                                     (link.spec.angular_damping, link.body.getAngularVel, link.body.setAngularVel)):
@@ -251,7 +261,7 @@ class PyodeEngine(Engine):
         surface = None
         if one.moves or two.moves:
             surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
-                                   self.settings)
+                                   self.settings, min(one.stiffer, two.stiffer))
         # ODE exchanges the two as things move; a touch of a pair is the same touch either way
         names = tuple(sorted((one.name, two.name)))
         pair = None if surface is None else (surface, one.body, two.body, names)
@@ -260,9 +270,10 @@ class PyodeEngine(Engine):
 
     def _make_contacts(self, pair, first, second, found):
         surface, one, two, names = pair
+        watched = self._watched and not self._watched.isdisjoint(names)
         if len(found) > 1 and (surface.merge or len(found) > surface.max_contacts):
             described = [contact.getContactGeomParams()[:3] for contact in found]
-            kept = [merge(described)] if surface.merge else spread(described, surface.max_contacts)
+            kept = reduced(described, surface)
             for contact, (position, normal, depth) in zip(found, kept):
                 contact.setContactGeomParams(position, normal, depth, first, second)
             found = found[:len(kept)]
@@ -275,7 +286,10 @@ class PyodeEngine(Engine):
                     mu, mu2 = surface.steep_mu, min(mu2, surface.steep_mu)
                 if not surface.ground and (steep or (one is not None and two is not None)):
                     self._touched.setdefault(names, (position, depth))
-            contact.setMode(surface.mode)
+            mode = surface.mode
+            if mode & MODE_FDIR1:
+                mode = bodies.direct_friction(contact, surface, second if surface.along_second else first)
+            contact.setMode(mode)
             contact.setMu(mu)
             contact.setMu2(mu2)
             contact.setBounce(surface.bounce)
@@ -286,7 +300,24 @@ class PyodeEngine(Engine):
             if surface.soft_cfm:
                 contact.setSoftERP(surface.soft_erp)
                 contact.setSoftCFM(surface.soft_cfm)
-            ode.ContactJoint(self._world, self._contact_group, contact).attach(one, two)
+            joint = ode.ContactJoint(self._world, self._contact_group, contact)
+            joint.attach(one, two)
+            if watched:
+                for body in (one, two):
+                    if body is not None:
+                        body.enable()           # one that sleeps is not solved and would feel nothing
+                joint.setFeedback(True)
+                self._felt.append((joint, first, second, contact.getContactGeomParams()[:3]))
+
+    def _hand_out_contacts(self):
+        """Tell the watches of this step's contacts, now that the solver has found the forces."""
+        links = {link.name: link for link in self._links.values()}
+        felt, self._felt = self._felt, []
+        for joint, first, second, geometry in felt:
+            sides = [(shape.name, shape.moves, links[shape.link].pose[0])
+                     for shape in (self._shapes[first], self._shapes[second])]
+            hand_out(self._watches, self._steps, sides, geometry, joint.getFeedback())
+            joint.setFeedback(False)    # the binding would do it itself later, to a joint that is gone, and abort
 
     def _note_touches(self):
         for names, (position, depth) in self._touched.items():
@@ -354,12 +385,72 @@ class PyodeEngine(Engine):
     def set_joint_motor_force(self, joint, max_force):
         self._joints[joint].joint.setParam(bodies.PARAM_FMAX, max_force)
 
+    def add_link_force(self, link, force, torque):
+        body = self._links[link].body
+        if body is not None:
+            body.enable()
+            body.addForce(tuple(force))
+            body.addTorque(tuple(torque))
+
+    def add_joint_force(self, joint, force):
+        drive = self._joints[joint]
+        if drive.hinge:
+            drive.joint.addTorque(force)
+        elif drive.spec.kind == "prismatic":
+            drive.joint.addForce(force)
+        for number in (0, 1):
+            body = drive.joint.getBody(number)
+            if body is not None:
+                body.enable()
+
+    def set_link_gravity(self, link, acts):
+        body = self._links[link].body
+        if body is not None:
+            body.setGravityMode(bool(acts))
+            body.enable()
+
+    def set_link_inertial(self, link, inertial):
+        entry = self._links[link]
+        if entry.body is not None:
+            entry.body.setMass(bodies.make_mass(inertial, entry.name))
+            entry.body.enable()
+
+    def change_joint(self, joint, axis, parameters):
+        drive = self._joints[joint]
+        drive.spec = replace(drive.spec, axis=axis)
+        if drive.spec.kind in ("revolute", "prismatic"):
+            for name, value in parameters.items():
+                drive.joint.setParam(bodies.PARAMETERS[name], value)
+        self._refresh_lists()
+        self._wake()
+
     def set_joint_angle(self, joint, angle):
         self._joints[joint].angle = angle
 
     def collisions(self, handle):
         return [(number, collision, self._shapes[geom].moves)
                 for number in handle.links.values() for geom, collision in self._links[number].geoms]
+
+    def watch_contacts(self, names):
+        watch = ContactWatch(names)
+        self._watches.append(watch)
+        self._watched = self._watched | watch.names
+        return watch
+
+    def end_watch(self, watch):
+        self._watches.remove(watch)
+        self._watched = frozenset().union(*(other.names for other in self._watches))
+
+    def feel_joint(self, joint):
+        drive = self._joints[joint]
+        if drive.joint.getFeedback() is None:
+            drive.joint.setFeedback(True)
+            self._felt_since[joint] = self._steps
+
+    def joint_wrench(self, joint):
+        if self._felt_since[joint] == self._steps:      # what the binding has there is no number yet
+            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        return self._joints[joint].joint.getFeedback()[:2]
 
     def drain_touches(self):
         touches, self._touches = self._touches, []
@@ -370,8 +461,17 @@ class PyodeEngine(Engine):
         """How many messages ODE's solver has printed in this process; a steady stream means a badly posed world."""
         return self._messages.count
 
-    def set_gravity(self, gravity):
-        self._world.setGravity(tuple(gravity))
+    def configure(self, settings):
+        self.settings = settings
+        self._dt = settings.step_ns * 1e-9
+        world = self._world
+        world.setGravity(settings.gravity)
+        world.setERP(settings.erp)
+        world.setCFM(settings.cfm)
+        world.setContactSurfaceLayer(settings.surface_layer)
+        world.setContactMaxCorrectingVel(settings.max_correcting_velocity)
+        world.setQuickStepNumIterations(settings.iterations)
+        self._pairs = {}                # what a contact does depends on the step and the limits
         self._wake()
 
     def reseed(self, seed):
@@ -379,15 +479,18 @@ class PyodeEngine(Engine):
 
     def forget(self):
         self._steps = 0
+        self._felt_since = dict.fromkeys(self._felt_since, 0)
         self._touching, self._touched, self._touches = {}, {}, []
+        for watch in self._watches:
+            watch.drain()
         for parts in self._moving:
             # a space sorts what moved last to the front, which decides the order of contacts: sort as when built
             self._moving_space.remove(parts.space)
             self._moving_space.add(parts.space)
             for geom in parts.geoms:
                 if self._shapes[geom].moves:
-                    parts.space.remove(geom)
-                    parts.space.add(geom)
+                    leave_space(geom, parts.space)
+                    enter_space(geom, parts.space)
         self._wake()
 
     def close(self):

@@ -1,57 +1,30 @@
 """The stepping loop and the contact callback, compiled: libode is called by name, no Python object is touched.
 
-Everything the callback needs lies in one block of 8-byte words, which it sees as unsigned integers and as floats alike:
-
-====================  =======================================================================================
-words                 content
-====================  =======================================================================================
-0 .. 39               header, see the ``H_`` names; sections are given by their first word
-H_CONTACTS            ``MAX_FOUND`` dContact structures of ``CONTACT_WORDS`` words
-H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
-H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model)
-H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves
-H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns
-H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, whether it is a hinge (else a slider)
-H_DAMPED_LINKS        ``DAMPED_WORDS`` words a damped body: body, parts of linear and angular velocity kept in a step
-H_BODIES              all bodies, to see that they stay in this world
-H_NOW, H_BEFORE       pairs that touch in this step and in the last: row, row, position, depth
-H_LOG                 touches that began: step, row, row, position, depth
-====================  =======================================================================================
-
-The symbols of libode must be known to the compiler before this module is imported; see native_ode.publish_symbols.
+Both work on one block of memory, see step_layout.  The symbols of libode must be known to the compiler before this
+module is imported; see native_ode.publish_symbols.
 """
 import math
 
 import numpy as np
 from numba import carray, cfunc, njit, types
 
-(H_WORLD, H_GROUP, H_ADDRESS, H_CALLBACK, H_STATIC, H_MOVING, H_SPACE_COUNT, H_CLASS_COUNT, H_CONTACTS, H_PAIRS,
- H_GEOMS, H_SPACES, H_NOW, H_BEFORE, H_LOG, H_NOW_COUNT, H_BEFORE_COUNT, H_LOG_COUNT, H_STEPS, H_QUICK,
- H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
- H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST) = range(31)
-HEADER_WORDS = 40
+from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread
+from m2wr_sim.physics.fence_kernels import is_free
+from m2wr_sim.physics.step_layout import (
+    CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL,
+    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, DAMPED_WORDS, GEOM_WORDS, G_BODY, G_CLASS, G_LINK,
+    G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT, H_CALLBACK,
+    H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
+    H_DAMPED_LINK_COUNT, H_FENCED, H_GEOMS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM,
+    H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE,
+    H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MAX_FOUND,
+    MAX_REPORTS, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE,
+    P_BOUNCE_VELOCITY, P_GROUND, P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM,
+    P_SOFT_ERP, P_STEEP_MU, P_VALID, REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SPACE_WORDS, S_GEOM_COUNT,
+    S_MEETS_ITSELF, TOUCH_WORDS)
 
-# dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
-CONTACT_WORDS = 31
-C_MODE, C_MU, C_MU2, C_BOUNCE, C_BOUNCE_VELOCITY, C_SOFT_ERP, C_SOFT_CFM, C_SLIP1, C_SLIP2 = 0, 1, 2, 6, 7, 8, 9, 13, 14
-C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH = 15, 15, 19, 23
-MAX_FOUND = 150
-
-PAIR_WORDS = 16
-(P_VALID, P_MODE, P_MU, P_MU2, P_STEEP_MU, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
- P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE) = range(15)
-
-GEOM_WORDS = 3
-G_CLASS, G_BODY, G_LINK = 0, 1, 2
-SPACE_WORDS = HINGE_WORDS = 2
-DAMPED_WORDS = 3
-
-TOUCH_WORDS, MAX_TOUCHING = 6, 64
-LOG_WORDS, MAX_LOG = 7, 256
-
-TOO_FAST = 1e9          # m/s and rad/s: nothing gets there but a world that has come apart
-
-_STEEP = 0.5
+_TOO_FAST = 1e9         # m/s and rad/s, as in engine
+_STEEP, _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.5, 0.02, 2, 3        # as in contacts
 
 _handle = types.uintp
 _numbers = types.CPointer(types.float64)
@@ -60,12 +33,17 @@ _geom_data = types.ExternalFunction("dGeomGetData", _handle(_handle))
 _collide = types.ExternalFunction("dCollide", types.int32(_handle, _handle, types.int32, _handle, types.int32))
 _space_collide = types.ExternalFunction("dSpaceCollide", types.void(_handle, _handle, _handle))
 _space_collide2 = types.ExternalFunction("dSpaceCollide2", types.void(_handle, _handle, _handle, _handle))
+_space_geom = types.ExternalFunction("dSpaceGetGeom", _handle(_handle, types.int32))
+_geom_quaternion = types.ExternalFunction("dGeomGetQuaternion", types.void(_handle, _handle))
 _create_contact = types.ExternalFunction("dJointCreateContact", _handle(_handle, _handle, _handle))
 _attach = types.ExternalFunction("dJointAttach", types.void(_handle, _handle, _handle))
+_enable = types.ExternalFunction("dBodyEnable", types.void(_handle))
+_set_feedback = types.ExternalFunction("dJointSetFeedback", types.void(_handle, _handle))
 _group_empty = types.ExternalFunction("dJointGroupEmpty", types.void(_handle))
 _connected = types.ExternalFunction("dAreConnected", types.int32(_handle, _handle))
 _hinge_angle = types.ExternalFunction("dJointGetHingeAngle", types.float64(_handle))
 _hinge_rate = types.ExternalFunction("dJointGetHingeAngleRate", types.float64(_handle))
+_slider_at = types.ExternalFunction("dJointGetSliderPosition", types.float64(_handle))
 _slider_rate = types.ExternalFunction("dJointGetSliderPositionRate", types.float64(_handle))
 _add_hinge_torque = types.ExternalFunction("dJointAddHingeTorque", types.void(_handle, types.float64))
 _add_slider_force = types.ExternalFunction("dJointAddSliderForce", types.void(_handle, types.float64))
@@ -82,72 +60,6 @@ _world_quick_step = types.ExternalFunction("dWorldQuickStep", types.int32(_handl
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rotate(x, y, z, w, vx, vy, vz):
-    """Rotate a vector by a unit quaternion, with the order of operations of geometry.rotate."""
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _merge(values, first, count):
-    """Average ``count`` contacts into the first, as contacts.merge does, with the same order of operations."""
-    px = py = pz = nx = ny = nz = depth = 0.0
-    deepest = first
-    for index in range(count):
-        at = first + index * CONTACT_WORDS
-        px += values[at + C_POSITION]
-        py += values[at + C_POSITION + 1]
-        pz += values[at + C_POSITION + 2]
-        nx += values[at + C_NORMAL]
-        ny += values[at + C_NORMAL + 1]
-        nz += values[at + C_NORMAL + 2]
-        if values[at + C_DEPTH] > depth:
-            depth, deepest = values[at + C_DEPTH], at
-    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-    if norm < 0.5 * count:
-        for word in range(C_GEOMETRY, C_DEPTH + 1):
-            values[first + word] = values[deepest + word]
-        return
-    position, normal = first + C_POSITION, first + C_NORMAL
-    values[position], values[position + 1], values[position + 2] = px / count, py / count, pz / count
-    values[normal], values[normal + 1], values[normal + 2] = nx / norm, ny / norm, nz / norm
-    values[first + C_DEPTH] = depth
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _spread(values, first, count, limit):
-    """Move the contacts that contacts.spread would choose to the front, in their order."""
-    chosen = np.zeros(MAX_FOUND, np.bool_)
-    nearest = np.full(MAX_FOUND, math.inf)
-    last = 0
-    for index in range(count):
-        if values[first + index * CONTACT_WORDS + C_DEPTH] > values[first + last * CONTACT_WORDS + C_DEPTH]:
-            last = index
-    chosen[last] = True
-    for _ in range(limit - 1):
-        origin = first + last * CONTACT_WORDS + C_POSITION
-        best, best_distance = -1, -1.0
-        for index in range(count):
-            at = first + index * CONTACT_WORDS + C_POSITION
-            dx, dy = values[at] - values[origin], values[at + 1] - values[origin + 1]
-            dz = values[at + 2] - values[origin + 2]
-            distance = dx * dx + dy * dy + dz * dz
-            if distance < nearest[index]:
-                nearest[index] = distance
-            if nearest[index] > best_distance and not chosen[index]:
-                best, best_distance = index, nearest[index]
-        chosen[best] = True
-        last = best
-    kept = 0
-    for index in range(count):
-        if chosen[index]:
-            if kept != index:
-                for word in range(C_GEOMETRY, C_DEPTH + 1):
-                    values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
-            kept += 1
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _note_touch(words, values, one, two, at):
     """Remember that two geoms touch in this step; only the first contact of a pair counts."""
     count = words[H_NOW_COUNT]
@@ -155,7 +67,8 @@ def _note_touch(words, values, one, two, at):
         row = words[H_NOW] + index * TOUCH_WORDS
         if words[row] == one and words[row + 1] == two:
             return
-    if count == MAX_TOUCHING:
+    if count == words[H_TOUCHING_ROOM]:
+        words[H_MISSED] += np.uint64(1)
         return
     row = words[H_NOW] + count * TOUCH_WORDS
     words[row], words[row + 1] = one, two
@@ -163,6 +76,44 @@ def _note_touch(words, values, one, two, at):
         values[row + np.uint64(2 + axis)] = values[at + C_POSITION + axis]
     values[row + np.uint64(5)] = values[at + C_DEPTH]
     words[H_NOW_COUNT] = count + np.uint64(1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _report(words, values, joint, geom_one, geom_two, one, two, at):
+    """Write down a contact and let the solver add the forces; past ``MAX_REPORTS`` the oldest gives way.
+
+    A body that sleeps is not solved and would feel nothing, so what touches a watched geom is kept awake.
+    """
+    for body in (words[geom_one + G_BODY], words[geom_two + G_BODY]):
+        if body != 0:
+            _enable(body)
+    count = words[H_REPORT_COUNT]
+    row = np.int64(words[H_REPORTS] + count % np.uint64(MAX_REPORTS) * np.uint64(REPORT_WORDS))
+    words[row], words[row + 1], words[row + 2] = words[H_STEPS], one, two
+    for axis in range(3):
+        values[row + R_GEOMETRY + axis] = values[at + C_POSITION + axis]
+        values[row + R_GEOMETRY + 3 + axis] = values[at + C_NORMAL + axis]
+    values[row + R_GEOMETRY + 6] = values[at + C_DEPTH]
+    for word in range(R_FEEDBACK, REPORT_WORDS):
+        values[row + word] = 0.0
+    _set_feedback(joint, words[H_ADDRESS] + np.uint64(8 * (row + R_FEEDBACK)))
+    words[H_REPORT_COUNT] = count + np.uint64(1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _friction_direction(words, values, geom, pair, at):
+    """Write the direction of mu into a contact, or leave it to ODE, as PyodeEngine does."""
+    along, normal = at + C_ALONG, at + C_NORMAL
+    _geom_quaternion(geom, words[H_ADDRESS] + np.uint64(8 * along))
+    w, qx, qy, qz = values[along], values[along + 1], values[along + 2], values[along + 3]
+    x, y, z = rotate(qx, qy, qz, w, values[pair + P_ALONG_X], values[pair + P_ALONG_Y], values[pair + P_ALONG_Z])
+    into = x * values[normal] + y * values[normal + 1] + z * values[normal + 2]
+    x, y, z = x - into * values[normal], y - into * values[normal + 1], z - into * values[normal + 2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length > _ALONG_AT_LEAST:
+        values[along], values[along + 1], values[along + 2] = x / length, y / length, z / length
+    else:
+        words[at + C_MODE] &= ~MODE_FDIR1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -182,13 +133,18 @@ def _contacts(words, values, one, two):
     if count == 0:
         return
     limit = np.int64(values[pair + P_MAX_CONTACTS])
-    if count > 1 and values[pair + P_MERGE] != 0.0:
-        _merge(values, first, count)
+    if count > 1 and values[pair + P_MERGE] == _MERGE_FACES:
+        count = merge_faces(values, first, count, min(limit, FACES))
+    elif count > 1 and values[pair + P_MERGE] == _MERGE_DEEPEST:
+        count = deepest_faces(values, first, count, min(limit, FACES))
+    elif count > 1 and values[pair + P_MERGE] != 0.0:
+        merge(values, first, count)
         count = 1
     elif count > limit:
-        _spread(values, first, count, limit)
+        spread(values, first, count, limit)
         count = limit
     ground, both_move = values[pair + P_GROUND] != 0.0, values[pair + P_BOTH_MOVE] != 0.0
+    watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
     for index in range(count):
         at = first + index * CONTACT_WORDS
         mu, mu2 = values[pair + P_MU], values[pair + P_MU2]
@@ -199,6 +155,8 @@ def _contacts(words, values, one, two):
         if not ground and (steep or both_move):
             _note_touch(words, values, min(row_one, row_two), max(row_one, row_two), at)
         words[at + C_MODE] = np.uint64(values[pair + P_MODE])
+        if words[at + C_MODE] & MODE_FDIR1:
+            _friction_direction(words, values, two if values[pair + P_ALONG_SECOND] != 0.0 else one, pair, at)
         values[at + C_MU], values[at + C_MU2] = mu, mu2
         values[at + C_BOUNCE] = values[pair + P_BOUNCE]
         values[at + C_BOUNCE_VELOCITY] = values[pair + P_BOUNCE_VELOCITY]
@@ -206,6 +164,8 @@ def _contacts(words, values, one, two):
         values[at + C_SOFT_ERP], values[at + C_SOFT_CFM] = values[pair + P_SOFT_ERP], values[pair + P_SOFT_CFM]
         joint = _create_contact(words[H_WORLD], words[H_GROUP], words[H_ADDRESS] + np.uint64(8 * at))
         _attach(joint, words[geom_one + G_BODY], words[geom_two + G_BODY])
+        if watched:
+            _report(words, values, joint, geom_one, geom_two, row_one, row_two, at)
 
 
 @cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
@@ -242,10 +202,11 @@ def _damp(words, values):
     for index in range(np.int64(words[H_DAMPED_JOINT_COUNT])):
         row = np.int64(words[H_DAMPED_JOINTS]) + index * DAMPED_WORDS
         joint, damping = words[row], values[row + 1]
+        stiffness, reference = values[row + 3], values[row + 4]
         if words[row + 2]:
-            _add_hinge_torque(joint, -damping * _hinge_rate(joint))
+            _add_hinge_torque(joint, -damping * _hinge_rate(joint) - stiffness * (_hinge_angle(joint) - reference))
         else:
-            _add_slider_force(joint, -damping * _slider_rate(joint))
+            _add_slider_force(joint, -damping * _slider_rate(joint) - stiffness * (_slider_at(joint) - reference))
     for index in range(np.int64(words[H_DAMPED_LINK_COUNT])):
         row = np.int64(words[H_DAMPED_LINKS]) + index * DAMPED_WORDS
         body, linear_kept, angular_kept = words[row], values[row + 1], values[row + 2]
@@ -276,7 +237,7 @@ def _lost_body(words):
         at, speed = carray(_position(body), (3,)), carray(_linear_velocity(body), (3,))
         turn = carray(_angular_velocity(body), (3,))
         fast = abs(speed[0]) + abs(speed[1]) + abs(speed[2]) + abs(turn[0]) + abs(turn[1]) + abs(turn[2])
-        if not (abs(at[0]) + abs(at[1]) + abs(at[2]) < math.inf and fast < TOO_FAST):
+        if not (abs(at[0]) + abs(at[1]) + abs(at[2]) < math.inf and fast < _TOO_FAST):
             return index + 1
     return 0
 
@@ -291,7 +252,7 @@ def _log_touches(words, values):
             other = np.int64(words[H_BEFORE]) + past * TOUCH_WORDS
             known = known or (words[row] == words[other] and words[row + 1] == words[other + 1])
         count = np.int64(words[H_LOG_COUNT])
-        if not known and count < MAX_LOG:
+        if not known:
             log = np.int64(words[H_LOG]) + count * LOG_WORDS
             words[log] = words[H_STEPS]
             for word in range(TOUCH_WORDS):
@@ -305,19 +266,27 @@ def _log_touches(words, values):
 def run(words, values, steps, dt):
     """Take ``steps`` steps of ``dt`` seconds; ``words`` and ``values`` are the block as uint64 and as float64.
 
-    Stops after a step that left a body nowhere or too fast; the body's number is then in ``H_LOST``.
+    Returns the number of steps taken, which is less where the log of touches might overflow, and after a step that left
+    a body nowhere or too fast; the body's number is then in ``H_LOST``.
     """
     world, group, data, callback = words[H_WORLD], words[H_GROUP], words[H_ADDRESS], words[H_CALLBACK]
     spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
-    quick, damped = words[H_QUICK] != 0, words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
-    for _ in range(steps):
+    fenced, quick = words[H_FENCED] != 0, words[H_QUICK] != 0
+    damped = words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
+    taken = 0
+    while taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]:
+        taken += 1
         words[H_STEPS] += np.uint64(1)
         if damped:
             _damp(words, values)
         for index in range(space_count):
             row = spaces + index * SPACE_WORDS
-            _space_collide2(words[row], words[H_STATIC], data, callback)
-            if words[row + 1]:
+            if fenced and words[row + S_GEOM_COUNT] and is_free(words, values, row):
+                for number in range(np.int64(words[row + S_GEOM_COUNT])):
+                    _contacts(words, values, words[H_PLANE], _space_geom(words[row], number))
+            else:
+                _space_collide2(words[row], words[H_STATIC], data, callback)
+            if words[row + S_MEETS_ITSELF]:
                 _space_collide(words[row], data, words[H_CALLBACK_ITSELF])
         if space_count > 1:
             _space_collide(words[H_MOVING], data, callback)
@@ -331,8 +300,9 @@ def run(words, values, steps, dt):
         lost = _lost_body(words)
         if lost:
             words[H_LOST] = np.uint64(lost)
-            return
-    _unwrap(words, values, steps * dt)
+            return taken
+    _unwrap(words, values, taken * dt)
+    return taken
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -353,8 +323,8 @@ def read_poses(bodies, shifts, offsets, positions, orientations):
     for k in range(bodies.shape[0]):
         at, turn = carray(_position(bodies[k]), (3,)), carray(_quaternion(bodies[k]), (4,))
         w, x, y, z = turn[0], turn[1], turn[2], turn[3]
-        cx, cy, cz = _rotate(x, y, z, w, shifts[k, 0], shifts[k, 1], shifts[k, 2])
-        dx, dy, dz = _rotate(x, y, z, w, offsets[k, 0], offsets[k, 1], offsets[k, 2])
+        cx, cy, cz = rotate(x, y, z, w, shifts[k, 0], shifts[k, 1], shifts[k, 2])
+        dx, dy, dz = rotate(x, y, z, w, offsets[k, 0], offsets[k, 1], offsets[k, 2])
         positions[k, 0], positions[k, 1], positions[k, 2] = at[0] - cx + dx, at[1] - cy + dy, at[2] - cz + dz
         qx, qy, qz, qw = offsets[k, 3], offsets[k, 4], offsets[k, 5], offsets[k, 6]
         orientations[k, 0] = w * qx + x * qw + y * qz - z * qy

@@ -1,1 +1,4 @@
 """What sensors measure, on plain arrays."""
+from m2wr_sim import kernel_cache
+
+kernel_cache.refresh(__file__)

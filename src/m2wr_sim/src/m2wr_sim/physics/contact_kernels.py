@@ -1,0 +1,147 @@
+"""What becomes of the contacts that libode finds for one pair of geoms, compiled: averaged, thinned out, ordered.
+
+Contacts stand one after another in ``values``, the first at word ``first``; see step_layout.
+"""
+import math
+
+import numpy as np
+from numba import njit
+
+from m2wr_sim.physics.step_layout import C_DEPTH, C_GEOMETRY, C_NORMAL, C_POSITION, CONTACT_WORDS, MAX_FOUND
+
+FACES, _SAME_FACE, _SAME_PLANE = 4, 0.8, 0.998          # as in contacts
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rotate(x, y, z, w, vx, vy, vz):
+    """Rotate a vector by a unit quaternion, with the order of operations of geometry.rotate."""
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def merge(values, first, count):
+    """Average ``count`` contacts into the first, as contacts.merge does, with the same order of operations."""
+    px = py = pz = nx = ny = nz = depth = 0.0
+    deepest = first
+    for index in range(count):
+        at = first + index * CONTACT_WORDS
+        px += values[at + C_POSITION]
+        py += values[at + C_POSITION + 1]
+        pz += values[at + C_POSITION + 2]
+        nx += values[at + C_NORMAL]
+        ny += values[at + C_NORMAL + 1]
+        nz += values[at + C_NORMAL + 2]
+        if values[at + C_DEPTH] > depth:
+            depth, deepest = values[at + C_DEPTH], at
+    norm = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if norm < 0.5 * count:
+        for word in range(C_GEOMETRY, C_DEPTH + 1):
+            values[first + word] = values[deepest + word]
+        return
+    position, normal = first + C_POSITION, first + C_NORMAL
+    values[position], values[position + 1], values[position + 2] = px / count, py / count, pz / count
+    values[normal], values[normal + 1], values[normal + 2] = nx / norm, ny / norm, nz / norm
+    values[first + C_DEPTH] = depth
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def merge_faces(values, first, count, limit):
+    """Average contacts by place, as contacts.merge_faces does; returns how many stand in front then."""
+    place, seeds, sizes = np.full(MAX_FOUND, -1), np.zeros(FACES, np.int64), np.zeros(FACES, np.int64)
+    places = 0
+    for index in range(count):
+        at = first + index * CONTACT_WORDS + C_NORMAL
+        for known in range(places):
+            seed = first + seeds[known] * CONTACT_WORDS + C_NORMAL
+            if (values[seed] * values[at] + values[seed + 1] * values[at + 1]
+                    + values[seed + 2] * values[at + 2]) > _SAME_FACE:
+                place[index] = known
+                break
+        if place[index] < 0 and places < limit:
+            place[index], seeds[places] = places, index
+            places += 1
+        if place[index] >= 0:
+            sizes[place[index]] += 1
+    taken = np.zeros((count, C_DEPTH + 1 - C_GEOMETRY))
+    for index in range(count):
+        for word in range(taken.shape[1]):
+            taken[index, word] = values[first + index * CONTACT_WORDS + C_GEOMETRY + word]
+    row = 0
+    for known in range(places):         # the contacts of each place after one another, in their order
+        start = row
+        for index in range(count):
+            if place[index] == known:
+                for word in range(taken.shape[1]):
+                    values[first + row * CONTACT_WORDS + C_GEOMETRY + word] = taken[index, word]
+                row += 1
+        if sizes[known] > 1:
+            merge(values, first + start * CONTACT_WORDS, sizes[known])
+        seeds[known] = start
+    for known in range(places):
+        if seeds[known] != known:
+            for word in range(C_GEOMETRY, C_DEPTH + 1):
+                values[first + known * CONTACT_WORDS + word] = values[first + seeds[known] * CONTACT_WORDS + word]
+    return places
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def deepest_faces(values, first, count, limit):
+    """Keep the contacts that contacts.deepest_faces would; returns how many stand in front then."""
+    words = C_DEPTH + 1 - C_GEOMETRY
+    gone, kept, places = np.zeros(MAX_FOUND, np.bool_), np.zeros((FACES, words)), 0
+    while places < limit:
+        best = -1
+        for index in range(count):
+            at = first + index * CONTACT_WORDS + C_DEPTH
+            if not gone[index] and (best < 0 or values[at] > values[first + best * CONTACT_WORDS + C_DEPTH]):
+                best = index
+        if best < 0:
+            break
+        for word in range(words):
+            kept[places, word] = values[first + best * CONTACT_WORDS + C_GEOMETRY + word]
+        places += 1
+        gone[best] = True
+        seed = first + best * CONTACT_WORDS + C_NORMAL
+        for index in range(count):
+            at = first + index * CONTACT_WORDS + C_NORMAL
+            if (values[seed] * values[at] + values[seed + 1] * values[at + 1]
+                    + values[seed + 2] * values[at + 2]) > _SAME_PLANE:
+                gone[index] = True
+    for row in range(places):
+        for word in range(words):
+            values[first + row * CONTACT_WORDS + C_GEOMETRY + word] = kept[row, word]
+    return places
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def spread(values, first, count, limit):
+    """Move the contacts that contacts.spread would choose to the front, in their order."""
+    chosen = np.zeros(MAX_FOUND, np.bool_)
+    nearest = np.full(MAX_FOUND, math.inf)
+    last = 0
+    for index in range(count):
+        if values[first + index * CONTACT_WORDS + C_DEPTH] > values[first + last * CONTACT_WORDS + C_DEPTH]:
+            last = index
+    chosen[last] = True
+    for _ in range(limit - 1):
+        origin = first + last * CONTACT_WORDS + C_POSITION
+        best, best_distance = -1, -1.0
+        for index in range(count):
+            at = first + index * CONTACT_WORDS + C_POSITION
+            dx, dy = values[at] - values[origin], values[at + 1] - values[origin + 1]
+            dz = values[at + 2] - values[origin + 2]
+            distance = dx * dx + dy * dy + dz * dz
+            if distance < nearest[index]:
+                nearest[index] = distance
+            if nearest[index] > best_distance and not chosen[index]:
+                best, best_distance = index, nearest[index]
+        chosen[best] = True
+        last = best
+    kept = 0
+    for index in range(count):
+        if chosen[index]:
+            if kept != index:
+                for word in range(C_GEOMETRY, C_DEPTH + 1):
+                    values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
+            kept += 1

@@ -1,0 +1,58 @@
+"""How the block of memory is laid out that the compiled stepping loop works on; nothing is compiled here.
+
+Everything the callback needs lies in one block of 8-byte words, which it sees as unsigned integers and as floats alike:
+
+====================  =======================================================================================
+words                 content
+====================  =======================================================================================
+0 .. 47               header, see the ``H_`` names; sections are given by their first word
+H_CONTACTS            ``MAX_FOUND`` dContact structures of ``CONTACT_WORDS`` words
+H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
+H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
+                      whether its contacts are watched
+H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
+                      many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
+H_FENCES              ``FENCE_WORDS`` words a body: radius round it that holds its geoms, where it was last looked about
+H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns
+H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference
+H_DAMPED_LINKS        ``DAMPED_WORDS`` words a damped body: body, parts of linear and angular velocity kept in a step
+H_BODIES              all bodies, to see that they stay in this world
+H_NOW, H_BEFORE       pairs that touch in this step and in the last: row, row, position, depth
+H_LOG                 touches that began: step, row, row, position, depth
+H_REPORTS             a ring of contacts of watched geoms: step, row, row, position, normal, depth, dJointFeedback;
+                      empty where nothing is watched
+====================  =======================================================================================
+"""
+import numpy as np
+
+(H_WORLD, H_GROUP, H_ADDRESS, H_CALLBACK, H_STATIC, H_MOVING, H_SPACE_COUNT, H_CLASS_COUNT, H_CONTACTS, H_PAIRS,
+ H_GEOMS, H_SPACES, H_NOW, H_BEFORE, H_LOG, H_NOW_COUNT, H_BEFORE_COUNT, H_LOG_COUNT, H_STEPS, H_QUICK,
+ H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
+ H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
+ H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_FENCED, H_FENCES, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
+ H_FOUND) = range(43)
+HEADER_WORDS = 48
+
+# dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
+CONTACT_WORDS = 31
+C_MODE, C_MU, C_MU2, C_BOUNCE, C_BOUNCE_VELOCITY, C_SOFT_ERP, C_SOFT_CFM, C_SLIP1, C_SLIP2 = 0, 1, 2, 6, 7, 8, 9, 13, 14
+C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH, C_ALONG = 15, 15, 19, 23, 27
+MODE_FDIR1 = np.uint64(2)
+MAX_FOUND = 150
+
+PAIR_WORDS = 20
+(P_VALID, P_MODE, P_MU, P_MU2, P_STEEP_MU, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
+ P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND) = range(19)
+
+GEOM_WORDS = 4
+G_CLASS, G_BODY, G_LINK, G_WATCHED = 0, 1, 2, 3
+SPACE_WORDS = 6
+S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
+FENCE_WORDS = 4
+HINGE_WORDS = 2
+DAMPED_WORDS = 5
+
+TOUCH_WORDS, TOUCHING_ROOM = 6, 128     # of pairs that touch in one step, to begin with
+LOG_WORDS, SPARE_LOG = 7, 256           # the log has room for one step more than that
+REPORT_WORDS, MAX_REPORTS = 26, 1024
+R_GEOMETRY, R_FEEDBACK = 3, 10
