@@ -245,12 +245,12 @@ def test_unusable_settings_are_named(changes, message):
 
 def test_warm_up_compiles_everything_a_scan_needs():
     warm_up(np.random.default_rng(0))
-    from m2wr_sim.sensors import ray_kernels
+    from m2wr_sim.sensors import mesh_kernels, ray_kernels, reading_kernels
     if not hasattr(ray_kernels.cast_rays, "signatures"):
         pytest.skip("nothing is compiled here")
-    kernels = (ray_kernels.cast_rays, ray_kernels.finish_ranges, ray_kernels.write_poses)
+    kernels = (ray_kernels.cast_rays, mesh_kernels.cast_meshes, reading_kernels.finish_ranges, ray_kernels.write_poses)
     before = [len(kernel.signatures) for kernel in kernels]
     scene = world((Sphere(0.5), (2.0, 0.0, 0.0), 7.5))
     laser(noise=Noise("gaussian", 0.0, 0.01), resolution=0.5, vertical_samples=2).cast(scene, ORIGIN)
     scene.set_poses(np.array([0]), np.zeros((1, 3)), np.ones((1, 4)))
-    assert [len(kernel.signatures) for kernel in kernels] == before == [1, 1, 1]
+    assert [len(kernel.signatures) for kernel in kernels] == before == [1, 1, 1, 1]

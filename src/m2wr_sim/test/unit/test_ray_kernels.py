@@ -139,6 +139,20 @@ def test_random_scenes_match_the_plain_twin(name, tilt, kernel):
         assert_same_ranges(found, plain_cast(shapes, position, orientation, FANS[name], range_min))
 
 
+@pytest.mark.parametrize("name", sorted(FANS))
+@pytest.mark.parametrize("tilt", [0.0, 0.03, 3.0])
+def test_what_stands_behind_others_in_a_crowd_is_left_out_rightly(name, tilt):
+    rng = np.random.default_rng(len(name))
+    scene = build(random_shapes(rng, 4 * kernels.CROWD, tilt))
+    for _ in range(4):
+        place = tuple(rng.uniform(-5.0, 5.0, 2)) + (rng.uniform(-0.4, 0.4),)
+        turn = quaternion_from_rpy(*rng.uniform(-tilt, tilt, 2), rng.uniform(-math.pi, math.pi))
+        found, hits = cast(scene, place, turn, FANS[name])
+        expected, rows = cast(scene, place, turn, FANS[name], kernel=cast_rays_numpy)
+        assert_same_ranges(found, expected)
+        np.testing.assert_array_equal(hits, rows)
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.02, 3.0])
 def test_rays_match_those_of_ode(tilt):
     ode = pytest.importorskip("ode")

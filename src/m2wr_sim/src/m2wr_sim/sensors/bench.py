@@ -1,8 +1,8 @@
 """Time a scan: ``python3 -m m2wr_sim.sensors.bench`` prints microseconds and the ratio to the plain method.
 
 The plain method casts every beam against every obstacle, with the same arithmetic for one ray.  Worlds are a walled
-square of 24 m with boxes and cylinders, and larger ones with the same look; the robot stands level, or tilted by 2
-degrees, and the median over many places is given.
+square of 24 m with boxes and cylinders, and larger ones with the same look, boxes of triangles, and heightmaps; the
+robot stands level, or tilted by 2 degrees, and the median over many places is given.
 """
 import math
 import random
@@ -12,7 +12,7 @@ import timeit
 import numpy as np
 
 from m2wr_sim.geometry import quaternion_from_rpy
-from m2wr_sim.model.types import Box, Cylinder, Noise, Plane, RayScan
+from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Noise, Plane, RayScan
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.scene import Scene
@@ -22,6 +22,11 @@ SCAN = RayScan(samples=720, min_angle=-0.5 * math.pi, max_angle=0.5 * math.pi, r
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 WORLDS = (("60 obstacles, 24 m", 60, 24.0, None), ("600, 76 m", 600, 76.0, None), ("2000, 139 m", 2000, 139.0, None),
           ("2000 pillars of 5 cm, 24 m", 2000, 24.0, 0.05))     # name, obstacles, side [m], radius of pillars [m]
+
+
+_BOX_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_BOX_FACES = np.array(((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6),
+                       (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)), np.int32)
 
 
 def make_scene(obstacles, side, pillar=None, seed=1):
@@ -42,6 +47,30 @@ def make_scene(obstacles, side, pillar=None, seed=1):
         else:
             shape = Box((draw.uniform(0.2, 1.5), draw.uniform(0.2, 1.5), 1.0))
         scene.add(shape, (place, yaw), k)
+    return scene
+
+
+def make_house(boxes, seed=1):
+    """Return one mesh of so many boxes in a square of 24 m, as a building's walls come in one file."""
+    draw, corners, faces = random.Random(seed), [], []
+    for index in range(boxes):
+        yaw = draw.choice((0.0, 0.5 * math.pi, draw.uniform(-math.pi, math.pi)))
+        size = draw.uniform(0.2, 3.0), draw.uniform(0.1, 0.3), 1.5
+        place = draw.uniform(-11.0, 11.0), draw.uniform(-11.0, 11.0)
+        turn = np.array(((math.cos(yaw), -math.sin(yaw), 0.0), (math.sin(yaw), math.cos(yaw), 0.0), (0.0, 0.0, 1.0)))
+        corners.append((_BOX_CORNERS * size) @ turn.T + (place[0], place[1], 0.7))
+        faces.append(_BOX_FACES + 8 * index)
+    scene = Scene()
+    scene.add(Mesh(np.concatenate(corners), np.concatenate(faces)), ((0.0, 0.0, 0.0), UPRIGHT), "house")
+    return scene
+
+
+def make_hills(samples):
+    """Return a heightmap of 24 m, up to 1.1 m high, that beams at half a metre meet again and again."""
+    ticks = np.linspace(-12.0, 12.0, samples)
+    heights = 0.5 + 0.6 * np.sin(0.9 * ticks)[None, :] * np.cos(0.7 * ticks)[:, None]
+    scene = Scene()
+    scene.add(Heightmap(heights, (24.0, 24.0)), ((0.0, 0.0, 0.0), UPRIGHT), "hills")
     return scene
 
 
@@ -92,6 +121,21 @@ def measure(scene, side, tilt, places=15, seed=2):
     return [sorted(column)[places // 2] for column in zip(*times)]
 
 
+def measure_whole(scene, tilt, side=24.0, places=15, seed=2):
+    """Return median microseconds of the whole scan."""
+    draw, times = random.Random(seed), []
+    sensor, reach = LaserSensor(SCAN, np.random.default_rng(seed)), 0.5 * side - 1.0
+    for _ in range(places):
+        pose = ((draw.uniform(-reach, reach), draw.uniform(-reach, reach), 0.5),
+                quaternion_from_rpy(tilt, tilt, draw.uniform(-math.pi, math.pi)))
+        times.append(median_time(lambda: sensor.cast(scene, pose), 11))
+    return sorted(times)[places // 2]
+
+
+MESHES = (("60 boxes in one mesh", make_house, 60), ("300 boxes in one mesh", make_house, 300),
+          ("hills of 129 x 129", make_hills, 129), ("hills of 513 x 513", make_hills, 513))
+
+
 def main():
     """Print the table."""
     if not kernels.HAVE_NUMBA:
@@ -103,6 +147,10 @@ def main():
             whole, kernel, plain = measure(scene, side, tilt)
             lines.append("%-38s %10.1f %10.1f %10.0f %8.0f"
                          % (name + ", " + posture, whole, kernel, plain, plain / kernel))
+    for name, make, count in MESHES:
+        scene = make(count)
+        for posture, tilt in (("level", 0.0), ("tilted", math.radians(2.0))):
+            lines.append("%-38s %10.1f" % (name + ", " + posture, measure_whole(scene, tilt)))
     sys.stdout.write("\n".join(lines) + "\n")
 
 

@@ -9,13 +9,14 @@ import math
 import numpy as np
 
 from m2wr_sim.geometry import IDENTITY
-from m2wr_sim.model.types import RayScan, Sphere
-from m2wr_sim.sensors import ray_kernels as kernels
+from m2wr_sim.model.types import Mesh, RayScan, Sphere
+from m2wr_sim.sensors import mesh_kernels, ray_kernels as kernels, reading_kernels
 from m2wr_sim.sensors.noise import NoiseModel
-from m2wr_sim.sensors.rays_numpy import cast_rays_numpy
+from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
 from m2wr_sim.sensors.scene import Scene
 
 _cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
+_cast_meshes = mesh_kernels.cast_meshes if kernels.HAVE_NUMBA else cast_meshes_numpy
 
 
 class LaserSensor:
@@ -113,10 +114,15 @@ class LaserSensor:
         if self._order.shape[1] != scene.shapes.shape[0]:
             self._order = np.empty((2, scene.shapes.shape[0]), np.int32)
         hits = self._hits if scene.has_retro else self._no_hits
-        _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes, self._order)
+        found = _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
+                           self._order)
+        if scene.forest:
+            forest = scene.forest.pack()
+            _cast_meshes(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
+                         self._order, found, forest.nodes, forest.triangles, forest.trees)
         distances = self._distances if self._blend is None else self._blended(self._distances)
         self._settings[5] = self._noise.advance(distances.size)
-        kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
+        reading_kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
         if scene.has_retro:
             self._light(scene.shapes[:, kernels.RETRO])
         elif self._lit:
@@ -150,8 +156,9 @@ class LaserSensor:
 
 def warm_up(rng):
     """Compile the kernels, or load them from their cache, so that no scan has to wait for it."""
-    scene = Scene(1)
+    scene = Scene(2)
     scene.add(Sphere(1.0), IDENTITY, "warm_up")
+    scene.add(Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), IDENTITY, "warm_up")
     LaserSensor(RayScan(samples=2, range_max=2.0), rng).cast(scene, IDENTITY)
 
 

@@ -15,7 +15,8 @@ Array layouts
     Bounding sphere of every shape: centre in world, radius [m].  A NaN centre marks a row that is not in use.
 ``shapes`` (C, 16)
     Rotation world-from-shape (row-major, 9), half sizes (3; radius first for round shapes, half length third), kind,
-    laser_retro, owner id, spare.  A plane keeps its unit normal in the first three columns.
+    laser_retro, owner id, tree.  A plane keeps its unit normal in the first three columns; a mesh, which
+    :mod:`m2wr_sim.sensors.mesh_kernels` casts on, keeps the middle of its own sphere in place of half sizes.
 
 The ray equation uses t, the distance from the sensor's origin.  A ray starts at the shortest range: a shape around
 that point is met where the ray leaves it, and a surface met exactly there is not seen.
@@ -24,14 +25,15 @@ import math
 
 import numpy as np
 
-BOX, SPHERE, CYLINDER, PLANE = 0, 1, 2, 3
+BOX, SPHERE, CYLINDER, PLANE, MESH = 0, 1, 2, 3, 4
 POSITION, ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP = 0, 3, 7, 8, 9, 10
 COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
-HALF, KIND, RETRO, OWNER, SHAPE_SIZE = 9, 12, 13, 14, 16
+HALF, KIND, RETRO, OWNER, TREE, SHAPE_SIZE = 9, 12, 13, 14, 15, 16
 RINGS = 64              # classes of distance for the near-to-far order
 AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and _atan together
 TINY = 1e-12            # a direction component below this counts as this: moves a hit by at most 1e-12 of its range
 FEW_BEAMS = 8           # below, an interval costs more than it saves
+CROWD = 100             # shapes within reach from which on most stand behind others, and asking first saves time
 
 try:
     from numba import njit
@@ -94,6 +96,10 @@ def write_poses(spheres, shapes, rows, positions, quaternions):
             matrix = rotation(quaternions[k, 0], quaternions[k, 1], quaternions[k, 2], quaternions[k, 3])
             for column in range(9):
                 shapes[row, column] = matrix[column]
+            if shapes[row, KIND] == MESH:
+                x, y, z = shapes[row, HALF], shapes[row, HALF + 1], shapes[row, HALF + 2]
+                for axis in range(3):
+                    spheres[axis, row] += matrix[3 * axis] * x + matrix[3 * axis + 1] * y + matrix[3 * axis + 2] * z
 
 
 @_kernel
@@ -124,18 +130,33 @@ def _azimuth(y, x):
 
 
 @_kernel
-def _near_to_far(order, frame, spheres):
+def _ahead(beams, rows, frame, sensor):
+    """Return the direction in world that no beam turns away from; zeros where the beams look all around."""
+    half = 0.5 * frame[ANGLE_STEP] * (beams.shape[1] - 1)
+    if not abs(half) <= 0.5 * math.pi:
+        return 0.0, 0.0, 0.0
+    for j in range(rows.shape[0]):
+        if rows[j, 0] < 0.0:
+            return 0.0, 0.0, 0.0
+    x, y = math.cos(frame[ANGLE_MIN] + half), math.sin(frame[ANGLE_MIN] + half)
+    return sensor[0] * x + sensor[1] * y, sensor[3] * x + sensor[4] * y, sensor[6] * x + sensor[7] * y
+
+
+@_kernel
+def _near_to_far(order, frame, spheres, ahead):
     """Write to ``order[0]`` the rows within reach by growing distance (in ``RINGS`` classes); return their number."""
     count = min(int(frame[COUNT]), order.shape[1])
     x, y, z, longest = frame[0], frame[1], frame[2], frame[RANGE_MAX]
     scale = RINGS / longest
     cx, cy, cz, radius, ring = spheres[0], spheres[1], spheres[2], spheres[3], order[1]
+    ax, ay, az = ahead
     for k in range(count):
         dx, dy, dz, reach = cx[k] - x, cy[k] - y, cz[k] - z, longest + radius[k]
         squared = dx * dx + dy * dy + dz * dz
         key = math.sqrt(squared) * scale
         key = key if key < RINGS - 1.0 else RINGS - 1.0
-        key = key if squared <= reach * reach else RINGS + 0.0     # NaN goes here
+        seen = (squared <= reach * reach) & (dx * ax + dy * ay + dz * az >= -1.000001 * radius[k] - 1e-6)
+        key = key if seen else RINGS + 0.0      # NaN goes here
         ring[k] = int(key)
     starts = np.zeros(RINGS + 2, np.int64)
     for k in range(count):
@@ -430,6 +451,44 @@ def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
 
 
 @_kernel
+def _asks_first(found, beams, rows, frame):
+    """Whether it pays to ask for each shape if it is hidden, and the azimuths allow it: within half a turn each way."""
+    most = frame[ANGLE_MIN] + frame[ANGLE_STEP] * (beams.shape[1] - 1)
+    if found <= CROWD or not (frame[ANGLE_STEP] > 1e-12 and frame[ANGLE_MIN] >= -math.pi and most <= math.pi):
+        return False
+    for j in range(rows.shape[0]):
+        if not rows[j, 0] > 1e-6:
+            return False
+    return True
+
+
+@_kernel
+def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_angle):
+    """Whether every beam that could meet a box, sphere or cylinder ends before it."""
+    if shape[KIND] != SPHERE:       # seen from above an upright pillar is far narrower than its sphere
+        upright = sensor[2] * shape[2] + sensor[5] * shape[5] + sensor[8] * shape[8]
+        wide = shape[HALF] if shape[KIND] == CYLINDER else math.sqrt(shape[HALF] ** 2 + shape[HALF + 1] ** 2)
+        radius = min(radius, wide + shape[HALF + 2] * math.sqrt(max(1.0 - upright * upright, 0.0)) + 1e-7)
+    px = sensor[0] * centre[0] + sensor[3] * centre[1] + sensor[6] * centre[2]
+    py = sensor[1] * centre[0] + sensor[4] * centre[1] + sensor[7] * centre[2]
+    flat = px * px + py * py
+    left = flat - radius * radius
+    if not left > 1e-6:
+        return False
+    half, middle = _atan(radius / math.sqrt(left)) + AZIMUTH_MARGIN, _azimuth(py, px)
+    if not (middle - half > -math.pi and middle + half < math.pi):
+        return False
+    begin = int(math.ceil(max((middle - half - frame[ANGLE_MIN]) * beams_per_angle - 1e-6, 0.0)))
+    end = int(math.floor(min((middle + half - frame[ANGLE_MIN]) * beams_per_angle + 1e-6, n - 1.0))) + 1
+    near = (math.sqrt(flat) - radius) * (1.0 - 1e-9)
+    for j in range(rows.shape[0]):
+        for i in range(j * n + begin, j * n + end):
+            if ranges[i] > near:
+                return False
+    return True
+
+
+@_kernel
 def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     """Cast all beams; see the module for the layouts.
 
@@ -442,7 +501,12 @@ def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     beams, rows, frame, spheres, shapes : float64
         Read only.
     order : (2, C) int32
-        Scratch space.
+        Written: in the first row, the shapes within reach, meshes among them, from near to far.
+
+    Returns
+    -------
+    int
+        How many those are.
 
     Notes
     -----
@@ -454,45 +518,20 @@ def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     scratch = np.empty(beams.shape[1] if hits.size > 0 else 0)
     q = frame[ORIENTATION:]
     sensor = rotation(q[0], q[1], q[2], q[3])
-    for k in range(_near_to_far(order, frame, spheres)):
+    found = _near_to_far(order, frame, spheres, _ahead(beams, rows, frame, sensor))
+    crowded, n, beams_per_angle = _asks_first(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
+    for k in range(found):
         row = order[0, k]
+        if shapes[row, KIND] == MESH:
+            continue
         if frame[IGNORED] >= 0.0 and shapes[row, OWNER] == frame[IGNORED]:
             continue
         centre = (spheres[0, row] - frame[0], spheres[1, row] - frame[1], spheres[2, row] - frame[2])
+        if crowded and shapes[row, KIND] != PLANE and _hidden(
+                ranges, rows, frame, sensor, centre, spheres[3, row], shapes[row], n, beams_per_angle):
+            continue
         if shapes[row, KIND] == PLANE:
             _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, shapes)
         else:
             _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, spheres[3, row], shapes)
-
-
-@_kernel
-def finish_ranges(out, ranges, normals, settings):
-    """Turn distances into scan values: +inf from the longest range on; noise on the rest, kept within the limits.
-
-    Parameters
-    ----------
-    out : (B,) float32
-        Written.
-    ranges : (B,) float64
-        Distances [m], each above the shortest range.
-    normals : (M,) float64
-        Standard normal draws; M is at least B + start where the standard deviation is not 0.
-    settings : (6,) float64
-        Shortest and longest range, mean error (bias included), standard deviation, rounding step (0: none) [m],
-        index of the draw for beam 0.
-    """
-    shortest, longest, shift, stddev, precision = settings[0], settings[1], settings[2], settings[3], settings[4]
-    start = int(settings[5])
-    noisy = stddev > 0.0 and start >= 0 and start + ranges.size <= normals.size
-    changed = noisy or shift != 0.0 or precision > 0.0
-    for i in range(ranges.size):
-        value = ranges[i]
-        if changed:
-            value = value + shift
-            if noisy:
-                value = value + stddev * normals[start + i]
-            if precision > 0.0:
-                value = math.floor(value / precision + 0.5) * precision
-            value = value if value > shortest else shortest
-            value = value if value < longest else longest
-        out[i] = value if ranges[i] < longest else np.inf
+    return found

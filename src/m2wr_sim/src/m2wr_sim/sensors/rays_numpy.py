@@ -1,8 +1,11 @@
 """The rays of :mod:`m2wr_sim.sensors.ray_kernels` without numba: every shape against all beams, as array operations."""
 import numpy as np
 
-from m2wr_sim.sensors.ray_kernels import (BOX, COUNT, CYLINDER, HALF, IGNORED, KIND, ORIENTATION, OWNER, PLANE,
-                                          RANGE_MAX, RANGE_MIN, TINY, rotation)
+from m2wr_sim.sensors.mesh_kernels import EDGE, GRAZING
+from m2wr_sim.sensors.ray_kernels import (BOX, COUNT, CYLINDER, HALF, IGNORED, KIND, MESH, ORIENTATION, OWNER, PLANE,
+                                          RANGE_MAX, RANGE_MIN, TINY, TREE, rotation)
+
+_PAIRS_AT_ONCE = 2 ** 20        # rays times triangles
 
 
 def _numpy_solid(kind, direction, origin, half, nearest):
@@ -25,21 +28,28 @@ def _numpy_solid(kind, direction, origin, half, nearest):
     return np.where((leave >= enter) & (t > nearest), t, np.inf)
 
 
-def cast_rays_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order):
-    """Do what ``ray_kernels.cast_rays`` does; same arguments, ``order`` is not used."""
-    ranges[:] = frame[RANGE_MAX]
-    hits[:] = -1
+def _directions(beams, rows, frame):
+    """Return the directions of all beams in world, (V * N, 3)."""
     flat = np.empty((rows.shape[0], beams.shape[1], 3))
     flat[:, :, 0], flat[:, :, 1] = rows[:, :1] * beams[0], rows[:, :1] * beams[1]
     flat[:, :, 2] = rows[:, 1:]
+    sensor = np.array(rotation(*frame[ORIENTATION:ORIENTATION + 4])).reshape(3, 3)
+    return flat.reshape(-1, 3) @ sensor.T
+
+
+def cast_rays_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order):
+    """Do what ``ray_kernels.cast_rays`` does, same arguments; ``order[0]`` gets the rows within reach, unsorted."""
+    ranges[:] = frame[RANGE_MAX]
+    hits[:] = -1
     with np.errstate(all='ignore'):
-        sensor = np.array(rotation(*frame[ORIENTATION:ORIENTATION + 4])).reshape(3, 3)
-        rays = flat.reshape(-1, 3) @ sensor.T
+        rays = _directions(beams, rows, frame)
         centres = spheres[:3, :int(frame[COUNT])].T - frame[:3]
         reach = np.sqrt((centres * centres).sum(axis=1)) - spheres[3, :centres.shape[0]]
-        for row in np.flatnonzero(reach <= frame[RANGE_MAX]):
+        near = np.flatnonzero(reach <= frame[RANGE_MAX])
+        order[0, :near.size] = near
+        for row in near:
             shape, centre = shapes[row], centres[row]
-            if frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]:
+            if shape[KIND] == MESH or (frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]):
                 continue
             if shape[KIND] == PLANE:
                 t = (shape[:3] @ centre) / (rays @ shape[:3])
@@ -51,3 +61,46 @@ def cast_rays_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order):
             ranges[nearer] = t[nearer]
             if hits.size:
                 hits[nearer] = row
+    return near.size
+
+
+def cast_meshes_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order, found, nodes, triangles, trees):
+    """Do what ``mesh_kernels.cast_meshes`` does, same arguments: beams against all triangles within reach."""
+    with np.errstate(all='ignore'):
+        rays = _directions(beams, rows, frame)
+        for row in order[0, :found]:
+            shape = shapes[row]
+            if shape[KIND] != MESH or (frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]):
+                continue
+            _, start, count, _ = trees[int(shape[TREE])]
+            turn = shape[:9].reshape(3, 3)
+            origin, local = (frame[:3] - spheres[:3, row]) @ turn, rays @ turn
+            mine = triangles[start:start + count]
+            mine = mine[_near_triangles(mine, origin, local, frame[RANGE_MAX])]
+            step = max(1, _PAIRS_AT_ONCE // len(rays))
+            for first in range(0, len(mine), step):
+                t = _meet_triangles(mine[first:first + step], origin, local, frame[RANGE_MIN])
+                nearer = t < ranges
+                ranges[nearer] = t[nearer]
+                if hits.size:
+                    hits[nearer] = row
+
+
+def _near_triangles(triangles, origin, rays, longest):
+    """Return which triangles lie in the box that the beams can reach."""
+    low, high = np.minimum(rays.min(axis=0), 0.0) * longest - 1e-6, np.maximum(rays.max(axis=0), 0.0) * longest + 1e-6
+    corners = triangles[:, :3] - origin
+    corners = np.stack((corners, corners + triangles[:, 3:6], corners + triangles[:, 6:9]), axis=1)
+    return np.all((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high), axis=1)
+
+
+def _meet_triangles(triangles, origin, rays, nearest):
+    """Return the ranges (B,) of rays to the first of some triangles, infinity where they miss all."""
+    one, two, offset = triangles[:, 3:6], triangles[:, 6:9], origin - triangles[:, :3]
+    normal, across = np.cross(one, two), np.cross(offset, one)
+    slope = -(rays @ normal.T)
+    u, v = rays @ np.cross(two, offset).T / slope, rays @ across.T / slope
+    t = (two * across).sum(axis=1) / slope
+    met = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1.0 + EDGE) & (t > nearest)
+    met &= np.abs(slope) > GRAZING * np.sqrt((normal * normal).sum(axis=1))
+    return np.where(met, t, np.inf).min(axis=1)

@@ -3,9 +3,10 @@ import math
 
 import numpy as np
 
-from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
-from m2wr_sim.sensors.ray_kernels import (BOX, CYLINDER, HALF, KIND, OWNER, PLANE, RETRO, SHAPE_SIZE, SPHERE,
-                                          write_poses)
+from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Plane, Sphere
+from m2wr_sim.sensors.mesh_tree import Forest
+from m2wr_sim.sensors.ray_kernels import (BOX, CYLINDER, HALF, KIND, MESH, OWNER, PLANE, RETRO, SHAPE_SIZE, SPHERE,
+                                          TREE, write_poses)
 
 
 class Scene:
@@ -28,6 +29,8 @@ class Scene:
         Grows with every change.
     has_retro : bool
         Whether any shape reflects more than nothing.
+    forest : Forest
+        What meshes and heightmaps are made of; false where there are none.
     """
 
     def __init__(self, capacity=64):
@@ -37,6 +40,7 @@ class Scene:
         self.count = 0
         self.version = 0
         self.has_retro = False
+        self.forest = Forest()
         self._rows = {}         # owner -> its rows
         self._ids = {}          # owner -> the number that stands for it in the table
         self._next_id = 0
@@ -58,7 +62,7 @@ class Scene:
 
         Parameters
         ----------
-        geometry : Box, Sphere, Cylinder or Plane
+        geometry : Box, Sphere, Cylinder, Plane, Mesh or Heightmap
             See :mod:`m2wr_sim.model.types`.  A plane is infinite; its normal is in world axes and its offset comes
             from the position of ``pose``.
         pose : ((x, y, z), (x, y, z, w))
@@ -78,11 +82,16 @@ class Scene:
         TypeError
             If rays cannot meet this kind of geometry.
         ValueError
-            If a size is negative or not finite, or a plane's normal is zero.
+            If a size is negative or not finite, a plane's normal is zero, or a mesh has no triangle.
         """
-        kind, radius, values = _pack(geometry)
+        tree = 0
+        if isinstance(geometry, (Mesh, Heightmap)):
+            kind, (tree, (values, radius, _, _, _)) = MESH, self.forest.add(geometry)
+        else:
+            kind, radius, values = _pack(geometry)
         row = self._take_row()
         self.shapes[row] = 0.0
+        self.shapes[row, TREE] = tree
         if kind == PLANE:
             self.shapes[row, :3] = values
         else:
@@ -103,6 +112,9 @@ class Scene:
         rows = self._rows.pop(owner, [])
         self._ids.pop(owner, None)
         for row in rows:
+            if self.shapes[row, KIND] == MESH:
+                self.forest.remove(int(self.shapes[row, TREE]))
+                self.shapes[row, KIND] = SPHERE
             self.spheres[:, row] = np.nan
             self.shapes[row, RETRO] = 0.0
             self.shapes[row, OWNER] = -1.0
@@ -174,7 +186,8 @@ def _pack(geometry):
             raise ValueError("plane normal %r: expected a finite vector that is not zero" % (geometry.normal,))
         return PLANE, math.inf, tuple(value / length for value in geometry.normal)
     else:
-        raise TypeError("rays cannot meet a %s: expected Box, Sphere, Cylinder or Plane" % type(geometry).__name__)
+        raise TypeError("rays cannot meet a %s: expected Box, Sphere, Cylinder, Plane, Mesh or Heightmap"
+                        % type(geometry).__name__)
     if not all(0.0 <= value < math.inf for value in values):
         raise ValueError("%r: expected finite sizes that are not negative" % (geometry,))
     return kind, radius, values

@@ -1,0 +1,53 @@
+"""From distances to readings: what a range finder says of what its rays met.  Plain arrays in, plain arrays out."""
+import math
+
+import numpy as np
+
+try:
+    from numba import njit
+except ImportError:
+    njit = None
+
+
+def _kernel(function):
+    """Compile with numba where there is one; leave NaN and infinity their meaning."""
+    if njit is None:
+        return function
+    options = dict(nogil=True, error_model='numpy', fastmath={'contract', 'nsz', 'arcp'})
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError:    # no folder that could hold the cache
+        return njit(**options)(function)
+
+
+@_kernel
+def finish_ranges(out, ranges, normals, settings):
+    """Turn distances into scan values: +inf from the longest range on; noise on the rest, kept within the limits.
+
+    Parameters
+    ----------
+    out : (B,) float32
+        Written.
+    ranges : (B,) float64
+        Distances [m], each above the shortest range.
+    normals : (M,) float64
+        Standard normal draws; M is at least B + start where the standard deviation is not 0.
+    settings : (6,) float64
+        Shortest and longest range, mean error (bias included), standard deviation, rounding step (0: none) [m],
+        index of the draw for beam 0.
+    """
+    shortest, longest, shift, stddev, precision = settings[0], settings[1], settings[2], settings[3], settings[4]
+    start = int(settings[5])
+    noisy = stddev > 0.0 and start >= 0 and start + ranges.size <= normals.size
+    changed = noisy or shift != 0.0 or precision > 0.0
+    for i in range(ranges.size):
+        value = ranges[i]
+        if changed:
+            value = value + shift
+            if noisy:
+                value = value + stddev * normals[start + i]
+            if precision > 0.0:
+                value = math.floor(value / precision + 0.5) * precision
+            value = value if value > shortest else shortest
+            value = value if value < longest else longest
+        out[i] = value if ranges[i] < longest else np.inf
