@@ -119,11 +119,12 @@ def test_material_reaches_visuals_by_the_same_rule_and_last_block_wins():
 def test_joint_tags():
     model = robot(link("a"), link("b"), '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>',
                   block("<stopErp>0.9</stopErp><stopCfm>0.01</stopCfm><provideFeedback>true</provideFeedback>"
-                        "<springStiffness>3</springStiffness>", "j"))
+                        "<springStiffness>3</springStiffness><springReference>0.5</springReference>"
+                        "<implicitSpringDamper>true</implicitSpringDamper><fudgeFactor>0.5</fudgeFactor>", "j"))
     axis = model.joints[0].axis
-    assert (axis.stop_erp, axis.stop_cfm) == (0.9, 0.01)
+    assert (axis.stop_erp, axis.stop_cfm, axis.spring_stiffness, axis.spring_reference) == (0.9, 0.01, 3.0, 0.5)
     note, = model.notes
-    assert "<springStiffness>" in note and 'joint "j"' in note
+    assert "<fudgeFactor>" in note and 'joint "j"' in note
 
 
 def test_switches_that_keep_a_fixed_joint():

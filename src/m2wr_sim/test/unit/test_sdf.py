@@ -106,7 +106,7 @@ def test_lights_and_plugins_at_every_level():
                    '<model name="m"><plugin name="pm" filename="libm.so"><a>1</a></plugin><link name="l">'
                    '<sensor name="s" type="ray"><pose>1 0 0 0 0 0</pose><plugin name="ps" filename="libs.so"/></sensor>'
                    '</link></model>')
-    assert loaded.lights == ("lamp",)
+    assert [light.name for light in loaded.lights] == ["lamp"]
     assert [plugin.name for plugin in loaded.plugins] == ["pw"]
     found = loaded.models[0]
     assert found.plugins[0].find("a") == "1"
@@ -398,7 +398,7 @@ def test_models_for_spawning_are_refused_as_models():
         load_sdf_models("<sdf version='1.6'/>")
 
 
-@pytest.mark.parametrize("shape", ["mesh", "heightmap", "polyline", "image"])
+@pytest.mark.parametrize("shape", ["mesh", "heightmap", "image", "capsule"])
 def test_geometry_without_counterpart_is_left_out_and_told(shape):
     loaded = world(collision("<{0}><uri>model://x/y.dae</uri></{0}>".format(shape)), static("n"))
     assert [len(found.links[0].collisions) for found in loaded.models] == [0, 1]
@@ -438,3 +438,27 @@ def test_rotation_convention_of_poses():
     assert found.pose[1] == pytest.approx(quaternion_from_rpy(0.1, 0.2, 0.3))
     turned = model("<pose>0 0 0 0 0 {}</pose>".format(QUARTER) + LINK).pose[1]
     assert rotate(turned, (1, 0, 0)) == pytest.approx((0, 1, 0))
+
+
+def test_springs_of_joints_and_limits_the_wrong_way_round():
+    found = model(TURNED + joint(
+        "<axis><limit><lower>2</lower><upper>-1</upper></limit><dynamics><spring_stiffness>8</spring_stiffness>"
+        "<spring_reference>0.5</spring_reference></dynamics></axis>"))
+    axis = found.joints[0].axis
+    assert (axis.lower, axis.upper, axis.spring_stiffness, axis.spring_reference) == (-1.0, 2.0, 8.0, 0.5)
+    note, = found.notes
+    assert "exchanged" in note and "m.sdf:" in note
+
+
+def test_lights_with_three_and_four_colours_and_in_an_include(folders):
+    folders.add("lamp", '<sdf version="1.6"><light name="lamp" type="spot"><attenuation><linear>0.5</linear>'
+                '</attenuation><direction>1 0 0</direction></light></sdf>')
+    loaded = world('<light name="a" type="directional"><cast_shadows>true</cast_shadows><pose>0 0 10 0 0 0</pose>'
+                   '<diffuse>0.5 0.25 0</diffuse><specular>1 1 1 0.5</specular></light>',
+                   include("model://lamp", "<name>b</name>"), static("m"), resolve_model=folders)
+    first, second = loaded.lights
+    assert (first.name, first.kind, first.cast_shadows, first.pose[0]) == ("a", "directional", True, (0.0, 0.0, 10.0))
+    assert first.diffuse == (0.5, 0.25, 0.0, 1.0) and first.specular == (1.0, 1.0, 1.0, 0.5)
+    assert (second.name, second.kind, second.attenuation, second.direction) == (
+        "b", "spot", (1.0, 0.5, 0.0), (1.0, 0.0, 0.0))
+    assert [found.name for found in loaded.models] == ["m"] and loaded.notes == ()

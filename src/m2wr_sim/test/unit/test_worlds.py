@@ -76,7 +76,8 @@ def clearance(world, x, y, height=0.2):
 @pytest.mark.parametrize("name", WORLDS)
 def test_world_loads_without_a_note(name):
     world = load(name)
-    assert world.notes == () and world.lights == ("sun",) and world.state is None
+    assert world.notes == () and world.state is None
+    assert [light.name for light in world.lights] == ["sun"]
     assert world.physics.max_step_size == 0.001 and world.physics.gravity == (0.0, 0.0, -9.8)
     names = [model.name for model in world.models]
     assert names[0] == "ground_plane" and len(set(names)) == len(names)

@@ -17,8 +17,10 @@ _LINK_TAGS = frozenset(("turnGravityOff", "dampingFactor", "selfCollide", "gravi
                         "velocity_decay"))
 _LINK_BLOBS = frozenset(("sensor", "collision", "material"))
 _LINK_SILENT = frozenset(("canonicalBody", "visual", "light", "projector", "audio_sink", "enable_wind"))
-_JOINT_TAGS = frozenset(("stopCfm", "stopErp", "disableFixedJointLumping", "preserveFixedJoint"))
-_JOINT_SILENT = frozenset(("provideFeedback",))
+_AXIS_TAGS = {"stopErp": "stop_erp", "stopCfm": "stop_cfm", "springStiffness": "spring_stiffness",
+              "springReference": "spring_reference"}
+_JOINT_TAGS = frozenset(_AXIS_TAGS) | {"disableFixedJointLumping", "preserveFixedJoint"}
+_JOINT_SILENT = frozenset(("provideFeedback", "cfmDamping", "implicitSpringDamper"))
 _MODEL_TAGS = frozenset(("static", "plugin", "self_collide", "allow_auto_disable"))
 _INSTEAD = {
     "mu": "<mu1> and <mu2> are read", "plugin": "a plugin is read inside a <sensor>, or in a <gazebo> block without "
@@ -26,7 +28,7 @@ _INSTEAD = {
     "surface": "<mu1>, <mu2>, <kp>, ... are read directly in the <gazebo> block",
     "friction": "<mu1> and <mu2> are read",
     "slip1": "<surface> in the link's <collision> is read", "slip2": "<surface> in the link's <collision> is read",
-    "springStiffness": "a plugin can act as a spring", "torque": "<wheelTorque> of the drive plugin is read",
+    "torque": "<wheelTorque> of the drive plugin is read",
 }
 
 
@@ -117,9 +119,9 @@ class GazeboTags:
         return False if element is None else tag_bool(element)
 
     def joint_axis(self, joint, axis):
-        """Return an Axis with the joint's stopErp and stopCfm put in."""
+        """Return an Axis with what the joint's tags tell of stops and springs put in."""
         elements = self._joints.get(joint, ())
-        for tag, name in (("stopErp", "stop_erp"), ("stopCfm", "stop_cfm")):
+        for tag, name in _AXIS_TAGS.items():
             element = self._last(elements, tag)
             if element is not None:
                 axis = replace(axis, **{name: tag_float(element)})

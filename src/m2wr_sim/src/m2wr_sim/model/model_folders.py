@@ -21,42 +21,80 @@ def _refuse_escape(path, source):
             source, path))
 
 
+def exported_paths(packages, attribute):
+    """Return the folders that packages export as ``<gazebo_ros ATTRIBUTE="${prefix}/..."/>`` in their package.xml.
+
+    Parameters
+    ----------
+    packages : iterable of str
+        Folders of packages; a file that cannot be read exports nothing.
+    attribute : str
+        ``gazebo_model_path`` or ``gazebo_media_path``.
+    """
+    found = []
+    for folder in packages:
+        path = os.path.join(folder, "package.xml")
+        try:
+            with open(path, "rb") as stream:
+                text = stream.read()
+            if attribute.encode() not in text:      # true of nearly all, and parsing takes most of the time
+                continue
+            root = parse_xml(text, path)
+        except (OSError, XmlError):
+            continue
+        for element in root.findall("export/gazebo_ros"):
+            value = (element.get(attribute) or "").replace("${prefix}", folder)
+            found.extend(os.path.normpath(part) for part in value.split(":") if part.strip())
+    return found
+
+
 class ModelFolders:
-    """The search path for models; an instance is called with a URI.
+    """The search path for models and other files that SDF names; an instance is called with a URI.
 
     Parameters
     ----------
     folders : iterable of str
         Folders that hold one folder for each model, searched in this order.
+    resources : iterable of str
+        Folders that ``file://media/...`` and bare relative paths count from.
+    packages : callable, optional
+        Returns the folders of all ROS packages; what those export is searched last.  It is called only when something
+        was found nowhere else, once.
     """
 
-    def __init__(self, folders=()):
+    def __init__(self, folders=(), resources=(), packages=None):
         self.folders = tuple(folder for folder in folders if folder)
+        self.resources = tuple(folder for folder in resources if folder)
+        self._packages = packages
+
+    def _ask_packages(self):
+        """Add what packages export; return whether there was anything to ask."""
+        if self._packages is None:
+            return False
+        folders, self._packages = list(self._packages()), None
+        self.folders += tuple(exported_paths(folders, "gazebo_model_path"))
+        self.resources += tuple(exported_paths(folders, "gazebo_media_path"))
+        return True
 
     def __call__(self, uri):
-        """Return the path of the SDF file that a URI stands for, or None if it is not on this machine.
+        """Return the path of the file that a URI stands for, or None if it is not on this machine.
 
         Parameters
         ----------
         uri : str
-            ``model://NAME``, ``model://NAME/file.sdf`` or ``file:///absolute/path``; nothing is downloaded.
+            ``model://NAME`` (its SDF file), ``model://NAME/path``, ``file:///absolute/path``, ``file://relative/path``
+            or a bare relative path; nothing is downloaded.
 
         Raises
         ------
         XmlError
             If the path contains ``..``, or the model's own model.config is malformed or names no usable file.
         """
-        scheme, _, rest = uri.partition("://")
-        if scheme == "model":
-            rest = rest.strip("/")
-            _refuse_escape(rest, uri)
-            candidates = [os.path.join(folder, rest) for folder in self.folders] if rest else []
-        elif scheme == "file" and os.path.isabs(rest):
-            _refuse_escape(rest.lstrip("/"), uri)
-            candidates = [rest]
-        else:
-            candidates = []
-        for candidate in candidates:
+        found = self._find(uri)
+        return self._find(uri) if found is None and self._ask_packages() else found
+
+    def _find(self, uri):
+        for candidate in self._candidates(uri):
             if os.path.isfile(candidate):
                 return candidate
             found = _file_in_folder(candidate) if os.path.isdir(candidate) else None
@@ -64,8 +102,31 @@ class ModelFolders:
                 return found
         return None
 
+    def _candidates(self, uri):
+        scheme, mark, rest = uri.partition("://")
+        if not mark:
+            scheme, rest = "file", uri
+        if scheme == "model":
+            rest = rest.strip("/")
+            _refuse_escape(rest, uri)
+            return [os.path.join(folder, rest) for folder in self.folders] if rest else []
+        if scheme != "file" or not rest:
+            return []
+        _refuse_escape(rest.lstrip("/"), uri)
+        return [rest] if os.path.isabs(rest) else [os.path.join(folder, rest) for folder in self.resources]
+
     def __str__(self):
         return ", ".join(self.folders) if self.folders else "no folders"
+
+
+def standard_folders(own, environment, packages=None):
+    """Return the :class:`ModelFolders` of a program started in ``environment``, in Gazebo's order.
+
+    ``own`` is the folder of models that this package ships.
+    """
+    home = os.path.join(os.path.expanduser("~"), ".gazebo", "models")
+    listed = [environment.get(name, "").split(":") for name in ("GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH")]
+    return ModelFolders([home] + listed[0] + [own], listed[1], packages)
 
 
 def _file_in_folder(folder):

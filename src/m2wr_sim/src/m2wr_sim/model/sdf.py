@@ -10,6 +10,7 @@ from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.safe_xml import errors_as, fail, line_of, parse_xml, read_file, required_name
 from m2wr_sim.model.sdf_frames import Frames, raw_pose
+from m2wr_sim.model.sdf_light import read_light
 from m2wr_sim.model.sdf_model import SdfContext, check_root, read_include, read_model
 from m2wr_sim.model.sdf_physics import read_physics, read_state
 from m2wr_sim.model.types import World
@@ -36,10 +37,11 @@ class _Contents:
         else:
             self.models[model.name] = (model, element)
 
-    def add_light(self, name, element):
-        if name in self.lights:
-            self._notes.add('{}: a light "{}" is there already; this one is skipped.'.format(line_of(element), name))
-        self.lights.setdefault(name, element)
+    def add_light(self, light, element):
+        if light.name in self.lights:
+            self._notes.add('{}: a light "{}" is there already; this one is skipped.'.format(
+                line_of(element), light.name))
+        self.lights.setdefault(light.name, light)
 
     def read(self, parent, context):
         """Read every model, include and light that stands directly in ``parent``."""
@@ -47,13 +49,13 @@ class _Contents:
             if child.tag == "model":
                 self.add_model(read_model(child, context), child)
             elif child.tag == "light":
-                self.add_light(required_name(child), child)
+                self.add_light(read_light(child, self._notes), child)
             elif child.tag == "include":
                 model, lights = read_include(child, context)
                 if model is not None:
                     self.add_model(model, child)
-                for name in lights:
-                    self.add_light(name, child)
+                for light in lights:
+                    self.add_light(light, child)
 
     def placed(self, parent, notes):
         """Return the models in load order, with poses relative to other models or frames brought to the world."""
@@ -126,13 +128,31 @@ def _read_world(element, context):
         for insertions in state.findall("insertions"):
             contents.read(insertions, context)
     return World(name=(element.get("name") or "").strip() or "default", models=contents.placed(element, notes),
-                 physics=read_physics(element, notes), lights=tuple(contents.lights),
+                 physics=read_physics(element, notes), lights=tuple(contents.lights.values()),
                  plugins=tuple(read_plugin(child) for child in element.findall("plugin")),
                  state=read_state(element, notes), notes=notes.sentences())
 
 
 def load_sdf_models(text, source="model_xml", resolve_model=None):
-    """Load the models of an SDF document, for spawning.
+    """Load the models of an SDF document; see :func:`load_sdf`.
+
+    Returns
+    -------
+    list of Model
+
+    Raises
+    ------
+    ModelError
+        Also where the document holds lights alone.
+    """
+    models, lights = load_sdf(text, source, resolve_model)
+    if not models:
+        raise ModelError("{}: no model is in it, only a light; expected a <model> with a link".format(source))
+    return models
+
+
+def load_sdf(text, source="model_xml", resolve_model=None):
+    """Load the models and lights of an SDF document, for spawning.
 
     Parameters
     ----------
@@ -143,13 +163,14 @@ def load_sdf_models(text, source="model_xml", resolve_model=None):
 
     Returns
     -------
-    list of Model
+    models : list of Model
         In document order; each carries the notes of the whole document.
+    lights : list of Light
 
     Raises
     ------
     ModelError
-        If the document is malformed, holds no model, or an element in it cannot be used.
+        If the document is malformed, holds neither model nor light, or an element in it cannot be used.
     """
     with errors_as(ModelError):
         notes = Notes()
@@ -159,7 +180,7 @@ def load_sdf_models(text, source="model_xml", resolve_model=None):
         parent = root.find("world") if root.find("world") is not None else root
         contents.read(parent, context)
         models = contents.placed(parent, notes)
-        if not models:
+        if not models and not contents.lights:
             details = " ".join(notes.sentences())
             fail(root, "no model is in it" + (" ({})".format(details) if details else ""), "a <model> with a link")
-        return [replace(model, notes=notes.sentences()) for model in models]
+        return [replace(model, notes=notes.sentences()) for model in models], list(contents.lights.values())

@@ -10,6 +10,7 @@ NO_LIMIT = 1e16
 _KINDS = ("revolute", "prismatic", "fixed", "ball", "universal")
 _UNUSED_KINDS = ("revolute2", "screw", "gearbox")
 _READ = frozenset(("parent", "child", "pose", "axis", "axis2", "physics"))
+_DYNAMICS_READ = ("damping", "friction", "spring_stiffness", "spring_reference")
 _AXIS_READ = frozenset(("xyz", "use_parent_model_frame", "dynamics", "limit"))
 
 
@@ -36,7 +37,7 @@ def _axis(element, joint, model_from_joint, frames, version, notes):
     notes.unread(element, _AXIS_READ, ("initial_position",))
     dynamics, limit = element.find("dynamics"), element.find("limit")
     if dynamics is not None:
-        notes.unread(dynamics, ("damping", "friction"))
+        notes.unread(dynamics, _DYNAMICS_READ)
     if limit is not None:
         notes.unread(limit, ("lower", "upper", "effort", "velocity"))
     xyz = unit(element, child_vector(element, "xyz", 3, defaults.xyz))
@@ -50,10 +51,12 @@ def _axis(element, joint, model_from_joint, frames, version, notes):
     lower = clamp_limit(child_float(limit, "lower", defaults.lower, True))
     upper = clamp_limit(child_float(limit, "upper", defaults.upper, True))
     if lower > upper:
-        fail(limit, "lower limit {:g} is above the upper limit {:g}".format(lower, upper), "lower <= upper")
-    return Axis(xyz=xyz, damping=child_float(dynamics, "damping", 0.0), friction=child_float(dynamics, "friction", 0.0),
-                lower=lower, upper=upper, effort=_no_limit(child_float(limit, "effort", -1.0, True)),
-                velocity=_no_limit(child_float(limit, "velocity", -1.0, True)), stop_erp=erp, stop_cfm=cfm)
+        notes.add("{}: the lower limit {:g} is above the upper limit {:g}; they are exchanged.".format(
+            line_of(limit), lower, upper))
+        lower, upper = upper, lower
+    values = {name: child_float(dynamics, name, 0.0) for name in _DYNAMICS_READ}
+    return Axis(xyz=xyz, lower=lower, upper=upper, effort=_no_limit(child_float(limit, "effort", -1.0, True)),
+                velocity=_no_limit(child_float(limit, "velocity", -1.0, True)), stop_erp=erp, stop_cfm=cfm, **values)
 
 
 def _no_limit(value):

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Callable, Dict, Optional, Tuple
 
 from m2wr_sim.geometry import compose
+from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.model_folders import NEWEST_SDF, parse_version
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
@@ -11,9 +12,10 @@ from m2wr_sim.model.safe_xml import (child_bool, child_float, child_text, fail, 
                                      place, read_file, required_name)
 from m2wr_sim.model.sdf_frames import Frames, raw_pose
 from m2wr_sim.model.sdf_joint import read_joint
+from m2wr_sim.model.sdf_light import read_light
 from m2wr_sim.model.sdf_sensor import read_sensor
 from m2wr_sim.model.sdf_shapes import inertial_doubt, inertial_fault, read_collision, read_inertial, read_visual
-from m2wr_sim.model.types import Link, Model, Plane
+from m2wr_sim.model.types import Heightmap, Link, Model, Plane
 
 MAX_NESTING = 32
 
@@ -67,7 +69,7 @@ def _read_shapes(element, tag, reader, frames, link_name, notes):
     return tuple(shapes)
 
 
-def _read_link(element, frames, static, self_collide, notes):
+def _read_link(element, frames, static, self_collide, notes, files):
     name = required_name(element)
     notes.unread(element, _LINK_READ, _LINK_SILENT)
     inertial_element = element.find("inertial")
@@ -81,9 +83,11 @@ def _read_link(element, frames, static, self_collide, notes):
         doubt = inertial_doubt(inertial)
         if doubt is not None:
             notes.add("{}: {}.".format(place(inertial_element), doubt))
-    collisions = _read_shapes(element, "collision", read_collision, frames, name, notes)
-    if not static and any(isinstance(collision.geometry, Plane) for collision in collisions):
-        notes.add("{}: a plane in a model that is not static stays where the model is loaded.".format(place(element)))
+    collisions = _read_shapes(element, "collision", lambda *arguments: read_collision(*arguments, files), frames, name,
+                              notes)
+    if not static and any(isinstance(collision.geometry, (Plane, Heightmap)) for collision in collisions):
+        notes.add("{}: a plane or heightmap in a model that is not static stays where the model is loaded.".format(
+            place(element)))
     return Link(
         name=name, pose=frames.resolve(name), inertial=inertial, collisions=collisions,
         visuals=_read_shapes(element, "visual", read_visual, frames, name, notes),
@@ -196,7 +200,8 @@ def read_model(element, context, static=None):
     link_elements = list(_named_once(element.findall("link"), "link", notes))
     frames = _frames_of(element, link_elements, nested, notes)
     self_collide = child_bool(element, "self_collide", False)
-    links = [_read_link(child, frames, static, self_collide, notes) for _, child in link_elements]
+    files = MeshReader(notes, context.resolve_model)
+    links = [_read_link(child, frames, static, self_collide, notes, files) for _, child in link_elements]
     joints, plugins, nested_names = [], [read_plugin(child) for child in element.findall("plugin")], []
     for model, _, _ in nested:
         more_links, more_joints, more_names = _scoped(model.name, model, frames.resolve(model.name))
@@ -239,8 +244,8 @@ def read_include(element, context, static=None):
     -------
     model : Model or None
         None where the file holds a light, or nothing of use, or is not on this machine (both noted).
-    lights : tuple of str
-        Names of the lights that the file holds.
+    lights : tuple of Light
+        The light that the file holds, if any.
 
     Raises
     ------
@@ -259,7 +264,8 @@ def read_include(element, context, static=None):
         if not lights:
             context.notes.add("{}: {} ({}) holds neither <model> nor <light>; it is left out.".format(
                 line_of(element), child_text(element, "uri"), path))
-        return None, tuple(name or required_name(light) for light in lights[:1])
+        found = tuple(read_light(light, context.notes) for light in lights[:1])
+        return None, tuple(replace(light, name=name or light.name) for light in found)
     static_text = child_text(element, "static")
     if static is None and static_text:
         static = parse_bool(element.find("static"), static_text, "static")

@@ -8,8 +8,8 @@ from m2wr_sim.model.types import Noise, RayScan, Sensor
 RAY_KINDS = ("ray", "gpu_ray")
 NOISE_KINDS = ("none", "custom", "gaussian", "gaussian_quantized")
 
-_SENSOR_READ = frozenset(("pose", "update_rate", "always_on", "visualize", "plugin", "ray"))
-_SENSOR_SILENT = frozenset(("topic", "camera", "depth", "imu", "contact", "gps", "sonar", "force_torque", "altimeter",
+_SENSOR_READ = frozenset(("pose", "update_rate", "always_on", "visualize", "plugin", "ray", "imu", "contact"))
+_SENSOR_SILENT = frozenset(("topic", "camera", "depth", "gps", "sonar", "force_torque", "altimeter",
                             "magnetometer", "rfid", "rfidtag", "transceiver", "logical_camera"))
 _RAY_READ = frozenset(("scan", "range", "noise"))
 _NOISE_READ = frozenset(("type", "mean", "stddev", "bias_mean", "bias_stddev", "precision"))
@@ -69,6 +69,28 @@ def read_ray(element, notes):
         range_resolution=child_float(limits, "resolution", 0.0), noise=read_noise(element.find("noise"), notes))
 
 
+def read_imu(element, notes):
+    """Read ``<imu>`` (None: no noise) into the noise of angular velocity x y z and linear acceleration x y z.
+
+    SDF 1.5 has one ``<noise>`` an axis, earlier versions one for the rates and one for the accelerations.
+    """
+    if element is None:
+        return ()
+    early = element.find("noise")
+    if early is not None:
+        kind = child_text(early, "type") or "gaussian"
+        return tuple(noise for tag in ("rate", "accel") for noise in 3 * [_early_noise(early.find(tag), kind)])
+    return tuple(read_noise(element.find("%s/%s/noise" % (quantity, axis)), notes)
+                 for quantity in ("angular_velocity", "linear_acceleration") for axis in "xyz")
+
+
+def _early_noise(element, kind):
+    if element is None or kind not in NOISE_KINDS:
+        return Noise()
+    return Noise(kind=kind, mean=child_float(element, "mean", 0.0), stddev=_not_negative(element, "stddev"),
+                 bias_mean=child_float(element, "bias_mean", 0.0), bias_stddev=_not_negative(element, "bias_stddev"))
+
+
 def read_sensor(element, link_name, notes, resolve_pose=None):
     """Read one ``<sensor>`` of a link.
 
@@ -86,7 +108,8 @@ def read_sensor(element, link_name, notes, resolve_pose=None):
     Returns
     -------
     Sensor
-        ``ray`` is filled for ray and gpu_ray only; other kinds keep name, rate, pose and plugins.
+        ``ray`` is filled for ray and gpu_ray only, ``imu_noise`` for imu, ``contact_collisions`` for contact; other
+        kinds keep name, rate, pose and plugins.
     """
     name, kind = required_name(element), (element.get("type") or "").strip()
     if not kind:
@@ -98,6 +121,9 @@ def read_sensor(element, link_name, notes, resolve_pose=None):
     else:
         pose = IDENTITY if pose_element is None else parse_pose(pose_element, pose_element.text or "")
     ray = read_ray(element.find("ray"), notes) if kind in RAY_KINDS else None
+    imu = read_imu(element.find("imu"), notes) if kind == "imu" else ()
+    contact = tuple((child.text or "").strip() for child in element.findall("contact/collision"))
     return Sensor(name=name, kind=kind, pose=pose, update_rate=_not_negative(element, "update_rate"),
                   always_on=child_bool(element, "always_on", False), visualize=child_bool(element, "visualize", False),
-                  ray=ray, plugins=tuple(read_plugin(child, link_name) for child in element.findall("plugin")))
+                  ray=ray, imu_noise=imu, contact_collisions=contact if kind == "contact" else (),
+                  plugins=tuple(read_plugin(child, link_name) for child in element.findall("plugin")))

@@ -7,8 +7,9 @@ from m2wr_sim.model.safe_xml import (child_bool, child_float, child_int, child_p
                                      parse_vector, place, required_name)
 from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Plane, Sphere, Surface, Visual
 
-READABLE = ("box", "cylinder", "sphere", "plane")
-KNOWN_UNUSED = ("mesh", "heightmap", "polyline", "image", "capsule", "ellipsoid")
+READABLE = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline")
+KNOWN_UNUSED = ("image", "capsule", "ellipsoid")
+FROM_FILES = ("mesh", "heightmap", "polyline")
 
 _OTHER_ENGINES = frozenset(("bullet", "simbody", "dart"))
 
@@ -42,13 +43,22 @@ def _plane(element):
 _READERS = {"box": _box, "cylinder": _cylinder, "sphere": _sphere, "plane": _plane}
 
 
-def read_geometry(parent, notes):
+def read_geometry(parent, notes, files=None):
     """Read the ``<geometry>`` of a collision or visual.
+
+    Parameters
+    ----------
+    parent : lxml element
+        ``<collision>`` or ``<visual>``.
+    notes : Notes
+    files : MeshReader or None
+        Reads meshes, heightmaps and polylines; None for visuals, of which only plain shapes are kept.
 
     Returns
     -------
-    Box, Sphere, Cylinder, Plane or None
-        None where the geometry is empty, or is one of SDF's that has no counterpart here yet (noted).
+    Box, Sphere, Cylinder, Plane, Mesh, Heightmap or None
+        None where the geometry is empty, is one of SDF's that has no counterpart here (noted), or names a file that
+        cannot be used (noted).
 
     Raises
     ------
@@ -65,10 +75,15 @@ def read_geometry(parent, notes):
     shape = shapes[0]
     if shape.tag in _READERS:
         return _READERS[shape.tag](shape)
+    if shape.tag in FROM_FILES:
+        if files is None:
+            return None
+        return files.polyline([child for child in shapes if child.tag == "polyline"]) if shape.tag == "polyline" \
+            else getattr(files, shape.tag)(shape)
     if shape.tag not in KNOWN_UNUSED:
         fail(shape, 'unknown geometry "{}"'.format(shape.tag), expected)
     uri = child_text(shape, "uri")
-    notes.add("{}: geometry {}{} is not supported yet; this {} is left out.".format(
+    notes.add("{}: geometry {}{} is not supported; this {} is left out.".format(
         place(shape), shape.tag, " " + uri if uri else "", parent.tag))
     return None
 
@@ -113,11 +128,14 @@ def _bitmask(contact, default):
     return value
 
 
-def read_collision(element, pose, notes):
-    """Read ``<collision>``; ``pose`` is its pose in the link frame.  None where its geometry has no counterpart."""
+def read_collision(element, pose, notes, files=None):
+    """Read ``<collision>``; ``pose`` is its pose in the link frame.  None where its geometry has no counterpart.
+
+    ``files`` is the :class:`~m2wr_sim.model.mesh_shapes.MeshReader` of the document.
+    """
     name = required_name(element)
     notes.unread(element, ("pose", "geometry", "surface", "laser_retro", "max_contacts"))
-    geometry = read_geometry(element, notes)
+    geometry = read_geometry(element, notes, files)
     if geometry is None:
         return None
     return Collision(name=name, geometry=geometry, pose=pose, surface=read_surface(element.find("surface"), notes),

@@ -9,6 +9,7 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_quaternion
 from m2wr_sim.model.gazebo_tags import GazeboTags
 from m2wr_sim.model.lumping import WORLD, children_of, depth_first, lump, part_names
+from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.safe_xml import XmlError, errors_as, fail, line_of, parse_xml
 from m2wr_sim.model.sdf_shapes import inertial_fault
@@ -123,7 +124,8 @@ def _origin(element):
     return xyz, quaternion_from_rpy(*rpy)
 
 
-def load_urdf(text, source="robot_description", model_name=None, resolve_package=None, honour_collision_surface=True):
+def load_urdf(text, source="robot_description", model_name=None, resolve_package=None, honour_collision_surface=True,
+              resolve_model=None):
     """Convert a robot description the way Gazebo does.
 
     Parameters
@@ -135,9 +137,11 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
     model_name : str or None
         Name of the model; the robot's own where None.
     resolve_package : callable or None
-        ``resolve_package(name) -> folder``, for ``$(find name)`` in xacro.
+        ``resolve_package(name) -> folder``, for ``$(find name)`` in xacro and ``package://`` of collision meshes.
     honour_collision_surface : bool
         Apply mu, mu2, slip1 and slip2 of a ``<surface>`` inside a URDF collision, which Gazebo drops.
+    resolve_model : callable or None
+        For ``model://`` of collision meshes; see :class:`m2wr_sim.model.model_folders.ModelFolders`.
 
     Returns
     -------
@@ -157,7 +161,8 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
         tags = GazeboTags(root, elements, joint_elements, notes)
         robot = parse_robot(root, source, notes)
         colours = {material.name: material.color for material in robot.materials}
-        bodies = {link.name: read_body(link, elements[link.name], colours, honour_collision_surface, notes)
+        files = MeshReader(notes, resolve_model, resolve_package)
+        bodies = {link.name: read_body(link, elements[link.name], colours, honour_collision_surface, notes, files)
                   for link in robot.links}
         connections = [read_connection(joint, joint_elements[joint.name], tags, notes) for joint in robot.joints]
         order = lump(bodies, connections, root_link)

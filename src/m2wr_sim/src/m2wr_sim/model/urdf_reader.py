@@ -100,8 +100,8 @@ def _pose(origin):
     return tuple(origin.xyz or (0.0, 0.0, 0.0)), quaternion_from_rpy(*(origin.rpy or (0.0, 0.0, 0.0)))
 
 
-def _geometry(geometry, element, notes):
-    """Return the shape of a URDF geometry; None for a mesh, which is noted where it is a collision."""
+def _geometry(geometry, element, files):
+    """Return the shape of a URDF geometry; None for the mesh of a visual, and for one that cannot be read (noted)."""
     if isinstance(geometry, urdf_model.Box):
         return Box(tuple(geometry.size))
     if isinstance(geometry, urdf_model.Cylinder):
@@ -109,8 +109,7 @@ def _geometry(geometry, element, notes):
     if isinstance(geometry, urdf_model.Sphere):
         return Sphere(geometry.radius)
     if element.tag == "collision":
-        notes.add("{}: mesh {} is not supported as a collision yet; it is left out and nothing touches it.".format(
-            place(element), geometry.filename))
+        return files.urdf_mesh(element.find("geometry/mesh"), geometry.filename, geometry.scale)
     return None
 
 
@@ -129,7 +128,7 @@ def _own_surface(element, honoured, notes):
     return Surface(mu=read.mu, mu2=read.mu2, slip1=read.slip1, slip2=read.slip2)
 
 
-def read_body(link, element, colours, honour_surface, notes):
+def read_body(link, element, colours, honour_surface, notes, files):
     """Return the Body of one link; urdf_parser_py keeps the document's order, so parts pair up with elements."""
     body = Body(link.name)
     if link.inertial is not None:
@@ -139,12 +138,12 @@ def read_body(link, element, colours, honour_surface, notes):
         if body.inertial.mass > NO_MASS and inertial_doubt(body.inertial) is not None:
             notes.add("{}: {}.".format(place(element.find("inertial")), inertial_doubt(body.inertial)))
     for part, part_element in zip(link.collisions, element.findall("collision")):
-        geometry = _geometry(part.geometry, part_element, notes)
+        geometry = _geometry(part.geometry, part_element, files)
         if geometry is not None:
             body.collisions.append(Part(part_element.get("name") or "", link.name, geometry, _pose(part.origin),
                                         _own_surface(part_element, honour_surface, notes)))
     for part, part_element in zip(link.visuals, element.findall("visual")):
-        geometry = _geometry(part.geometry, part_element, notes)
+        geometry = _geometry(part.geometry, part_element, files)
         if geometry is not None:
             body.visuals.append(Part(part_element.get("name") or "", link.name, geometry, _pose(part.origin),
                                      rgba=_colour(part.material, colours)))

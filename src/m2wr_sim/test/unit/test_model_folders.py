@@ -1,0 +1,78 @@
+"""Where models and other files are found: the environment, what this package ships, and what packages export."""
+import pytest
+
+from m2wr_sim.model.model_folders import ModelFolders, exported_paths, standard_folders
+from m2wr_sim.model.safe_xml import XmlError
+
+EXPORT = '<package format="2"><name>{0}</name><export><gazebo_ros {1}="{2}"/></export></package>'
+
+
+@pytest.fixture
+def places(tmp_path):
+    """Return a function that makes folders with a model or file in them and gives their paths."""
+    def make(place, *names):
+        for name in names:
+            path = tmp_path / place / name
+            if "." in name:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text("file")
+            else:
+                path.mkdir(parents=True)
+                (path / "model.sdf").write_text("<sdf/>")
+        return str(tmp_path / place)
+    return make
+
+
+@pytest.fixture
+def package(tmp_path):
+    """Return a function that makes a package which exports a path; returns its folder."""
+    def make(name, attribute, value):
+        (tmp_path / name).mkdir(exist_ok=True)
+        (tmp_path / name / "package.xml").write_text(EXPORT.format(name, attribute, value))
+        return str(tmp_path / name)
+    return make
+
+
+def test_the_order_is_home_environment_own_packages(places, package, monkeypatch):
+    home = places("home/.gazebo/models", "a", "b")
+    monkeypatch.setenv("HOME", home[:-len("/.gazebo/models")])
+    listed, own = places("listed", "a", "b", "c"), places("own", "b", "c", "d")
+    exported = places("pkg/models", "d", "e")
+    folders = standard_folders(own, {"GAZEBO_MODEL_PATH": ":/nowhere:%s:" % listed},
+                               lambda: [package("pkg", "gazebo_model_path", "${prefix}/models")])
+    found = {name: folders("model://" + name) for name in "abcdef"}
+    assert found == {"a": home + "/a/model.sdf", "b": home + "/b/model.sdf", "c": listed + "/c/model.sdf",
+                     "d": own + "/d/model.sdf", "e": exported + "/e/model.sdf", "f": None}
+
+
+def test_packages_are_asked_once_and_only_for_what_is_nowhere_else(places):
+    asked = []
+    folders = ModelFolders([places("own", "a")], packages=lambda: asked.append(1) or [])
+    assert folders("model://a") and not asked
+    assert folders("model://b") is None and folders("model://c") is None and asked == [1]
+
+
+def test_media_and_relative_paths_count_from_the_resources(places, package):
+    resources, exported = places("res", "media/a.dae"), places("pkg", "media/b.dae")
+    folders = ModelFolders([], [resources], lambda: [package("pkg", "gazebo_media_path", "${prefix}:/nowhere")])
+    assert folders("file://media/a.dae") == folders("media/a.dae") == resources + "/media/a.dae"
+    assert folders("file://media/b.dae") == exported + "/media/b.dae"
+    assert folders("file://%s/media/a.dae" % resources) == resources + "/media/a.dae"
+    assert folders("file://media/c.dae") is None and folders("https://example.com/media/a.dae") is None
+
+
+def test_exports_with_several_folders_and_files_that_export_nothing(package, tmp_path):
+    (tmp_path / "empty").mkdir()
+    broken = package("broken", "gazebo_model_path", "x")
+    (tmp_path / "broken" / "package.xml").write_text("<package gazebo_model_path=")
+    two = package("two", "gazebo_model_path", "${prefix}/models:${prefix}/../shared")
+    other = package("other", "plugin_path", "${prefix}/lib")
+    assert exported_paths([str(tmp_path / "empty"), broken, other, two], "gazebo_model_path") == [
+        two + "/models", str(tmp_path / "shared")]
+
+
+@pytest.mark.parametrize("uri", ["model://../../etc/passwd", "model://a/../../x", "file://media/../../x", "../x",
+                                 "file:///a/../etc/passwd"])
+def test_paths_that_leave_their_folder_are_refused(places, uri):
+    with pytest.raises(XmlError, match="leaves the model's folder"):
+        ModelFolders([places("own", "a")], [places("res", "media/a.dae")])(uri)
