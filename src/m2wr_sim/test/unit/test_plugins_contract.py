@@ -1,35 +1,51 @@
 """What every registered plugin must do: start, keep its rate, reset, let go, and name what it does not read."""
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from conftest import at
 from m2wr_sim.model.types import PluginSpec
 from m2wr_sim.plugins.base import Plugin, PluginReader
-from m2wr_sim.plugins.registry import PLUGINS, find_plugin
+from m2wr_sim.plugins.registry import LEFT_OUT, PLUGINS, find_plugin, why_left_out
+from m2wr_sim.runtime import simulator
 
 RATE = 20.0
-# what a plugin needs on m2wr to start, its topic there, and whether it belongs into a sensor
+HERE = ("updateRate", str(RATE))
+WHEELS = (("leftFrontJoint", "joint_left_wheel"), ("leftRearJoint", "joint_left_wheel"),
+          ("rightFrontJoint", "joint_right_wheel"), ("rightRearJoint", "joint_right_wheel"))
+BODY = (("bodyName", "link_chassis"), ("topicName", "/out"), HERE)
+# what a plugin needs on m2wr to start, its topic there, and the kind of sensor that it belongs into
 SUITABLE = {
     "libgazebo_ros_diff_drive.so": (
-        (("leftJoint", "joint_left_wheel"), ("rightJoint", "joint_right_wheel"), ("updateRate", str(RATE))),
-        "/odom", False),
-    "libgazebo_ros_laser.so": ((("topicName", "/scan"),), "/scan", True),
-    "libgazebo_ros_gpu_laser.so": ((("topicName", "/scan"),), "/scan", True),
-    "libgazebo_ros_joint_state_publisher.so": (
-        (("jointName", "joint_left_wheel"), ("updateRate", str(RATE))), "/joint_states", False),
+        (("leftJoint", "joint_left_wheel"), ("rightJoint", "joint_right_wheel"), HERE), "/odom", None),
+    "libgazebo_ros_laser.so": ((("topicName", "/scan"),), "/scan", "ray"),
+    "libgazebo_ros_gpu_laser.so": ((("topicName", "/scan"),), "/scan", "ray"),
+    "libgazebo_ros_joint_state_publisher.so": ((("jointName", "joint_left_wheel"), HERE), "/joint_states", None),
+    "libgazebo_ros_skid_steer_drive.so": (WHEELS + (HERE,), "/odom", None),
+    "libgazebo_ros_planar_move.so": ((("odometryRate", str(RATE)),), "/odom", None),
+    "libgazebo_ros_p3d.so": (BODY, "/out", None),
+    "libgazebo_ros_imu.so": (BODY, "/out", None),
+    "libgazebo_ros_imu_sensor.so": ((("frameName", "imu"), ("updateRateHZ", str(RATE))), "/imu_data", "imu"),
+    "libgazebo_ros_range.so": ((("topicName", "/range"),), "/range", "ray"),
+    "libgazebo_ros_bumper.so": ((), "/bumper_states", "contact"),
+    "libgazebo_ros_ft_sensor.so": ((("jointName", "joint_left_wheel"), ("topicName", "/out"), HERE), "/out", None),
 }
-ALL = sorted(PLUGINS)
+SILENT = {"libgazebo_ros_force.so"}                     # publishes nothing
+PERIODS_MS = {"libgazebo_ros_planar_move.so": 51.0}     # more than a period since it last did: 50 + 1, again and again
+ALL = sorted(set(PLUGINS) - SILENT)
 
 
 def robot_with(robot, library, extra=()):
     """Return m2wr with one plugin only."""
-    parameters, _, in_sensor = SUITABLE[library]
+    parameters, _, kind = SUITABLE[library]
     spec = PluginSpec("the plugin", library, parameters + extra, where="here")
     chassis = robot.links[0]
-    sensors = tuple(replace(sensor, plugins=(spec,) if in_sensor else ()) for sensor in chassis.sensors)
-    return replace(robot, plugins=() if in_sensor else (spec,),
-                   links=(replace(chassis, sensors=sensors),) + robot.links[1:])
+    sensor = replace(chassis.sensors[0], kind=kind or "ray", plugins=(spec,) if kind else (),
+                     contact_collisions=(chassis.collisions[0].name,) if kind == "contact" else ())
+    return replace(robot, plugins=() if kind else (spec,),
+                   links=(replace(chassis, sensors=(sensor,)),) + robot.links[1:])
 
 
 @pytest.fixture(params=ALL)
@@ -47,7 +63,7 @@ def make(make_rig, m2wr):
 
 
 def test_this_file_knows_every_plugin():
-    assert set(SUITABLE) == set(PLUGINS)
+    assert set(SUITABLE) | SILENT == set(PLUGINS)
 
 
 def test_the_registry_finds_it_under_all_its_names(library):
@@ -60,14 +76,33 @@ def test_the_registry_finds_it_under_all_its_names(library):
 
 @pytest.mark.parametrize("name", ["", "libgazebo_ros_unknown.so", ".so", "diff_drive"])
 def test_the_registry_knows_nothing_else(name):
-    assert find_plugin(name) is None
+    assert find_plugin(name) is None and why_left_out(name) == ""
+
+
+@pytest.mark.parametrize("name", ["libgazebo_ros_camera.so", "gazebo_ros_camera", "/lib/libgazebo_ros_depth_camera.so"])
+def test_what_is_left_out_on_purpose_has_a_reason(name):
+    assert "renderer" in why_left_out(name) and find_plugin(name) is None and not set(LEFT_OUT) & set(PLUGINS)
+
+
+def test_the_readme_tells_its_tags_and_their_defaults(make, library, monkeypatch):
+    readers = []
+    monkeypatch.setattr(simulator, "PluginReader", lambda spec: readers.append(PluginReader(spec)) or readers[-1])
+    make(library)
+    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+    row, = [line.split(" | ")[1] for line in readme.splitlines()
+            if line.startswith("| `lib") and "`%s`" % library in line.split(" | ")[0]]
+    told = dict(re.findall(r"`(\w+)`(?: = ([^,;|]+))?", row.split(", and ")[0]))
+    assert set(told) == readers[0].known() - {"robotNamespace", "alwaysOn", "rosDebugLevel"}
+    for tag, default in readers[0].defaults:
+        assert told[tag] in ("%g" % default if isinstance(default, float) else default, "the body"), tag
 
 
 def test_it_starts_and_keeps_its_rate(make, library, caplog):
     rig, topic = make(library)
     stamps = rig.run(3.0).stamps_ms(topic)
     assert len(rig.simulator.models["m2wr"].plugins) == 1
-    assert len(stamps) in (59, 60) and {b - a for a, b in zip(stamps, stamps[1:])} == {50.0}
+    period = PERIODS_MS.get(library, 50.0)
+    assert 0 <= 3000.0 / period - len(stamps) <= 1 and {b - a for a, b in zip(stamps, stamps[1:])} == {period}
     assert not [record for record in caplog.records if record.levelname in ("ERROR", "CRITICAL")]
 
 

@@ -1,7 +1,7 @@
 """When rate-limited work is due: Gazebo's rule for model plugins and its rule for sensors."""
 import pytest
 
-from m2wr_sim.runtime.schedule import SensorSchedule, StrictSchedule, period_of
+from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule, StrictSchedule, period_of
 
 MS = 1000000
 
@@ -106,3 +106,24 @@ def test_sensors_foretell_their_measurements(rate, step_ms):
         assert jumping.due(now_ns)
         jumps.append(now_ns // MS)
     assert jumps == ticks_of(every, step_ms, 600)
+
+
+@pytest.mark.parametrize("rate, strict, expected", [
+    (20.0, False, [50, 100, 150]), (20.0, True, [51, 102, 153]), (30.0, False, [34, 68, 102]), (0.0, False, [1, 2, 3])])
+def test_a_gap_counts_from_the_last_tick(rate, strict, expected):
+    schedule, ticks, now_ns = GapSchedule(rate, 0, strict), [], 0
+    while len(ticks) < 3:
+        now_ns += 1000000
+        due_ns = schedule.next_due(1000000)
+        if schedule.due(now_ns):
+            ticks.append(now_ns // 1000000)
+            assert due_ns == now_ns
+    assert ticks == expected
+
+
+def test_a_gap_that_nobody_asked_for_long_is_due_at_once_and_never_twice():
+    schedule = GapSchedule(20.0, 0)
+    assert schedule.next_due(1000000) < 900000000 and schedule.elapsed(900000000) == 900000000
+    assert schedule.due(900000000) and not schedule.due(900000000)
+    schedule.restart(0)
+    assert schedule.next_due(1000000) == 50000000

@@ -85,6 +85,21 @@ class PluginReader:
                               % (self.spec.where, tag, text, "" if minimum is None else " of at least %g" % minimum))
         return value
 
+    def pass_over(self, *tags):
+        """Note tags as known although they have no effect, in Gazebo neither."""
+        self._read.update(tags)
+
+    def vector(self, tag):
+        """Return three finite numbers; zeros where the tag is missing."""
+        text = self.text(tag, "0 0 0")
+        try:
+            values = tuple(float(word) for word in text.split())
+        except ValueError:
+            values = ()
+        if len(values) != 3 or not all(abs(value) < float("inf") for value in values):
+            raise PluginError("%s: <%s> holds \"%s\"; expected three finite numbers" % (self.spec.where, tag, text))
+        return values
+
     def flag(self, tag, default):
         """Return a boolean (true, false, 1, 0 in any case); anything else keeps the default, as in Gazebo."""
         text = self.text(tag, "true" if default else "false").strip()
@@ -102,6 +117,10 @@ class PluginReader:
                                  % (tag, ", ".join(values), text, default))
         return text if text in values else default
 
+    def known(self):
+        """Return the tags that have been asked for or passed over."""
+        return frozenset(self._read)
+
     def unread(self):
         """Return the tags nobody has asked for, in document order, without repeats."""
         seen = []
@@ -117,6 +136,7 @@ class PluginContext(abc.ABC):
     model_name = ""
     sensor = None               # Sensor record, for sensor plugins
     sensor_link = None          # engine's number of the link that carries the sensor
+    sensor_collisions = ()      # names of that link's collisions, without model and link
     step_ns = 0
     now_ns = 0                  # simulated time at configuration
     physics = None              # Engine
@@ -150,6 +170,21 @@ class PluginContext(abc.ABC):
         """Return ``(position, orientation)`` of a link relative to the model's own frame, now."""
 
     @abc.abstractmethod
+    def link_record(self, name):
+        """Return the :class:`~m2wr_sim.model.types.Link` of that name."""
+
+    @abc.abstractmethod
+    def collision_name(self, name):
+        """Return the ``model::link::collision`` name of a collision of the sensor's link."""
+
+    @abc.abstractmethod
+    def set_motion(self, linear, angular):
+        """Set the velocity of the whole model: that of its frame's origin, and the angular one, in the world frame.
+
+        Every link gets the velocity it has in that motion; what turns or rolls in a joint goes on doing so.
+        """
+
+    @abc.abstractmethod
     def refresh_scene(self):
         """Bring the poses of all moving obstacles in ``scene`` up to date."""
 
@@ -172,6 +207,10 @@ class PluginContext(abc.ABC):
     @abc.abstractmethod
     def subscribe(self, topic, message_class, callback, namespace=None):
         """Deliver messages to ``callback`` at step boundaries, in the simulation's own thread."""
+
+    @abc.abstractmethod
+    def serve(self, name, service_class, handler, namespace=None):
+        """Offer a service; ``handler(request)`` returns the response, in the simulation's own thread."""
 
     @abc.abstractmethod
     def send_transform(self, stamp, parent, child, position, orientation):

@@ -49,6 +49,8 @@ class DiffDrive(Plugin):
         odometry_topic, self._odometry, self._states = spec.text("odometryTopic", "odom"), None, None
         if self._publish_odometry:
             self._odometry = ctx.advertise(odometry_topic, Odometry, namespace=namespace)
+            self._message = Odometry(child_frame_id=self._child_frame)
+            self._message.header.frame_id, self._message.pose.covariance = self._frame, _POSE_COVARIANCE
         if publish_wheel_states:
             self._states = ctx.advertise("joint_states", JointState, namespace=namespace)
         for joint in (self._left, self._right):
@@ -146,13 +148,12 @@ class DiffDrive(Plugin):
                                        angular[2])
 
     def _send_odometry(self, stamp):
-        message = Odometry()
-        message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, self._frame, self._child_frame
+        message = self._message
+        message.header.stamp = stamp
         pose, twist = message.pose.pose, message.twist.twist
         position, orientation, (twist.linear.x, twist.linear.y, twist.angular.z) = self.measure()
         pose.position.x, pose.position.y, pose.position.z = position
         pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
-        message.pose.covariance = _POSE_COVARIANCE
         if self._publish_tf:
             self._ctx.send_transform(stamp, self._frame, self._child_frame, position, orientation)
         self._odometry.publish(message)

@@ -15,7 +15,7 @@ class JointStatePublisher(Plugin):
         self._schedule = StrictSchedule(spec.number("updateRate", 100.0), ctx.now_ns)
         namespace = spec.spec.find("robotNamespace") or ctx.model_name
         self._port = ctx.advertise("joint_states", JointState, queue_size=1000, namespace=namespace)
-        self._awake = False
+        self._message, self._awake = JointState(name=self._names), False
 
     def next_before(self, now_ns):
         if not self._port.wanted():
@@ -30,7 +30,7 @@ class JointStatePublisher(Plugin):
         if not self._awake or not self._schedule.due(now_ns):
             return
         physics = self._ctx.physics
-        message = JointState(name=self._names)
+        message = self._message
         message.header.stamp = self._ctx.moment(now_ns)
         message.position = [physics.joint_angle(joint) for joint in self._joints]
         message.velocity = [physics.joint_rate(joint) for joint in self._joints]

@@ -6,18 +6,48 @@ PLUGINS = {
     "libgazebo_ros_laser.so": "m2wr_sim.plugins.laser:Laser",
     "libgazebo_ros_gpu_laser.so": "m2wr_sim.plugins.laser:Laser",
     "libgazebo_ros_joint_state_publisher.so": "m2wr_sim.plugins.joint_state:JointStatePublisher",
+    "libgazebo_ros_skid_steer_drive.so": "m2wr_sim.plugins.skid_steer:SkidSteer",
+    "libgazebo_ros_planar_move.so": "m2wr_sim.plugins.planar_move:PlanarMove",
+    "libgazebo_ros_p3d.so": "m2wr_sim.plugins.p3d:GroundTruth",
+    "libgazebo_ros_imu.so": "m2wr_sim.plugins.imu:BodyImu",
+    "libgazebo_ros_imu_sensor.so": "m2wr_sim.plugins.imu_sensor:SensorImu",
+    "libgazebo_ros_range.so": "m2wr_sim.plugins.range:RangeFinder",
+    "libgazebo_ros_bumper.so": "m2wr_sim.plugins.bumper:Bumper",
+    "libgazebo_ros_force.so": "m2wr_sim.plugins.force:Force",
+    "libgazebo_ros_ft_sensor.so": "m2wr_sim.plugins.ft_sensor:JointWrench",
+}
+
+_NO_IMAGES = "images need a renderer, which this simulation does not have"
+LEFT_OUT = {
+    "libgazebo_ros_camera.so": _NO_IMAGES,
+    "libgazebo_ros_depth_camera.so": _NO_IMAGES,
+    "libgazebo_ros_openni_kinect.so": _NO_IMAGES,
+    "libgazebo_ros_multicamera.so": _NO_IMAGES,
+    "libgazebo_ros_triggered_camera.so": _NO_IMAGES,
+    "libgazebo_ros_prosilica.so": _NO_IMAGES,
+    "libgazebo_ros_control.so": "the controllers of ros_control are libraries loaded into Gazebo's own process",
 }
 
 
 def find_plugin(filename):
     """Return the plugin class for a library's file name (``lib`` and ``.so`` may be missing), or None."""
+    target = PLUGINS.get(_library(filename))
+    if target is None:
+        return None
+    module, _, attribute = target.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def why_left_out(filename):
+    """Return why a library has no plugin here, or an empty text where it is not one of those known to be left out."""
+    return LEFT_OUT.get(_library(filename), "")
+
+
+def _library(filename):
+    """Return a library's full name, whatever folder, ``lib`` or ``.so`` is there or missing."""
     name = filename.strip().rsplit("/", 1)[-1]
     if not name.endswith(".so"):
         name += ".so"
     if not name.startswith("lib"):
         name = "lib" + name
-    target = PLUGINS.get(name)
-    if target is None:
-        return None
-    module, _, attribute = target.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    return name

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 
 from m2wr_sim.errors import PluginError
-from m2wr_sim.geometry import compose, invert
+from m2wr_sim.geometry import compose, cross, invert
 from m2wr_sim.plugins.base import PluginContext
 
 
@@ -18,11 +18,18 @@ class ModelContext(PluginContext):
         self._open = []
         self.model_name, self.sensor = model.name, sensor
         self.sensor_link = None if sensor_link is None else model.handle.links[sensor_link]
-        self.step_ns, self.now_ns = simulator.step_ns, simulator.now_ns
+        self._sensor_link_name = sensor_link
+        if sensor_link is not None:
+            self.sensor_collisions = tuple(shape.name for shape in self.link_record(sensor_link).collisions)
+        self.now_ns, self.measurements = simulator.now_ns, 0    # how often a ray sensor has measured
         self.physics, self.scene = simulator.engine, simulator.scene
         self.log = logging.getLogger("m2wr_sim.plugins")
         self.wheel_convention = simulator.config.wheel_convention_of(model.name)
         self.command_timeout_ns = simulator.config.command_timeout_ns
+
+    @property
+    def step_ns(self):
+        return self._simulator.step_ns
 
     def link(self, name):
         return self._number(self._model.handle.links, "link", name)
@@ -31,6 +38,13 @@ class ModelContext(PluginContext):
         return self._number(self._model.handle.joints, "joint", name)
 
     def _number(self, table, kind, name):
+        if name.startswith(self.model_name + "::"):
+            name = name[len(self.model_name) + 2:]
+        for lumped, carrier, _ in self._model.record.lumped:
+            if kind == "link" and name == lumped:
+                raise PluginError("%s: link \"%s\" was merged into \"%s\" over a fixed joint, as Gazebo does; name "
+                                  "that one, or keep the link with <preserveFixedJoint> on the joint"
+                                  % (self._spec.where, name, carrier))
         if name not in table:
             raise PluginError("%s: \"%s\" is no %s of %s (it has %s)"
                               % (self._spec.where, name, kind, self.model_name, ", ".join(sorted(table)) or "none"))
@@ -51,7 +65,27 @@ class ModelContext(PluginContext):
     def pose_in_model(self, link):
         return compose(invert(self._model.pose(self.physics)), self.physics.link_pose(link))
 
+    def link_record(self, name):
+        self.link(name)
+        return next(link for link in self._model.record.links if link.name == name)
+
+    def collision_name(self, name):
+        return "%s::%s::%s" % (self.model_name, self._sensor_link_name, name)
+
+    def set_motion(self, linear, angular):
+        engine, links = self.physics, self._model.handle.links
+        origin = self._model.pose(engine)[0]
+        turning = engine.link_state(self._model.root).angular_velocity
+        for record in self._model.record.links:
+            state = engine.link_state(links[record.name])
+            centre = compose((state.position, state.orientation), record.inertial.pose)[0]
+            carried = cross(angular, tuple(a - b for a, b in zip(centre, origin)))
+            engine.set_link_velocity(
+                links[record.name], tuple(a + b for a, b in zip(linear, carried)),
+                tuple(a + b - c for a, b, c in zip(angular, state.angular_velocity, turning)))
+
     def refresh_scene(self):
+        self.measurements += 1
         self._simulator.refresh_scene()
 
     def rng(self, name):
@@ -71,6 +105,9 @@ class ModelContext(PluginContext):
 
     def subscribe(self, topic, message_class, callback, namespace=None):
         self._open.append(self._ports.subscribe(topic, message_class, callback, namespace or ""))
+
+    def serve(self, name, service_class, handler, namespace=None):
+        self._open.append(self._ports.serve(name, service_class, handler, namespace or ""))
 
     def send_transform(self, stamp, parent, child, position, orientation):
         self._ports.transform(stamp, parent, child, position, orientation)

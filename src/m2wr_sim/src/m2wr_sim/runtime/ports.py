@@ -14,6 +14,10 @@ class Ports(abc.ABC):
         """Arrange for ``callback`` to get the newest message in :meth:`deliver`; returns an object with ``close()``."""
 
     @abc.abstractmethod
+    def serve(self, name, service_class, handler, namespace):
+        """Offer a service; ``handler(request)`` runs in the simulation's thread.  Returns what has a ``close()``."""
+
+    @abc.abstractmethod
     def deliver(self):
         """Hand every newest message that has come since the last call to its callback."""
 
@@ -54,7 +58,7 @@ class LocalPort:
 
 
 class LocalSubscription:
-    """The receiving end of a topic without a network."""
+    """The receiving end of a topic without a network, or the answering end of a service."""
 
     def __init__(self, callback):
         self.callback, self.open, self.newest = callback, True, None
@@ -72,6 +76,7 @@ class LocalPorts(Ports):
 
     def __init__(self, copy=None):
         self.topics, self.subscriptions, self.transforms, self.clock_ns = {}, {}, [], []
+        self.services = {}
         self._copy = copy
 
     @staticmethod
@@ -92,6 +97,11 @@ class LocalPorts(Ports):
         subscription = LocalSubscription(callback)
         self.subscriptions[self.resolve(topic, namespace)] = subscription
         return subscription
+
+    def serve(self, name, service_class, handler, namespace):
+        service = LocalSubscription(handler)
+        self.services[self.resolve(name, namespace)] = service
+        return service
 
     def send(self, topic, message):
         """Let a message arrive on a topic; it is delivered at the next step boundary."""

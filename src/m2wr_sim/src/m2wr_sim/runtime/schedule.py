@@ -1,9 +1,24 @@
-"""When rate-limited work is due, in whole nanoseconds of simulated time, by Gazebo's two different rules."""
+"""When rate-limited work is due, in whole nanoseconds of simulated time, by Gazebo's different rules."""
 
 
 def period_of(rate_hz):
     """Return the period [ns] of a rate; zero or negative rates mean every step and give 0."""
     return int(round(1e9 / rate_hz)) if rate_hz > 0.0 else 0
+
+
+def misfit(rate_hz, step_ns):
+    """Tell how a rate that does not fit into whole steps is kept; None where it fits.
+
+    Work can be due only when a step ends: the interval is now the one, now the other number of steps, as in Gazebo.
+    """
+    period_ns = period_of(rate_hz)
+    if not period_ns or period_ns % step_ns == 0:
+        return None
+    if period_ns < step_ns:
+        return "%g Hz is more often than there are steps of %g ms: once a step" % (rate_hz, step_ns * 1e-6)
+    steps = period_ns // step_ns
+    return ("%g Hz does not fit into steps of %g ms: intervals are %g or %g ms"
+            % (rate_hz, step_ns * 1e-6, steps * step_ns * 1e-6, (steps + 1) * step_ns * 1e-6))
 
 
 class StrictSchedule:
@@ -29,6 +44,39 @@ class StrictSchedule:
         if now_ns - self._last_ns <= self.period_ns:
             return False
         self._last_ns += self.period_ns if self.period_ns else now_ns - self._last_ns
+        return True
+
+    def restart(self, now_ns):
+        """Count from now on, as after a reset."""
+        self._last_ns = now_ns
+
+
+class GapSchedule:
+    """The rule of plugins that count each period from when they last acted, so that lateness adds up.
+
+    Due when at least a period has passed since then or, if ``strict``, when more than that has: at 20 Hz and 1 ms steps
+    50, 100, 150 ms after the start, or 51, 102, 153 ms.
+    """
+
+    def __init__(self, rate_hz, start_ns, strict=False):
+        self.period_ns = period_of(rate_hz)
+        self._last_ns, self._strict = start_ns, strict
+
+    def next_due(self, step_ns):
+        """Return the time [ns] of the first step at which this is due; in the past where nobody asked for long."""
+        wanted = max(self._last_ns + self.period_ns + bool(self._strict), self._last_ns + 1)
+        return -(-wanted // step_ns) * step_ns
+
+    def elapsed(self, now_ns):
+        """Return the time [ns] since it last acted."""
+        return now_ns - self._last_ns
+
+    def due(self, now_ns):
+        """Tell whether it is due now, and if so begin the next period."""
+        passed_ns = now_ns - self._last_ns
+        if passed_ns <= 0 or passed_ns < self.period_ns or (self._strict and passed_ns == self.period_ns):
+            return False
+        self._last_ns = now_ns
         return True
 
     def restart(self, now_ns):

@@ -1,0 +1,70 @@
+"""libgazebo_ros_planar_move.so: a model that moves in the plane as it is told, wheels or not; odometry, tf."""
+import math
+
+from nav_msgs.msg import Odometry
+
+from m2wr_sim.control.planar import twist_between, world_velocity
+from m2wr_sim.geometry import yaw_of
+from m2wr_sim.plugins.base import Plugin
+from m2wr_sim.plugins.velocity_command import VelocityCommand
+from m2wr_sim.runtime.schedule import GapSchedule
+
+_COVARIANCE = [0.0] * 36
+_COVARIANCE[::7] = [1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3]
+
+
+class PlanarMove(Plugin):
+    """Sets the velocity of the model before every step; between that and the next step the solver has its say."""
+
+    def configure(self, spec, ctx):
+        self._ctx = ctx
+        namespace = spec.spec.find("robotNamespace") or ""
+        self._frame = ctx.frame(spec.text("odometryFrame", "odom"), namespace)
+        self._child_frame = ctx.frame(spec.text("robotBaseFrame", "base_footprint"), namespace)
+        rate = spec.number("odometryRate", 20.0)
+        self._schedule = GapSchedule(rate, ctx.now_ns, strict=True) if rate > 0.0 else None
+        timeout_ns = int(1e9 * spec.number("cmdTimeout", -1.0))
+        self._command = VelocityCommand(ctx, spec.text("commandTopic", "cmd_vel"), namespace,
+                                        max(timeout_ns, 1) if timeout_ns >= 0 else ctx.command_timeout_ns)
+        self._port = ctx.advertise(spec.text("odometryTopic", "odom"), Odometry, namespace=namespace)
+        self._last = self._planar(ctx.model_state())
+
+    @staticmethod
+    def _planar(state):
+        return state.position[0], state.position[1], yaw_of(state.orientation)
+
+    def next_before(self, now_ns):
+        self._command.look(now_ns)
+        return now_ns + self._ctx.step_ns
+
+    def before_step(self, now_ns):
+        state = self._ctx.model_state()
+        forward, left, turn = self._command.at(now_ns)
+        x, y = world_velocity(yaw_of(state.orientation), forward, left)
+        self._ctx.set_motion((x, y, 0.0), (0.0, 0.0, turn))
+        if self._schedule is not None:
+            elapsed = self._schedule.elapsed(now_ns) * 1e-9
+            if self._schedule.due(now_ns):
+                self._send_odometry(self._ctx.moment(now_ns), state, elapsed, turn)
+
+    def _send_odometry(self, stamp, state, elapsed, turn):
+        now = self._planar(state)
+        twist = twist_between(self._last, now, elapsed)
+        if turn > math.pi / elapsed:                            # more than half a turn between two messages
+            twist = (twist[0], twist[1], turn)
+        self._last = now
+        message = Odometry()
+        message.header.stamp, message.header.frame_id, message.child_frame_id = stamp, self._frame, self._child_frame
+        pose = message.pose.pose
+        pose.position.x, pose.position.y = state.position[:2]   # z stays 0, as in Gazebo
+        pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = state.orientation
+        message.twist.twist.linear.x, message.twist.twist.linear.y, message.twist.twist.angular.z = twist
+        message.pose.covariance = _COVARIANCE
+        self._ctx.send_transform(stamp, self._frame, self._child_frame, state.position, state.orientation)
+        self._port.publish(message)
+
+    def reset(self, now_ns, rewound):
+        self._command.reset(now_ns)
+        self._last = self._planar(self._ctx.model_state())
+        if self._schedule is not None:
+            self._schedule.restart(now_ns)

@@ -1,0 +1,73 @@
+"""libgazebo_ros_range.so: the nearest hit of a ray sensor's cone as sensor_msgs/Range."""
+import math
+from dataclasses import replace
+
+from sensor_msgs.msg import Range
+
+from m2wr_sim.errors import PluginError
+from m2wr_sim.geometry import compose
+from m2wr_sim.model.types import Noise
+from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule
+from m2wr_sim.sensors.laser import LaserSensor
+
+
+class RangeFinder(Plugin):
+    """Casts rays only while somebody listens; the plugin's own noise counts, the sensor's does not, as in Gazebo."""
+
+    def configure(self, spec, ctx):
+        if ctx.sensor is None or ctx.sensor.ray is None:
+            raise PluginError("%s: a range plugin belongs into a <sensor type=\"ray\"> with a <ray> element"
+                              % spec.spec.where)
+        self._ctx = ctx
+        namespace = spec.spec.find("robotNamespace") or ""
+        named = spec.text("topicName", "/range")
+        topic = "" if spec.spec.find("topicName") == "" else named     # an empty element means no topic at all
+        self._message = Range(field_of_view=spec.number("fov", 0.05))
+        ultrasound = spec.text("radiation", "ultrasound") == "ultrasound"
+        self._message.radiation_type = Range.ULTRASOUND if ultrasound else Range.INFRARED
+        self._message.header.frame_id = ctx.frame(spec.text("frameName", "/world"), namespace)
+        self._sigma = spec.number("gaussianNoise", 0.0, minimum=0.0)
+        self._rng = ctx.rng("noise")
+        self._sensed = SensorSchedule(ctx.sensor.update_rate)
+        self._sent = GapSchedule(spec.number("updateRate", 0.0), ctx.now_ns)
+        try:
+            rays = replace(ctx.sensor.ray, noise=Noise(), resolution=1.0, vertical_resolution=1.0)
+            self._rays = LaserSensor(rays, ctx.rng("no noise"))
+        except ValueError as error:
+            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
+        self._message.min_range, self._message.max_range = self._rays.range_min, self._rays.range_max
+        self._port = ctx.advertise(topic, Range, namespace=namespace) if topic else None
+        self._awake = False
+
+    def next_after(self, now_ns):
+        if self._port is None or not self._port.wanted():
+            self._awake = False
+            return NEVER
+        if not self._awake:
+            self._awake = True
+            self._sensed.restart()
+        step_ns = self._ctx.step_ns
+        if not self._sensed.period_ns:
+            return max(now_ns + step_ns, self._sent.next_due(step_ns))
+        return self._sensed.next_due(now_ns, step_ns)
+
+    def after_step(self, now_ns):
+        if not self._awake or not self._sensed.due(now_ns) or not self._sent.due(now_ns):
+            return
+        pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
+        self._ctx.refresh_scene()
+        nearest = float(self._rays.cast(self._ctx.scene, pose)[0].min())
+        farthest = self._rays.range_max
+        if math.isinf(nearest):
+            nearest = farthest
+        elif self._sigma:
+            nearest = min(farthest, nearest + self._sigma * float(self._rng.standard_normal()))
+        self._message.header.stamp, self._message.range = self._ctx.moment(now_ns), nearest
+        self._port.publish(self._message)
+
+    def reset(self, now_ns, rewound):
+        self._sent.restart(now_ns)
+        if rewound:
+            self._sensed.restart()
+            self._rng = self._ctx.rng("noise")

@@ -1,0 +1,149 @@
+"""The planar move plugin: velocity by decree, odometry by differences, tf, time-out, refusals."""
+import math
+from dataclasses import replace
+
+import pytest
+from geometry_msgs.msg import Twist
+
+from conftest import at, box
+from m2wr_sim.control.planar import twist_between, world_velocity
+from m2wr_sim.geometry import yaw_of
+from m2wr_sim.model.types import PluginSpec, Surface
+
+
+def twist(x=0.0, y=0.0, turn=0.0):
+    message = Twist()
+    message.linear.x, message.linear.y, message.angular.z = x, y, turn
+    return message
+
+
+@pytest.fixture
+def make(make_rig):
+    """Return a function that makes a rig with a slippery puck that moves as it is told."""
+    def make_with(pose=at(z=0.25), namespace=None, tags=(), **options):
+        rig = make_rig(joint_states=False, **options)
+        spec = PluginSpec("move", "libgazebo_ros_planar_move.so", tuple(dict(tags).items()),
+                          where="puck: plugin \"move\"")
+        puck = box("puck", 0, 0, 0, static=False, mass=2.0, surface=Surface(mu=0.0, mu2=0.0))
+        rig.simulator.spawn(replace(puck, plugins=(spec,)), pose, namespace=namespace)
+        return rig
+    return make_with
+
+
+@pytest.mark.parametrize("command, expected", [((0.5, 0.0), (0.0, 0.5)), ((0.0, 0.5), (-0.5, 0.0)),
+                                               ((0.3, -0.4), (0.4, 0.3))])
+def test_it_moves_along_its_own_axes(make, command, expected):
+    rig = make(at(z=0.25, yaw=0.5 * math.pi))
+    rig.ports.send("/cmd_vel", twist(*command))
+    position, turn = rig.run(2.0).pose("puck")
+    assert position[:2] == pytest.approx([2.0 * value for value in expected], abs=2e-3)
+    assert yaw_of(turn) == pytest.approx(0.5 * math.pi, abs=1e-3)
+
+
+def test_it_follows_a_circle(make):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(0.5, 0.0, 1.0))
+    position, turn = rig.run(2.0).pose("puck")
+    assert yaw_of(turn) == pytest.approx(2.0, abs=0.005)
+    assert position[:2] == pytest.approx((0.5 * math.sin(2.0), 0.5 * (1.0 - math.cos(2.0))), abs=0.005)
+
+
+def test_it_moves_from_the_first_step_and_stops_with_the_command(make):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(1.0))
+    assert rig.run(0.001).pose("puck")[0][0] == pytest.approx(0.001, rel=1e-6)
+    rig.ports.send("/cmd_vel", twist())
+    before = rig.run(0.001).pose("puck")[0][0]
+    assert rig.run(1.0).pose("puck")[0][0] == pytest.approx(before, abs=1e-9)
+
+
+def test_odometry(make):
+    rig = make(at(1.0, 2.0, 0.25, 0.5))
+    rig.ports.send("/cmd_vel", twist(0.5, 0.2, 0.3))
+    rig.run(1.0)
+    message = rig.messages("/odom")[-1]
+    assert rig.stamps_ms("/odom")[:3] == [51, 102, 153]
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_footprint")
+    speed = message.twist.twist
+    assert (speed.linear.x, speed.linear.y, speed.angular.z) == pytest.approx((0.5, 0.2, 0.3), abs=0.01)
+    assert message.pose.pose.position.z == 0.0
+    assert [message.pose.covariance[index] for index in range(0, 36, 7)] == [1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3]
+    assert not any(message.twist.covariance)
+    stamp, parent, child, position, _ = rig.ports.transforms[-1]
+    assert (stamp, parent, child) == (message.header.stamp, "odom", "base_footprint")
+    assert position[2] == pytest.approx(0.25, abs=1e-3)
+
+
+def test_faster_than_half_a_turn_a_message_the_command_is_believed(make):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(turn=100.0))
+    assert rig.run(0.5).messages("/odom")[-1].twist.twist.angular.z == 100.0
+
+
+def test_without_a_rate_there_is_no_odometry_but_motion(make):
+    rig = make(tags={"odometryRate": "0"})
+    rig.ports.send("/cmd_vel", twist(0.5))
+    assert rig.run(1.0).messages("/odom") == [] and rig.pose("puck")[0][0] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("tags, options", [({"cmdTimeout": "0.2"}, {}), ({}, {"command_timeout_ns": 200000000})])
+def test_a_command_may_time_out(make, tags, options):
+    rig = make(tags=tags, **options)
+    rig.ports.send("/cmd_vel", twist(1.0))
+    assert rig.run(2.0).pose("puck")[0][0] == pytest.approx(0.2, abs=0.002)
+
+
+def test_it_holds_for_ever_by_default(make):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(1.0))
+    assert rig.run(3.0).pose("puck")[0][0] == pytest.approx(3.0, abs=0.002)
+
+
+def test_a_command_that_is_not_finite_is_refused(make, caplog):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(1.0))
+    rig.run(1.0)
+    rig.ports.send("/cmd_vel", twist(y=math.nan))
+    assert rig.run(1.0).pose("puck")[0][0] == pytest.approx(2.0, abs=0.002) and "is refused" in caplog.text
+
+
+def test_a_reset_forgets_the_command_and_starts_the_odometry_anew(make):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(1.0))
+    rig.run(1.0)
+    rig.simulator.reset_world()
+    rig.run(0.06)
+    message = rig.messages("/odom")[-1]
+    assert message.pose.pose.position.x == message.twist.twist.linear.x == pytest.approx(0.0, abs=1e-6)
+
+
+def test_names_follow_the_tags(make):
+    rig = make(namespace="/bot", tags={"commandTopic": "go", "odometryTopic": "where", "odometryFrame": "map",
+                                       "robotBaseFrame": "puck"}).run(0.1)
+    assert "/bot/go" in rig.ports.subscriptions
+    message = rig.messages("/bot/where")[-1]
+    assert (message.header.frame_id, message.child_frame_id) == ("map", "puck")
+
+
+def test_what_rolls_in_a_joint_goes_on_rolling(make_rig, m2wr):
+    rig = make_rig(joint_states=False)
+    spec = PluginSpec("move", "libgazebo_ros_planar_move.so", (), where="x")
+    rig.simulator.spawn(replace(m2wr, plugins=(spec,)), at(z=0.1))
+    rig.ports.send("/cmd_vel", twist(0.5))
+    rig.run(2.0)
+    assert rig.rate("joint_left_wheel") == pytest.approx(5.0, rel=0.02)
+    assert rig.pose()[0][0] == pytest.approx(1.0, rel=0.02)
+
+
+# -- the arithmetic -----------------------------------------------------------------------------------------------
+
+def test_world_velocity_and_twist_are_each_others_inverse():
+    before, elapsed = (1.0, 2.0, 3.1), 0.01
+    x, y = world_velocity(before[2], 0.4, -0.3)
+    after = (before[0] + elapsed * x, before[1] + elapsed * y, before[2])
+    assert twist_between(before, after, elapsed) == pytest.approx((0.4, -0.3, 0.0))
+
+
+@pytest.mark.parametrize("before, after, turned", [(3.0, -3.0, 0.2832), (-3.0, 3.0, -0.2832), (0.1, 0.3, 0.2)])
+def test_of_two_ways_to_turn_the_shorter_one_is_taken(before, after, turned):
+    assert twist_between((0, 0, before), (0, 0, after), 1.0)[2] == pytest.approx(turned, abs=1e-4)
