@@ -1,0 +1,138 @@
+"""A rospy controller in lockstep: subscribes, publishes and takes its turns when the simulator asks for them."""
+import threading
+import warnings
+
+import rospy
+from rospy.impl import simtime
+from rospy.rostime import _set_rostime, wallsleep
+
+from m2wr_lockstep.srv import Turn, TurnResponse
+from m2wr_lockstep.turns import Inputs, Outputs, TurnError
+
+SERVICE = "lockstep_turn"
+#: Wall seconds to wait for messages that the simulator says it has sent.
+PATIENCE = 5.0
+#: Wall seconds that the last answer gets to leave before the node ends.
+FAREWELL = 0.2
+
+
+def _stamp_of(message, default):
+    """Return the stamp of a message [ns]; ``default`` for one without a header."""
+    header = getattr(message, "header", None)
+    return default if header is None else header.stamp.to_nsec()
+
+
+class Output:
+    """A publisher that counts, and has handed its message to the network when :meth:`publish` returns."""
+
+    def __init__(self, outputs, topic, message_class, latch):
+        with warnings.catch_warnings():
+            # without a queue rospy publishes in the caller's thread; it warns of that, but here it is what is wanted
+            warnings.simplefilter("ignore", SyntaxWarning)
+            self._publisher = rospy.Publisher(topic, message_class, latch=latch, tcp_nodelay=True, queue_size=None)
+        self._outputs, self._topic = outputs, self._publisher.resolved_name
+
+    def publish(self, message):
+        """Publish a message."""
+        self._outputs.count(self._topic)
+        self._publisher.publish(message)
+
+    def get_num_connections(self):
+        """Return the number of subscribers."""
+        return self._publisher.get_num_connections()
+
+
+class Controller:
+    """One controller of a node; make it after ``rospy.init_node`` and before anything else of the node.
+
+    The node's ROS time is the time of its newest turn from here on (zero before the first); it does not follow /clock,
+    and nothing may wait for time to pass.
+    """
+
+    def __init__(self):
+        self._inputs, self._outputs = Inputs(), Outputs()
+        self._turn = self._time_reset = None
+        self._last = None
+        self._code, self._error, self._ended = None, None, threading.Event()
+        self.note = ""
+        clock = getattr(simtime, "_clock_sub", None)
+        if clock is not None:
+            clock.unregister()
+            simtime._clock_sub = None
+        _set_rostime(rospy.Time(0))
+
+    def subscribe(self, topic, message_class, callback):
+        """Hand the messages of a topic to ``callback`` at the beginning of each turn."""
+        resolved = rospy.resolve_name(topic)
+        self._inputs.add(resolved, callback)
+        rospy.Subscriber(topic, message_class, lambda message: self._inputs.receive(resolved, message),
+                         queue_size=None, tcp_nodelay=True)
+
+    def publisher(self, topic, message_class, queue_size=None, latch=False):
+        """Return a publisher; ``queue_size`` is not used, as messages leave at once."""
+        return Output(self._outputs, topic, message_class, latch)
+
+    def spin(self, turn, time_reset=None):
+        """Announce the controller and take turns until ``turn`` returns an exit code or ROS shuts down.
+
+        Parameters
+        ----------
+        turn : callable
+            ``turn(now)`` with the simulated time [s].  It returns None, or an exit code when the run is over: simulated
+            time then stands still.
+        time_reset : callable, optional
+            Called before a turn whose time is earlier than that of the turn before.
+
+        Returns
+        -------
+        int
+            The exit code; 0 after a shutdown.
+        """
+        self._turn, self._time_reset = turn, time_reset
+        service = rospy.Service("~" + SERVICE, Turn, self._serve)
+        rospy.on_shutdown(self._ended.set)
+        self._ended.wait()
+        if self._error is not None:
+            raise self._error
+        if self._code is not None:
+            wallsleep(FAREWELL)         # rospy does not tell when the last answer has left
+        service.shutdown("the node ends")
+        return self._code or 0
+
+    def _serve(self, request):
+        """Take one turn; an error goes to the simulator, and to who spins."""
+        if self._ended.is_set():
+            raise rospy.ServiceException("%s has ended" % rospy.get_name())
+        try:
+            return self._take(request)
+        except TurnError as error:
+            raise rospy.ServiceException(str(error))
+        except Exception as error:
+            self._error = error
+            self._ended.set()
+            raise
+
+    def _take(self, request):
+        self._outputs.begin()
+        now_ns, since_ns = request.stamp.to_nsec(), request.since.to_nsec()
+        _set_rostime(rospy.Time(request.stamp.secs, request.stamp.nsecs))
+        rewound = self._last is not None and now_ns < self._last
+        if rewound:
+            rospy.logwarn("%s: time jumped back from %.3f s to %.3f s; starting anew", rospy.get_name(),
+                          self._last * 1e-9, now_ns * 1e-9)
+            if self._time_reset is not None:
+                self._time_reset()
+        self._last = now_ns
+        self._inputs.take(dict(zip(request.topics, request.counts)), PATIENCE,
+                          lambda message: not since_ns or _stamp_of(message, since_ns + 1) > since_ns,
+                          lambda message: not rewound or _stamp_of(message, now_ns) <= now_ns)
+        code = self._turn(request.stamp.to_sec())
+        response = TurnResponse(note=str(self.note), over=code is not None)
+        for topic, (early, count) in self._outputs.end().items():
+            response.topics.append(topic)
+            response.early.append(early)
+            response.counts.append(count)
+        if code is not None:
+            self._code = code
+            self._ended.set()
+        return response
