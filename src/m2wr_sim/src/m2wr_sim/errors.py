@@ -23,3 +23,7 @@ class ParameterError(SimError):
 
 class NotFoundError(SimError):
     """A model, link, joint or frame of the given name does not exist in the world."""
+
+
+class LockstepError(SimError):
+    """A controller that the simulation runs in lockstep with does not answer."""

@@ -6,8 +6,9 @@ import random
 import subprocess
 import sys
 
+import numpy as np
 import pytest
-from m2wr_sim.bench import c_loop, command, in_process, reference, table
+from m2wr_sim.bench import c_loop, command, in_process, others, reference, table
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf import load_sdf_models, load_world
 from m2wr_sim.physics.engine import EngineSettings
@@ -91,6 +92,21 @@ def test_stop_watch_counts_calls_and_gives_the_function_back():
     watch.remove()
     worker.work(3)
     assert watch.calls == 2
+
+
+def test_a_stopwatch_does_not_count_its_own_readings():
+    class Idle:
+        def rest(self):
+            """Take no time."""
+
+    means = []
+    for _ in range(5):
+        idle = Idle()
+        watch = in_process.Stopwatch(idle, "rest")
+        for _ in range(2000):
+            idle.rest()
+        means.append(watch.seconds / watch.calls)
+    assert abs(min(means, key=abs)) < 0.6 * in_process.reading_cost()
 
 
 # ---- the yardstick in C -------------------------------------------------------------------------------------------
@@ -202,15 +218,57 @@ def test_table_has_a_row_for_every_case_and_takes_medians(monkeypatch):
     def run_case(arguments):
         asked.append(arguments)
         return {"factor": 100.0 + len(asked), "step_us": 5.0, "scan_us": 10.0, "messages": 0, "memory_mb": 150.0,
-                "load": 0.02, "ratio": 1.05, "c_step_us": 4.8}
+                "load": 0.02, "ratio": 1.05, "c_step_us": 4.8, "fenced_us": 4.3}
 
     monkeypatch.setattr(table, "run_case", run_case)
+    monkeypatch.setattr(table.importlib.util, "find_spec", lambda name: None)       # no other simulator
     text = table.make(3, lambda share: None)
     assert all("| %s |" % name in text for name, _ in table.CASES + table.COMPARISONS)
     assert len(asked) == 3 * len(table.CASES) + len(table.COMPARISONS)
     first = next(line for line in text.splitlines() if line.startswith("| %s |" % table.CASES[0][0]))
     assert first.split("|")[2].strip() == "%d" % (101 + len(table.CASES))
     assert "1, with 2.0 % of a core" in text
+
+
+def test_the_table_compares_with_the_simulators_that_are_installed(monkeypatch):
+    asked = []
+
+    def run_case(arguments):
+        asked.append(arguments)
+        return {"factor": 200.0, "other_factor": 80.0, "faster": 2.5, "speed": 0.5, "turn_rate": 0.9}
+
+    monkeypatch.setattr(table, "run_case", run_case)
+    monkeypatch.setattr(table.importlib.util, "find_spec", lambda name: name if name == "pybullet" else None)
+    text = "\n".join(table._other_simulators(3))
+    assert "| pybullet, 1 robot, 1 ms | 200 | 80 | 2.5 | 0.50 m/s, 0.90 rad/s |" in text and "mujoco" not in text
+    assert len(asked) == len(table.OTHERS)
+
+
+def test_a_simulator_that_is_not_installed_is_named(from_source, capsys, monkeypatch):
+    for name in ("mujoco", "pybullet"):
+        monkeypatch.setitem(sys.modules, name, None)
+        assert command.main(["--simulator", name, "--duration", "0.2"]) == 1
+        assert "pip install %s" % name in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", sorted(others.MAKERS))
+def test_another_simulator_sees_the_same_scene_and_drives(name):
+    """Runs where the simulator is installed; it belongs to no list of requirements."""
+    pytest.importorskip(name.split("-")[0])
+    measured = case(step=0.001)
+    result = others.measure(name, measured)
+    assert result["factor"] > 0.0 and result["speed"] == pytest.approx(0.5, rel=0.1)
+    other, (simulator, scanners) = others.MAKERS[name](measured), in_process.build(measured)
+    try:
+        scan = other.scan(0)
+        in_process.run_until(simulator, 100000000)
+        ours = scanners[0].ranges
+        hits = np.isfinite(scan) & np.isfinite(ours)
+        assert hits.sum() > 0.8 * np.isfinite(ours).sum()
+        assert np.median(np.abs(scan[hits] - ours[hits])) < 0.1
+    finally:
+        other.close()
+        simulator.close()
 
 
 def test_a_case_that_fails_is_told_with_its_reason():

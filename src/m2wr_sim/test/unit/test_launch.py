@@ -74,3 +74,31 @@ def test_rviz_comes_with_a_display_or_when_asked_for(monkeypatch):
     monkeypatch.setenv("DISPLAY", ":7")
     assert "rviz" in load("bug2.launch")[0]
     assert "rviz" not in load("bug2.launch", "gui:=false")[0]
+
+
+ROBOTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "data", "robots")
+
+
+@pytest.mark.parametrize("robot, kind", [("four_wheels.xacro", "-urdf -param robot_description"),
+                                         ("ball_wheels.urdf", "-urdf -param robot_description"),
+                                         ("cart.sdf", "-sdf -file '%s/cart.sdf'")])
+def test_sim_brings_up_any_robot_by_its_ending(monkeypatch, robot, kind):
+    monkeypatch.setenv("PWD", ROBOTS)
+    nodes, params = load("sim.launch", "model:=" + robot, "x:=1", "y:=2", "z:=0.3", "yaw:=4")
+    spawn, name = nodes["spawn_robot"], robot.split(".")[0]
+    assert " ".join(spawn.args.split()) == "%s -model %s -x 1 -y 2 -z 0.3 -Y 4" % (kind.replace("%s", ROBOTS), name)
+    assert ("robot_state_publisher" in nodes) == ("/robot_description" in params) == (not robot.endswith(".sdf"))
+    assert "<xacro" not in params.get("/robot_description", "")
+    assert "rviz" not in nodes
+
+
+def test_sim_alone_brings_up_no_robot_and_no_rviz(monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":7")
+    assert sorted(load("sim.launch")[0]) == ["gazebo"]
+    assert "rviz" in load("sim.launch", "model:=" + os.path.join(ROBOTS, "cart.sdf"))[0]
+    assert sorted(load("bug2.launch", "gui:=false")[0]).count("rviz") == 0
+
+
+def test_the_robot_may_have_another_name_and_absolute_path():
+    nodes, _ = load("sim.launch", "model:=" + os.path.join(ROBOTS, "cart.sdf"), "name:=trolley")
+    assert "-model trolley" in nodes["spawn_robot"].args

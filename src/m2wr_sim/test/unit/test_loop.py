@@ -1,5 +1,7 @@
 """The node's loop: pacing against a clock, requests from other threads, pause and end."""
+import signal
 import threading
+import time
 
 import pytest
 
@@ -210,3 +212,21 @@ def test_any_step_size_is_taken(make_rig, step_ms):
     with Running(simulator) as running:
         running.wait(lambda: simulator.now_ns >= 100 * MS)
     assert simulator.now_ns == simulator.steps * step_ms * MS
+
+
+def test_signals_at_the_end_of_a_wait_do_not_make_it_endless():
+    """Each handler outlasts what was left of the wait; the queue of Python's C library then waits for ever."""
+    loop = Loop(None, 1.0, lambda: False, lambda: None)
+    before = signal.signal(signal.SIGALRM, lambda *_: time.sleep(0.0005))
+    signal.setitimer(signal.ITIMER_REAL, 0.0007, 0.0007)
+    rescue = threading.Timer(20.0, loop.wake)       # so that a failure ends
+    rescue.start()
+    try:
+        start = time.monotonic()
+        for _ in range(200):
+            loop._serve(0.001)
+            assert time.monotonic() - start < 10.0
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+        rescue.cancel()

@@ -18,6 +18,18 @@ def test_the_usual_line():
     assert [getattr(arguments, name) for name in "xyzRPY"] == [1.0, -2.5, 0.5, 0.1, -0.2, 3.0]
 
 
+@pytest.mark.parametrize("word, number", [
+    ("-1e-05", -1e-05), ("-2.5E+1", -25.0), ("-.5e1", -5.0), ("-3.e0", -3.0), ("1e-3", 1e-3), ("-7", -7.0)])
+def test_numbers_with_exponents_are_no_options(word, number):
+    """A launch file's $(eval) prints small numbers so."""
+    arguments = parse(MINIMAL + ["-x", word, "-J", "wheel", word])
+    assert arguments.x == pytest.approx(number, rel=1e-15) and arguments.joints == [("wheel", number)]
+
+
+def test_a_model_named_like_a_number_is_left_alone():
+    assert parse(["-urdf", "-param", "p", "-model", "1e5"]).model == "1e5"
+
+
 def test_the_defaults_are_upstreams():
     arguments = parse(MINIMAL)
     assert [getattr(arguments, name) for name in "xyzRPY"] == [0.0] * 6
@@ -127,6 +139,11 @@ def test_standard_input_is_read(monkeypatch):
 def test_the_database_means_an_include():
     text = read_description(parse(["-sdf", "-database", "construction_barrel", "-model", "m"]))
     assert "<include><uri>model://construction_barrel</uri></include>" in text and text.startswith("<sdf")
+
+
+def test_the_name_of_a_database_model_cannot_break_out_of_its_element():
+    text = read_description(parse(["-sdf", "-database", "a</uri><static>1</static>&", "-model", "m"]))
+    assert "<uri>model://a&lt;/uri&gt;" in text and "<static>" not in text
 
 
 # -- normalising --------------------------------------------------------------------------------------------------

@@ -146,6 +146,9 @@ class SilentPorts(Ports):
     def subscribe(self, topic, message_class, callback, namespace):
         return _SilentPort()
 
+    def serve(self, name, service_class, handler, namespace):
+        return _SilentPort()
+
     def deliver(self):
         pass
 

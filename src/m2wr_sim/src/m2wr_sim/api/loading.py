@@ -1,11 +1,12 @@
 """Worlds and robots from what a caller has at hand: a name, a path, the text itself, or a record read before."""
 import os
+from functools import lru_cache
 from pathlib import Path
 
 import rospkg
 
 from m2wr_sim.errors import ModelError, NotFoundError, WorldError
-from m2wr_sim.model.model_folders import ModelFolders
+from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.model.safe_xml import errors_as
 from m2wr_sim.model.sdf import load_sdf_models, load_world
 from m2wr_sim.model.types import Model, World
@@ -15,6 +16,12 @@ from m2wr_sim.model.xacro_text import expand_xacro
 _HERE = Path(__file__).resolve()
 #: Robots that are known by name: package, and file in it.
 ROBOTS = {"m2wr": ("m2wr_description", "urdf/m2wr.xacro")}
+
+
+@lru_cache(maxsize=1)
+def _packages(_):
+    """Return the index of ROS packages; it takes 10 ms to make, and a robot asks for one several times."""
+    return rospkg.RosPack()
 
 
 def package_folder(name):
@@ -31,9 +38,9 @@ def package_folder(name):
     found = None
     if name != "m2wr_sim":                                      # the worlds are those of the version that runs
         try:
-            found = rospkg.RosPack().get_path(name)
+            found = _packages(os.environ.get("ROS_PACKAGE_PATH")).get_path(name)
         except rospkg.ResourceNotFound:
-            pass
+            _packages.cache_clear()                             # it may come to be
     for folder in beside:
         if found is None and (folder / "package.xml").is_file():
             found = str(folder)
@@ -45,7 +52,8 @@ def package_folder(name):
 
 def _model_folders():
     own = os.path.join(package_folder("m2wr_sim"), "models")
-    return ModelFolders(os.environ.get("GAZEBO_MODEL_PATH", "").split(":") + [own])
+    packages = _packages(os.environ.get("ROS_PACKAGE_PATH"))
+    return standard_folders(own, os.environ, lambda: [packages.get_path(name) for name in sorted(packages.list())])
 
 
 def read_world(world):
@@ -118,7 +126,7 @@ def read_robot(robot, arguments=None):
         if arguments:
             with errors_as(ModelError):
                 text = expand_xacro(text, source, package_folder, {name: str(arguments[name]) for name in arguments})
-        return load_urdf(text, source, resolve_package=package_folder)
+        return load_urdf(text, source, resolve_package=package_folder, resolve_model=_model_folders())
     models = load_sdf_models(text, source, resolve_model=_model_folders())
     if len(models) != 1:
         raise ModelError("%s holds %d models; expected one" % (source, len(models)))

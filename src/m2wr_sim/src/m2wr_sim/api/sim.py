@@ -9,10 +9,10 @@ from m2wr_sim.api.devices import SENSING, DirectDrive, DirectLaser, DirectSimula
 from m2wr_sim.api.loading import read_robot, read_world
 from m2wr_sim.api.records import Observation, StepResult, Touch
 from m2wr_sim.control.diff_drive import CONVENTIONS
-from m2wr_sim.errors import NotFoundError, ParameterError, WorldError
+from m2wr_sim.errors import NotFoundError, ParameterError
 from m2wr_sim.geometry import compose, quaternion_from_rpy
 from m2wr_sim.model.types import RayScan
-from m2wr_sim.physics.engine import settings_from_physics
+from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.runtime.entities import tell
 from m2wr_sim.runtime.simulator import SimConfig
@@ -20,7 +20,6 @@ from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.scene import Scene
 
 _NO_CLOCK = 1e-9                # Hz: nobody reads a clock here, and its ticks would cut stretches of steps in two
-_MAX_STEP = 0.1                 # s
 _STANDING = 0.1                 # m: height of m2wr's chassis when it stands on the floor
 _CLEARANCE_RAYS = 360
 
@@ -84,11 +83,9 @@ class Sim:
             raise ParameterError("command_timeout is %r s; expected a finite number of at least 0" % (command_timeout,))
         self.world, self.sensing, self._simulator = read_world(world), sensing, None
         step = self.world.physics.max_step_size if step is None else step
-        if not 1e-5 <= step <= _MAX_STEP:
-            raise WorldError("world %s: step of %r s; expected 0.00001 to %g s" % (self.world.name, step, _MAX_STEP))
         config = SimConfig(seed=_checked_seed(seed), clock_rate=_NO_CLOCK, wheel_convention=wheel_convention,
                            command_timeout_ns=int(round(command_timeout * 1e9)))
-        settings = settings_from_physics(self.world.physics, int(round(step * 1e9)), solver)
+        settings = settings_from_physics(self.world.physics, whole_step(step, "world %s" % self.world.name), solver)
         self._simulator = DirectSimulator(make_engine(engine, settings), Scene(), SilentPorts(), config)
         self._robots, self._start_ns, self._told = {}, 0, []
         self._surveyor = None

@@ -1,10 +1,21 @@
 """Between messages and the plain values that the rest of the package works with."""
 import rospy
+from rospy import rostime
 
 
 def stamp_of(now_ns):
-    """Return a simulated time [ns] as a rospy.Time, to the nanosecond."""
-    return rospy.Time(now_ns // 1000000000, now_ns % 1000000000)
+    """Return a simulated time [ns], not below 0, as a rospy.Time, to the nanosecond."""
+    stamp = rospy.Time.__new__(rospy.Time)      # the constructor's checks cost more than all else that a stamp needs
+    stamp.secs, stamp.nsecs = divmod(now_ns, 1000000000)
+    return stamp
+
+
+def set_ros_time(stamp):
+    """Make ``stamp`` this node's own ROS time and wake whoever sleeps in it, as a subscription to /clock would."""
+    condition = rostime.get_rostime_cond()
+    rostime._rostime_current = stamp
+    with condition:
+        condition.notify_all()
 
 
 def read_pose(pose):
@@ -22,3 +33,8 @@ def write_pose(pose, position, orientation):
 def read_vector(vector):
     """Return a geometry_msgs/Vector3 as a tuple."""
     return (vector.x, vector.y, vector.z)
+
+
+def all_finite(numbers):
+    """Tell whether all numbers are finite."""
+    return all(abs(number) < float("inf") for number in numbers)

@@ -14,10 +14,15 @@ class Diagnostics:
 
     def __init__(self, simulator, factor):
         self._simulator, self._factor = simulator, factor
-        self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+        self._publisher = simulator.ports.advertise("/diagnostics", DiagnosticArray, 10, "")
         self._last = (time.monotonic(), simulator.now_ns)
         self._run_seconds = self._run_sim_ns = 0
         self._messages, self._seen, self._reported = simulator.engine.solver_messages, 0, set()
+        self._lost = 0
+
+    def set_factor(self, factor):
+        """Judge by another real-time factor from now on."""
+        self._factor = factor
 
     def turn(self):
         """Publish if a second has passed, and at once when something has been touched for the first time."""
@@ -36,8 +41,11 @@ class Diagnostics:
         simulator = self._simulator
         messages = simulator.engine.solver_messages
         new_messages, self._messages = messages - self._messages, messages
+        dropped = simulator.ports.dropped()
+        lost = sum(entry.count for entry in dropped)
+        new_lost, self._lost = lost - self._lost, lost
         status = DiagnosticStatus(name="m2wr_sim: simulation", hardware_id="simulation")
-        status.level, status.message = self._judge(factor, new_messages)
+        status.level, status.message = self._judge(factor, new_messages, new_lost)
         mean = self._run_sim_ns * 1e-9 / self._run_seconds if self._run_seconds else 0.0
         values = [("simulated time [s]", "%.3f" % (simulator.now_ns * 1e-9)), ("real-time factor", "%.2f" % factor),
                   ("mean real-time factor", "%.2f" % mean),
@@ -45,16 +53,20 @@ class Diagnostics:
                   ("step [ms]", "%g" % (simulator.step_ns * 1e-6)), ("solver messages", str(messages)),
                   ("models", str(len(simulator.models)))]
         values += [("touches of " + name, str(count)) for name, count in sorted(simulator.touch_counts.items())]
+        values += [("dropped on %s for %s" % (entry.topic, entry.peer or "those that have left"), str(entry.count))
+                   for entry in dropped]
         status.values = [KeyValue(key, value) for key, value in values]
         array = DiagnosticArray(status=[status])
         array.header.stamp = stamp_of(simulator.now_ns)
         self._publisher.publish(array)
 
-    def _judge(self, factor, new_messages):
+    def _judge(self, factor, new_messages, new_lost):
         if self._simulator.paused:
             return DiagnosticStatus.OK, "paused"
         if new_messages > 10:
             return DiagnosticStatus.WARN, "the solver complains: %d messages in the last second" % new_messages
+        if new_lost > 0:
+            return DiagnosticStatus.WARN, "subscribers read too slowly: %d messages dropped" % new_lost
         if self._factor and factor < 0.9 * self._factor:
             return DiagnosticStatus.WARN, "slower than wanted: %.2f instead of %g" % (factor, self._factor)
         return DiagnosticStatus.OK, "running at %.2f times real time" % factor

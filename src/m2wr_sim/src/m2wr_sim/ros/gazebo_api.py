@@ -1,21 +1,28 @@
-"""Gazebo's services and command topics under ``~``, as calls of the simulator; texts are Gazebo's to the letter."""
+"""Gazebo's services and command topics under ``~``, as calls of the simulator; texts are Gazebo's to the letter.
+
+Here are the services about models and the world, and the assembly; ``api_*.py`` have the others.
+"""
 import functools
 import logging
 import time
 
 import rospy
-from gazebo_msgs.msg import ModelState
-from gazebo_msgs.srv import (DeleteModel, DeleteModelResponse, GetModelProperties, GetModelPropertiesResponse,
-                             GetModelState, GetModelStateResponse, GetWorldProperties, GetWorldPropertiesResponse,
-                             SetModelConfiguration, SetModelConfigurationResponse, SetModelState,
-                             SetModelStateResponse, SpawnModel)
-from std_srvs.srv import Empty, EmptyResponse
+from gazebo_msgs.msg import LinkState, ModelState
+from gazebo_msgs.srv import (DeleteModelResponse, GetModelPropertiesResponse, GetModelStateResponse,
+                             GetWorldPropertiesResponse, SetModelConfigurationResponse, SetModelStateResponse)
+from std_srvs.srv import EmptyResponse
 
 from m2wr_sim.errors import ModelError, NotFoundError
-from m2wr_sim.ros.convert import read_pose, read_vector, stamp_of, write_pose
+from m2wr_sim.ros.api_joints import JointApi
+from m2wr_sim.ros.api_lights import LightApi
+from m2wr_sim.ros.api_links import LinkApi
+from m2wr_sim.ros.api_physics import PhysicsApi
+from m2wr_sim.ros.api_reconfigure import make_reconfigure
+from m2wr_sim.ros.api_table import SERVICES
+from m2wr_sim.ros.convert import all_finite, read_pose, read_vector, stamp_of, write_pose
 from m2wr_sim.ros.loop import ShuttingDown
-from m2wr_sim.ros.spawning import Spawner
 from m2wr_sim.runtime.entities import tell
+from m2wr_sim.runtime.forces import Forces
 
 log = logging.getLogger(__name__)
 
@@ -24,39 +31,61 @@ _NO_SCOPED_FRAME = ("reference relative_entity_name not found, did you forget to
 
 
 class GazeboApi:
-    """The services; every handler body runs in the loop's thread.
+    """The services; what touches the world runs in the loop's thread.
 
     Parameters
     ----------
     simulator : Simulator
     loop : Loop
     spawner : Spawner
+    as_gazebo : bool
+        Keep the known faults of Gazebo's services.
+    set_factor : callable
+        Takes a new real-time factor.
     """
 
-    def __init__(self, simulator, loop, spawner=None):
+    def __init__(self, simulator, loop, spawner, as_gazebo, set_factor):
         self._simulator, self._loop = simulator, loop
-        self._spawner = spawner or Spawner(simulator)
         self._sequence = {}
+        forces = Forces(simulator)
+        simulator.add_observer(forces, "applied forces")
+        self._links, self._physics = LinkApi(simulator, forces, as_gazebo), PhysicsApi(simulator, set_factor)
+        parts = (self, self._links, self._physics, JointApi(simulator, forces), LightApi(simulator), spawner)
+        spawner.in_loop = self._call
         self._services = []
-        for name, kind, handler in (
-                ("get_model_state", GetModelState, self.get_model_state),
-                ("set_model_state", SetModelState, self.set_model_state),
-                ("set_model_configuration", SetModelConfiguration, self.set_model_configuration),
-                ("get_model_properties", GetModelProperties, self.get_model_properties),
-                ("get_world_properties", GetWorldProperties, self.get_world_properties),
-                ("spawn_urdf_model", SpawnModel, self._spawner.spawn_urdf),
-                ("spawn_sdf_model", SpawnModel, self._spawner.spawn_sdf),
-                ("delete_model", DeleteModel, self.delete_model),
-                ("pause_physics", Empty, self.pause), ("unpause_physics", Empty, self.unpause),
-                ("reset_world", Empty, self.reset_world), ("reset_simulation", Empty, self.reset_simulation)):
-            self._services.append(rospy.Service("~" + name, kind, functools.partial(self._in_loop, handler)))
-        self._commands = rospy.Subscriber("~set_model_state", ModelState, self._on_model_state, queue_size=10)
+        for name, kind in SERVICES.items():
+            handler = next(getattr(part, name) for part in parts if hasattr(part, name))
+            if not name.startswith("spawn_"):       # those read long texts first, and go into the loop with the result
+                handler = functools.partial(self._in_loop, handler)
+            if name == "set_physics_properties":
+                handler = functools.partial(self._set_physics, handler)
+            self._services.append(rospy.Service("~" + name, kind, handler))
+        self._commands = [
+            rospy.Subscriber("~set_model_state", ModelState, self._on_message, self._put_model, queue_size=10),
+            rospy.Subscriber("~set_link_state", LinkState, self._on_message, self._links.put_link, queue_size=10)]
+        self._reconfigure = make_reconfigure(simulator, loop, self._physics)
 
-    def _in_loop(self, handler, request):
+    def _call(self, function):
         try:
-            return self._loop.call(lambda: handler(request))
+            return self._loop.call(function)
         except ShuttingDown as error:
             raise rospy.ServiceException(str(error))
+
+    def _in_loop(self, handler, request):
+        return self._call(lambda: handler(request))
+
+    def _set_physics(self, handler, request):
+        """Let those who watch the dynamic parameters know of the change too; not in the loop, it asks the master."""
+        response = handler(request)
+        if response.success and self._reconfigure is not None:
+            self._reconfigure.tell()
+        return response
+
+    def _on_message(self, message, handler):
+        try:
+            self._loop.call(lambda: handler(message))
+        except ShuttingDown:
+            pass
 
     def close(self):
         """Withdraw the services."""
@@ -88,16 +117,16 @@ class GazeboApi:
 
     def set_model_state(self, request):
         """Answer set_model_state."""
-        success, text = self._set_model_state(request.model_state)
+        success, text = self._put_model(request.model_state)
         return SetModelStateResponse(success, text)
 
-    def _set_model_state(self, wanted):
+    def _put_model(self, wanted):
         if wanted.model_name not in self._simulator.models:
             log.warning("set_model_state: there is no model \"%s\"; models: %s", wanted.model_name,
                         tell(self._simulator.models))
             return False, "SetModelState: model does not exist"
         numbers = sum(read_pose(wanted.pose), ()) + read_vector(wanted.twist.linear) + read_vector(wanted.twist.angular)
-        if not all(abs(number) < float("inf") for number in numbers):
+        if not all_finite(numbers):
             log.error("set_model_state: refused a state of \"%s\" with numbers that are not finite", wanted.model_name)
             return False, "SetModelState: pose or twist is not finite"
         try:
@@ -111,12 +140,6 @@ class GazeboApi:
             return False, "SetModelState: %s" % error
         return True, "SetModelState: set model state done"
 
-    def _on_model_state(self, message):
-        try:
-            self._loop.call(lambda: self._set_model_state(message))
-        except ShuttingDown:
-            pass
-
     def set_model_configuration(self, request):
         """Answer set_model_configuration; ``urdf_param_name`` is not used, as in Gazebo."""
         if request.model_name not in self._simulator.models:
@@ -124,7 +147,7 @@ class GazeboApi:
         if len(request.joint_names) != len(request.joint_positions):
             return SetModelConfigurationResponse(
                 False, "SetModelConfiguration: joint name and position list have different lengths")
-        if not all(abs(position) < float("inf") for position in request.joint_positions):
+        if not all_finite(request.joint_positions):
             return SetModelConfigurationResponse(False, "SetModelConfiguration: a joint position is not finite")
         self._simulator.set_joint_positions(request.model_name, dict(zip(request.joint_names, request.joint_positions)))
         return SetModelConfigurationResponse(True, "SetModelConfiguration: success")
@@ -141,11 +164,12 @@ class GazeboApi:
         model = self._simulator.models.get(request.model_name)
         if model is None:
             return GetModelPropertiesResponse(status_message="GetModelProperties: model does not exist")
-        links = model.record.links
+        links = [link for link in model.record.links if "::" not in link.name]      # the others are of nested models
         return GetModelPropertiesResponse(
             parent_model_name="", canonical_body_name="", body_names=[link.name for link in links],
             geom_names=[collision.name for link in links for collision in link.collisions],
-            joint_names=[joint.name for joint in model.record.joints], child_model_names=list(model.record.nested),
+            joint_names=[joint.name for joint in model.record.joints if "::" not in joint.name],
+            child_model_names=[name for name in model.record.nested if "::" not in name],
             is_static=model.record.static, success=True, status_message="GetModelProperties: got properties")
 
     # ---- world -------------------------------------------------------------------------------------------------
@@ -155,16 +179,6 @@ class GazeboApi:
         return GetWorldPropertiesResponse(
             sim_time=self._simulator.now_ns * 1e-9, model_names=list(self._simulator.models), rendering_enabled=True,
             success=True, status_message="GetWorldProperties: got properties")
-
-    def pause(self, _):
-        """Stop time; services go on."""
-        self._simulator.paused = True
-        return EmptyResponse()
-
-    def unpause(self, _):
-        """Let time go on."""
-        self._simulator.paused = False
-        return EmptyResponse()
 
     def reset_world(self, _):
         """Put models back; time goes on."""

@@ -37,6 +37,10 @@ class _Request:
         return self._result
 
 
+def _nothing():
+    """Do nothing, in the loop's thread."""
+
+
 class Pacer:
     """Keeps simulated time in step with the wall clock.
 
@@ -76,21 +80,56 @@ class Loop:
         Tells when to end.
     on_turn : callable
         Called about every 10 ms of simulated time, and while idle, for housekeeping; must be quick.
+    lockstep : Lockstep, optional
+        Lets time pass in the simulator's place, when it is open.
     """
 
-    def __init__(self, simulator, factor, stopping, on_turn):
+    def __init__(self, simulator, factor, stopping, on_turn, lockstep=None):
         self._simulator, self._stopping, self._on_turn = simulator, stopping, on_turn
+        self._lockstep, self._served = lockstep, False
         self._pacer = Pacer(factor)
-        self._requests = queue.Queue()
+        self._requests = queue.SimpleQueue()
+        # waited for in the queue's place: a signal at the very end of a SimpleQueue's time-out makes that wait endless
+        self._arrived = threading.Event()
         self._ended = False
+
+    def set_factor(self, factor):
+        """Go on with another real-time factor; to be called in the loop's thread."""
+        self._pacer = Pacer(factor)
 
     def call(self, function):
         """Run ``function()`` in the loop's thread between two steps and return what it returns."""
         request = _Request(function)
-        self._requests.put(request)
+        self._put(request)
         if self._ended:
             self._refuse_all()
         return request.wait()
+
+    def wake(self):
+        """Let :meth:`wait_until` look at its condition again; called from any thread."""
+        self._put(_Request(_nothing))
+
+    def _put(self, request):
+        self._requests.put(request)
+        self._arrived.set()
+
+    def wait_until(self, condition, seconds):
+        """Serve requests until ``condition()`` holds, at most so many wall seconds; returns whether it does.
+
+        Raises
+        ------
+        ShuttingDown
+            If the loop is to end meanwhile.
+        """
+        deadline = time.monotonic() + seconds
+        while not condition():
+            if self._stopping():
+                raise ShuttingDown("the simulation is shutting down")
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                return False
+            self._serve(min(left, _IDLE_WAIT))
+        return True
 
     def run(self):
         """Run until ``stopping()``."""
@@ -98,24 +137,27 @@ class Loop:
         try:
             while not self._stopping():
                 self._serve(0.0)
-                if simulator.paused:
+                if simulator.paused or not (self._lockstep is None or self._lockstep.open()):
                     self._pacer.restart()
                     self._serve(_IDLE_WAIT)
                 else:
                     self._run_batch(simulator)
                 self._on_turn()
+        except ShuttingDown:
+            pass
         finally:
             self._ended = True
             self._refuse_all()
 
     def _run_batch(self, simulator):
-        end_ns = simulator.now_ns + _BATCH_NS
+        advance = simulator.advance if self._lockstep is None else self._lockstep.advance
+        # ends of batches lie on a grid, so that requests do not move moments that depend on them
+        end_ns = max((simulator.now_ns // _BATCH_NS + 1) * _BATCH_NS, simulator.now_ns + simulator.step_ns)
+        self._served = False
         while simulator.now_ns < end_ns and simulator.now_ns + simulator.step_ns <= end_ns:
-            simulator.advance(end_ns)
-            if self._requests.qsize():
+            advance(end_ns)
+            if self._served or self._requests.qsize():
                 break
-        if simulator.step_ns > _BATCH_NS:
-            simulator.advance(simulator.now_ns + simulator.step_ns)
         ahead = self._pacer.ahead(simulator.now_ns)
         while ahead > 0.0 and not self._stopping():
             self._serve(min(ahead, _IDLE_WAIT))
@@ -125,11 +167,16 @@ class Loop:
 
     def _serve(self, patience):
         """Answer requests; wait up to ``patience`` seconds for the first."""
+        if patience > 0.0:
+            self._arrived.wait(patience)
         try:
-            request = self._requests.get(timeout=patience) if patience > 0.0 else self._requests.get_nowait()
+            if self._arrived.is_set():
+                self._arrived.clear()       # before the queue is emptied: what comes later sets it again
+            request = self._requests.get_nowait()
             before_ns = self._simulator.now_ns
             while True:
                 request.run()
+                self._served = True
                 if self._simulator.now_ns < before_ns:
                     self._pacer.restart()
                 request = self._requests.get_nowait()

@@ -1,10 +1,12 @@
 """The simulation node: parameters in, world up, loop until told to stop."""
+import gc
 import logging
 import os
 import signal
 import socket
 import sys
 import threading
+from dataclasses import replace
 from xmlrpc.client import Fault as XmlRpcFault
 from xmlrpc.client import ServerProxy
 
@@ -13,19 +15,25 @@ import rospkg
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
 from rospy.rostime import set_rostime_initialized
+from visualization_msgs.msg import MarkerArray
 
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
-from m2wr_sim.model.model_folders import ModelFolders
+from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.model.sdf import load_world
-from m2wr_sim.physics.engine import settings_from_physics
+from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
+from m2wr_sim.ros.api_performance import Performance
 from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.gazebo_api import GazeboApi
+from m2wr_sim.ros.lockstep import Lockstep
+from m2wr_sim.ros.lockstep_ports import LockstepPorts
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import find_world, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
 from m2wr_sim.ros.spawning import Spawner
+from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
+from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
 from m2wr_sim.warm_up import warm_up
@@ -33,6 +41,7 @@ from m2wr_sim.warm_up import warm_up
 log = logging.getLogger("m2wr_sim")
 
 _END_PATIENCE = 5.0             # s for the loop to end before ROS closes the topics under it
+_TRUTH_RATE = 20.0              # Hz of simulated time
 _PING_PATIENCE = 2.0            # s for a running namesake to answer
 _SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads waiting for Python's default of 5 ms
 
@@ -69,6 +78,23 @@ def package_folder():
     return rospkg.RosPack().get_path("m2wr_sim")
 
 
+def package_folders():
+    """Return the folders of all packages that rospack finds, in the order of their names."""
+    packages = rospkg.RosPack()
+    return [packages.get_path(name) for name in sorted(packages.list())]
+
+
+def _load_world(config, worlds, folders):
+    """Return the record of the world, or of the one in its place if that cannot be read and one is named."""
+    try:
+        return load_world(find_world(config.world, worlds), resolve_model=folders)
+    except WorldError as error:
+        if not config.fallback_world:
+            raise
+        log.error("%s; the world \"%s\" is used in its place", error, config.fallback_world)
+        return load_world(find_world(config.fallback_world, worlds), resolve_model=folders)
+
+
 def build(config, folder):
     """Make the simulator of a :class:`~m2wr_sim.ros.params.NodeConfig`; returns it with the real-time factor wanted.
 
@@ -77,15 +103,14 @@ def build(config, folder):
     WorldError, ModelError
         If the world cannot be read or built.
     """
-    folders = ModelFolders(os.environ.get("GAZEBO_MODEL_PATH", "").split(":") + [os.path.join(folder, "models")])
-    world = load_world(find_world(config.world, os.path.join(folder, "worlds")), resolve_model=folders)
-    step_ns = int(round((config.step or world.physics.max_step_size) * 1e9))
-    if step_ns < 1:
-        raise WorldError("%s: max_step_size is %g s; expected a positive step"
-                         % (config.world, world.physics.max_step_size))
+    folders = standard_folders(os.path.join(folder, "models"), os.environ, package_folders)
+    world = _load_world(config, os.path.join(folder, "worlds"), folders)
+    step_ns = whole_step(config.step or world.physics.max_step_size,
+                         "parameter ~step" if config.step else "max_step_size of %s" % config.world)
     engine = make_engine(config.engine, settings_from_physics(world.physics, step_ns, config.solver))
     engine.reseed(config.seed)
-    simulator = Simulator(engine, Scene(), RosPorts(), SimConfig(
+    ports = LockstepPorts(config.lockstep_tick) if config.lockstep else RosPorts()
+    simulator = Simulator(engine, Scene(), ports, SimConfig(
         seed=config.seed, clock_rate=config.pub_clock_frequency, wheel_convention=config.wheel_convention,
         wheel_conventions=config.wheel_conventions, command_timeout_ns=int(config.command_timeout * 1e9),
         joint_states=config.joint_states, joint_state_rate=config.joint_state_rate))
@@ -94,6 +119,7 @@ def build(config, folder):
     factor = config.real_time_factor
     if factor is None:
         factor = max(0.0, world.physics.real_time_update_rate * world.physics.max_step_size)
+    simulator.physics = replace(simulator.physics, real_time_update_rate=factor * 1e9 / step_ns)
     return simulator, factor, folders
 
 
@@ -104,18 +130,49 @@ def run(config, stopping):
     try:
         log.info("loading the compiled kernels (the first start after an installation compiles them: some seconds)")
         warm_up(config.engine)
-        states = [simulator.ports.advertise("~" + name, kind, 10, "")
-                  for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
-        simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
-        diagnostics = Diagnostics(simulator, factor)
-        loop = Loop(simulator, factor, stopping, diagnostics.turn)
-        api = GazeboApi(simulator, loop, Spawner(simulator, folders))
+        lockstep = Lockstep(config, simulator.ports) if config.lockstep else None
+        loop, api = _network(config, simulator, factor, folders, stopping, lockstep)
+        if lockstep is not None:
+            lockstep.attach(loop, simulator)
+        simulator.ports.answer_through(loop.call)
         log.info("world \"%s\" is ready: %d models, step %g ms, %s", config.world, len(simulator.models),
                  simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as it can")
+        gc.freeze()                             # thousands of lasting objects, which no collection need look at again
         loop.run()
-        api.close()
+        if api is not None:
+            api.close()
     finally:
         simulator.close()
+
+
+def _network(config, simulator, factor, folders, stopping, lockstep):
+    """Return the loop, and the services and topics of the world itself or None where they are not wanted."""
+    if not config.enable_ros_network:
+        return Loop(simulator, factor, stopping, lambda: None, lockstep), None
+    states = [simulator.ports.advertise("~" + name, kind, 10, "")
+              for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
+    simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
+    diagnostics, performance = Diagnostics(simulator, factor), Performance(simulator)
+    markers, description = _view_topics(simulator, config)
+    loop = Loop(simulator, factor, stopping,
+                lambda: (diagnostics.turn(), performance.turn(), markers.turn(), description.turn()), lockstep)
+
+    def set_factor(new):
+        loop.set_factor(new)
+        diagnostics.set_factor(new)
+
+    return loop, GazeboApi(simulator, loop, Spawner(simulator, folders), config.gazebo_faults, set_factor)
+
+
+def _view_topics(simulator, config):
+    """Add what viewers and recordings need: markers, the true states of robots, the description; see README."""
+    markers = WorldMarkers(simulator, LatchedPort(simulator.ports, "~world_markers", MarkerArray),
+                           config.world_markers_frame, config.world_markers_rate)
+    simulator.add_observer(markers, "world markers")
+    truth = simulator.ports.advertise("~robot_states", ModelStates, 10, "")
+    simulator.add_observer(WorldStates(simulator, truth, LocalPort("", listening=False), _TRUTH_RATE, is_robot),
+                           "true states of robots")
+    return markers, DescriptionTopic(simulator)
 
 
 def running_namesake(name):
@@ -147,7 +204,10 @@ def main():
         sys.stderr.write("a simulation runs already: node %s at %s. Stop it first (rosnode kill %s), or start this one "
                          "under another name or master.\n" % (name, address, name))
         return 1
-    rospy.init_node("gazebo", disable_rostime=True)     # may wait for a master; rospy's own handler ends that
+    try:
+        rospy.init_node("gazebo", disable_rostime=True)     # may wait for a master; rospy's own handler ends that
+    except rospy.ROSInitException:
+        return 1
     signals = _note_signals()
     if rospy.is_shutdown():
         return 1

@@ -2,13 +2,14 @@
 import math
 import os
 from dataclasses import dataclass, field, fields
-from typing import Dict, Optional
+from typing import Dict, List, Optional
 
 import rospy
 
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.physics.factory import ENGINES
+from m2wr_sim.ros.api_reconfigure import PARAMETERS
 
 
 def _parameter(default, help_text, check=None):
@@ -29,6 +30,10 @@ def _one_of(*values):
     return check
 
 
+def _names(help_text):
+    return field(default_factory=list, metadata={"help": help_text, "check": None})
+
+
 def _step(value):
     return None if math.isfinite(value) and (value == 0.0 or 1e-5 <= value <= 0.1) else "expected 0 or 0.00001 to 0.1 s"
 
@@ -38,6 +43,7 @@ class NodeConfig:
     """All private parameters of the simulation node."""
 
     world: str = _parameter("empty.world", "world file: a path, or a name from this package's worlds folder")
+    fallback_world: str = _parameter("", "world in place of one that cannot be read; empty: the node ends")
     real_time_factor: Optional[float] = _parameter(
         None, "simulated seconds per second; 0: as fast as it can; unset: as the world asks (1 for most)",
         _at_least(0.0))
@@ -51,18 +57,36 @@ class NodeConfig:
         100.0, "rate of /clock [Hz of simulated time]; 0: every step", _at_least(0.0))
     pub_state_frequency: float = _parameter(
         100.0, "rate of model_states and link_states [Hz of simulated time]; 0: every step", _at_least(0.0))
+    world_markers_rate: float = _parameter(
+        10.0, "looks for changes of world_markers [Hz of simulated time]; 0: only at the start", _at_least(0.0))
+    world_markers_frame: str = _parameter("odom", "frame of world_markers; its axes are those of the world")
     wheel_convention: str = _parameter(
         "noetic", "which wheel is left: noetic, kinetic or rep103", _one_of(*CONVENTIONS))
     wheel_conventions: Dict[str, str] = field(default_factory=dict, metadata={
         "help": "the same for single models, by name", "check": None})
     command_timeout: float = _parameter(
         0.0, "stop a robot whose commands ceased that long ago [s]; 0: the last command holds", _at_least(0.0))
+    enable_ros_network: bool = _parameter(
+        True, "off: only /clock, no services, no state topics; plugins keep theirs")
+    gazebo_faults: bool = _parameter(True, "keep the known faults of Gazebo's services; see Services")
     joint_states: bool = _parameter(True, "publish joint_states for robots whose description names no plugin for it")
     joint_state_rate: float = _parameter(50.0, "rate of those [Hz]", _at_least(0.0))
+    lockstep: bool = _parameter(False, "time waits for those named below; see Lockstep")
+    lockstep_controllers: List[str] = _names("nodes that take turns, in this order")
+    lockstep_replies: List[str] = _names("topics on which others answer: \"/TRIGGER -> /TOPIC [by /NODE] [once]\"")
+    lockstep_listeners: List[str] = _names("nodes that hear everything: \"/NODE\" or \"/NODE: /TOPIC /TOPIC ...\"")
+    lockstep_tick: str = _parameter(
+        "scan", "what makes a tick: scan, odometry or both", _one_of("scan", "odometry", "both"))
+    lockstep_patience: float = _parameter(
+        10.0, "wall time within which each must answer [s]", _at_least(0.1))
+    lockstep_on_silence: str = _parameter(
+        "stop", "when one does not: stop (the node ends with an error) or go_on (without it, with a warning)",
+        _one_of("stop", "go_on"))
 
 
 _NUMBERS = {"real_time_factor": float, "seed": int, "step": float, "pub_clock_frequency": float,
-            "pub_state_frequency": float, "command_timeout": float, "joint_state_rate": float}
+            "pub_state_frequency": float, "world_markers_rate": float, "command_timeout": float, "joint_state_rate": float,
+            "lockstep_patience": float}
 
 
 def read_config(parameters):
@@ -102,7 +126,7 @@ def _typed(name, value):
             raise ParameterError("parameter ~%s is %r; expected %s"
                                  % (name, value, "a whole number" if whole else "a number"))
         return _NUMBERS[name](value)
-    if name in ("paused", "joint_states"):
+    if name in ("paused", "joint_states", "enable_ros_network", "gazebo_faults", "lockstep"):
         if not isinstance(value, bool):
             raise ParameterError("parameter ~%s is %r; expected true or false" % (name, value))
         return value
@@ -111,13 +135,17 @@ def _typed(name, value):
             raise ParameterError("parameter ~wheel_conventions is %r; expected names of models with a convention each"
                                  % (value,))
         return value
+    if name in ("lockstep_controllers", "lockstep_replies", "lockstep_listeners"):
+        if not isinstance(value, list) or not all(isinstance(entry, str) and entry.strip() for entry in value):
+            raise ParameterError("parameter ~%s is %r; expected a list of names" % (name, value))
+        return value
     return str(value)
 
 
 def private_parameters():
-    """Return this node's private parameters, without what rospy itself keeps there."""
-    found = rospy.get_param("~", {})
-    return {name: value for name, value in found.items() if name not in ("log_level", "enable_statistics")}
+    """Return this node's private parameters, without what rospy and the dynamic parameters keep there."""
+    others = {"log_level", "enable_statistics"}.union(PARAMETERS)
+    return {name: value for name, value in rospy.get_param("~", {}).items() if name not in others}
 
 
 def find_world(name, folder):

@@ -1,14 +1,20 @@
 """Topics, transforms and the clock over rospy."""
+import logging
 import threading
 
 import rospy
 from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock
-from rospy.rostime import _set_rostime
 from tf2_msgs.msg import TFMessage
 
-from m2wr_sim.ros.convert import stamp_of
+from m2wr_sim.ros.convert import set_ros_time, stamp_of
+from m2wr_sim.ros.loop import ShuttingDown
+from m2wr_sim.ros.transport import Channels
 from m2wr_sim.runtime.ports import Ports
+
+log = logging.getLogger(__name__)
+
+_BEGIN_PATIENCE = 60.0          # s of wall time for the world to be ready before a plugin's service gives up
 
 
 def scoped(topic, namespace):
@@ -22,24 +28,22 @@ def scoped(topic, namespace):
 class _Port:
     """One publisher."""
 
-    def __init__(self, topic, message_class, queue_size):
-        self._publisher = rospy.Publisher(topic, message_class, queue_size=queue_size)
-        self.publish = self._publish
+    def __init__(self, channels, topic, message_class):
+        self._channels = channels
+        self._publisher, self._channel = channels.open(topic, message_class)
+        self.wanted = self._channel.connected       # asked before every stretch of steps
 
-    def _publish(self, message):
+    def publish(self, message):
+        """Send a message, or a record that makes one; returns at once whatever the subscribers do."""
         try:
-            self._publisher.publish(message)
-        except rospy.ROSException:
+            self._channel.publish(message)
+        except (rospy.ROSException, AttributeError, ValueError):
             if not rospy.is_shutdown():         # a topic closes under our hands only when the node goes down
                 raise
 
-    def wanted(self):
-        """Tell whether anybody listens."""
-        return self._publisher.get_num_connections() > 0
-
     def close(self):
         """Stop publishing on the topic."""
-        self._publisher.unregister()
+        self._channels.close(self._publisher, self._channel)
 
 
 class _Subscription:
@@ -56,6 +60,23 @@ class _Subscription:
         """Stop listening; what has not been delivered is dropped."""
         self._subscriber.unregister()
         self._mailbox.drop(self)
+
+
+class _Service:
+    """One service; a name that is taken already is left to whoever has it, as in Gazebo."""
+
+    def __init__(self, name, service_class, handler, ports):
+        self._service = None
+        try:
+            self._service = rospy.Service(
+                name, service_class, lambda request: ports.in_simulation(lambda: handler(request)))
+        except rospy.service.ServiceException as error:
+            log.warning("service %s is not offered once more: %s", name, error)
+
+    def close(self):
+        """Withdraw the service."""
+        if self._service is not None:
+            self._service.shutdown("its plugin ends")
 
 
 class _Mailbox:
@@ -84,35 +105,67 @@ class RosPorts(Ports):
     """Ports of the node it is made in."""
 
     def __init__(self):
-        self._mailbox = _Mailbox()
-        self._clock = rospy.Publisher("/clock", Clock, queue_size=10)
-        self._transforms = rospy.Publisher("/tf", TFMessage, queue_size=100)
-        self._clock_ns = -1
+        self._mailbox, self._channels = _Mailbox(), Channels()
+        self._call, self._answering = None, threading.Event()
+        self._clock = _Port(self._channels, "/clock", Clock)
+        self._transforms = _Port(self._channels, "/tf", TFMessage)
+        self._clock_ns, self._stamp = -1, None
         self._clock_message = Clock()
+        self._transform = TransformStamped()
+        self._transform_message = TFMessage([self._transform])
 
     def advertise(self, topic, message_class, queue_size, namespace):
-        return _Port(scoped(topic, namespace), message_class, queue_size)
+        return _Port(self._channels, scoped(topic, namespace), message_class)
 
     def subscribe(self, topic, message_class, callback, namespace):
         return _Subscription(scoped(topic, namespace), message_class, callback, self._mailbox)
+
+    def dropped(self):
+        """Return what subscribers have lost by not reading, a list of :class:`~m2wr_sim.ros.transport.Dropped`."""
+        return self._channels.dropped()
+
+    def serve(self, name, service_class, handler, namespace):
+        return _Service(scoped(name, namespace), service_class, handler, self)
+
+    def answer_through(self, call):
+        """Let services be answered by ``call(function)``, which runs a function in the simulation's thread."""
+        self._call = call
+        self._answering.set()
+
+    def in_simulation(self, function):
+        """Run a function in the simulation's thread; waits while the world is still being built.
+
+        Raises
+        ------
+        rospy.ServiceException
+            If the simulation does not begin, or ends.
+        """
+        if not self._answering.wait(_BEGIN_PATIENCE):
+            raise rospy.ServiceException("the simulation has not begun within %g s" % _BEGIN_PATIENCE)
+        try:
+            return self._call(function)
+        except ShuttingDown as error:
+            raise rospy.ServiceException(str(error))
 
     def deliver(self):
         for subscription, message in self._mailbox.empty().items():
             subscription.callback(message)
 
     def transform(self, stamp, parent, child, position, orientation):
-        transform = TransformStamped()
+        if not self._transforms.wanted():
+            return
+        transform = self._transform
         transform.header.stamp, transform.header.frame_id, transform.child_frame_id = stamp, parent, child
         where, turn = transform.transform.translation, transform.transform.rotation
         where.x, where.y, where.z = position
         turn.x, turn.y, turn.z, turn.w = orientation
-        self._transforms.publish(TFMessage([transform]))
+        self._transforms.publish(self._transform_message)
 
     def moment(self, now_ns):
         """Return the stamp; the clock goes out first, so that no message is stamped later than what clocks show."""
         if now_ns > self._clock_ns:
             self.clock(now_ns)
-        return stamp_of(now_ns)
+        return self._stamp if now_ns == self._clock_ns else stamp_of(now_ns)
 
     def frame(self, name, namespace):
         """Apply the ``tf_prefix`` found from the namespace upwards; a leading slash asks for none."""
@@ -128,8 +181,7 @@ class RosPorts(Ports):
 
     def clock(self, now_ns):
         """Publish the time and make it this node's own ROS time, without a subscription to itself."""
-        self._clock_ns = now_ns
-        stamp = stamp_of(now_ns)
-        _set_rostime(stamp)
-        self._clock_message.clock = stamp
+        self._clock_ns, self._stamp = now_ns, stamp_of(now_ns)
+        set_ros_time(self._stamp)
+        self._clock_message.clock = self._stamp
         self._clock.publish(self._clock_message)

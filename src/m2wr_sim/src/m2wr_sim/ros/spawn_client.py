@@ -4,6 +4,8 @@ import math
 import re
 import sys
 import time
+from decimal import Decimal
+from xml.sax.saxutils import escape
 
 import rospy
 from gazebo_msgs.msg import ModelStates
@@ -15,6 +17,7 @@ from std_srvs.srv import Empty
 from m2wr_sim.geometry import quaternion_from_rpy
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
+_NOT_CONFIGURED = "SetModelConfiguration service failed. Exiting."
 
 
 def make_parser():
@@ -46,10 +49,17 @@ def make_parser():
     return parser
 
 
+def _without_exponent(word):
+    """Write a negative number such as -1e-05 as argparse knows it; it takes that for an option otherwise."""
+    if re.match(r"-(\d+\.?\d*|\.\d+)[eE][+-]?\d{1,3}$", word):
+        return format(Decimal(word), "f")
+    return word
+
+
 def parse(argv):
     """Parse the command line; ``-J`` positions become numbers.  Misuse ends the program with code 2."""
     parser = make_parser()
-    arguments = parser.parse_args(argv)
+    arguments = parser.parse_args([_without_exponent(word) for word in argv])
     try:
         arguments.joints = [(name, float(position)) for name, position in arguments.joints]
     except ValueError as error:
@@ -63,7 +73,11 @@ def parse(argv):
 
 
 class SpawnError(Exception):
-    """The model cannot be spawned; the message says why."""
+    """Something that was asked for cannot be done; the message says why, ``last_words`` in which step."""
+
+    def __init__(self, message, last_words="Spawn service failed. Exiting."):
+        super().__init__(message)
+        self.last_words = last_words
 
 
 def read_description(arguments):
@@ -94,7 +108,7 @@ def read_description(arguments):
             raise SpawnError("Error: parameter %s is empty" % arguments.param)
     elif arguments.database:
         rospy.loginfo("Loading model XML from Gazebo Model Database")
-        text = _DATABASE_WORLD % arguments.database
+        text = _DATABASE_WORLD % escape(arguments.database)
     else:
         rospy.loginfo("Loading model XML from stdin")
         text = sys.stdin.read()
@@ -144,7 +158,7 @@ def wait_for_model(name, namespace):
     return name in seen
 
 
-def _wait_for_service(name):
+def wait_for_service(name):
     """Wait for a service, naming it every few seconds."""
     rospy.loginfo("Waiting for service %s", name)
     while not rospy.is_shutdown():
@@ -166,7 +180,7 @@ def spawn(arguments, text):
         If the call fails or the simulation refuses.
     """
     service = arguments.gazebo_namespace.rstrip("/") + ("/spawn_urdf_model" if arguments.urdf else "/spawn_sdf_model")
-    _wait_for_service(service)
+    wait_for_service(service)
     pose = Pose()
     pose.position.x, pose.position.y, pose.position.z = arguments.x, arguments.y, arguments.z
     quaternion = quaternion_from_rpy(arguments.R, arguments.P, arguments.Y)
@@ -192,20 +206,21 @@ def _configure(arguments):
         response = rospy.ServiceProxy(service, SetModelConfiguration)(
             arguments.model, "", [name for name, _ in arguments.joints], [position for _, position in arguments.joints])
     except (rospy.ServiceException, rospy.ROSException) as error:
-        raise SpawnError("Service call failed: %s" % error)
+        raise SpawnError("Service call failed: %s" % error, _NOT_CONFIGURED)
     rospy.loginfo("Set model configuration status: %s", response.status_message)
     if not response.success:
-        raise SpawnError("joint positions were not set: %s" % response.status_message)
+        raise SpawnError("joint positions were not set: %s" % response.status_message, _NOT_CONFIGURED)
 
 
 def _unpause(arguments):
     """Let time go on, for ``-unpause``."""
+    rospy.loginfo("Unpausing physics")
     service = arguments.gazebo_namespace.rstrip("/") + "/unpause_physics"
     try:
         rospy.wait_for_service(service, timeout=5.0)
         rospy.ServiceProxy(service, Empty)()
     except (rospy.ServiceException, rospy.ROSException) as error:
-        raise SpawnError("the simulation was not unpaused: %s" % error)
+        raise SpawnError("Unpause physics service call failed: %s" % error, "")
 
 
 def _keep_bond(arguments):
@@ -214,6 +229,7 @@ def _keep_bond(arguments):
     proxy = rospy.ServiceProxy(service, DeleteModel)
 
     def delete():
+        rospy.loginfo("Deleting model %s", arguments.model)
         try:
             proxy(arguments.model)
         except (rospy.ServiceException, rospy.ROSException) as error:
@@ -239,9 +255,9 @@ def main(argv=None):
         if arguments.unpause:
             _unpause(arguments)
     except SpawnError as error:
-        rospy.logerr("%s", error)
-        if "Spawn service failed" not in str(error):
-            rospy.logerr("Spawn service failed. Exiting.")
+        for words in dict.fromkeys((str(error), error.last_words)):
+            if words:
+                rospy.logerr("%s", words)
         return 1
     except rospy.ROSInterruptException:
         return 1

@@ -1,16 +1,19 @@
 """spawn_urdf_model and spawn_sdf_model: from the text in a request to a model in the world."""
 import logging
 import re
+from dataclasses import replace
 
 import rospkg
 import rospy
 from gazebo_msgs.srv import SpawnModelResponse
 
+from m2wr_sim.api.devices import said_once
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf import load_sdf
+from m2wr_sim.model.types import Light
 from m2wr_sim.model.urdf import load_urdf
-from m2wr_sim.ros.convert import read_pose
+from m2wr_sim.ros.convert import all_finite, read_pose
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +45,8 @@ class Spawner:
     def __init__(self, simulator, resolve_model=None):
         self._simulator, self._resolve_model = simulator, resolve_model
         self._packages = rospkg.RosPack()
+        self.in_loop = lambda function: function()      # runs what touches the world, between two steps
+        self._newest = ("", None)       # text and record of the URDF spawned last: robots come in crowds
 
     def _package_folder(self, name):
         try:
@@ -51,7 +56,7 @@ class Spawner:
                       name, name)
             raise rospy.ServiceException("urdf reference package name does not exist: %s" % name)
 
-    def spawn_urdf(self, request):
+    def spawn_urdf_model(self, request):
         """Answer spawn_urdf_model; without a ``<robot>``, or with an unknown ``package://``, the call itself fails."""
         if _root_tag(request.model_xml) != "robot":
             log.error("spawn_urdf_model: the text for \"%s\" has no <robot> element; expected a URDF",
@@ -59,15 +64,21 @@ class Spawner:
             raise rospy.ServiceException("SpawnModel: Failure - entity format is invalid.")
         for package in sorted(set(_PACKAGE.findall(_COMMENT.sub("", request.model_xml)))):
             self._package_folder(package)       # also those of visual meshes, which nothing here opens
-        return self._spawn(request, lambda: load_urdf(
-            request.model_xml, source="URDF of %s" % request.model_name, model_name=request.model_name,
-            resolve_package=self._package_folder))
+        return self._spawn(request, lambda: self._urdf_record(request))
 
-    def spawn_sdf(self, request):
+    def _urdf_record(self, request):
+        text, record = self._newest
+        if text != request.model_xml:
+            record = load_urdf(request.model_xml, source="URDF of %s" % request.model_name,
+                               model_name=request.model_name, resolve_package=self._package_folder,
+                               resolve_model=self._resolve_model)
+        return record
+
+    def spawn_sdf_model(self, request):
         """Answer spawn_sdf_model; a URDF is taken too, as Gazebo does."""
         root = _root_tag(request.model_xml)
         if root == "robot":
-            return self.spawn_urdf(request)
+            return self.spawn_urdf_model(request)
         if root not in ("sdf", "gazebo"):
             reason = "the text begins with %s; expected <sdf> or <robot>" % ("<%s>" % root if root else "no element")
             log.error("spawn of \"%s\": %s", request.model_name, reason)
@@ -75,37 +86,72 @@ class Spawner:
         return self._spawn(request, lambda: self._only_model(request))
 
     def _only_model(self, request):
-        models = load_sdf_models(request.model_xml, source="SDF of %s" % request.model_name,
-                                 resolve_model=self._resolve_model)
-        if len(models) != 1:
-            raise ModelError("SDF of %s holds %d models; expected one" % (request.model_name, len(models)))
-        return models[0]
+        models, lights = load_sdf(request.model_xml, source="SDF of %s" % request.model_name,
+                                  resolve_model=self._resolve_model)
+        found = models or lights
+        if len(found) != 1:
+            raise ModelError("SDF of %s holds %d %s; expected one" % (
+                request.model_name, len(found), "models" if models else "lights"))
+        return found[0]
+
+    def _put(self, record, pose, request):
+        """Put what was read into the world: a model, or a light."""
+        pose = compose(pose, record.pose)
+        if isinstance(record, Light):
+            self._simulator.lights[request.model_name] = replace(record, name=request.model_name, pose=pose)
+        else:
+            self._simulator.spawn(record, pose, request.model_name, request.robot_namespace)
 
     def _spawn(self, request, load):
-        simulator = self._simulator
-        pose = read_pose(request.initial_pose)
-        if not all(abs(number) < float("inf") for number in pose[0] + pose[1]):
-            return SpawnModelResponse(False, "SpawnModel: initial_pose is not finite")
-        try:
-            pose = simulator.pose_in_world(pose, request.reference_frame)
-        except NotFoundError as error:
-            log.error("spawn of \"%s\": %s", request.model_name, error)
-            return SpawnModelResponse(False, _NO_FRAME)
-        if request.model_name in simulator.models:
-            log.error("spawn of \"%s\": a model of that name is already in the world", request.model_name)
-            return SpawnModelResponse(False, "SpawnModel: Failure - entity already exists.")
-        if not request.model_name:
-            return SpawnModelResponse(False, "SpawnModel: model_name is empty; expected a name for the model")
+        """Read the text in the caller's thread, so that a long one does not hold up time and other calls."""
+        refusal = self.in_loop(lambda: self._place_of(request)[1])
+        if refusal:
+            return SpawnModelResponse(False, refusal)
         try:
             record = load()
-            simulator.spawn(record, compose(pose, record.pose), request.model_name, request.robot_namespace)
         except SimError as error:
             log.error("spawn of \"%s\": %s", request.model_name, error)
             return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, error))
         except rospy.ServiceException:
             raise
         except Exception as error:
-            log.exception("spawn of \"%s\" failed", request.model_name)
-            return SpawnModelResponse(False, "%s %s: %s" % (_UNREADABLE, type(error).__name__, error))
+            return self._fault(request, error)
+        return self.in_loop(lambda: self._enter(request, record))
+
+    def _place_of(self, request):
+        """Return the wanted pose in the world, and why it cannot be had: a text for the answer, or None."""
+        simulator, name = self._simulator, request.model_name
+        pose = read_pose(request.initial_pose)
+        if not all_finite(pose[0] + pose[1]):
+            return None, "SpawnModel: initial_pose is not finite"
+        try:
+            pose = simulator.pose_in_world(pose, request.reference_frame)
+        except NotFoundError as error:
+            log.error("spawn of \"%s\": %s", name, error)
+            return None, _NO_FRAME
+        if name in simulator.models or name in simulator.lights:
+            log.error("spawn of \"%s\": a model or light of that name is already in the world", name)
+            return None, "SpawnModel: Failure - entity already exists."
+        return pose, None if name else "SpawnModel: model_name is empty; expected a name for the model"
+
+    def _enter(self, request, record):
+        pose, refusal = self._place_of(request)         # again: others may have been at work meanwhile
+        if refusal:
+            return SpawnModelResponse(False, refusal)
+        try:
+            with said_once(record is self._newest[1]):      # another of the same: what there is to say has been said
+                self._put(record, pose, request)
+        except SimError as error:
+            log.error("spawn of \"%s\": %s", request.model_name, error)
+            return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, error))
+        except Exception as error:
+            return self._fault(request, error)
+        # what a text refers to may change while the text does not
+        self._newest = (request.model_xml, record) if "<mesh" not in request.model_xml else ("", None)
         log.info("spawned \"%s\"", request.model_name)
         return SpawnModelResponse(True, "SpawnModel: Successfully spawned entity")
+
+    @staticmethod
+    def _fault(request, error):
+        log.exception("spawn of \"%s\" failed", request.model_name)
+        return SpawnModelResponse(False, "%s %s: %s" % (_UNREADABLE, type(error).__name__, error))

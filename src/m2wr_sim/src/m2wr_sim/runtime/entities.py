@@ -1,10 +1,14 @@
 """Models that live in a running world, and finding them and their links by name."""
 import math
+from collections import namedtuple
 
 import numpy as np
 
 from m2wr_sim.errors import NotFoundError
-from m2wr_sim.geometry import compose, invert, normalise_quaternion
+from m2wr_sim.geometry import compose, conjugate, invert, multiply, normalise_quaternion, rotate_inverse
+
+Relative = namedtuple("Relative", "position orientation linear angular")
+"""Pose and velocity of a model or link relative to some frame."""
 
 INERTIAL_FRAMES = ("", "world", "map", "/map")
 
@@ -37,6 +41,10 @@ class LiveModel:
         """The engine's number of the first link, whose frame and velocity stand for the model."""
         return self.handle.links[self._root.name]
 
+    def joint_record(self, name):
+        """Return the record of a joint."""
+        return next(joint for joint in self.record.joints if joint.name == name)
+
     def pose(self, engine):
         """Return the model frame's ``(position, orientation)`` in the world."""
         return compose(engine.link_pose(self.root), self._root_offset)
@@ -65,7 +73,7 @@ class LiveModel:
 
     def bend(self, engine, name, position):
         """Move everything beyond a joint so that the joint stands at ``position`` [rad or m], within its limits."""
-        joint = next(joint for joint in self.record.joints if joint.name == name)
+        joint = self.joint_record(name)
         position = min(joint.axis.upper, max(joint.axis.lower, position))
         number, child = self.handle.joints[name], self.handle.links[joint.child]
         joint_pose = compose(engine.link_pose(child), joint.pose)
@@ -120,6 +128,30 @@ class SceneRows:
         scene.set_poses(self._rows, self._positions, self._orientations)
 
 
+def relative(state, reference):
+    """Return a LinkState as :class:`Relative` to that of a frame; to the world itself where that is None.
+
+    Velocities are the difference of the world velocities, turned into the frame, without the term of a turning
+    frame, as in Gazebo.
+    """
+    if reference is None:
+        return Relative(*state)
+    offset = tuple(a - b for a, b in zip(state.position, reference.position))
+    back = reference.orientation
+    linear = tuple(a - b for a, b in zip(state.linear_velocity, reference.linear_velocity))
+    angular = tuple(a - b for a, b in zip(state.angular_velocity, reference.angular_velocity))
+    return Relative(rotate_inverse(back, offset), multiply(conjugate(back), state.orientation),
+                    rotate_inverse(back, linear), rotate_inverse(back, angular))
+
+
+def _find(models, parts_of, name):
+    for model in models:
+        for part in parts_of(model.record):
+            if name in (part.name, part.name.rsplit("::", 1)[-1], "%s::%s" % (model.name, part.name)):
+                return model, part.name
+    return None
+
+
 def find_link(models, name):
     """Find a link by scoped (``model::link``) or plain name; the first match in load order wins.
 
@@ -127,11 +159,12 @@ def find_link(models, name):
     -------
     (LiveModel, str) or None
     """
-    for model in models:
-        for link in model.record.links:
-            if name in (link.name, "%s::%s" % (model.name, link.name)):
-                return model, link.name
-    return None
+    return _find(models, lambda record: record.links, name)
+
+
+def find_joint(models, name):
+    """Find a joint as :func:`find_link` finds a link."""
+    return _find(models, lambda record: record.joints, name)
 
 
 def find_frame(models, engine, name):

@@ -6,27 +6,25 @@ engine steps; sensors act on the new state.  Between two such moments nothing lo
 that stretch in one call.
 """
 import logging
-from collections import OrderedDict, namedtuple
+from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from typing import Dict
 
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
-from m2wr_sim.geometry import compose, conjugate, multiply, normalise_quaternion, rotate, rotate_inverse
-from m2wr_sim.model.types import Plane, PluginSpec
+from m2wr_sim.geometry import compose, normalise_quaternion, rotate
+from m2wr_sim.model.types import Physics, Plane, PluginSpec
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.plugins.base import Plugin, PluginReader
-from m2wr_sim.plugins.registry import find_plugin
+from m2wr_sim.plugins.registry import find_plugin, why_left_out
 from m2wr_sim.runtime.context import ModelContext
-from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, tell
-from m2wr_sim.runtime.schedule import period_of
+from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
+from m2wr_sim.runtime.schedule import misfit, period_of
 
 log = logging.getLogger(__name__)
 
 _JOINT_STATES = "builtin joint states"
 _TOUCHES_KEPT = 1000
-
-Relative = namedtuple("Relative", "position orientation linear angular")
-"""Pose and velocity of a model relative to some frame."""
+_RATE_TAGS = ("updaterate", "updateratehz", "update_rate")
 
 
 def _within_reach(name, pose):
@@ -80,15 +78,17 @@ class Simulator:
         self.engine, self.scene, self.ports = engine, scene, ports
         self.config = config or SimConfig()
         self.step_ns = engine.settings.step_ns
-        self.now_ns, self.steps = 0, 0
+        self.now_ns, self.steps, self.moves = 0, 0, 0       # moves: how often a model was put somewhere else
         self.paused = False
-        self.models = OrderedDict()
+        self.models, self.lights = OrderedDict(), OrderedDict()
+        self.physics = Physics(max_step_size=self.step_ns * 1e-9, gravity=engine.settings.gravity)  # as last asked for
         self.observers = []             # plugins of the world itself: state publishers and the like
         self.touches, self.touch_counts = [], {}
         self._clock_period_ns, self._clock_last_ns = period_of(self.config.clock_rate), None
         self._active = []               # (plugin, context, label) of all models, in load order
         self._scene_ns = self._moving_sight = None
         self._asked = None              # plugins by what they want to be asked
+        self._misfits = set()           # what was said of rates that do not fit into the steps
 
     # ---- world -------------------------------------------------------------------------------------------------
 
@@ -96,6 +96,8 @@ class Simulator:
         """Add every model of a :class:`~m2wr_sim.model.types.World` and apply its stored state."""
         for note in world.notes:
             log.warning("%s", note)
+        self.physics = replace(world.physics, max_step_size=self.step_ns * 1e-9)
+        self.lights.update((light.name, light) for light in world.lights)
         for record in world.models:
             self.spawn(record, record.pose, namespace=None)
         for spec in world.plugins:
@@ -182,7 +184,9 @@ class Simulator:
     def _start_plugin(self, model, spec, sensor, link, namespace):
         plugin_class = self.plugin_class(spec.filename)
         if plugin_class is None:
-            log.warning("%s: no plugin %s here; %s is left out", model.name, spec.filename, spec.where or spec.name)
+            reason = why_left_out(spec.filename)
+            log.warning("%s: no plugin %s here; %s is left out%s", model.name, spec.filename, spec.where or spec.name,
+                        ": " + reason if reason else "")
             return
         if namespace and spec.find("robotNamespace") is None:
             spec = replace(spec, parameters=spec.parameters + (("robotNamespace", namespace),))
@@ -204,10 +208,23 @@ class Simulator:
             log.warning("%s: %s", label, problem)
         if reader.unread():
             log.warning("%s: nothing reads %s", label, ", ".join("<%s>" % tag for tag in reader.unread()))
+        self._tell_misfits(label, spec, sensor)
         entry = (plugin, context, label)
         model.plugins.append(entry)
         self._active.append(entry)
         self._asked = None
+
+    def _tell_misfits(self, label, spec, sensor):
+        """Say of each rate that does not fit into whole steps how it is kept, once."""
+        rates = [text for tag, text in spec.parameters if tag.lower() in _RATE_TAGS]
+        for rate in rates + ([] if sensor is None else [sensor.update_rate]):
+            try:
+                told = misfit(float(rate), self.step_ns)
+            except (ValueError, OverflowError):         # no rate at all: the plugin has spoken of it
+                continue
+            if told is not None and told not in self._misfits:
+                self._misfits.add(told)
+                log.info("%s: %s", label, told)
 
     def delete(self, name):
         """Take a model out of the world; its plugins close their topics."""
@@ -250,7 +267,7 @@ class Simulator:
         for link, collision, moves in self.engine.collisions(model.handle):
             pose = compose(self.engine.link_pose(link), collision.pose)
             row = self.scene.add(collision.geometry, pose, model.name, collision.laser_retro)
-            if moves or not isinstance(collision.geometry, Plane):
+            if moves or model.record.static and not isinstance(collision.geometry, Plane):
                 parts.append((row, link, collision.pose))
         model.sight = SceneRows(parts)
         self._scene_ns = self._moving_sight = None
@@ -265,8 +282,9 @@ class Simulator:
         self._moving_sight.refresh(self.engine, self.scene)
         self._scene_ns = self.now_ns
 
-    def _moved(self, model):
+    def moved(self, model):
         """Note that a model was put somewhere else."""
+        self.moves += 1
         if model.record.static:
             model.sight.refresh(self.engine, self.scene)
         self._scene_ns = None
@@ -361,21 +379,12 @@ class Simulator:
         return find_frame(self.models.values(), self.engine, name)
 
     def model_state(self, name, frame=""):
-        """Return a model's :class:`Relative` state in a reference frame.
+        """Return a model's :class:`~m2wr_sim.runtime.entities.Relative` state in a reference frame.
 
         Velocities are the difference of the world velocities, turned into the frame, without the term of a turning
         frame, as in Gazebo.
         """
-        state = self._model(name).state(self.engine)
-        reference = self.frame_state(frame)
-        if reference is None:
-            return Relative(*state)
-        offset = tuple(a - b for a, b in zip(state.position, reference.position))
-        back = reference.orientation
-        linear = tuple(a - b for a, b in zip(state.linear_velocity, reference.linear_velocity))
-        angular = tuple(a - b for a, b in zip(state.angular_velocity, reference.angular_velocity))
-        return Relative(rotate_inverse(back, offset), multiply(conjugate(back), state.orientation),
-                        rotate_inverse(back, linear), rotate_inverse(back, angular))
+        return relative(self._model(name).state(self.engine), self.frame_state(frame))
 
     def pose_in_world(self, pose, frame):
         """Express a pose given in a reference frame in the world; the quaternion need not be normalised."""
@@ -394,7 +403,7 @@ class Simulator:
             linear, angular = rotate(reference.orientation, linear), rotate(reference.orientation, angular)
         model.place(self.engine, _within_reach(name, self.pose_in_world(pose, frame)))
         model.set_velocity(self.engine, linear, angular)
-        self._moved(model)
+        self.moved(model)
 
     def set_joint_positions(self, name, positions):
         """Set joints of a model, ``{name: position}``; names it does not have, and fixed joints, are passed over."""
@@ -402,7 +411,7 @@ class Simulator:
         for joint in model.record.joints:
             if joint.name in positions and joint.kind in ("revolute", "prismatic"):
                 model.bend(self.engine, joint.name, positions[joint.name])
-        self._moved(model)
+        self.moved(model)
 
     # ---- resets ------------------------------------------------------------------------------------------------
 
@@ -411,7 +420,7 @@ class Simulator:
         for model in self.models.values():
             model.place(self.engine, model.reset_pose)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            self._moved(model)
+            self.moved(model)
         self._restart_plugins(rewound=False)
 
     def reset_simulation(self):
@@ -423,7 +432,7 @@ class Simulator:
         for model in self.models.values():
             model.restore(self.engine)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            self._moved(model)
+            self.moved(model)
         self.touches, self.touch_counts = [], {}
         self._restart_plugins(rewound=True)
 

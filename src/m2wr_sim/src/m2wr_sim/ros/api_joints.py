@@ -1,0 +1,76 @@
+"""Gazebo's services about joints; the methods answer the services of their names, in the loop's thread."""
+import logging
+
+from gazebo_msgs.srv import (ApplyJointEffortResponse, GetJointPropertiesResponse, JointRequestResponse,
+                             SetJointPropertiesResponse)
+
+from m2wr_sim.errors import ModelError
+from m2wr_sim.ros.convert import all_finite
+from m2wr_sim.runtime.changes import set_joint_properties
+from m2wr_sim.runtime.entities import find_joint
+
+log = logging.getLogger(__name__)
+
+# Fields of gazebo_msgs/ODEJointProperties, and what they change: fields of the joint's Axis, parameters of the solver.
+_AXIS = {"damping": "damping", "hiStop": "upper", "loStop": "lower", "stop_erp": "stop_erp", "stop_cfm": "stop_cfm"}
+_SOLVER = {"hiStop": "upper", "loStop": "lower", "erp": "erp", "cfm": "cfm", "stop_erp": "stop_erp",
+           "stop_cfm": "stop_cfm", "fudge_factor": "fudge_factor", "fmax": "max_force", "vel": "rate"}
+
+
+class JointApi:
+    """The services about joints.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    forces : Forces
+    """
+
+    def __init__(self, simulator, forces):
+        self._simulator, self._forces = simulator, forces
+
+    def _find(self, name):
+        return find_joint(self._simulator.models.values(), name)
+
+    def get_joint_properties(self, request):
+        """Return position and rate of a joint's axis; the type is always 0 and damping empty, as in Gazebo."""
+        found = self._find(request.joint_name)
+        if found is None:
+            return GetJointPropertiesResponse(status_message="GetJointProperties: joint not found")
+        model, name = found
+        engine, joint = self._simulator.engine, model.handle.joints.get(name)
+        position, rate = (0.0, 0.0) if joint is None else (engine.joint_angle(joint), engine.joint_rate(joint))
+        return GetJointPropertiesResponse(type=GetJointPropertiesResponse.REVOLUTE, position=[position], rate=[rate],
+                                          success=True, status_message="GetJointProperties: got properties")
+
+    def set_joint_properties(self, request):
+        """Change what the fields that are not empty tell about a joint's axis."""
+        found = self._find(request.joint_name)
+        if found is None:
+            return SetJointPropertiesResponse(False, "SetJointProperties: joint not found")
+        given = {field: getattr(request.ode_joint_config, field) for field in set(_AXIS) | set(_SOLVER)}
+        given = {field: values[0] for field, values in given.items() if values}
+        try:
+            set_joint_properties(self._simulator, *found,
+                                 axis_changes={_AXIS[field]: given[field] for field in _AXIS if field in given},
+                                 parameters={_SOLVER[field]: given[field] for field in _SOLVER if field in given})
+        except ModelError as error:
+            log.error("set_joint_properties: %s", error)
+            return SetJointPropertiesResponse(False, "SetJointProperties: %s" % error)
+        return SetJointPropertiesResponse(True, "SetJointProperties: properties set")
+
+    def apply_joint_effort(self, request):
+        """Order an effort on a joint's axis."""
+        found = self._find(request.joint_name)
+        if found is None:
+            return ApplyJointEffortResponse(False, "ApplyJointEffort: joint not found")
+        if not all_finite((request.effort,)):
+            return ApplyJointEffortResponse(False, "ApplyJointEffort: effort is not finite")
+        self._forces.push_joint(*found, effort=request.effort, start_ns=request.start_time.to_nsec(),
+                                duration_ns=request.duration.to_nsec())
+        return ApplyJointEffortResponse(True, "ApplyJointEffort: effort set")
+
+    def clear_joint_forces(self, request):
+        """Take back the efforts on a joint."""
+        self._forces.clear_joint(request.joint_name)
+        return JointRequestResponse()

@@ -1,0 +1,59 @@
+"""Gazebo's services about lights, which have names and colours here but shine on nothing."""
+import logging
+from dataclasses import replace
+
+from gazebo_msgs.srv import DeleteLightResponse, GetLightPropertiesResponse, SetLightPropertiesResponse
+
+from m2wr_sim.geometry import normalise_quaternion
+from m2wr_sim.ros.convert import all_finite, read_pose, read_vector
+
+log = logging.getLogger(__name__)
+
+
+def _read_colour(colour):
+    return (colour.r, colour.g, colour.b, colour.a)
+
+
+class LightApi:
+    """The services about lights; the methods answer the services of their names, in the loop's thread."""
+
+    def __init__(self, simulator):
+        self._lights = simulator.lights
+
+    def get_light_properties(self, request):
+        """Return colour and attenuation; the text of success is empty, as in Gazebo."""
+        light = self._lights.get(request.light_name)
+        if light is None:
+            return GetLightPropertiesResponse(
+                status_message="getLightProperties: Requested light %s not found!" % request.light_name)
+        constant, linear, quadratic = light.attenuation
+        response = GetLightPropertiesResponse(attenuation_constant=constant, attenuation_linear=linear,
+                                              attenuation_quadratic=quadratic, success=True)
+        diffuse = response.diffuse
+        diffuse.r, diffuse.g, diffuse.b, diffuse.a = light.diffuse
+        return response
+
+    def set_light_properties(self, request):
+        """Store what a light is like; the text of success is empty, as in Gazebo."""
+        light = self._lights.get(request.light_name)
+        if light is None:
+            return SetLightPropertiesResponse(
+                False, "setLightProperties: Requested light %s not found!" % request.light_name)
+        position, orientation = read_pose(request.pose)
+        new = replace(light, cast_shadows=request.cast_shadows, diffuse=_read_colour(request.diffuse),
+                      specular=_read_colour(request.specular), direction=read_vector(request.direction),
+                      attenuation=(request.attenuation_constant, request.attenuation_linear,
+                                   request.attenuation_quadratic))
+        if not all_finite(new.diffuse + new.specular + new.direction + new.attenuation + position + orientation):
+            return SetLightPropertiesResponse(False, "setLightProperties: a number is not finite")
+        self._lights[light.name] = replace(new, pose=(position, normalise_quaternion(orientation)))
+        return SetLightPropertiesResponse(True, "")
+
+    def delete_light(self, request):
+        """Take a light away; of one that is not there Gazebo says, after ten seconds, that it timed out."""
+        if self._lights.pop(request.light_name, None) is None:
+            log.error("delete_light: there is no light \"%s\" (has %s)", request.light_name,
+                      ", ".join(self._lights) or "none")
+            return DeleteLightResponse(
+                False, "DeleteLight: Timeout reached while removing light \"%s\"" % request.light_name)
+        return DeleteLightResponse(True, "DeleteLight: %s successfully deleted" % request.light_name)

@@ -1,0 +1,135 @@
+"""Messages to bytes: the same bytes as genpy's, several times faster for the messages that go out often.
+
+A framed message is its length and then its fields, little-endian, as it stands on the wire.  Number fields may hold
+arrays in place of lists.
+"""
+import struct
+from io import BytesIO
+
+import numpy as np
+from rospy.msg import serialize_message
+
+_HEADER = struct.Struct("<4I")                  # length of the message, seq, stamp
+_STAMP = struct.Struct("<3I")
+_LENGTH = struct.Struct("<I")
+_CLOCK = struct.Struct("<3I")
+_SCAN = struct.Struct("<7f")
+_POSE = struct.Struct("<7d")
+_ODOMETRY = struct.Struct("<85d")
+_CACHED_TEXTS = 1000
+_texts = {}
+
+
+def _text(text):
+    """Return a string field; frames and names come again and again."""
+    packed = _texts.get(text)
+    if packed is None:
+        coded = text.encode("utf-8")
+        packed = _LENGTH.pack(len(coded)) + coded
+        if len(_texts) >= _CACHED_TEXTS:
+            _texts.clear()
+        _texts[text] = packed
+    return packed
+
+
+def _numbers(values, kind, code):
+    """Return an array field: its length and its numbers, of numpy's ``kind`` and struct's ``code``."""
+    if isinstance(values, np.ndarray):
+        if values.dtype != kind or values.ndim != 1:
+            raise TypeError("an array of another kind")         # left to the plain way
+        return _LENGTH.pack(values.size) + values.tobytes()
+    return struct.pack("<I%d%s" % (len(values), code), len(values), *values)
+
+
+def _framed(header, body):
+    """Return a message that begins with a header."""
+    stamp = header.stamp
+    return _HEADER.pack(12 + len(body), header.seq, stamp.secs, stamp.nsecs) + body
+
+
+def _clock(message):
+    return _CLOCK.pack(8, message.clock.secs, message.clock.nsecs)
+
+
+def _scan(scan):
+    return _framed(scan.header, b"".join((
+        _text(scan.header.frame_id),
+        _SCAN.pack(scan.angle_min, scan.angle_max, scan.angle_increment, scan.time_increment, scan.scan_time,
+                   scan.range_min, scan.range_max),
+        _numbers(scan.ranges, "<f4", "f"), _numbers(scan.intensities, "<f4", "f"))))
+
+
+def _odometry(odometry):
+    where, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    linear, angular = odometry.twist.twist.linear, odometry.twist.twist.angular
+    return _framed(odometry.header, b"".join((
+        _text(odometry.header.frame_id), _text(odometry.child_frame_id),
+        _ODOMETRY.pack(where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w, *odometry.pose.covariance,
+                       linear.x, linear.y, linear.z, angular.x, angular.y, angular.z, *odometry.twist.covariance))))
+
+
+def _joint_state(state):
+    return _framed(state.header, b"".join(
+        [_text(state.header.frame_id), _LENGTH.pack(len(state.name))] + [_text(name) for name in state.name]
+        + [_numbers(values, "<f8", "d") for values in (state.position, state.velocity, state.effort)]))
+
+
+def _transforms(message):
+    parts = [b"", _LENGTH.pack(len(message.transforms))]
+    for transform in message.transforms:
+        header, where, turn = transform.header, transform.transform.translation, transform.transform.rotation
+        parts += (_STAMP.pack(header.seq, header.stamp.secs, header.stamp.nsecs), _text(header.frame_id),
+                  _text(transform.child_frame_id),
+                  _POSE.pack(where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w))
+    parts[0] = _LENGTH.pack(sum(map(len, parts)))
+    return b"".join(parts)
+
+
+def _states(table):
+    """Model or link states from a :class:`~m2wr_sim.plugins.world_states.StateTable`."""
+    count = _LENGTH.pack(len(table.names))
+    parts = [b"", count] + [_text(name) for name in table.names]
+    parts += (count, table.poses.tobytes(), count, table.twists.tobytes())
+    parts[0] = _LENGTH.pack(sum(map(len, parts)))
+    return b"".join(parts)
+
+
+_FAST = {"rosgraph_msgs/Clock": _clock, "sensor_msgs/LaserScan": _scan, "nav_msgs/Odometry": _odometry,
+         "sensor_msgs/JointState": _joint_state, "tf2_msgs/TFMessage": _transforms,
+         "gazebo_msgs/ModelStates": _states, "gazebo_msgs/LinkStates": _states}
+
+
+def plainly(seq, message):
+    """Serialise any message as rospy does.
+
+    Raises
+    ------
+    genpy.SerializationError, rospy.ROSSerializationException
+        If a field does not hold what its type asks for.
+    """
+    stream = BytesIO()
+    serialize_message(stream, seq, message)
+    return stream.getvalue()
+
+
+def serialiser_of(message_class):
+    """Return a function ``(seq, message) -> bytes`` for messages of a class; ``seq`` goes into a header, if any."""
+    fast = _FAST.get(message_class._type)
+    if fast is None:
+        return plainly
+    has_header = getattr(message_class, "_has_header", False)
+
+    def serialise(seq, message):
+        if has_header:
+            message.header.seq = seq
+        try:
+            return fast(message)
+        except (struct.error, AttributeError, TypeError):       # an odd value: genpy copes, or says what is wrong
+            return plainly(seq, message_of(message, message_class))
+
+    return serialise
+
+
+def message_of(record, message_class):
+    """Return a message for what was given for one: itself, or what a record of arrays makes of itself."""
+    return record if isinstance(record, message_class) else record.message(message_class)

@@ -1,0 +1,131 @@
+"""Changes to a running world beyond moving things: links, joints and the physics itself."""
+import math
+from dataclasses import replace
+
+from m2wr_sim.errors import ModelError, ParameterError
+from m2wr_sim.geometry import IDENTITY, compose, cross, normalise_quaternion, rotate, rotate_inverse
+from m2wr_sim.physics.engine import FARTHEST, FASTEST, settings_from_physics
+
+SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1         # s
+
+
+def set_link_state(simulator, model, name, pose, linear, angular):
+    """Put one link somewhere and set the velocity of its centre of mass, all in the world frame.
+
+    Joints are not consulted; the solver pulls what hangs on them back together.
+
+    Raises
+    ------
+    ModelError
+        If it is farther or faster than the engine's numbers carry.
+    """
+    where = "%s::%s" % (model.name, name)
+    if not all(abs(value) <= FARTHEST for value in pose[0]):
+        raise ModelError("position %s for \"%s\": expected at most %g m from the origin" % (pose[0], where, FARTHEST))
+    if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
+        raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
+                         % (tuple(linear), tuple(angular), where, FASTEST))
+    link = model.handle.links[name]
+    simulator.engine.set_link_pose(link, (tuple(pose[0]), normalise_quaternion(pose[1])))
+    simulator.engine.set_link_velocity(link, linear, angular)
+    simulator.moved(model)
+
+
+def set_link_properties(simulator, model, name, gravity, inertial, solve):
+    """Store a link's gravity switch and Inertial; ``solve`` makes mass and inertia act, else only gravity does.
+
+    Raises
+    ------
+    ModelError
+        If mass and inertia are to act and are not those of a physical body.
+    """
+    link = model.handle.links[name]
+    if solve:
+        simulator.engine.set_link_inertial(link, inertial)
+    simulator.engine.set_link_gravity(link, gravity)
+    model.record = replace(model.record, links=tuple(
+        replace(record, gravity=gravity, inertial=inertial) if record.name == name else record
+        for record in model.record.links))
+
+
+def set_joint_properties(simulator, model, name, axis_changes, parameters):
+    """Change fields of a joint's Axis and parameters of its solver (``engine.JOINT_PARAMETERS``).
+
+    Raises
+    ------
+    ModelError
+        If a number is not finite.
+    """
+    for key, value in list(axis_changes.items()) + list(parameters.items()):
+        if not math.isfinite(value):
+            raise ModelError("joint %s::%s: %s is %g; expected a finite number" % (model.name, name, key, value))
+    axis = replace(model.joint_record(name).axis, **axis_changes)
+    model.record = replace(model.record, joints=tuple(
+        replace(record, axis=axis) if record.name == name else record for record in model.record.joints))
+    if name in model.handle.joints:
+        simulator.engine.change_joint(model.handle.joints[name], axis, parameters)
+
+
+def wrench_as_gazebo(link_pose, frame, point, force, torque):
+    """Return the force and torque that Gazebo applies for a wrench given in a frame.
+
+    Gazebo turns the wrench into the *link's* axes and then applies it as if those were the world's; without a frame it
+    takes it as it stands.  The reference point shifts the torque.
+
+    Parameters
+    ----------
+    link_pose : pose
+        The link in the world.
+    frame : pose or None
+        The reference frame in the world; None for the world itself.
+    point, force, torque : (3,)
+        In the frame.
+    """
+    torque = _sum(torque, cross(point, force))
+    if frame is None:
+        return tuple(force), torque
+    offset = rotate_inverse(link_pose[1], tuple(a - b for a, b in zip(frame[0], link_pose[0])))
+    force, torque = (rotate_inverse(link_pose[1], rotate(frame[1], vector)) for vector in (force, torque))
+    return force, _sum(torque, cross(offset, force))
+
+
+def wrench_in_world(link_pose, centre, frame, point, force, torque):
+    """Return the force and the torque about a link's centre of mass, in world axes, of a wrench given in a frame.
+
+    ``centre`` is the centre of mass in the link frame, ``point`` where the wrench acts, in the frame.
+    """
+    frame = IDENTITY if frame is None else frame
+    force, torque = rotate(frame[1], force), rotate(frame[1], torque)
+    acts_at = compose(frame, (tuple(point), IDENTITY[1]))[0]
+    middle = compose(link_pose, (centre, IDENTITY[1]))[0]
+    return force, _sum(torque, cross(tuple(a - b for a, b in zip(acts_at, middle)), force))
+
+
+def _sum(one, two):
+    return tuple(a + b for a, b in zip(one, two))
+
+
+def set_physics(simulator, physics):
+    """Go on with another :class:`~m2wr_sim.model.types.Physics`; the engine takes of it what it takes of a world's.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not finite, or the step is not one the engine can take.
+    """
+    numbers = {"gravity": physics.gravity, "max_update_rate": (physics.real_time_update_rate,),
+               "erp": (physics.erp,), "cfm": (physics.cfm,), "sor_pgs_w": (physics.sor,),
+               "contact_surface_layer": (physics.contact_surface_layer,),
+               "contact_max_correcting_vel": (physics.contact_max_correcting_vel,)}
+    for name, values in numbers.items():
+        if not all(math.isfinite(value) for value in values):
+            raise ParameterError("%s is %s; expected finite numbers" % (name, " ".join(map(str, values))))
+    if not SHORTEST_STEP <= physics.max_step_size <= LONGEST_STEP:
+        raise ParameterError("time_step is %g s; expected %g to %g s"
+                             % (physics.max_step_size, SHORTEST_STEP, LONGEST_STEP))
+    old = simulator.engine.settings
+    step_ns = int(round(physics.max_step_size * 1e9))
+    wanted = settings_from_physics(physics, step_ns, old.solver)
+    simulator.engine.configure(replace(old, step_ns=step_ns, iterations=wanted.iterations, gravity=wanted.gravity,
+                                       erp=wanted.erp, max_contacts=wanted.max_contacts))
+    simulator.step_ns, simulator.physics = step_ns, physics

@@ -1,0 +1,318 @@
+"""Lockstep with controllers that are plain objects: order, waiting, what counts when, and who is to blame."""
+import logging
+
+import pytest
+
+from m2wr_sim.errors import LockstepError
+from m2wr_sim.runtime.turns import Conductor, Inbox, Ledger, Reply, TurnAnswer, TurnFailed
+
+MS = 1000000
+
+
+class Answered:
+    """An answer that is there, or an error."""
+
+    def __init__(self, answer):
+        self._answer = answer
+
+    def done(self):
+        return self._answer is not None
+
+    def result(self):
+        if isinstance(self._answer, Exception):
+            raise self._answer
+        return self._answer
+
+
+class Rig:
+    """A conductor; ``scripts[name](request)`` plays a controller and returns its answer, None for silence."""
+
+    def __init__(self, *names, replies=(), go_on=False):
+        self.inbox, self.ledger, self.requests, self.settled, self.waits = Inbox(), Ledger(), [], 0, []
+        self.delivered = []
+        self.slot = self.inbox.open("/cmd_vel", self.delivered.append)
+        self.inbox.settle()
+        self.scripts = {name: lambda request: answer() for name in names}
+        self.conductor = Conductor(self._ask, self._wait, self.inbox, self.ledger, replies, 2.0, go_on, self._settle)
+        for name in names:
+            self.conductor.join(name, 0)
+
+    def _ask(self, name, request):
+        self.requests.append((name, request))
+        return Answered(self.scripts[name](request))
+
+    def _wait(self, condition, seconds):
+        self.waits.append(seconds)
+        return condition()
+
+    def _settle(self):
+        self.settled += 1
+
+    def send(self, sender, message):
+        """Let a command arrive."""
+        self.inbox.arrive(self.slot, sender, message)
+
+    def deliver(self):
+        """Return what reaches the robot at the next step boundary."""
+        del self.delivered[:]
+        self.inbox.deliver()
+        return list(self.delivered)
+
+
+def answer(*published, over=False, leave=False, note=""):
+    return TurnAnswer(tuple(published), over, leave, note)
+
+
+def test_controllers_are_asked_in_order_with_the_time():
+    rig = Rig("/a", "/b")
+    rig.conductor.tick(51 * MS)
+    rig.conductor.tick(101 * MS)
+    assert [(name, request.tick, request.now_ns) for name, request in rig.requests] == [
+        ("/a", 1, 51 * MS), ("/b", 1, 51 * MS), ("/a", 2, 101 * MS), ("/b", 2, 101 * MS)]
+
+
+def test_a_controller_is_told_what_was_published_since_its_previous_turn():
+    rig = Rig("/a")
+    rig.ledger.count("/odom")
+    rig.ledger.count("/odom")
+    rig.conductor.tick(1)
+    rig.ledger.count("/scan")
+    rig.conductor.tick(2)
+    rig.conductor.tick(3)
+    assert [request.news for _, request in rig.requests] == [{"/odom": 2}, {"/scan": 1}, {}]
+
+
+def test_a_command_counts_when_its_sender_has_answered_and_not_before():
+    rig = Rig("/a")
+    rig.send("/a", "go")
+    assert rig.deliver() == []
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 0, 1))
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["go"] and rig.deliver() == []
+
+
+def test_a_message_beyond_the_count_waits_for_the_next_answer():
+    rig = Rig("/a")
+    rig.send("/a", "first")
+    rig.send("/a", "second")
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 0, 1))
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["first"]
+    rig.conductor.tick(2)
+    assert rig.deliver() == ["second"]
+
+
+def test_strangers_commands_count_at_once():
+    rig = Rig("/a")
+    rig.send("/joystick", "stop")
+    assert rig.deliver() == ["stop"]
+
+
+def test_the_last_in_order_wins_however_they_arrive():
+    for order in (("/a", "/b"), ("/b", "/a")):
+        rig = Rig("/a", "/b")
+        for sender in order:
+            rig.send(sender, "of " + sender)
+            rig.scripts[sender] = lambda request: answer(("/cmd_vel", 0, 1))
+        rig.conductor.tick(1)
+        assert rig.deliver() == ["of /b"]
+
+
+def test_a_stop_published_in_anothers_turn_does_not_undo_a_later_command():
+    """A supervisor switches the last controller off, which stops the robot, and the one before it on, which drives."""
+    rig = Rig("/supervisor", "/driver", "/stopped")
+    rig.send("/driver", "drive")
+    rig.send("/stopped", "stop")
+    rig.scripts["/driver"] = lambda request: answer(("/cmd_vel", 0, 1))
+    rig.scripts["/stopped"] = lambda request: answer(("/cmd_vel", 1, 0))
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["drive"]
+
+
+def test_listeners_are_waited_for_after_every_turn():
+    rig = Rig("/a", "/b")
+    rig.conductor.tick(1)
+    assert rig.settled == 2
+
+
+def test_who_does_not_answer_is_named_with_its_last_words():
+    rig = Rig("/a", "/b")
+    rig.scripts["/b"] = lambda request: answer(note="following the wall")
+    rig.conductor.tick(51 * MS)
+    rig.scripts["/b"] = lambda request: None
+    with pytest.raises(LockstepError) as caught:
+        rig.conductor.tick(101 * MS)
+    for words in ("/b has not answered tick 2 at 0.101 s within 2 s", "tick 1 at 0.051 s", "\"following the wall\""):
+        assert words in str(caught.value)
+
+
+def test_one_that_never_answered_is_said_to_have_said_nothing():
+    rig = Rig("/a")
+    rig.scripts["/a"] = lambda request: None
+    with pytest.raises(LockstepError, match="it has not answered any before"):
+        rig.conductor.tick(1)
+
+
+def test_one_that_died_is_named_with_the_reason():
+    rig = Rig("/a")
+    rig.scripts["/a"] = lambda request: TurnFailed("connection reset")
+    with pytest.raises(LockstepError, match=r"/a failed in tick 1 .*connection reset"):
+        rig.conductor.tick(1)
+
+
+def test_messages_that_were_counted_and_do_not_come_are_an_error():
+    rig = Rig("/a")
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 1, 1))
+    rig.send("/a", "only one")
+    with pytest.raises(LockstepError, match=r"/a says .*published 2 messages on /cmd_vel"):
+        rig.conductor.tick(1)
+
+
+def test_topics_that_the_simulation_does_not_hear_are_not_waited_for():
+    rig = Rig("/a")
+    rig.scripts["/a"] = lambda request: answer(("/state", 0, 5))
+    rig.conductor.tick(1)
+
+
+def test_going_on_leaves_the_silent_one_out_and_says_so(caplog):
+    rig = Rig("/a", "/b", go_on=True)
+    rig.scripts["/a"] = lambda request: None
+    with caplog.at_level(logging.WARNING):
+        rig.conductor.tick(1)
+        rig.conductor.tick(2)
+    assert [name for name, _ in rig.requests] == ["/a", "/b", "/b"]
+    assert rig.conductor.lost == ["/a"] and "/a has not answered" in caplog.text
+    rig.send("/a", "late")
+    assert rig.deliver() == ["late"]            # a stranger now
+
+
+def test_one_that_comes_back_takes_its_old_place_and_hears_of_nothing_old():
+    rig = Rig("/a", "/b", go_on=True)
+    rig.scripts["/a"] = lambda request: None
+    rig.conductor.tick(51 * MS)
+    rig.ledger.count("/odom")
+    rig.scripts["/a"] = lambda request: answer()
+    rig.conductor.join("/a", 75 * MS, 0)
+    rig.ledger.count("/odom")
+    del rig.requests[:]
+    rig.conductor.tick(101 * MS)
+    (first, request), (second, _) = rig.requests
+    assert (first, second) == ("/a", "/b") and rig.conductor.lost == []
+    assert request.since_ns == 75 * MS and request.news == {"/odom": 1}
+
+
+def test_after_a_reset_of_time_nobody_is_a_latecomer():
+    rig = Rig("/a", go_on=True)
+    rig.conductor.tick(51 * MS)
+    rig.conductor.join("/b", 75 * MS)
+    rig.scripts["/b"] = lambda request: answer()
+    rig.conductor.tick(101 * MS)
+    rig.conductor.tick(1 * MS)
+    assert [request.since_ns for name, request in rig.requests if name == "/b"] == [75 * MS, 0]
+
+
+def test_one_that_leaves_is_not_asked_again_and_one_may_end_the_run():
+    rig = Rig("/a", "/b")
+    rig.scripts["/a"] = lambda request: answer(leave=True)
+    rig.conductor.tick(1)
+    assert rig.conductor.over is None
+    rig.scripts["/b"] = lambda request: answer(over=True)
+    rig.conductor.tick(2)
+    assert [name for name, _ in rig.requests] == ["/a", "/b", "/b"]
+    assert rig.conductor.over == "/b" and rig.conductor.members == [] and rig.conductor.lost == []
+
+
+def test_the_last_turn_of_a_run_is_finished_by_all():
+    rig = Rig("/a", "/b")
+    rig.scripts["/a"] = lambda request: answer(over=True)
+    rig.scripts["/b"] = lambda request: answer(("/cmd_vel", 1, 0))
+    rig.send("/b", "stop")
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["stop"]
+
+
+# ---- replies ------------------------------------------------------------------------------------------------------
+
+def test_as_many_replies_as_triggers_are_waited_for():
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel")])
+    rig.ledger.count("/scan")
+    rig.ledger.count("/scan")
+    rig.send("/script", "one")
+    with pytest.raises(LockstepError, match="/scan -> /cmd_vel: no answer on /cmd_vel to /scan"):
+        rig.conductor.collect_replies(51 * MS)
+    rig.send("/script", "two")
+    rig.conductor.collect_replies(51 * MS)
+    assert rig.deliver() == ["two"] and rig.settled == 1
+    waits = len(rig.waits)
+    rig.conductor.collect_replies(52 * MS)
+    assert len(rig.waits) == waits              # nothing new, nothing owed
+
+
+def test_only_the_named_nodes_replies_count():
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel", "/script")])
+    rig.ledger.count("/scan")
+    rig.send("/joystick", "left")
+    assert rig.deliver() == ["left"]
+    with pytest.raises(LockstepError, match="by /script"):
+        rig.conductor.collect_replies(0)
+
+
+def test_once_is_once():
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel", once=True)])
+    for _ in range(3):
+        rig.ledger.count("/scan")
+    rig.send("/script", "only")
+    rig.conductor.collect_replies(0)
+    rig.ledger.count("/scan")
+    rig.conductor.collect_replies(0)
+    assert rig.deliver() == ["only"]
+
+
+def test_going_on_without_a_reply(caplog):
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel")], go_on=True)
+    rig.ledger.count("/scan")
+    rig.conductor.collect_replies(0)
+    assert "no answer on /cmd_vel" in caplog.text
+    waits = len(rig.waits)
+    rig.ledger.count("/scan")
+    rig.conductor.collect_replies(50 * MS)
+    assert len(rig.waits) == waits              # given up
+    rig.send("/script", "late")
+    assert rig.deliver() == ["late"]
+
+
+# ---- the inbox ----------------------------------------------------------------------------------------------------
+
+def test_a_slot_that_is_not_connected_yet_is_not_waited_for():
+    inbox, delivered = Inbox(), []
+    inbox.hold("/a")
+    slot = inbox.open("/cmd_vel", delivered.append)
+    assert inbox.has("/cmd_vel", "/a", 1)
+    inbox.settle()
+    assert not inbox.has("/cmd_vel", "/a", 1)
+    inbox.close(slot)
+    assert inbox.has("/cmd_vel", "/a", 1)
+
+
+def test_every_slot_of_a_topic_gets_the_message():
+    inbox, first, second = Inbox(), [], []
+    inbox.hold("/a")
+    slots = [inbox.open("/cmd_vel", callback) for callback in (first.append, second.append)]
+    inbox.settle()
+    inbox.arrive(slots[0], "/a", 1)
+    assert not inbox.has("/cmd_vel", "/a", 1)
+    inbox.arrive(slots[1], "/a", 1)
+    assert inbox.has("/cmd_vel", "/a", 1)
+    inbox.admit("/cmd_vel", "/a", 1)
+    inbox.deliver()
+    assert (first, second) == ([1], [1])
+
+
+def test_an_arrival_wakes_whoever_waits():
+    woken = []
+    inbox = Inbox(lambda: woken.append(True))
+    slot = inbox.open("/cmd_vel", lambda message: None)
+    inbox.hold("/a")
+    inbox.settle()
+    inbox.arrive(slot, "/a", 1)
+    assert woken
