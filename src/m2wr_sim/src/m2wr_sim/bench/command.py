@@ -6,7 +6,7 @@ import statistics
 import sys
 import tempfile
 
-from m2wr_sim.bench import c_loop, in_process, machine, reference, table
+from m2wr_sim.bench import c_loop, in_process, machine, others, reference, table
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
@@ -55,7 +55,10 @@ def parser():
     made.add_argument("--node", action="store_true", help="the whole node also where nobody listens")
     made.add_argument("--factor", type=float, default=0.0,
                       help="real-time factor asked of the node; 0: as fast as it can (default)")
-    made.add_argument("--compare", choices=("c",), help="c: time the physics loop against the same loop written in C")
+    made.add_argument("--simulator", choices=sorted(others.MAKERS), help="measure another simulator in the same case")
+    made.add_argument("--compare", choices=["c"] + sorted(others.MAKERS),
+                      help="c: time the physics loop against the same loop written in C; others: physics and scans in "
+                      "turns with that simulator (to be installed from PyPI)")
     made.add_argument("--json", action="store_true", help="print one line of JSON")
     made.add_argument("--table", action="store_true", help="measure the cases of the README's table and print it")
     made.add_argument("--repeats", type=_whole(1), default=5,
@@ -127,24 +130,42 @@ def compare_with_c(options, folder):
     with c_loop.temporary_folder() as scratch:
         program = c_loop.compile_loop(os.path.join(folder, _C_SOURCE), scratch)
         for repeat in range(options.repeats):
-            engine_us, position, settings = in_process.time_engine(_case(options, world), steps)
+            fenced_us = in_process.time_engine(_case(options, world), steps)[0]
+            engine_us, position, settings = in_process.time_engine(_case(options, world), steps, fences=False)
             text = c_loop.world_text(world, robot, reference.robot_places(options.robots), in_process.motor_rates(),
                                      in_process.FORCE, settings, 1, steps)
             (c_us,), c_position = c_loop.run_loop(program, text)
             if position != c_position:
                 raise SimError("the two loops did not do the same: the first robot ended at %s here and at %s in C"
                                % (position, c_position))
-            pairs.append((engine_us, c_us))
+            pairs.append((engine_us, c_us, fenced_us))
             progress((repeat + 1) / options.repeats)
-    engine_us, c_us = (statistics.median(column) for column in zip(*pairs))
-    return {"step_us": engine_us, "c_step_us": c_us, "ratio": statistics.median(one / two for one, two in pairs),
+    engine_us, c_us, fenced_us = (statistics.median(column) for column in zip(*pairs))
+    return {"step_us": engine_us, "c_step_us": c_us, "fenced_us": fenced_us,
+            "ratio": statistics.median(one / two for one, two, _ in pairs),
             "steps": steps, "repeats": options.repeats}
+
+
+def compare_with_other(options):
+    """Time physics and scans in turns with another simulator, each run in a process of its own; returns medians."""
+    arguments, pairs, progress = _arguments(options), [], Progress("comparison")
+    for repeat in range(options.repeats):
+        pairs.append([table.run_case(arguments + extra) for extra in ([], ["--simulator", options.compare])])
+        progress((repeat + 1) / options.repeats)
+    return {"factor": statistics.median(ours["factor"] for ours, _ in pairs),
+            "other_factor": statistics.median(theirs["factor"] for _, theirs in pairs),
+            "faster": statistics.median(ours["factor"] / theirs["factor"] for ours, theirs in pairs),
+            "speed": pairs[0][1]["speed"], "turn_rate": pairs[0][1]["turn_rate"], "repeats": options.repeats}
 
 
 def run(options, folder):
     """Measure what the options ask for; returns a dictionary of figures."""
-    if options.compare:
+    if options.compare == "c":
         return compare_with_c(options, folder)
+    if options.compare:
+        return compare_with_other(options)
+    if options.simulator:
+        return others.measure(options.simulator, _case(options, _load(options, folder)), Progress(options.simulator))
     if options.clients or options.node:
         return measure_node(options, folder)
     return in_process.measure(_case(options, _load(options, folder)), Progress("physics and scans"))

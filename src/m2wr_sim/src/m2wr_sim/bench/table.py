@@ -1,10 +1,11 @@
 """The README's table of speeds, and the plain lines for one case."""
+import importlib.util
 import json
 import statistics
 import subprocess
 import sys
 
-from m2wr_sim.bench import machine
+from m2wr_sim.bench import machine, others
 from m2wr_sim.errors import SimError
 
 _MEANINGS = (
@@ -24,6 +25,11 @@ _MEANINGS = (
     ("touches", "touches of robots", "%d"),
     ("c_step_us", "the same step in C [us]", "%.2f"),
     ("ratio", "ratio to C", "%.3f"),
+    ("fenced_us", "with fences, as it runs [us]", "%.2f"),
+    ("other_factor", "simulated seconds per second of processor time of the other", "%.1f"),
+    ("faster", "times as fast as the other", "%.2f"),
+    ("speed", "speed that the other reaches, 0.5 asked [m/s]", "%.3f"),
+    ("turn_rate", "turn rate that the other reaches, 1.0 asked [rad/s]", "%.3f"),
 )
 
 CASES = (
@@ -42,6 +48,8 @@ CASES = (
 )
 COMPARISONS = (("1 robot, 1 ms", ()), ("1 robot, 5 ms", ("--step", "0.005")),
                ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005")))
+OTHERS = (("1 robot, 1 ms", ("--duration", "10")), ("1 robot, 5 ms", ("--step", "0.005", "--duration", "20")),
+          ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005", "--duration", "1")))
 
 
 def lines(result):
@@ -63,6 +71,23 @@ def run_case(arguments):
 def _cell(results, key, form):
     values = [result[key] for result in results if result.get(key) is not None]
     return form % statistics.median(values) if values else ""
+
+
+def _other_simulators(repeats):
+    """Return the lines of the table that compares with other simulators: those of them that are installed."""
+    rows = []
+    for simulator in sorted(others.MAKERS):
+        if importlib.util.find_spec(simulator.split("-")[0]) is None:
+            continue
+        for name, arguments in OTHERS:
+            result = run_case(("--compare", simulator, "--repeats", str(repeats)) + arguments)
+            rows.append("| %s, %s | %.4g | %.4g | %.1f | %.2f m/s, %.2f rad/s |"
+                        % (simulator, name, result["factor"], result["other_factor"], result["faster"],
+                           result["speed"], result["turn_rate"]))
+    if not rows:
+        return []
+    return ["", "| against | this | the other | times as fast | the other reaches (asked: 0.5 m/s, 1 rad/s) |",
+            "| --- | --- | --- | --- | --- |"] + rows
 
 
 def make(repeats, progress):
@@ -90,12 +115,14 @@ def make(repeats, progress):
             name, factor, _cell(results, "step_us", "%.1f"), _cell(results, "scan_us", "%.1f"),
             "%.0f %%" % (100.0 * share) if share >= 0.0 else "", _cell(results, "startup_s", "%.2f"),
             _cell(results, "memory_mb", "%.0f"), "%d" % max(result["messages"] for result in results))))
-    text += ["", "| the stepping loop against the same loop in C | this [us] | C [us] | ratio |",
-             "| --- | --- | --- | --- |"]
+    text += ["", "| the stepping loop against the same loop in C | this [us] | C [us] | ratio | with fences [us] |",
+             "| --- | --- | --- | --- | --- |"]
     for index, (name, arguments) in enumerate(COMPARISONS):
         result = run_case(("--compare", "c", "--repeats", str(2 * repeats + 1)) + arguments)
         progress((repeats * len(CASES) + index + 1) / (repeats * len(CASES) + len(COMPARISONS)))
-        text.append("| %s | %.2f | %.2f | %.2f |" % (name, result["step_us"], result["c_step_us"], result["ratio"]))
+        text.append("| %s | %.2f | %.2f | %.2f | %.2f |" % (name, result["step_us"], result["c_step_us"],
+                                                            result["ratio"], result["fenced_us"]))
+    text += _other_simulators(repeats)
     text += ["", "Medians of %d runs in turns, simulated seconds per second of processor time; %s."
              % (repeats, machine.sentence(machine.describe()))]
     return "\n".join(text) + "\n"
