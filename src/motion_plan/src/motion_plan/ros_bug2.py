@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from motion_plan.bug2 import STATE_DESCRIPTIONS, Bug2, State
-from motion_plan.ros_support import (NodeError, Senses, optional_number, required_number, run_node, spin_at_rate,
+from motion_plan.ros_support import (NodeError, Senses, choose_rhythm, optional_number, required_number, run_node,
                                      wait_for_clock, wait_while)
 
 LAUNCH_FILE = 'bug2.launch'
@@ -21,17 +21,19 @@ SET_MODEL_STATE = '/gazebo/set_model_state'
 STATUS_PERIOD = 0.5
 #: Wall seconds that the last latched messages get to leave before the node exits.
 FAREWELL_SECONDS = 0.5
+#: Wall seconds between two attempts to place the robot.
+PLACE_PAUSE = 0.2
 
 
 class Bug2Publishers:
     """The latched topics that tell what Bug 2 does."""
 
-    def __init__(self):
-        self._state = rospy.Publisher('bug2/state', String, queue_size=10, latch=True)
-        self._status = rospy.Publisher('bug2/status', String, queue_size=1, latch=True)
-        self._hit = rospy.Publisher('bug2/hit_point', PointStamped, queue_size=10, latch=True)
-        self._leave = rospy.Publisher('bug2/leave_point', PointStamped, queue_size=10, latch=True)
-        self._line = rospy.Publisher('bug2/m_line', Path, queue_size=1, latch=True)
+    def __init__(self, rhythm):
+        self._state = rhythm.publisher('bug2/state', String, queue_size=10, latch=True)
+        self._status = rhythm.publisher('bug2/status', String, queue_size=1, latch=True)
+        self._hit = rhythm.publisher('bug2/hit_point', PointStamped, queue_size=10, latch=True)
+        self._leave = rhythm.publisher('bug2/leave_point', PointStamped, queue_size=10, latch=True)
+        self._line = rhythm.publisher('bug2/m_line', Path, queue_size=1, latch=True)
 
     def state(self, bug, frame_id, stamp):
         """Publish a new state, with the point at which it was entered."""
@@ -82,21 +84,24 @@ class Bug2Node:
             self.bug = Bug2(start, goal, rospy.get_param('~leave_rule', 'complete'))
         except ValueError as error:
             raise NodeError('parameters initial_x, initial_y, des_pos_x, des_pos_y, ~leave_rule: %s' % error)
-        self._publishers = Bug2Publishers()
-        self._senses = Senses(remember=True)
-        self._switched = None
+        self._rhythm = choose_rhythm()
+        self._publishers = Bug2Publishers(self._rhythm)
+        self._senses = Senses(self._rhythm, remember=True)
+        self._switched, self._began = None, False
         rospy.on_shutdown(self._leave_nothing_driving)
         self._told_line = None
         self._next_status = 0.0
 
     def spin(self):
         """Put the robot at its start and drive it; return the exit code."""
-        wait_for_clock()
+        if not self._rhythm.lockstep:
+            wait_for_clock()
         self._wait_for_services()
         self._place_robot()
-        wait_while(lambda: self._senses.pose is None or self._senses.regions is None, self._missing_topics)
-        self.change_state(State.GO_TO_POINT)
-        code = spin_at_rate(self._turn, self._time_reset)
+        if not self._rhythm.lockstep:       # there messages come with the turns
+            wait_while(self._senses_nothing, self._missing_topics)
+            self.change_state(State.GO_TO_POINT)
+        code = self._rhythm.spin(self._turn, self._time_reset)
         if code is not None and not rospy.is_shutdown():
             time.sleep(FAREWELL_SECONDS)
         return code
@@ -107,6 +112,7 @@ class Bug2Node:
                       ' (%s)' % self.bug.reason if self.bug.reason else '')
         self._publishers.state(self.bug, self._senses.frame_id, rospy.get_rostime())
         self._next_status = 0.0
+        self._began = True
         self._switch_behaviours()
 
     def distance_to_line(self, point):
@@ -114,6 +120,21 @@ class Bug2Node:
         return self.bug.distance_to_line(point)
 
     def _turn(self, now):
+        if not self._began:
+            if self._senses_nothing():
+                return None
+            self.change_state(State.GO_TO_POINT)
+        code = self._decide(now)
+        if self._rhythm.lockstep:
+            self._rhythm.note = self.bug.state.value
+            if code is not None:
+                self._leave_nothing_driving()       # while its zero commands still belong to the run
+        return code
+
+    def _senses_nothing(self):
+        return self._senses.pose is None or self._senses.regions is None
+
+    def _decide(self, now):
         with self._senses.lock:
             pose, speed, regions = self._senses.pose, self._senses.speed, self._senses.regions
             if pose is None or regions is None:
@@ -192,7 +213,7 @@ class Bug2Node:
                     rospy.logwarn('bug2: still waiting for the service %s', service)
 
     def _place_robot(self):
-        """Set the robot to the start; asked again every second until the simulator has the model."""
+        """Set the robot to the start; asked again and again until the simulator has the model."""
         state = ModelState()
         state.model_name = self._model_name
         state.pose.position.x, state.pose.position.y = self.bug.start
@@ -211,7 +232,7 @@ class Bug2Node:
                 problem = str(error)
             rospy.logwarn_throttle(5.0, 'bug2: %s did not place model "%s" at (%.2f, %.2f): %s; trying again'
                                    % (SET_MODEL_STATE, self._model_name, self.bug.start[0], self.bug.start[1], problem))
-            time.sleep(1.0)
+            time.sleep(PLACE_PAUSE)
 
     def _missing_topics(self):
         missing = [name for name, value in (('/odom', self._senses.pose), ('/m2wr/laser/scan', self._senses.regions))

@@ -5,7 +5,8 @@ from geometry_msgs.msg import Twist
 from motion_plan.go_to_point import GoToPoint
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import READING_LASER_BOUNDS, SECTOR_NAMES
-from motion_plan.ros_support import Senses, Switchable, required_number, run_node, spin_at_rate, wait_for_clock
+from motion_plan.ros_support import (Rhythm, Senses, Switchable, choose_rhythm, required_number, run_node,
+                                     wait_for_clock)
 from motion_plan.wall_follower import WallFollower
 from motion_plan.wall_guard import WallGuard
 
@@ -14,7 +15,7 @@ class ReadingLaserNode:
     """Logs the five sector minima of every scan, right to left."""
 
     def __init__(self):
-        self._senses = Senses(odom=False, bounds=READING_LASER_BOUNDS, on_regions=self.clbk_laser)
+        self._senses = Senses(Rhythm(), odom=False, bounds=READING_LASER_BOUNDS, on_regions=self.clbk_laser)
 
     @staticmethod
     def clbk_laser(regions):
@@ -35,8 +36,9 @@ class GoToPointNode:
         goal = (required_number('des_pos_x', 'x of the goal in metres', 'behaviors.launch'),
                 required_number('des_pos_y', 'y of the goal in metres', 'behaviors.launch'))
         self.behaviour = GoToPoint(goal)
-        self._senses = Senses(scan=False)
-        self._switch = Switchable('/go_to_point_switch', self._switched)
+        self._rhythm = choose_rhythm()
+        self._senses = Senses(self._rhythm, scan=False)
+        self._switch = Switchable(self._rhythm, '/go_to_point_switch', self._switched)
 
     def _switched(self, on):
         if on:
@@ -44,7 +46,7 @@ class GoToPointNode:
 
     def spin(self):
         """Run the loop."""
-        return spin_at_rate(self._turn, self._time_reset)
+        return self._rhythm.spin(self._turn, self._time_reset)
 
     def _turn(self, now):
         if not self._switch.active:
@@ -70,9 +72,10 @@ class WallFollowerNode:
     def __init__(self):
         self.behaviour = WallFollower()
         self._guard = WallGuard() if rospy.get_param('~guard', True) else None
-        self._senses = Senses(odom=self._guard is not None, remember=self._guard is not None,
+        self._rhythm = choose_rhythm()
+        self._senses = Senses(self._rhythm, odom=self._guard is not None, remember=self._guard is not None,
                               on_regions=self.behaviour.take_action)
-        self._switch = Switchable('/wall_follower_switch', self._switched)
+        self._switch = Switchable(self._rhythm, '/wall_follower_switch', self._switched)
 
     def _switched(self, on):
         with self._senses.lock:
@@ -81,7 +84,7 @@ class WallFollowerNode:
 
     def spin(self):
         """Run the loop."""
-        return spin_at_rate(self._turn, self._time_reset)
+        return self._rhythm.spin(self._turn, self._time_reset)
 
     def _turn(self, now):
         if not self._switch.active:
@@ -118,7 +121,7 @@ class ObstacleAvoidanceNode:
     def __init__(self):
         self.behaviour = ObstacleAvoidance()
         self._publisher = rospy.Publisher('/cmd_vel', Twist, queue_size=1)
-        self._senses = Senses(odom=False, on_regions=self.clbk_laser)
+        self._senses = Senses(Rhythm(), odom=False, on_regions=self.clbk_laser)
         rospy.on_shutdown(self._stop)
 
     def clbk_laser(self, regions):

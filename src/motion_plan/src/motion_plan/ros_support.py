@@ -12,6 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 from std_srvs.srv import SetBool, SetBoolResponse
 
+from m2wr_lockstep.controller import Controller
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
 from motion_plan.regions import RegionReader, ScanError
@@ -164,8 +165,58 @@ def planar_pose(msg):
     return pose, speed
 
 
+class Rhythm:
+    """How a node runs by itself: messages are taken when they come, turns at 20 Hz.
+
+    :class:`m2wr_lockstep.controller.Controller` has the same methods, for turns when the simulator asks for them.
+    """
+
+    lockstep = False
+
+    @staticmethod
+    def subscribe(topic, message_class, callback):
+        """Hand each new message to ``callback``, the newest only if several wait."""
+        rospy.Subscriber(topic, message_class, callback, queue_size=1, tcp_nodelay=True)
+
+    @staticmethod
+    def publisher(topic, message_class, queue_size=1, latch=False):
+        """Return a publisher."""
+        return rospy.Publisher(topic, message_class, queue_size=queue_size, latch=latch)
+
+    @staticmethod
+    def spin(turn, time_reset):
+        """Call ``turn(now)`` at 20 Hz; see :func:`spin_at_rate`."""
+        return spin_at_rate(turn, time_reset)
+
+
+class Lockstep(Controller):
+    """The rhythm of a node in lockstep with the simulation."""
+
+    lockstep = True
+
+
+def choose_rhythm():
+    """Return the Rhythm that ``~lockstep`` asks for; to be called before anything else of a node."""
+    wanted = rospy.get_param('~lockstep', False)
+    if not isinstance(wanted, bool):
+        raise NodeError('parameter ~lockstep is %r: expected true or false' % (wanted,))
+    return Lockstep() if wanted else Rhythm()
+
+
 class Senses:
     """The newest odometry and scan of a node, as plain values; subscribes by itself.
+
+    Parameters
+    ----------
+    rhythm : Rhythm
+    odom, scan : bool
+        What to listen to.
+    remember : bool
+        Whether to fill ``surroundings``.
+    bounds : optional
+        Of the sectors, for RegionReader.
+    on_regions : callable, optional
+        Called with the regions of every scan.
 
     Attributes
     ----------
@@ -179,7 +230,7 @@ class Senses:
         Filled when ``remember`` is true and odometry is there.
     """
 
-    def __init__(self, odom=True, scan=True, remember=False, bounds=None, on_regions=None):
+    def __init__(self, rhythm, odom=True, scan=True, remember=False, bounds=None, on_regions=None):
         self.lock = threading.RLock()
         self.surroundings = Surroundings()
         self.reader = RegionReader(bounds) if bounds else RegionReader()
@@ -187,9 +238,9 @@ class Senses:
         self._remember, self._on_regions = remember, on_regions
         self.forget()
         if odom:
-            rospy.Subscriber('/odom', Odometry, self.clbk_odom, queue_size=1, tcp_nodelay=True)
+            rhythm.subscribe('/odom', Odometry, self.clbk_odom)
         if scan:
-            rospy.Subscriber(SCAN_TOPIC, LaserScan, self.clbk_laser, queue_size=1, tcp_nodelay=True)
+            rhythm.subscribe(SCAN_TOPIC, LaserScan, self.clbk_laser)
 
     def forget(self, not_before=0.0):
         """Drop everything received so far, and refuse messages stamped before ``not_before`` [s]."""
@@ -257,17 +308,18 @@ class Switchable:
 
     Parameters
     ----------
+    rhythm : Rhythm
     service : str
         Name of the std_srvs/SetBool service.
     on_switch : callable
         Called with True or False on a change, before anything is published.
     """
 
-    def __init__(self, service, on_switch):
+    def __init__(self, rhythm, service, on_switch):
         self.active = False
         self._lock = threading.Lock()
         self._on_switch = on_switch
-        self._publisher = rospy.Publisher('/cmd_vel', Twist, queue_size=1)
+        self._publisher = rhythm.publisher('/cmd_vel', Twist)
         rospy.Service(service, SetBool, self.clbk_switch)
         rospy.on_shutdown(self._shut_down)
 

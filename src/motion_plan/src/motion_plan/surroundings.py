@@ -23,6 +23,8 @@ CLEAR_MARGIN = 0.10
 WHEEL_MARGIN = 0.04
 #: Jump of the pose between two scans that only a teleport can make [m].
 TELEPORT = 0.5
+#: Directions that are looked at in one go.
+_AT_ONCE = 24
 
 
 def axle_of(pose):
@@ -73,22 +75,16 @@ class Surroundings:
         cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
         laser_x, laser_y = pose[0] + LASER_X * cos_yaw, pose[1] + LASER_X * sin_yaw
         kept = self._unseen(readings, angle_min, angle_increment, laser_x, laser_y, pose[2])
-        near = (readings < KEEP_RANGE) & ~self._own_wheels(readings)
-        distance = readings[near]
-        local_x, local_y = distance * self._cos[near], distance * self._sin[near]
+        near = np.flatnonzero(readings < KEEP_RANGE)
+        local_x, local_y = readings[near] * self._cos[near], readings[near] * self._sin[near]
+        foreign = ~_own_wheels(LASER_X + local_x, np.abs(local_y))
+        local_x, local_y = local_x[foreign], local_y[foreign]
         seen = np.column_stack((laser_x + cos_yaw * local_x - sin_yaw * local_y,
                                 laser_y + sin_yaw * local_x + cos_yaw * local_y))
         points = np.concatenate((seen, kept))
         cells = np.floor(points / CELL).astype(np.int64)
         first = np.unique(cells[:, 0] * 1000003 + cells[:, 1], return_index=True)[1]
         self.points = points[first]
-
-    def _own_wheels(self, readings):
-        """Tell which readings are the robot's own wheels: they stand higher than the laser, behind its +-90 degrees."""
-        x, y = LASER_X + readings * self._cos, np.abs(readings * self._sin)
-        x_min, x_max, y_min, y_max = FOOTPRINT_BOXES[1]
-        return ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
-                & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
 
     def nearest(self, x, y):
         """Return (distance [m], point) of the stored point nearest to x, y; (inf, None) when nothing is stored."""
@@ -121,19 +117,42 @@ class Surroundings:
         directions = np.atleast_1d(np.asarray(directions, dtype=np.float64))
         if len(self.points) == 0:
             return np.full(len(directions), math.inf), np.full(len(directions), -1)
+        return _travel(self.points[:, 0] - x, self.points[:, 1] - y, np.cos(directions), np.sin(directions), radius)
+
+    def first_free(self, x, y, directions, radius, distance):
+        """Find the first of many directions in which a disc can go some way; as free_travel, but for less work.
+
+        Parameters
+        ----------
+        x, y, directions, radius
+            As for `free_travel`.
+        distance : float
+            What the disc must be able to go [m].
+
+        Returns
+        -------
+        first : int
+            Index in ``directions``, -1 where the disc can go that far in none.
+        blocker : int
+            Index in ``points`` of what ends the travel in the direction before that, -1 for the very first direction.
+        """
         delta_x, delta_y = self.points[:, 0] - x, self.points[:, 1] - y
-        cos_dir, sin_dir = np.cos(directions)[:, None], np.sin(directions)[:, None]
-        along = cos_dir * delta_x + sin_dir * delta_y
-        across = cos_dir * delta_y - sin_dir * delta_x
-        reach = radius * radius - across * across
-        with np.errstate(invalid='ignore'):
-            travel = along - np.sqrt(reach)
-        travel[(reach <= 0.0) | (along <= 0.0)] = math.inf
-        np.maximum(travel, 0.0, out=travel)
-        blockers = np.argmin(travel, axis=1)
-        least = travel[np.arange(len(directions)), blockers]
-        blockers[np.isinf(least)] = -1
-        return least, blockers
+        # nothing farther away can end a travel of this length; a little more, for the rounding
+        near = np.flatnonzero(delta_x * delta_x + delta_y * delta_y < (distance + radius) ** 2 + 1e-6)
+        if len(near) == 0:
+            return 0, -1
+        delta_x, delta_y = delta_x[near], delta_y[near]
+        cos_dir, sin_dir = np.cos(directions), np.sin(directions)
+        blocker = -1
+        for begin in range(0, len(directions), _AT_ONCE):
+            part = slice(begin, begin + _AT_ONCE)
+            travel, blockers = _travel(delta_x, delta_y, cos_dir[part], sin_dir[part], radius)
+            free = travel >= distance
+            first = int(np.argmax(free))
+            if free[first]:
+                return begin + first, blocker if first == 0 else int(near[blockers[first - 1]])
+            blocker = int(near[blockers[-1]])
+        return -1, blocker
 
     def _prepare(self, count, angle_min, angle_increment):
         if self._layout != (count, angle_min, angle_increment):
@@ -151,10 +170,34 @@ class Surroundings:
         middle = 0.5 * (self._angles[0] + self._angles[-1])
         beam = np.rint((middle + wrap_angle(bearing - middle) - angle_min) / angle_increment).astype(np.int64)
         inside = (beam >= 0) & (beam < len(readings))
-        beam = np.clip(beam, 1, len(readings) - 2) if len(readings) > 2 else np.zeros_like(beam)
+        beam = np.minimum(np.maximum(beam, 1), len(readings) - 2) if len(readings) > 2 else np.zeros_like(beam)
         last = len(readings) - 1
         # the least of three beams: a thin post must not be cleared by the beam that passes beside it
         through = np.fmin(np.fmin(readings[np.maximum(beam - 1, 0)], readings[np.minimum(beam + 1, last)]),
                           readings[beam])
         seen = inside & (distance < through + CLEAR_MARGIN)
         return self.points[~seen & (distance < FORGET_DISTANCE)]
+
+
+def _own_wheels(x, y):
+    """Tell which points (chassis frame, y without its sign) are wheels: they stand higher than the laser, behind it."""
+    x_min, x_max, y_min, y_max = FOOTPRINT_BOXES[1]
+    return ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
+            & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
+
+
+def _travel(delta_x, delta_y, cos_dir, sin_dir, radius):
+    """Return what free_travel does, for points relative to the disc and directions by their cosine and sine."""
+    if len(cos_dir) > 1:
+        cos_dir, sin_dir = cos_dir[:, None], sin_dir[:, None]
+    along = cos_dir * delta_x + sin_dir * delta_y
+    across = cos_dir * delta_y - sin_dir * delta_x
+    reach = radius * radius - across * across
+    travel = along - np.sqrt(np.maximum(reach, 0.0))
+    travel[(reach <= 0.0) | (along <= 0.0)] = math.inf
+    np.maximum(travel, 0.0, out=travel)
+    travel = travel.reshape(len(cos_dir), -1)
+    blockers = travel.argmin(axis=1)
+    least = travel[np.arange(len(cos_dir)), blockers]
+    blockers[np.isinf(least)] = -1
+    return least, blockers

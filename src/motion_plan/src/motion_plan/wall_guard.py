@@ -198,15 +198,13 @@ class WallGuard:
         radius = min(wanted, max(HARD_RADIUS, nearest - 0.005))
         start = math.atan2(self.contact[1] - y, self.contact[0] - x)
         directions = start + SWEEP
-        travel, blockers = surroundings.free_travel(x, y, directions, radius)
-        free = travel >= LOOK_AHEAD
-        if not free.any():
+        first, blocker = surroundings.first_free(x, y, directions, radius, LOOK_AHEAD)
+        if first < 0:
             return None
-        first = int(np.argmax(free))
         if first == 0:
             return directions[0]
         # what ends the last blocked direction is the part of the wall that lies next to the way taken
-        self.contact = surroundings.points[blockers[first - 1]]
+        self.contact = surroundings.points[blocker]
         # the wall is nearer than it should be: a little more to the left, if that is free as well
         outward = directions[first] + (wanted - radius) / LOOK_AHEAD
         if surroundings.free_travel(x, y, [outward], radius)[0][0] >= 0.5 * LOOK_AHEAD:

@@ -66,6 +66,25 @@ def test_point_inside_the_disc_blocks_the_approach_only():
     assert list(travel[:2]) == [0.0, 0.0] and np.isinf(travel[2:]).all()
 
 
+def test_the_first_free_direction_is_the_one_that_free_travel_finds():
+    rng, outcomes = np.random.default_rng(6), set()
+    for count in list(range(0, 60)) * 8:
+        around = Surroundings()
+        around.points = rng.uniform(-2.0, 2.0, (count, 2))
+        x, y = rng.uniform(-0.5, 0.5, 2)
+        radius, distance = rng.uniform(0.1, 0.6), rng.uniform(0.1, 1.5)
+        directions = rng.uniform(-4.0, 4.0) + np.radians(np.arange(0.0, 360.0, 3.0))
+        travel, blockers = around.free_travel(x, y, directions, radius)
+        free = np.flatnonzero(travel >= distance)
+        first, blocker = around.first_free(x, y, directions, radius, distance)
+        assert first == (free[0] if len(free) else -1)
+        if first > 0:
+            assert blocker == blockers[first - 1]
+        outcomes.add(min(first, 1))
+        outcomes.add('late' if first > 30 else 'early')
+    assert outcomes == {-1, 0, 1, 'early', 'late'}      # each of the cases has come up
+
+
 def test_footprint_clearance_agrees_with_the_rig():
     rng = np.random.default_rng(5)
     outline = outline_points(0.005)
