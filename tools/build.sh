@@ -6,6 +6,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 enter_build_environment
 command -v catkin >/dev/null || die "catkin-tools is not installed; run make setup."
 cd "$WORKSPACE"
+tools/dropins.sh
 hash_before=$(source_hash)
 # A workspace that was moved keeps caches that name its old place, and cmake refuses them.
 if [ -r "$CATKIN_BUILD/.m2wr_place" ] && [ "$(cat "$CATKIN_BUILD/.m2wr_place")" != "$WORKSPACE" ]; then
@@ -18,6 +19,9 @@ printf '%s' "$WORKSPACE" > "$CATKIN_BUILD/.m2wr_place"
 if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
     say "compiled kernels: filling the cache, so that the first launch need not wait"
     (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
+    if [ -r "$WORKSPACE/devel/lib/m2wr_gmapping/slam_gmapping_replay" ]; then
+        (enter_run_environment && "$PYTHON" -m m2wr_gmapping.warm_up)
+    fi
 fi
 if [ $# -eq 0 ]; then
     printf '%s' "$hash_before" > "$BUILD_STAMP"

@@ -92,7 +92,7 @@ source_hash() {
     (
         cd "$WORKSPACE"
         pwd
-        find CMakeLists.txt .catkin_tools/profiles/default/config.yaml src test dropin tools/common.sh tools/build.sh \
+        find CMakeLists.txt .catkin_tools/profiles/default/config.yaml src test dropin tools/common.sh tools/build.sh tools/dropins.sh \
             \( -name __pycache__ -o -name .pytest_cache \) -prune -o \
             -type f ! -name '*.pyc' ! -name '*~' ! -name '*.swp' -print0 |
             LC_ALL=C sort -z | xargs -0 -r sha256sum

@@ -39,8 +39,6 @@ install_apt_packages() {
 
 install_noetic_packages() {
     local stamp=$CATKIN_BUILD/.m2wr_rosdep_hash now
-    # the real xacro is there; the stand-in would hide it
-    : > "$WORKSPACE/dropin/xacro/CATKIN_IGNORE"
     now=$(cd "$WORKSPACE" && cat src/*/package.xml test/package.xml tools/setup.sh | sha256sum)
     if [ "$(cat "$stamp" 2>/dev/null)" = "$now" ]; then
         say "system packages: package.xml files unchanged since the last rosdep run"
@@ -92,6 +90,7 @@ install_venv() {
 }
 
 build_if_changed() {
+    "$WORKSPACE/tools/dropins.sh"
     if [ -r "$WORKSPACE/devel/setup.bash" ] && [ "$(cat "$BUILD_STAMP" 2>/dev/null)" = "$(source_hash)" ]; then
         say "build: sources unchanged since the last build"
     else
@@ -103,10 +102,10 @@ detect_platform
 cd "$WORKSPACE"
 if [ "$PLATFORM" = debian12 ]; then
     install_apt_packages
-    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, numpy, lxml, yaml"
+    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, collada, trimesh, numpy, lxml, yaml"
 else
     install_noetic_packages
-    install_venv requirements-noetic.txt "ode, rosbags.rosbag1, numpy, yaml"
+    install_venv requirements-noetic.txt "ode, rosbags.rosbag1, collada, trimesh, numpy, yaml"
 fi
 build_if_changed
 say "set-up complete; in a shell: source $WORKSPACE/devel/setup.bash"

@@ -1,0 +1,117 @@
+"""gzclient: rviz in place of Gazebo's window."""
+import os
+import shutil
+import signal
+import socket
+import sys
+import time
+
+import rosgraph
+import rospkg
+
+from gazebo_ros.view import make_view
+
+_WAIT_FOR_ROBOT = 15.0      # s of wall time; robots are spawned right after the world, and the view is made once
+_WAIT_FOR_REST = 1.0        # s between a robot's first topic and the look at all of them
+_LOOK_EVERY = 0.25          # s
+_RVIZ_PLACES = ('/usr/bin/rviz', '/opt/ros/noetic/bin/rviz')
+_ROBOT_TYPES = ('sensor_msgs/LaserScan', 'nav_msgs/Odometry')
+
+
+def say(text):
+    """Print a line for the user."""
+    sys.stderr.write('gzclient: %s\n' % text)
+    sys.stderr.flush()
+
+
+def published(master):
+    """Return ``[[topic, type], ...]`` of what is published now, or nothing while there is no master."""
+    try:
+        return master.getPublishedTopics('')
+    except (rosgraph.MasterException, OSError):
+        return []
+
+
+def descriptions(master):
+    """Return the names of the parameters that hold a robot description."""
+    try:
+        return [name for name in master.getParamNames() if name.endswith('/robot_description')]
+    except (rosgraph.MasterException, OSError):
+        return []
+
+
+def wait_for_robot(master, patience=_WAIT_FOR_ROBOT, clock=time.monotonic, sleep=time.sleep):
+    """Wait until a robot's topics are there; returns what is published then, or after ``patience`` seconds."""
+    deadline = clock() + patience
+    while clock() < deadline:
+        if any(kind in _ROBOT_TYPES for _, kind in published(master)):
+            sleep(_WAIT_FOR_REST)
+            break
+        sleep(_LOOK_EVERY)
+    return published(master)
+
+
+def take_options(words):
+    """Split the words into those for rviz (remappings) and the two options of our own.
+
+    Returns
+    -------
+    remaps : list of str
+    stay : bool
+        Whether to wait for the end where no window can be opened.
+    frame : str or None
+        Fixed frame.
+    """
+    remaps, stay, frame, ignored = [], False, None, []
+    for word in words:
+        if ':=' in word:
+            remaps.append(word)
+        elif word == '--stay':
+            stay = True
+        elif word.startswith('--frame='):
+            frame = word.split('=', 1)[1] or None
+        elif word not in ('', '--verbose'):
+            ignored.append(word)
+    if ignored:
+        say('no effect here: %s' % ' '.join(ignored))
+    return remaps, stay, frame
+
+
+def no_window(why, stay):
+    """Say why there is no window; wait for a signal if that is wanted, because a required node must not end."""
+    ends = {signal.SIGINT, signal.SIGTERM}
+    signal.pthread_sigmask(signal.SIG_BLOCK, ends)      # for sigwait to get them
+    say('%s; the simulation runs without a window%s' % (why, ', waiting for the end' if stay else ''))
+    if stay:
+        signal.sigwait(ends)
+    return 0
+
+
+def main(words=None):
+    """Entry point; becomes rviz, or returns the exit code."""
+    words = sys.argv[1:] if words is None else words
+    if '-h' in words or '--help' in words:
+        sys.stdout.write('usage: gzclient [--frame=FIXED_FRAME] [--stay] [name:=value ...]\n\nOpens rviz with a view '
+                         'of the running simulation. Without a display it says so and ends '
+                         'with 0,\nor waits (--stay).\n')
+        return 0
+    remaps, stay, frame = take_options(words)
+    if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+        return no_window('there is no display (DISPLAY is not set)', stay)
+    rviz = shutil.which('rviz') or next((path for path in _RVIZ_PLACES if os.access(path, os.X_OK)), None)
+    if rviz is None:
+        return no_window('rviz is not installed', stay)
+    socket.setdefaulttimeout(5.0)
+    try:
+        master = rosgraph.Master('/gzclient_start')
+        text = make_view(wait_for_robot(master), descriptions(master), frame)
+    except KeyboardInterrupt:
+        return 0
+    os.makedirs(rospkg.get_ros_home(), exist_ok=True)
+    path = os.path.join(rospkg.get_ros_home(), 'gzclient.rviz')
+    with open(path, 'w', encoding='utf-8') as stream:
+        stream.write(text)
+    if not any(word.startswith('__name:=') for word in remaps):
+        remaps.append('__name:=gazebo_gui')
+    os.execv(rviz, [rviz, '-d', path] + remaps)
+    return 1

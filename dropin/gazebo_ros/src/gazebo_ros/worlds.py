@@ -1,0 +1,86 @@
+"""Where a world file is looked for: as given, GAZEBO_RESOURCE_PATH, exports of packages, the shipped folders."""
+import os
+import xml.etree.ElementTree as ElementTree
+
+import rospkg
+
+
+def exported_folders(rospack):
+    """Return the folders that packages export as ``<gazebo_ros gazebo_media_path="..."/>``, in order of their names.
+
+    Parameters
+    ----------
+    rospack : rospkg.RosPack
+
+    Returns
+    -------
+    list of str
+    """
+    found = []
+    for name in sorted(rospack.list()):
+        folder = rospack.get_path(name)
+        try:
+            root = ElementTree.parse(os.path.join(folder, 'package.xml')).getroot()
+        except (OSError, ElementTree.ParseError):
+            continue        # manifest.xml of rosbuild; a broken file elsewhere must not hide the worlds of the others
+        for element in root.iterfind('export/gazebo_ros'):
+            value = element.get('gazebo_media_path', '').replace('${prefix}', folder)
+            found.extend(part for part in value.split(':') if part)
+    return found
+
+
+def shipped_folders(rospack):
+    """Return the folders below which ``worlds/`` of this package and of m2wr_sim lie."""
+    return [rospack.get_path(name) for name in ('gazebo_ros', 'm2wr_sim')]
+
+
+def candidates(name, environment, working_folder, rospack):
+    """Yield the paths under which a world may lie, best first.
+
+    Parameters
+    ----------
+    name : str
+        As on the command line: absolute, or relative to any of the places.
+    environment : dict
+        PWD and GAZEBO_RESOURCE_PATH of it are read; roslaunch starts nodes in a folder of their own, but leaves the
+        user's in PWD.
+    working_folder : str
+    rospack : rospkg.RosPack
+    """
+    if os.path.isabs(name):
+        yield name
+        return
+    for folder in (environment.get('PWD', ''), working_folder):
+        if folder:
+            yield os.path.join(folder, name)
+    for folder in environment.get('GAZEBO_RESOURCE_PATH', '').split(':'):
+        if folder:
+            yield os.path.join(folder, name)
+    for folder in exported_folders(rospack):
+        yield os.path.join(folder, name)
+    for folder in shipped_folders(rospack):
+        yield os.path.join(folder, name)
+        yield os.path.join(folder, 'worlds', name)
+        yield os.path.join(folder, 'worlds', name + '.world')
+
+
+def find(name, environment=None, working_folder=None, rospack=None):
+    """Find a world file.
+
+    Returns
+    -------
+    path : str or None
+        Absolute path, or None if there is no such file anywhere.
+    searched : list of str
+        The paths that were tried, for the message.
+    """
+    searched = []
+    for path in candidates(name, os.environ if environment is None else environment,
+                           working_folder or os.getcwd(), rospack or rospkg.RosPack()):
+        path = os.path.abspath(path)
+        if path in searched:
+            continue
+        searched.append(path)
+        if os.path.isfile(path):
+            return path, searched
+    return None, searched

@@ -1,0 +1,8 @@
+#!/usr/bin/env python3
+"""Drive a robot from the keyboard."""
+import sys
+
+from twist_keys.node import main
+
+if __name__ == '__main__':
+    sys.exit(main())

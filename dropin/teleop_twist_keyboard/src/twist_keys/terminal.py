@@ -1,0 +1,52 @@
+"""Keys one by one from a terminal, which is given back as it was; or from a pipe."""
+import os
+import select
+import signal
+import termios
+import tty
+
+
+class Keys:
+    """Reads single keys; use as a context manager.
+
+    Parameters
+    ----------
+    descriptor : int
+        File descriptor of the terminal or pipe.
+    """
+
+    def __init__(self, descriptor):
+        self._descriptor = descriptor
+        self.is_terminal = os.isatty(descriptor)
+        self.ended = False
+        self._before = self._old_handler = None
+
+    def __enter__(self):
+        if self.is_terminal:
+            self._before = termios.tcgetattr(self._descriptor)
+            self._old_handler = signal.signal(signal.SIGCONT, lambda *_: self._arrange())
+            self._arrange()
+        return self
+
+    def _arrange(self):
+        """Single keys without echo, Ctrl-C as a signal; again after Ctrl-Z and fg, where the shell has set its own."""
+        tty.setcbreak(self._descriptor, termios.TCSADRAIN)
+
+    def __exit__(self, *_):
+        if self._before is not None:
+            signal.signal(signal.SIGCONT, self._old_handler or signal.SIG_DFL)
+            try:
+                termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+            except termios.error:       # the window is closed
+                pass
+
+    def read(self, timeout):
+        """Return the keys that came within ``timeout`` seconds, '' for none; sets ``ended`` at the end of the input."""
+        if not select.select([self._descriptor], [], [], timeout)[0]:
+            return ''
+        try:
+            data = os.read(self._descriptor, 64)
+        except OSError:                 # the window is closed
+            data = b''
+        self.ended = not data
+        return data.decode('latin-1')

@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+# Lets each stand-in package below dropin/ be built only where no real package of its name is found: writes or removes
+# its CATKIN_IGNORE, which catkin, rospack and roslaunch all obey. Says only what changes.
+# M2WR_KEEP_DROPINS="gazebo_ros gazebo_plugins" keeps stand-ins although the real ones are there.
+set -euo pipefail
+
+WORKSPACE=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+NOETIC=${M2WR_NOETIC_PREFIX:-/opt/ros/noetic}
+SYSTEM=${M2WR_SYSTEM_PREFIX:-/usr}
+
+# Prints the package.xml of a real package NAME below PREFIX (an install or a devel space), if there is one.
+real_package() {
+    local name=$1 prefix=$2 xml config source
+    xml=$prefix/share/$name/package.xml
+    config=$prefix/share/$name/cmake/${name}Config.cmake
+    if [ ! -r "$xml" ] && [ -r "$config" ]; then
+        source=$(sed -n "s/^ *set(${name}_SOURCE_PREFIX \(.*\))$/\1/p" "$config")
+        xml=$source/package.xml
+    fi
+    # one of our own, installed or built elsewhere, is no reason to step aside
+    if [ -r "$xml" ] && ! grep -q 'm2wr\.example' "$xml"; then
+        printf '%s\n' "$xml"
+    fi
+}
+
+IFS=: read -r -a prefixes <<< "${CMAKE_PREFIX_PATH:-}"
+for folder in "$WORKSPACE"/dropin/*/; do
+    folder=${folder%/}
+    name=${folder##*/}
+    found=
+    if [[ " ${M2WR_KEEP_DROPINS:-} " != *" $name "* ]]; then
+        for prefix in "${prefixes[@]}" "$NOETIC" "$SYSTEM"; do
+            found=${found:-$(real_package "$name" "$prefix")}
+        done
+    fi
+    if [ -n "$found" ] && [ ! -e "$folder/CATKIN_IGNORE" ]; then
+        printf '%s is there\n' "$found" > "$folder/CATKIN_IGNORE"
+        printf '== dropin/%s steps aside for %s\n' "$name" "$found"
+    elif [ -z "$found" ] && [ -e "$folder/CATKIN_IGNORE" ]; then
+        rm "$folder/CATKIN_IGNORE"
+        printf '== dropin/%s is built: no other package of that name is found\n' "$name"
+    fi
+done
