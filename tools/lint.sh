@@ -53,7 +53,7 @@ lint_python() {
 }
 
 lint_catkin() {
-    mapfile -t packages < <(find src dropin test -name package.xml -printf '%h\n' | sort)
+    mapfile -t packages < <(find src dropin test -path test/data -prune -o -name package.xml -printf '%h\n' | sort)
     catkin_lint --config tools/catkin_lint.ini "${packages[@]}"
 }
 
