@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """Every topic and service of the graph, with its type: nothing missing, nothing besides."""
 import os
+import re
 import sys
 import unittest
 
 import rosgraph
+import rospkg
 import rospy
 import rosservice
 
@@ -14,14 +16,19 @@ from sim_probe import SERVICES, Simulation, run_checks, wait_until  # noqa: E402
 PUBLISHED = {
     "/clock": "rosgraph_msgs/Clock", "/diagnostics": "diagnostic_msgs/DiagnosticArray", "/rosout": "rosgraph_msgs/Log",
     "/tf": "tf2_msgs/TFMessage", "/gazebo/model_states": "gazebo_msgs/ModelStates",
-    "/gazebo/link_states": "gazebo_msgs/LinkStates",
+    "/gazebo/link_states": "gazebo_msgs/LinkStates", "/gazebo/performance_metrics": "gazebo_msgs/PerformanceMetrics",
+    "/gazebo/world_markers": "visualization_msgs/MarkerArray", "/gazebo/robot_states": "gazebo_msgs/ModelStates",
+    "/robot_description": "std_msgs/String",
+    "/gazebo/parameter_descriptions": "dynamic_reconfigure/ConfigDescription",
+    "/gazebo/parameter_updates": "dynamic_reconfigure/Config",
 }
-SUBSCRIBED = {"/gazebo/set_model_state": "gazebo_msgs/ModelState"}
+SUBSCRIBED = {"/gazebo/set_model_state": "gazebo_msgs/ModelState", "/gazebo/set_link_state": "gazebo_msgs/LinkState"}
 ROBOT_PUBLISHED = {"/odom": "nav_msgs/Odometry", "/joint_states": "sensor_msgs/JointState",
                    "/m2wr/laser/scan": "sensor_msgs/LaserScan"}
 ROBOT_SUBSCRIBED = {"/cmd_vel": "geometry_msgs/Twist"}
 SERVICE_TYPES = dict({"/gazebo/" + name: kind._type for name, kind in SERVICES.items()},
-                     **{"/gazebo/get_loggers": "roscpp/GetLoggers",
+                     **{"/gazebo/set_parameters": "dynamic_reconfigure/Reconfigure",
+                        "/gazebo/get_loggers": "roscpp/GetLoggers",
                         "/gazebo/set_logger_level": "roscpp/SetLoggerLevel"})
 ELSEWHERE = ("/rosout_agg",)     # of the node rosout, where one runs
 
@@ -64,6 +71,13 @@ class Api(unittest.TestCase):
 
     def test_types_of_services(self):
         self.assertEqual({name: rosservice.get_service_type(name) for name in self.of_gazebo()[2]}, SERVICE_TYPES)
+
+    def test_the_readme_lists_the_services_there_are(self):
+        path = os.path.join(rospkg.RosPack().get_path("m2wr_sim"), "README.md")
+        with open(path, encoding="utf-8") as stream:
+            section = stream.read().split("## Services")[1].split("\n## ")[0]
+        listed = re.findall(r"^\| `(\w+)` \|", section, re.M)
+        self.assertEqual(["/gazebo/" + name for name in listed], self.of_gazebo()[2])
 
     def test_simulated_time_is_chosen(self):
         self.assertIs(rospy.get_param("/use_sim_time"), True)

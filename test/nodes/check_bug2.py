@@ -34,6 +34,8 @@ ODOM_STEP = 0.08
 SETTLING = 1.5
 #: Wall seconds granted for each simulated second at the wanted speed: other programs use the machine as well.
 PATIENCE = 4.0
+#: Simulated seconds per second that are expected where as many as possible are wanted.
+FULL_SPEED = 4.0
 
 Change = namedtuple("Change", "state time")
 
@@ -99,7 +101,7 @@ class Run:
         wait_for_connection("/gazebo", "i", "/diagnostics")
         rospy.wait_for_service("/gazebo/unpause_physics", START_TIME)
         rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
-        patience = PATIENCE * self.options["time_limit"] / self.options["real_time_factor"] + START_TIME
+        patience = PATIENCE * self.options["time_limit"] / (self.options["real_time_factor"] or FULL_SPEED) + START_TIME
         if self.options["reset_world"]:
             wait_until(lambda: WALL in self.states(), "the first wall", patience, pause=0.05)
             self.reset_at = self.now()

@@ -24,6 +24,14 @@ SERVICES = {
     "get_world_properties": srv.GetWorldProperties, "spawn_urdf_model": srv.SpawnModel,
     "spawn_sdf_model": srv.SpawnModel, "delete_model": srv.DeleteModel, "pause_physics": Empty,
     "unpause_physics": Empty, "reset_world": Empty, "reset_simulation": Empty,
+    "get_link_state": srv.GetLinkState, "set_link_state": srv.SetLinkState,
+    "get_link_properties": srv.GetLinkProperties, "set_link_properties": srv.SetLinkProperties,
+    "get_joint_properties": srv.GetJointProperties, "set_joint_properties": srv.SetJointProperties,
+    "get_physics_properties": srv.GetPhysicsProperties, "set_physics_properties": srv.SetPhysicsProperties,
+    "get_light_properties": srv.GetLightProperties, "set_light_properties": srv.SetLightProperties,
+    "delete_light": srv.DeleteLight, "apply_body_wrench": srv.ApplyBodyWrench,
+    "apply_joint_effort": srv.ApplyJointEffort, "clear_body_wrenches": srv.BodyRequest,
+    "clear_joint_forces": srv.JointRequest,
 }
 
 

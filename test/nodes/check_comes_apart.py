@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+"""A world that comes apart ends the run: the step, the body and the last command are named, the bag is closed well."""
+import math
+import os
+import shutil
+import sys
+import tempfile
+import unittest
+
+import rosbag
+import rospy
+from gazebo_msgs.srv import ApplyBodyWrench
+from geometry_msgs.msg import Point, Vector3, Wrench
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from sim_probe import Running, Simulation, marked, run_checks, wait_until  # noqa: E402
+
+LAUNCH = """<launch>
+  <include file="$(find m2wr_sim)/launch/bug2.launch">
+    <arg name="gui" value="false"/>
+    <arg name="record" value="%s"/>
+  </include>
+</launch>
+"""
+SENSED = {"/odom", "/m2wr/laser/scan", "/joint_states", "/tf"}
+
+
+def numbers_of(message):
+    """All floating-point numbers of a message, at any depth; the infinity of a beam that hits nothing left out."""
+    found, waiting = [], [message]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, float):
+            found.append(part)
+        elif isinstance(part, (list, tuple)):
+            waiting.extend(part)
+        elif hasattr(part, "__slots__"):
+            waiting.extend(getattr(part, name) for name in part.__slots__)
+    return [value for value in found if value != math.inf]
+
+
+class ComesApart(unittest.TestCase):
+    """bug2.launch on this test's own master, with a bag."""
+
+    def test_run_ends_named_and_the_bag_is_whole(self):
+        folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, folder)
+        bag, launch = os.path.join(folder, "run.bag"), os.path.join(folder, "run.launch")
+        with open(launch, "w", encoding="utf-8") as stream:
+            stream.write(LAUNCH % bag)
+        with Running(["roslaunch", launch]) as run:
+            run.wait_for_text("state changed: Go to point")
+            wait_until(lambda: os.path.isfile(bag + ".active") and os.path.getsize(bag + ".active") > 100000,
+                       "the bag to grow")
+            simulation = Simulation()
+            simulation.run_for(1.0)
+            # finite, and more than any world can bear: what an order of a million tons does
+            push = rospy.ServiceProxy("/gazebo/apply_body_wrench", ApplyBodyWrench)
+            try:
+                push("m2wr::link_chassis", "world", Point(), Wrench(Vector3(1e13, 0.0, 1e13), Vector3()),
+                     rospy.Time(0), rospy.Duration(1.0))
+            except (rospy.ServiceException, rospy.ROSException) as error:   # the node may be gone before it answers
+                rospy.loginfo("no answer to the order: %s", error)
+            run.wait()
+            self.assertRegex(run.text, r"step \d+ \(1 ms each\): m2wr::link_chassis is at \(.*come apart.*Motors: "
+                                       r"joint_\w+ -?[\d.]+ with up to 5, joint_\w+ -?[\d.]+ with up to 5")
+            self.assertNotIn("Traceback", run.text)
+            self.assertNotIn("core dumped", run.text)
+            wait_until(lambda: not marked(run.mark), "everything that the run has started to end")
+        self.assertEqual(sorted(os.listdir(folder)), ["run.bag", "run.launch"])
+        seen, last = set(), 0.0
+        with rosbag.Bag(bag) as written:
+            for topic, message, _ in written.read_messages():
+                seen.add(topic)
+                if topic in SENSED:
+                    numbers = numbers_of(message)
+                    self.assertTrue(all(abs(value) < 1e13 for value in numbers), "%s: %s" % (topic, message))
+                if topic == "/odom":
+                    last = message.header.stamp.to_sec()
+                    self.assertLess(abs(message.pose.pose.position.x), 100.0)
+        self.assertLessEqual(SENSED, seen)
+        self.assertGreater(last, 1.0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("check_comes_apart", disable_rostime=True)
+    run_checks("comes_apart", ComesApart)

@@ -1,0 +1,187 @@
+#!/usr/bin/env python3
+"""Lockstep: who is waited for, and what happens when one is silent, dies, comes back, ends the run or time is reset."""
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import unittest
+
+import rosbag
+import rospy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from sim_probe import PATIENCE, Running, Simulation, marked, program, run_checks, wait_until  # noqa: E402
+from check_launch_errors import free_port  # noqa: E402
+
+NODE = ("m2wr_sim", "m2wr_sim_node")
+PUPPET = ("m2wr_test", "lockstep_puppet.py")
+
+
+class Lockstep(unittest.TestCase):
+    """Every case has a simulation and puppets of its own, at full speed."""
+
+    def start(self, *parameters, patience=2.0):
+        """Start a simulation and put the robot into it; returns the running node."""
+        if rospy.has_param("/gazebo"):
+            rospy.delete_param("/gazebo")           # of the case before
+        node = Running([program(*NODE), "_lockstep:=true", "_real_time_factor:=0", "_lockstep_patience:=%g" % patience,
+                        "_wheel_convention:=kinetic"] + list(parameters))
+        self.addCleanup(node.__exit__)
+        node.wait_for_text("is ready")
+        self.simulation = Simulation()
+        self.assertTrue(self.simulation.spawn("m2wr", rospy.get_param("/robot_description")).success)
+        return node
+
+    def puppet(self, *arguments):
+        """Start a puppet."""
+        puppet = Running([program(*PUPPET)] + list(arguments))
+        self.addCleanup(puppet.__exit__)
+        return puppet
+
+    def assert_ends_with_error(self, node, *words):
+        self.assertEqual(node.wait(), 1, node.text)
+        for word in words:
+            self.assertIn(word, node.text)
+        self.assertNotIn("Traceback", node.text)
+
+    def end(self, node):
+        """End a node that is well."""
+        code, _ = node.end(signal.SIGINT)
+        self.assertEqual(code, 0, node.text)
+        self.assertNotIn("Traceback", node.text)
+
+    # ---- the rule ----------------------------------------------------------------------------------------------
+
+    def test_every_scan_is_a_turn_and_the_end_of_the_run_stops_time(self):
+        node = self.start("_lockstep_controllers:=[puppet]")
+        puppet = self.puppet("puppet", "end", "41")
+        self.assertEqual(puppet.wait(), 0, puppet.text)
+        # scans at 1, 51, 101 ... ms, odometry from 51 ms on
+        self.assertIn("puppet: 41 turns, 41 scans, 40 odometries, 2.001 s", puppet.text)
+        node.wait_for_text("the run is over, says /puppet at 2.001 s (tick 41)")
+        self.assertEqual({round(self.simulation.time(), 9) for _ in range(20)}, {2.001})
+        self.assertAlmostEqual(self.simulation.call("get_model_state", "m2wr", "").pose.position.x, 0.58, delta=0.03)
+        self.end(node)
+
+    def test_time_stands_still_until_everybody_is_there_and_says_why(self):
+        node = self.start("_lockstep_controllers:=[early, late]", "_lockstep_listeners:=['/ear: /odom']")
+        self.puppet("early", "drive")
+        node.wait_for_text("time stands still at 0.000 s until there is")
+        wait_until(lambda: "until there is /late to serve /late/lockstep_turn; /ear to subscribe to /odom"
+                   in node.text, "the node to name who is missing")
+        self.puppet("late", "drive")
+        wait_until(lambda: "until there is /ear to subscribe to /odom" in node.text, "the listener alone to be missing")
+        self.assertEqual(self.simulation.time(), 0.0)
+        ear = Running([shutil.which("rostopic"), "echo", "/odom/header", "__name:=ear"])
+        self.addCleanup(ear.__exit__)
+        self.simulation.wait_for_time(0.5)
+        ear.wait_for_text("seq: 1\n")              # not one message was lost
+        self.end(node)
+
+    def test_controllers_take_turns_together(self):
+        node = self.start("_lockstep_controllers:=[first, second]")
+        first, second = self.puppet("first", "end", "30"), self.puppet("second", "drive")
+        self.assertEqual(first.wait(), 0, first.text)
+        node.wait_for_text("everybody is connected at 0.000 s: /first, /second")
+        node.wait_for_text("the run is over, says /first at 1.451 s (tick 30)")
+        self.assertIsNone(second.process.poll())
+        self.end(node)
+
+    def test_a_pause_is_no_silence_and_a_reset_of_time_is_told(self):
+        node = self.start("_lockstep_controllers:=[puppet]", patience=1.0)
+        puppet = self.puppet("puppet", "drive")
+        self.simulation.wait_for_time(1.0)
+        self.simulation.call("pause_physics")
+        paused = self.simulation.time()
+        rospy.rostime.wallsleep(1.5)                # longer than the patience: that is what is tested
+        self.assertEqual(self.simulation.time(), paused)
+        self.simulation.call("reset_simulation")
+        self.simulation.call("unpause_physics")
+        puppet.wait_for_text("puppet: time reset after")
+        self.simulation.wait_for_time(0.5)
+        self.end(node)
+
+    def test_an_answer_on_a_topic_is_enough_for_who_knows_nothing_of_turns(self):
+        node = self.start("_lockstep_replies:=['/m2wr/laser/scan -> /cmd_vel by /script']")
+        self.puppet("script", "answer")
+        self.simulation.wait_for_time(2.0)
+        node.wait_for_text("everybody is connected at 0.000 s: /m2wr/laser/scan -> /cmd_vel by /script")
+        self.assertGreater(self.simulation.call("get_model_state", "m2wr", "").pose.position.x, 0.4)
+        self.end(node)
+
+    # ---- who does not answer -----------------------------------------------------------------------------------
+
+    def test_one_that_does_not_answer_is_named_with_its_last_words(self):
+        node = self.start("_lockstep_controllers:=[puppet]")
+        self.puppet("puppet", "block", "21")
+        self.assert_ends_with_error(
+            node, "lockstep: controller /puppet has not answered tick 21 at 1.001 s within 2 s of wall time; "
+            "its last answer was to tick 20 at 0.951 s, saying \"driving\"")
+
+    def test_one_that_fails_is_named_with_its_error(self):
+        node = self.start("_lockstep_controllers:=[puppet]")
+        puppet = self.puppet("puppet", "fail", "21")
+        self.assert_ends_with_error(node, "controller /puppet failed in tick 21 at 1.001 s",
+                                    "the puppet lost its strings", "its last answer was to tick 20")
+        self.assertEqual(puppet.wait(), 1)
+
+    def test_one_that_dies_is_named(self):
+        node = self.start("_lockstep_controllers:=[puppet]", patience=60.0)
+        puppet = self.puppet("puppet", "die", "21")
+        self.assertEqual(puppet.wait(), 3)
+        self.assert_ends_with_error(node, "controller /puppet failed in tick 21 at 1.001 s")
+
+    def test_an_answer_that_stays_away_is_named(self):
+        node = self.start("_lockstep_replies:=['/m2wr/laser/scan -> /cmd_vel']")
+        script = self.puppet("script", "answer")
+        self.simulation.wait_for_time(1.0)
+        script.process.send_signal(signal.SIGSTOP)
+        try:
+            self.assert_ends_with_error(node, "/m2wr/laser/scan -> /cmd_vel: no answer on /cmd_vel to /m2wr/laser/scan")
+        finally:
+            script.process.send_signal(signal.SIGCONT)
+
+    def test_time_goes_on_without_the_dead_and_the_restarted_takes_part_again(self):
+        node = self.start("_lockstep_controllers:=[first, second]", "_lockstep_on_silence:=go_on")
+        first, _ = self.puppet("first", "drive"), self.puppet("second", "drive")
+        self.simulation.wait_for_time(0.5)
+        first.end(signal.SIGKILL)
+        node.wait_for_text("Time goes on without it.")
+        self.assertIn("controller /first failed in tick", node.text)
+        self.simulation.run_for(1.0)
+        self.puppet("first", "drive")
+        node.wait_for_text("lockstep: /first takes part from")
+        self.simulation.run_for(1.0)
+        self.end(node)
+
+    def test_nobody_named_is_refused(self):
+        if rospy.has_param("/gazebo"):
+            rospy.delete_param("/gazebo")
+        with Running([program(*NODE), "_lockstep:=true"]) as node:
+            self.assert_ends_with_error(node, "~lockstep is true", "~lockstep_controllers", "nobody")
+
+    # ---- a whole run -------------------------------------------------------------------------------------------
+
+    def test_a_run_with_a_silent_node_ends_with_its_code_and_a_closed_bag(self):
+        folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, folder)
+        bag, port = os.path.join(folder, "run.bag"), free_port()
+        run = Running([program("m2wr_sim", "experiment"), "--port", str(port), "m2wr_sim", "bug2.launch", "gui:=false",
+                       "real_time_factor:=0", "record:=" + bag], {"ROS_MASTER_URI": "http://127.0.0.1:%d" % port})
+        self.addCleanup(run.__exit__)
+        run.wait_for_text("state changed: Go to point")
+        follower, = [pid for pid, command in marked(run.mark).items() if "wall_follower.py" in command]
+        os.kill(follower, signal.SIGSTOP)
+        self.assertEqual(run.wait(PATIENCE), 1, run.text)
+        # bug2 is named in its place when it was just switching it and waits for it as well
+        self.assertRegex(run.text, "controller /(wall_follower|bug2) has not answered tick")
+        self.assertIn("node gazebo", run.text)
+        self.assertEqual(os.listdir(folder), ["run.bag"])
+        with rosbag.Bag(bag) as written:
+            self.assertGreater(written.get_message_count("/odom"), 0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("check_lockstep", disable_rostime=True)
+    run_checks("lockstep", Lockstep)

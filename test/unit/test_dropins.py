@@ -1,0 +1,76 @@
+"""Stand-in packages are built only where no real package of their name is found."""
+import os
+import shutil
+import subprocess
+
+import pytest
+
+import workspace_tree as tree
+
+REAL = '<package><name>%s</name><maintainer email="someone@elsewhere.org">s</maintainer></package>'
+OWN = '<package><name>%s</name><maintainer email="maintainers@m2wr.example">m</maintainer></package>'
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    """A workspace of two stand-ins beside an empty system and an empty ROS."""
+    (tmp_path / "ws" / "tools").mkdir(parents=True)
+    shutil.copy(os.path.join(tree.ROOT, "tools", "dropins.sh"), str(tmp_path / "ws" / "tools"))
+    for name in ("xacro", "gazebo_ros"):
+        (tmp_path / "ws" / "dropin" / name).mkdir(parents=True)
+    return tmp_path
+
+
+def arrange(workspace, **environment):
+    """Run the script; returns the stand-ins that are left out, and what it said."""
+    environment = dict(os.environ, M2WR_SYSTEM_PREFIX=str(workspace / "usr"), CMAKE_PREFIX_PATH=environment.pop(
+        "prefixes", ""), M2WR_NOETIC_PREFIX=str(workspace / "noetic"), **environment)
+    done = subprocess.run(["bash", str(workspace / "ws" / "tools" / "dropins.sh")], env=environment, timeout=60,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+    assert done.returncode == 0, done.stdout
+    left_out = [path.parent.name for path in sorted((workspace / "ws" / "dropin").glob("*/CATKIN_IGNORE"))]
+    return left_out, done.stdout
+
+
+def install(workspace, prefix, name, text=REAL):
+    folder = workspace / prefix / "share" / name
+    folder.mkdir(parents=True)
+    (folder / "package.xml").write_text(text % name)
+
+
+def test_where_nothing_is_found_all_are_built_in_silence(workspace):
+    assert arrange(workspace) == ([], "")
+
+
+@pytest.mark.parametrize("prefix", ["usr", "noetic"])
+def test_one_steps_aside_for_the_real_package_and_comes_back_when_that_goes(workspace, prefix):
+    install(workspace, prefix, "xacro")
+    left_out, said = arrange(workspace)
+    assert left_out == ["xacro"] and "dropin/xacro steps aside" in said
+    assert arrange(workspace) == (["xacro"], "")
+    shutil.rmtree(str(workspace / prefix))
+    left_out, said = arrange(workspace)
+    assert left_out == [] and "dropin/xacro is built" in said
+
+
+def test_a_sourced_workspace_counts_whether_installed_or_built(workspace):
+    install(workspace, "overlay one", "gazebo_ros")
+    source = workspace / "source" / "xacro"
+    source.mkdir(parents=True)
+    (source / "package.xml").write_text(REAL % "xacro")
+    config = workspace / "devel" / "share" / "xacro" / "cmake"
+    config.mkdir(parents=True)
+    (config / "xacroConfig.cmake").write_text("if(TRUE)\n  set(xacro_SOURCE_PREFIX %s)\nendif()\n" % source)
+    prefixes = "%s:%s" % (workspace / "overlay one", workspace / "devel")
+    assert arrange(workspace, prefixes=prefixes)[0] == ["gazebo_ros", "xacro"]
+
+
+def test_our_own_package_installed_elsewhere_is_no_real_one(workspace):
+    install(workspace, "usr", "gazebo_ros", OWN)
+    assert arrange(workspace)[0] == []
+
+
+def test_a_stand_in_can_be_kept(workspace):
+    install(workspace, "usr", "gazebo_ros")
+    install(workspace, "usr", "xacro")
+    assert arrange(workspace, M2WR_KEEP_DROPINS="other gazebo_ros")[0] == ["xacro"]
