@@ -60,6 +60,7 @@ class MujocoCase:
         self._mujoco = _import("mujoco")
         self.model = self._mujoco.MjModel.from_xml_string(self._mjcf(case, tuned))
         self.data = self._mujoco.MjData(self.model)
+        self._mujoco.mj_forward(self.model, self.data)          # so that poses are known before the first step
         rates = in_process.motor_rates()
         self.data.ctrl[:] = [rates["left"], rates["right"]] * case.robots
         self._bodies = [self.model.body("robot%d" % index).id for index in range(case.robots)]
@@ -107,7 +108,7 @@ class MujocoCase:
         turn = self.data.xmat[body].reshape(3, 3)
         origin = self.data.xpos[body] + turn @ np.array(_SENSOR)
         directions = fan.directions @ turn.T
-        self._mujoco.mj_multiRay(self.model, self.data, origin + 0.0, directions.ravel(), None, 1, body, self._ids,
+        self._mujoco.mj_multiRay(self.model, self.data, origin, directions.ravel(), None, 1, body, self._ids,
                                  self._distances, len(directions), reference.RANGE_MAX)
         return fan.finish(self._distances, (self._ids >= 0) & (self._distances < reference.RANGE_MAX))
 
