@@ -102,7 +102,8 @@ class Services(unittest.TestCase):
     # ---- joints ------------------------------------------------------------------------------------------------
 
     def spawn_swing(self):
-        self.assertTrue(self.simulation.spawn("swing", data_text("swing.sdf"), (0.0, 0.0, 0.0, 0.0), kind="sdf").success)
+        spawned = self.simulation.spawn("swing", data_text("swing.sdf"), (0.0, 0.0, 0.0, 0.0), kind="sdf")
+        self.assertTrue(spawned.success)
 
     def joint(self):
         answer = self.call("get_joint_properties", "GetJointProperties: got properties", "swing::hinge")
@@ -110,7 +111,8 @@ class Services(unittest.TestCase):
 
     def test_an_effort_turns_a_joint_within_its_limit(self):
         self.spawn_swing()
-        self.call("apply_joint_effort", "ApplyJointEffort: effort set", "hinge", 50.0, rospy.Time(), rospy.Duration(0.5))
+        self.call("apply_joint_effort", "ApplyJointEffort: effort set", "hinge", 50.0, rospy.Time(),
+                  rospy.Duration(0.5))
         self.simulation.run_for(0.6)
         self.assertAlmostEqual(self.joint()[1], 2.0, delta=0.01)    # 2 N m, the limit, for 0.5 s on 0.5 kg m^2
 

@@ -78,7 +78,8 @@ def test_fields_that_are_empty_leave_what_is_there(rotor):
 def test_damping_stops_and_motor_are_taken(rotor):
     rig, api = rotor
     assert api.set_joint_properties(properties("turn", damping=0.1, hiStop=1.0, loStop=-1.0, fmax=100.0, vel=3.0,
-                                               erp=0.3, cfm=1e-6, stop_erp=0.4, stop_cfm=1e-5, fudge_factor=0.5)).success
+                                               erp=0.3, cfm=1e-6, stop_erp=0.4, stop_cfm=1e-5,
+                                               fudge_factor=0.5)).success
     axis = rig.simulator.models["rotor"].joint_record("turn").axis
     assert (axis.damping, axis.lower, axis.upper, axis.stop_erp, axis.stop_cfm) == (0.1, -1.0, 1.0, 0.4, 1e-5)
     rig.run(0.2)

@@ -85,8 +85,8 @@ class NodeConfig:
 
 
 _NUMBERS = {"real_time_factor": float, "seed": int, "step": float, "pub_clock_frequency": float,
-            "pub_state_frequency": float, "world_markers_rate": float, "command_timeout": float, "joint_state_rate": float,
-            "lockstep_patience": float}
+            "pub_state_frequency": float, "world_markers_rate": float, "command_timeout": float,
+            "joint_state_rate": float, "lockstep_patience": float}
 
 
 def read_config(parameters):
