@@ -35,7 +35,7 @@ def is_robot(record):
 def colour_of(link, collision):
     """Return the colour (r, g, b, a) of a collision: that of the visual with its shape, else of the link's first."""
     coloured = [visual for visual in link.visuals if visual.rgba or visual.material]
-    same = [visual for visual in coloured if type(visual.geometry) is type(collision.geometry)
+    same = [visual for visual in coloured if visual.geometry.__class__ is collision.geometry.__class__
             and visual.geometry == collision.geometry]
     for visual in same + coloured:
         if visual.rgba:
