@@ -1,0 +1,7 @@
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(**generate_distutils_setup(
+    packages=['m2wr_gmapping', 'm2wr_gmapping.replay'],
+    package_dir={'': 'src'},
+))

@@ -1,0 +1,162 @@
+"""Parameters: names, defaults, units and ranges, read from whatever a user wrote."""
+import math
+from dataclasses import dataclass, fields
+
+from m2wr_gmapping.motion_model import MotionNoise
+
+INFINITY = math.inf
+
+
+class ConfigError(ValueError):
+    """A parameter has a value that cannot be used; the message names its range."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One private parameter: default, unit, allowed range (both ends included) and meaning."""
+
+    default: object
+    unit: str
+    low: float
+    high: float
+    meaning: str
+
+
+def _p(default, unit, low, high, meaning):
+    return Parameter(default, unit, low, high, meaning)
+
+
+# public name -> parameter. A default of None is filled in from another value, which the meaning names.
+PARAMETERS = {
+    "throttle_scans": _p(1, "", 0, 10**9, "process one of this many scans; 0 counts as 1"),
+    "base_frame": _p("base_link", "", 0, 0, "tells how the laser is mounted"),
+    "map_frame": _p("map", "", 0, 0, "frame of map and poses"),
+    "odom_frame": _p("odom", "", 0, 0, "frame of the odometry"),
+    "map_update_interval": _p(5.0, "s", 0.0, INFINITY, "least time, in scan stamps, between two maps"),
+    "transform_publish_period": _p(0.05, "s", 0.0, INFINITY, "period of map -> odom; 0: never"),
+    "tf_delay": _p(None, "s", 0.0, INFINITY, "its stamp is now plus this; default transform_publish_period"),
+    "occ_thresh": _p(0.25, "", 0.0, 1.0, "occupied where hits/visits is greater"),
+    "maxRange": _p(None, "m", 0.0, INFINITY, "longer beams are ignored; default range_max of the first scan - 0.01"),
+    "maxUrange": _p(None, "m", 0.0, INFINITY, "longer beams only clear space up to here; default maxRange"),
+    "sigma": _p(0.05, "m^2", 1e-9, INFINITY, "denominator of the score's exponent"),
+    "kernelSize": _p(1, "cells", 0, 10, "half width of the neighbourhood searched; only with compatible"),
+    "lstep": _p(0.05, "m", 1e-9, INFINITY, "first step of the hill climb; only with compatible"),
+    "astep": _p(0.05, "rad", 1e-9, INFINITY, "first step of the hill climb; only with compatible"),
+    "iterations": _p(5, "", 0, 1000, "halvings of the steps; only with compatible"),
+    "lsigma": _p(0.075, "m^2", 1e-9, INFINITY, "denominator of a beam's log-likelihood"),
+    "ogain": _p(3.0, "", 1e-9, INFINITY, "smoothing of the weights"),
+    "lskip": _p(0, "beams", 0, 10**6, "beams left out between two matched ones"),
+    "minimumScore": _p(0.0, "beams", -INFINITY, INFINITY, "a match is taken if its score is greater"),
+    "llsamplerange": _p(0.01, "m", -INFINITY, INFINITY, "accepted, without effect as in the original"),
+    "llsamplestep": _p(0.01, "m", -INFINITY, INFINITY, "accepted, without effect as in the original"),
+    "lasamplerange": _p(0.005, "rad", -INFINITY, INFINITY, "accepted, without effect as in the original"),
+    "lasamplestep": _p(0.005, "rad", -INFINITY, INFINITY, "accepted, without effect as in the original"),
+    "srr": _p(0.1, "m/m", 0.0, INFINITY, "translation noise from translation"),
+    "srt": _p(0.2, "rad/m", 0.0, INFINITY, "heading noise from translation"),
+    "str": _p(0.1, "m/rad", 0.0, INFINITY, "translation noise from turning"),
+    "stt": _p(0.2, "rad/rad", 0.0, INFINITY, "heading noise from turning"),
+    "linearUpdate": _p(1.0, "m", 0.0, INFINITY, "distance after which a scan is processed"),
+    "angularUpdate": _p(0.5, "rad", 0.0, INFINITY, "turn after which a scan is processed"),
+    "temporalUpdate": _p(-1.0, "s", -INFINITY, INFINITY, "time after which a scan is processed anyhow; < 0: never"),
+    "resampleThreshold": _p(0.5, "", 0.0, 1.0, "resample when Neff is below this share of the particles"),
+    "particles": _p(30, "", 1, 10000, "number of particles"),
+    "xmin": _p(-100.0, "m", -1e6, 1e6, "initial extent of the map"),
+    "ymin": _p(-100.0, "m", -1e6, 1e6, "initial extent of the map"),
+    "xmax": _p(100.0, "m", -1e6, 1e6, "initial extent of the map"),
+    "ymax": _p(100.0, "m", -1e6, 1e6, "initial extent of the map"),
+    "delta": _p(0.05, "m", 0.001, 10.0, "cell size"),
+    "compatible": _p(False, "", 0, 1, "the plain original algorithm: hill climb, no tracking, no loop closing"),
+    "track_between": _p(True, "", 0, 1, "also match the scans between two processed ones, one pose each"),
+    "loop_closing": _p(True, "", 0, 1, "search old parts of the map and bend the trajectory where they are met again"),
+    "seed": _p(0, "", 0, 2**63 - 1, "seed of all random numbers"),
+    "threads": _p(0, "", 0, 256, "threads that share the particles; 0: one a core"),
+}
+# public name -> field, where the public one is no good name inside
+FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "rot_rot"}
+# what else a node or launch file may set without it being a mistake
+TOLERATED = {"inverted_laser"}
+
+
+def _converted(name, value):
+    """Return the value in the parameter's kind, the way the C++ client converts; None where it cannot be."""
+    default = PARAMETERS[name].default
+    if isinstance(default, str):
+        return value if isinstance(value, str) else None
+    if isinstance(default, bool):
+        return bool(value) if isinstance(value, (bool, int)) else None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+        return None
+    if isinstance(default, int):
+        if math.isinf(value):
+            return None
+        return int(math.floor(value + 0.5)) if value >= 0 else -int(math.floor(0.5 - value))
+    return float(value)
+
+
+@dataclass(frozen=True)
+class GmappingConfig:
+    """Every parameter, checked; the fields are the public names in lower case with underscores where they had capitals.
+
+    See ``PARAMETERS`` for units and meanings.
+    """
+
+    values: tuple
+    unknown: tuple = ()
+    unusable: tuple = ()
+
+    @classmethod
+    def from_mapping(cls, given=None):
+        """Read parameters by their public names.
+
+        Parameters
+        ----------
+        given : mapping of str to object, optional
+            Integers are taken for floats and floats, rounded, for integers. A value of another kind leaves the default
+            and is listed in ``unusable``; a name that is none is listed in ``unknown``.
+
+        Raises
+        ------
+        ConfigError
+            If a value is outside its range.
+        """
+        values = {name: parameter.default for name, parameter in PARAMETERS.items()}
+        unknown, unusable = [], []
+        for name, value in (given or {}).items():
+            if name not in PARAMETERS:
+                if name not in TOLERATED:
+                    unknown.append(name)
+                continue
+            converted = _converted(name, value)
+            if converted is None:
+                unusable.append("{}: {!r}".format(name, value))
+                continue
+            parameter = PARAMETERS[name]
+            if not isinstance(converted, str) and not parameter.low <= converted <= parameter.high:
+                raise ConfigError("parameter {} is {}; expected {} to {}{}".format(
+                    name, value, parameter.low, parameter.high, " " + parameter.unit if parameter.unit else ""))
+            values[name] = converted
+        for low, high in (("xmin", "xmax"), ("ymin", "ymax")):
+            if not values[low] < values[high]:
+                raise ConfigError("parameters {} {} and {} {}: expected the first below the second".format(
+                    low, values[low], high, values[high]))
+        values["throttle_scans"] = max(1, values["throttle_scans"])
+        if values["tf_delay"] is None:
+            values["tf_delay"] = values["transform_publish_period"]
+        return cls(tuple(values.items()), tuple(unknown), tuple(unusable))
+
+    def __getitem__(self, name):
+        """Return a value by its public name."""
+        return dict(self.values)[name]
+
+    def as_dict(self):
+        """Return all values by their public names."""
+        return dict(self.values)
+
+    @property
+    def noise(self):
+        """The motion noise (MotionNoise)."""
+        values = dict(self.values)
+        return MotionNoise(**{field: values[name] for name, field in FIELDS.items()})
+
+
+assert {field.name for field in fields(MotionNoise)} == set(FIELDS.values())

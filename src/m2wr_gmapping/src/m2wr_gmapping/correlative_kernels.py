@@ -1,0 +1,159 @@
+"""Exhaustive search for a scan in a raster of old end points, with an upper bound that spares most of the work.
+
+After the two-level idea of Olson, Real-Time Correlative Scan Matching, ICRA 2009: a second raster holds the maximum
+over blocks, so that the score of a whole block of offsets is bounded by one evaluation.
+"""
+import math
+
+import numpy as np
+from numba import njit
+
+BLOCK = 4               # offsets a side that share one bound
+CENTRE, BESIDE, CORNER = 255, 170, 110     # what an end point gives to its cell and to those around it
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def stamp_points(pose, points, corner, per_metre, raster):
+    """Raise the cells around the end points (2, B) of a scan at ``pose`` in ``raster`` (H, W) uint8."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for b in range(points.shape[1]):
+        fx = (pose[0] + c * points[0, b] - s * points[1, b] - corner[0]) * per_metre
+        fy = (pose[1] + s * points[0, b] + c * points[1, b] - corner[1]) * per_metre
+        if not (fx >= 1.0 and fy >= 1.0 and fx < raster.shape[1] - 1 and fy < raster.shape[0] - 1):
+            continue
+        ix, iy = int(fx), int(fy)
+        for dy in range(-1, 2):
+            for dx in range(-1, 2):
+                value = CENTRE if dx == 0 and dy == 0 else (BESIDE if dx == 0 or dy == 0 else CORNER)
+                if raster[iy + dy, ix + dx] < value:
+                    raster[iy + dy, ix + dx] = value
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def block_maximum(raster, out):
+    """Write into ``out`` (H, W) the maximum of the BLOCK x BLOCK cells from each cell on, towards larger indices."""
+    height, width = raster.shape
+    rows = np.zeros((height, width), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            value = raster[y, x]
+            for k in range(1, min(BLOCK, width - x)):
+                if raster[y, x + k] > value:
+                    value = raster[y, x + k]
+            rows[y, x] = value
+    for y in range(height):
+        for x in range(width):
+            value = rows[y, x]
+            for k in range(1, min(BLOCK, height - y)):
+                if rows[y + k, x] > value:
+                    value = rows[y + k, x]
+            out[y, x] = value
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _sum_at(xs, ys, dx, dy, raster):
+    """Sum of the raster's values at the shifted cells; cells outside count nothing."""
+    total = 0
+    for k in range(xs.shape[0]):
+        x, y = xs[k] + dx, ys[k] + dy
+        if x >= 0 and y >= 0 and x < raster.shape[1] and y < raster.shape[0]:
+            total += raster[y, x]
+    return total
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def search(centre, points, turns, blocks, corner, per_metre, raster, coarse, apart_cells, apart_turn, share, best):
+    """Find the best offset and turn of ``points`` (2, Q) around ``centre`` (3,), and whether it is the only one.
+
+    Offsets are whole cells within ``blocks`` blocks to either side.  ``best`` (5,) gets the pose, its score between 0
+    and 1, and the score of the best rival that lies more than ``apart_cells`` or ``apart_turn`` away (0 if none comes
+    within ``share`` of the best).
+    """
+    count, side = points.shape[1], 2 * blocks + 1
+    xs = np.empty((turns.shape[0], count), np.int64)
+    ys = np.empty((turns.shape[0], count), np.int64)
+    bounds = np.empty(turns.shape[0] * side * side, np.int64)
+    shift = BLOCK // 2
+    for t in range(turns.shape[0]):
+        c, s = math.cos(centre[2] + turns[t]), math.sin(centre[2] + turns[t])
+        for k in range(count):
+            xs[t, k] = int(math.floor((centre[0] + c * points[0, k] - s * points[1, k] - corner[0]) * per_metre))
+            ys[t, k] = int(math.floor((centre[1] + s * points[0, k] + c * points[1, k] - corner[1]) * per_metre))
+        for by in range(side):
+            for bx in range(side):
+                bounds[(t * side + by) * side + bx] = _sum_at(
+                    xs[t], ys[t], (bx - blocks) * BLOCK - shift, (by - blocks) * BLOCK - shift, coarse)
+    order = np.argsort(-bounds)
+    top, rival = -1, -1
+    top_x = top_y = top_t = 0
+    for index in order:
+        if bounds[index] <= top and bounds[index] < share * top:
+            break
+        if bounds[index] <= top and rival >= share * top:
+            break
+        t = index // (side * side)
+        first_y = ((index // side) % side - blocks) * BLOCK - shift
+        first_x = (index % side - blocks) * BLOCK - shift
+        for dy in range(first_y, first_y + BLOCK):
+            for dx in range(first_x, first_x + BLOCK):
+                value = _sum_at(xs[t], ys[t], dx, dy, raster)
+                apart = (abs(dx - top_x) > apart_cells or abs(dy - top_y) > apart_cells
+                         or abs(turns[t] - turns[top_t]) > apart_turn)
+                if value > top:
+                    if apart and top > rival:
+                        rival = top
+                    top, top_x, top_y, top_t = value, dx, dy, t
+                elif apart and value > rival:
+                    rival = value
+    full = float(max(1, count) * CENTRE)
+    best[0] = centre[0] + top_x / per_metre
+    best[1] = centre[1] + top_y / per_metre
+    best[2] = centre[2] + turns[top_t]
+    best[3] = top / full
+    best[4] = rival / full if rival >= share * top else 0.0
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def search_window(centre, offsets, turns, points, stride, corner, per_metre, field, best):
+    """Search all offsets and turns around a pose in a field of match values.
+
+    Parameters
+    ----------
+    centre : (3,) float64
+        Middle of the window.
+    offsets : (A, 3) float64
+        x, y [m, map axes] and a penalty that is taken off the mean value of a point.
+    turns : (T, 2) float64
+        Angle [rad] and penalty.
+    points : (R, B) float64
+        End points in the first two rows [m, laser frame]; every ``stride``-th is used.
+    corner : (2,) float64
+        World place of the field's corner [m].
+    field : (H, W) uint8
+    best : (4,) float64
+        Written: pose and value, 1 at most.  Ties keep the earlier candidate: order both from the centre outwards.
+    """
+    count = (points.shape[1] + stride - 1) // stride
+    xs, ys = np.empty(count), np.empty(count)
+    best[3] = -1e9
+    for t in range(turns.shape[0]):
+        theta = centre[2] + turns[t, 0]
+        c, s = math.cos(theta), math.sin(theta)
+        for k in range(count):
+            qx, qy = points[0, k * stride], points[1, k * stride]
+            xs[k] = (centre[0] + c * qx - s * qy - corner[0]) * per_metre
+            ys[k] = (centre[1] + s * qx + c * qy - corner[1]) * per_metre
+        for a in range(offsets.shape[0]):
+            dx, dy = offsets[a, 0] * per_metre, offsets[a, 1] * per_metre
+            total = 0
+            # what the sum must exceed; given up as soon as the points that are left cannot bring it there
+            needed = (best[3] + offsets[a, 2] + turns[t, 1]) * 255.0 * count
+            for k in range(count):
+                if k & 7 == 0 and total + (count - k) * 255 <= needed:
+                    break
+                fx, fy = xs[k] + dx, ys[k] + dy
+                if fx >= 0.0 and fy >= 0.0 and fx < field.shape[1] and fy < field.shape[0]:
+                    total += field[int(fy), int(fx)]
+            value = total / (255.0 * count) - offsets[a, 2] - turns[t, 1]
+            if value > best[3]:
+                best[0], best[1], best[2], best[3] = centre[0] + offsets[a, 0], centre[1] + offsets[a, 1], theta, value

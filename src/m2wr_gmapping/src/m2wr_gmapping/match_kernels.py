@@ -1,0 +1,221 @@
+"""Scan matching of particles in their tile maps.
+
+Plain arrays in, plain arrays out; a range of particles a call, so that threads may share the set.
+
+Array layouts
+-------------
+``table`` (N, H, W) int32
+    Tile of each particle at each place, -1 for none.
+``mean`` (T, 256, 2) uint16, ``hits`` (T, 256) uint8
+    Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its hits.
+``frame`` (3,) float64
+    World x and y of the table's corner [m], cells per metre.
+``beams`` (7, B) float64
+    End point x, y and unit normal of the surface there, in the laser's frame; lever arm of the normal and of the
+    tangent (the residual's derivative by heading); weight of the tangential residual.
+"""
+import math
+
+import numpy as np
+from numba import njit
+
+SHIFT, MASK = 4, 15
+UNIT = 1.0 / 65535
+QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
+# settings of the Gauss-Newton matcher
+WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6
+# columns of a result row
+POSE, SCORE, LOG_LIKELIHOOD, FOUND, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 12
+STEP_LIMIT, CONVERGED = 0.15, 1e-3
+STEPS_A_ROUND = 2       # Gauss-Newton steps between two searches for partners
+NULL_DISTANCE2 = 0.5    # squared distance that a beam without a partner counts for in the likelihood
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty):
+    """Find for each end point the nearest mean hit point among the 3 x 3 cells around it.
+
+    Writes the beams that have one into ``which`` (B,) and its place, in cells from the table's corner, into ``tx`` and
+    ``ty`` (B,); returns how many.
+    """
+    c, s = math.cos(theta), math.sin(theta)
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    rows, columns = grid.shape[0] << SHIFT, grid.shape[1] << SHIFT
+    found = 0
+    for b in range(beams.shape[1]):
+        qx, qy = beams[QX, b], beams[QY, b]
+        fx, fy = (x + c * qx - s * qy - ox) * inv, (y + s * qx + c * qy - oy) * inv
+        if not (fx >= 1.0 and fy >= 1.0 and fx < columns - 1 and fy < rows - 1):
+            continue
+        ix, iy = int(fx), int(fy)
+        best, best_x, best_y = 1e9, 0.0, 0.0
+        if 0 < (ix & MASK) < MASK and 0 < (iy & MASK) < MASK:       # all nine in one tile
+            tile = grid[iy >> SHIFT, ix >> SHIFT]
+            if tile < 0:
+                continue
+            rx, ry = fx - ix, fy - iy
+            cell = ((iy & MASK) << SHIFT) | (ix & MASK)
+            for step_y in range(-1, 2):
+                k = cell + (step_y << SHIFT) - 1
+                for step_x in range(-1, 2):
+                    if hits[tile, k] != 0:
+                        px, py = step_x + mean[tile, k, 0] * UNIT, step_y + mean[tile, k, 1] * UNIT
+                        d2 = (rx - px) * (rx - px) + (ry - py) * (ry - py)
+                        if d2 < best:
+                            best, best_x, best_y = d2, ix + px, iy + py
+                    k += 1
+        else:
+            for jy in range(iy - 1, iy + 2):
+                for jx in range(ix - 1, ix + 2):
+                    tile = grid[jy >> SHIFT, jx >> SHIFT]
+                    if tile < 0:
+                        continue
+                    k = ((jy & MASK) << SHIFT) | (jx & MASK)
+                    if hits[tile, k] != 0:
+                        px, py = jx + mean[tile, k, 0] * UNIT, jy + mean[tile, k, 1] * UNIT
+                        d2 = (fx - px) * (fx - px) + (fy - py) * (fy - py)
+                        if d2 < best:
+                            best, best_x, best_y = d2, px, py
+        if best < 1e9:
+            which[found], tx[found], ty[found] = b, best_x, best_y
+            found += 1
+    return found
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, h, g):
+    """Normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's own axes."""
+    c, s = math.cos(theta), math.sin(theta)
+    # the laser's place and the partners are both taken in metres from the table's corner
+    x, y = x - frame[0], y - frame[1]
+    delta, by_width = 1.0 / frame[2], 1.0 / width
+    h0 = h1 = h2 = h3 = h4 = h5 = g0 = g1 = g2 = 0.0
+    for k in range(found):
+        b = which[k]
+        qx, qy = beams[QX, b], beams[QY, b]
+        dx, dy = x + c * qx - s * qy - tx[k] * delta, y + s * qx + c * qy - ty[k] * delta
+        u = (dx * dx + dy * dy) * by_width
+        w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))       # exp(-u), close enough for a weight
+        ex, ey = c * dx + s * dy, c * dy - s * dx
+        nx, ny, an, at = beams[NX, b], beams[NY, b], beams[ARM_N, b], beams[ARM_T, b]
+        rn, rt = nx * ex + ny * ey, nx * ey - ny * ex
+        v = w * beams[SLIDE, b]
+        h0 += w * nx * nx + v * ny * ny
+        h1 += (w - v) * nx * ny
+        h2 += w * nx * an - v * ny * at
+        h3 += w * ny * ny + v * nx * nx
+        h4 += w * ny * an + v * nx * at
+        h5 += w * an * an + v * at * at
+        g0 += w * nx * rn - v * ny * rt
+        g1 += w * ny * rn + v * nx * rt
+        g2 += w * an * rn + v * at * rt
+    h[0], h[1], h[2], h[3], h[4], h[5] = h0, h1, h2, h3, h4, h5
+    g[0], g[1], g[2] = g0, g1, g2
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def solve(h, g, step):
+    """Solve the symmetric 3 x 3 system h (xx xy xt yy yt tt) * step = -g by Cholesky; False if it is not definite."""
+    if not h[0] > 0.0:
+        return False
+    l00 = math.sqrt(h[0])
+    l10, l20 = h[1] / l00, h[2] / l00
+    d = h[3] - l10 * l10
+    if not d > 0.0:
+        return False
+    l11 = math.sqrt(d)
+    l21 = (h[4] - l20 * l10) / l11
+    d = h[5] - l20 * l20 - l21 * l21
+    if not d > 0.0:
+        return False
+    l22 = math.sqrt(d)
+    y0 = -g[0] / l00
+    y1 = (-g[1] - l10 * y0) / l11
+    y2 = (-g[2] - l20 * y0 - l21 * y1) / l22
+    step[2] = y2 / l22
+    step[1] = (y1 - l21 * step[2]) / l11
+    step[0] = (y0 - l10 * step[1] - l20 * step[2]) / l00
+    return True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row):
+    """Write score, log-likelihood and number of partners of a pose into a result row."""
+    c, s = math.cos(theta), math.sin(theta)
+    x, y = x - frame[0], y - frame[1]
+    delta = 1.0 / frame[2]
+    score, squared = 0.0, NULL_DISTANCE2 * (beams.shape[1] - found)
+    for k in range(found):
+        qx, qy = beams[QX, which[k]], beams[QY, which[k]]
+        dx, dy = x + c * qx - s * qy - tx[k] * delta, y + s * qx + c * qy - ty[k] * delta
+        d2 = dx * dx + dy * dy
+        score += math.exp(-d2 / settings[SIGMA])
+        squared += d2
+    row[SCORE], row[LOG_LIKELIHOOD], row[FOUND] = score, -squared / settings[LSIGMA], found
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def rate_pose(x, y, theta, beams, grid, mean, hits, frame, settings, row):
+    """Write score, log-likelihood and number of partners of a pose in one particle's map into a result row."""
+    which = np.empty(beams.shape[1], np.int64)
+    tx, ty = np.empty(beams.shape[1]), np.empty(beams.shape[1])
+    found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
+    _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits, frame, prior, settings, results):
+    """Gauss-Newton match of particles ``first`` to ``last`` - 1, each in the map ``maps[i]``.
+
+    The cost is the robust point-to-line distance of the end points to the mean hit points nearest to them, plus the
+    distance from ``predictions`` measured with ``prior`` (3,), inverse variances along the predicted pose's axes. The
+    kernel's width halves from round to round, from wide to narrow.  ``results`` rows get pose, score, log-likelihood,
+    partners and the information matrix (upper triangle, laser axes) of the scan alone.
+    """
+    which = np.empty(beams.shape[1], np.int64)
+    tx, ty = np.empty(beams.shape[1]), np.empty(beams.shape[1])
+    h, g, step = np.zeros(6), np.zeros(3), np.zeros(3)
+    per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
+    for i in range(first, last):
+        x, y, theta = starts[i, 0], starts[i, 1], starts[i, 2]
+        grid, row = table[maps[i]], results[i]
+        width = max(settings[WIDE], settings[NARROW])
+        for _ in range(int(settings[ROUNDS])):
+            found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
+            far = 0.0
+            for _ in range(STEPS_A_ROUND):
+                _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, h, g)
+                c, s = math.cos(theta), math.sin(theta)
+                px, py = x - predictions[i, 0], y - predictions[i, 1]
+                turn = theta - predictions[i, 2]
+                turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+                for k in range(6):
+                    h[k] *= per_variance
+                for k in range(3):
+                    g[k] *= per_variance
+                h[0] += prior[0]
+                h[3] += prior[1]
+                h[5] += prior[2]
+                g[0] += prior[0] * (c * px + s * py)
+                g[1] += prior[1] * (c * py - s * px)
+                g[2] += prior[2] * turn
+                if not solve(h, g, step):
+                    break
+                size = max(abs(step[0]), abs(step[1]), abs(step[2]))
+                if size > STEP_LIMIT:
+                    for k in range(3):
+                        step[k] *= STEP_LIMIT / size
+                x += c * step[0] - s * step[1]
+                y += s * step[0] + c * step[1]
+                theta += step[2]
+                far = max(far, size)
+            if far < CONVERGED and width <= settings[NARROW]:
+                break
+            width = max(settings[NARROW], 0.5 * width)
+        found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
+        _accumulate(x, y, theta, beams, frame, which, tx, ty, found, settings[NARROW], h, g)
+        row[0], row[1] = x, y
+        row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
+        for k in range(6):
+            row[INFORMATION + k] = h[k] * per_variance
+        _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row)

@@ -1,0 +1,131 @@
+"""Matching scans with particles' maps: the fast matcher."""
+import numpy as np
+
+from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.correlative_kernels import search_window
+from m2wr_gmapping.tile_kernels import draw_field
+
+WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
+ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for one that is tracked already
+SPREAD = 0.05                   # standard deviation of one beam for the information matrix [m]
+GOOD_SHARE = 0.8                # share of the beams' best possible score below which a match is doubted
+SEARCH_BEAMS = 60               # beams used by the window search
+SEARCH_REACH = 12.0             # farther end points take no part in the window search [m]
+SEARCH_STEP = 0.08              # step of the window search [m]
+SEARCH_PENALTY = 0.06           # taken off a beam's mean score at the edge of the window
+BETTER_SHARE = 0.02             # by so much, as a share of the beams, a searched match must beat a plain one
+LOOSE = 0.01                    # what remains of a prior that a doubtful match has contradicted
+MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
+
+
+class FastMatcher:
+    """Gauss-Newton on point-to-line distances, with a window search where that is not enough.
+
+    Parameters
+    ----------
+    config : GmappingConfig
+    workers : Workers
+    """
+
+    def __init__(self, config, workers):
+        self._workers = workers
+        self._settings = np.zeros(mk.MATCH_SETTINGS)
+        self._settings[mk.WIDE], self._settings[mk.NARROW] = WIDE, NARROW
+        self._settings[mk.ROUNDS], self._settings[mk.SPREAD] = ROUNDS, SPREAD
+        self._settings[mk.SIGMA], self._settings[mk.LSIGMA] = config["sigma"], config["lsigma"]
+        self._particle_settings = self._settings.copy()
+        self._particle_settings[mk.WIDE], self._particle_settings[mk.ROUNDS] = NARROW, PARTICLE_ROUNDS
+
+    def match(self, maps, reading, starts, predictions, prior, minimum_score):
+        """Match one scan in the map of every particle.
+
+        Parameters
+        ----------
+        maps : TileMaps
+        reading : ScanReading
+        starts, predictions : (N, 3) float64
+            Where the search begins, and what the prior holds it to.
+        prior : (3,) float64
+            Inverse variances along the prediction's axes.
+        minimum_score : float
+            A particle whose match scores this or less keeps its prediction.
+
+        Returns
+        -------
+        (N, 12) float64
+            Result rows of ``match_kernels``.
+        """
+        results = np.empty((len(starts), mk.RESULT_SIZE))
+        numbers = np.arange(len(starts))
+
+        def work(first, last):
+            mk.match_poses(starts, predictions, first, last, numbers, reading.beams, maps.table, maps.mean, maps.hits,
+                           maps.frame, prior, self._particle_settings, results)
+
+        self._workers.run(work, len(starts))
+        threshold = min(minimum_score, MINIMUM_SCORE_CAP * reading.beams.shape[1])
+        for particle in np.flatnonzero(results[:, mk.SCORE] <= threshold):
+            row = results[particle]
+            row[:3] = predictions[particle]
+            row[mk.INFORMATION:] = 0.0
+            mk.rate_pose(row[0], row[1], row[2], reading.beams, maps.table[particle], maps.mean, maps.hits, maps.frame,
+                         self._settings, row)
+        return results
+
+    def match_one(self, maps, particle, reading, start, prediction, prior):
+        """Match in one particle's map; returns its result row (12,)."""
+        results = np.empty((1, mk.RESULT_SIZE))
+        mk.match_poses(np.array([start]), np.array([prediction]), 0, 1, np.array([particle]), reading.beams, maps.table,
+                       maps.mean, maps.hits, maps.frame, prior, self._settings, results)
+        return results[0]
+
+    def track(self, maps, particle, reading, prediction, prior, window, always):
+        """Match in one particle's map, searching a window around the prediction where a plain match is doubtful.
+
+        Parameters
+        ----------
+        window : (2,) float
+            Half widths of the search [m], [rad].
+        always : bool
+            Search even if the plain match looks good.
+
+        Returns
+        -------
+        (12,) float64
+            Result row; its information is 0 where no match could be had and the pose is the prediction.
+        """
+        beams = reading.beams.shape[1]
+        row = self.match_one(maps, particle, reading, prediction, prediction, prior)
+        if not always and row[mk.SCORE] >= GOOD_SHARE * beams:
+            return row
+        best = self.search(maps, particle, reading, prediction, window)
+        other = self.match_one(maps, particle, reading, best, best, prior * LOOSE)
+        if other[mk.SCORE] > row[mk.SCORE] + BETTER_SHARE * beams:
+            row = other
+        return row
+
+    def search(self, maps, particle, reading, prediction, window):
+        """Return the pose (3,) of the best score within a window around the prediction."""
+        beams = reading.beams
+        reach = np.hypot(beams[mk.QX], beams[mk.QY])
+        turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
+        turns = np.stack([turns, SEARCH_PENALTY * np.square(turns / window[1])], -1)
+        steps = _outwards(window[0], SEARCH_STEP)
+        offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+        squared = np.square(offsets).sum(axis=1)
+        order = np.argsort(squared, kind="stable")
+        offsets = np.column_stack([offsets, SEARCH_PENALTY * squared / window[0]**2])[order]
+        half = int((min(float(reach.max()), SEARCH_REACH) + steps.max()) * maps.frame[2]) + 3
+        corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half
+        field = np.empty((2 * half + 1, 2 * half + 1), np.uint8)
+        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, WIDE, field)
+        best = np.empty(4)
+        search_window(prediction, offsets, turns, beams, max(1, beams.shape[1] // SEARCH_BEAMS),
+                      maps.frame[:2] + corner / maps.frame[2], maps.frame[2], field, best)
+        return best[:3]
+
+
+def _outwards(half_width, step):
+    """Return multiples of ``step`` up to ``half_width``, from 0 outwards."""
+    count = int(np.ceil(half_width / step))
+    return np.array(sorted(range(-count, count + 1), key=abs)) * step

@@ -1,0 +1,1 @@
+"""Mapping from a recorded bag, without a ROS master."""

@@ -1,0 +1,172 @@
+"""The laser and its scans: beam angles, mount, usable ranges, end points.
+
+The filter's robot is the *centred laser*: the laser's frame turned about its axis so that the beams lie symmetrically
+and grow counter-clockwise seen from above. The mount brings its poses back to the base.
+"""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.scan_kernels import apart, surface_normals
+
+TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
+NORMAL_REACH, NORMAL_SIDE = 0.3, 4
+SLIDE_STRAIGHT = 0.02       # weight of sliding along a straight wall against moving across it
+
+
+class ScanError(ValueError):
+    """A scan, or the way its laser is mounted, cannot be used; says what was found and what was expected."""
+
+
+def rotation(quaternion):
+    """Return the (3, 3) matrix of a quaternion x, y, z, w of any length but zero."""
+    x, y, z, w = np.asarray(quaternion, float) / np.linalg.norm(quaternion)
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+@dataclass(frozen=True)
+class LaserModel:
+    """How one laser measures and where it sits.
+
+    Attributes
+    ----------
+    angles : (B,) float64
+        Beam angles in the centred frame [rad], growing.
+    reverse : bool
+        Whether the ranges of a message come in the opposite order.
+    centre : float
+        Angle of the scan's middle in the laser's own frame [rad].
+    base_from_sensor : (3,) float64
+        Pose of the centred laser in the base frame.
+    range_min, range_max, max_range, max_urange : float
+        Limits of the message, of what counts at all, and of what is used as a hit [m].
+    """
+
+    angles: np.ndarray
+    reverse: bool
+    centre: float
+    base_from_sensor: np.ndarray
+    range_min: float
+    range_max: float
+    max_range: float
+    max_urange: float
+
+    @classmethod
+    def from_message(cls, angle_min, angle_max, angle_increment, count, range_min, range_max, base_from_laser=None,
+                     max_range=None, max_urange=None):
+        """Build the model from the fields of a LaserScan.
+
+        Parameters
+        ----------
+        count : int
+            Number of ranges.
+        base_from_laser : tuple of ((3,), (4,)), optional
+            Translation and quaternion x, y, z, w of the laser in the base frame; identity if left out.
+        max_range, max_urange : float, optional
+            Parameters ``maxRange`` (default: ``range_max`` - 0.01) and ``maxUrange`` (default: ``maxRange``).
+
+        Raises
+        ------
+        ScanError
+            If the scan has no beams, an angle is not finite, or the laser is mounted neither upright nor upside down.
+        """
+        if count < 1:
+            raise ScanError("the scan has no ranges; expected at least one beam")
+        if not all(math.isfinite(v) for v in (angle_min, angle_max, angle_increment)):
+            raise ScanError("angle_min {}, angle_max {}, angle_increment {}: expected finite numbers".format(
+                angle_min, angle_max, angle_increment))
+        translation, quaternion = base_from_laser or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        up = rotation(quaternion)[2, 2]
+        if abs(abs(up) - 1.0) > TILT_TOLERANCE:
+            raise ScanError("the laser is tilted: its axis points {:.1f} degrees off the vertical; expected it upright "
+                            "or upside down".format(math.degrees(math.acos(min(1.0, abs(up))))))
+        increment = abs(angle_increment)
+        # The middle of the beams that are there. Drivers disagree on whether angle_max is the last beam or one step on.
+        span = increment * (count - 1)
+        falling = angle_max < angle_min or (angle_max == angle_min and angle_increment < 0.0)
+        centre = angle_min + 0.5 * (-span if falling else span)
+        angles = -0.5 * span + increment * np.arange(count)
+        upside_down = up < 0.0
+        max_range = range_max - 0.01 if max_range is None else max_range
+        model = cls(angles, falling != upside_down, centre, np.zeros(3), range_min, range_max, max_range,
+                    max_range if max_urange is None else max_urange)
+        object.__setattr__(model, "base_from_sensor", model.sensor_pose(translation, quaternion))
+        return model
+
+    def sensor_pose(self, translation, quaternion):
+        """Return the planar pose (3,) of the centred laser from a transform of the laser, both in the parent frame."""
+        turned = rotation(quaternion) @ np.array([math.cos(self.centre), math.sin(self.centre), 0.0])
+        return np.array([translation[0], translation[1], math.atan2(turned[1], turned[0])])
+
+    def reading(self, ranges, skip=0, gap=0.0):
+        """Return the ScanReading of one message's ranges (B,).
+
+        ``skip`` beams (``lskip``) are left out of the matching between two used ones; so are end points, there and in
+        the particles' maps, that lie nearer than ``gap`` [m] to the one before: they say the same again.
+
+        Raises
+        ------
+        ScanError
+            If the number of ranges is not the one the model was made for.
+        """
+        ranges = np.array(ranges, float)
+        if ranges.shape != self.angles.shape:
+            raise ScanError("the scan has {} ranges; expected {} as in the first one".format(
+                ranges.size, self.angles.size))
+        if self.reverse:
+            ranges = ranges[::-1]
+        with np.errstate(invalid="ignore"):
+            ranges = np.where(ranges < self.range_min, self.range_max, ranges)
+            seen = (ranges > 0.0) & (ranges <= self.max_range)          # NaN and infinity are neither
+            hit = seen & (ranges <= self.max_urange)
+        return ScanReading(self, ranges, seen, hit, skip, gap)
+
+
+class ScanReading:
+    """End points of one scan in the centred laser's frame.
+
+    Attributes
+    ----------
+    points : (2, H) float64
+        End points that are registered [m].
+    beams : (7, M) float64
+        End points that are matched, with their normals: the layout of ``match_kernels``.
+    rays : (2, S) float32
+        Ends of all beams that clear space, cut at ``maxUrange``.
+    ray_hits : (S,) bool
+        Which of them also mark their end.
+    """
+
+    def __init__(self, laser, ranges, seen, hit, skip, gap):
+        cosines, sines = np.cos(laser.angles), np.sin(laser.angles)
+        cut = np.minimum(ranges[seen], laser.max_urange)
+        self.rays = np.stack([cut * cosines[seen], cut * sines[seen]]).astype(np.float32)
+        self.ray_hits = hit[seen] & (ranges[seen] < laser.max_urange)
+        self.points = np.stack([ranges[hit] * cosines[hit], ranges[hit] * sines[hit]])
+        shape = np.empty((3, self.points.shape[1]))
+        surface_normals(self.points, NORMAL_REACH, NORMAL_SIDE, shape)
+        beams = np.empty((mk.BEAM_ROWS, self.points.shape[1]))
+        beams[mk.QX:mk.QY + 1] = self.points
+        beams[mk.NX:mk.NY + 1] = shape[:2]
+        (qx, qy), (nx, ny) = self.points, shape[:2]
+        beams[mk.ARM_N] = ny * qx - nx * qy
+        beams[mk.ARM_T] = nx * qx + ny * qy
+        beams[mk.SLIDE] = 1.0 + (SLIDE_STRAIGHT - 1.0) * shape[2]
+        if skip:
+            used = np.zeros(ranges.size, bool)
+            used[skip::skip + 1] = True
+            beams = np.ascontiguousarray(beams[:, used[hit]])
+        if gap > 0.0:
+            self.points, beams = _thinned(self.points, gap), _thinned(beams, gap)
+        self.beams = beams
+
+
+def _thinned(columns, gap):
+    """Return the columns whose points, in the first two rows, lie ``gap`` apart."""
+    keep = np.empty(columns.shape[1], bool)
+    apart(columns[:2], gap, keep)
+    return np.ascontiguousarray(columns[:, keep])

@@ -1,0 +1,41 @@
+"""Planar poses as arrays: x, y [m], theta [rad] in the last axis; any leading shape, broadcast as numpy does."""
+import numpy as np
+
+
+def wrap(angle):
+    """Bring angles into [-pi, pi)."""
+    return (np.asarray(angle, float) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def compose(a, b):
+    """Return a (+) b: the pose ``b``, given in the frame ``a``, in the frame in which ``a`` is given.
+
+    Parameters
+    ----------
+    a, b : (..., 3) array_like
+
+    Returns
+    -------
+    (..., 3) float64
+        Theta in [-pi, pi).
+    """
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack([a[..., 0] + c * b[..., 0] - s * b[..., 1],
+                     a[..., 1] + s * b[..., 0] + c * b[..., 1],
+                     wrap(a[..., 2] + b[..., 2])], -1)
+
+
+def inverse(a):
+    """Return the pose whose composition with ``a`` is the identity."""
+    a = np.asarray(a, float)
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack([-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap(-a[..., 2])], -1)
+
+
+def between(a, b):
+    """Return the pose ``b`` as seen from ``a``; both in one frame."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack([c * dx + s * dy, c * dy - s * dx, wrap(b[..., 2] - a[..., 2])], -1)

@@ -1,0 +1,151 @@
+"""Writing scans into copy-on-write tile maps, and keeping count of who holds which tile.
+
+Array layouts
+-------------
+``table`` (N, H, W) int32
+    Tile of each particle at each place, -1 for none.
+``mean`` (T, 256, 2) uint16, ``hits`` (T, 256) uint8
+    Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its
+    number of hits, which stops at MOST_HITS.
+``holders`` (T,) int32
+    Number of particles that hold a tile.
+``free`` (T,) int32, ``counters`` (1,) int64
+    Stack of unused tiles and its height.
+"""
+import math
+
+from numba import njit
+
+SHIFT, MASK, CELLS = 4, 15, 256
+UNIT, MOST_HITS = 1.0 / 65535, 255
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _owned(table, n, ty, tx, mean, hits, holders, free, counters):
+    """Give particle ``n`` a tile of its own at that place, a new one or a copy of the shared one; return it."""
+    tile = table[n, ty, tx]
+    counters[0] -= 1
+    fresh = free[counters[0]]
+    holders[fresh] = 1
+    table[n, ty, tx] = fresh
+    if tile < 0:
+        for k in range(CELLS):
+            hits[fresh, k] = 0
+            mean[fresh, k, 0] = 0
+            mean[fresh, k, 1] = 0
+    else:
+        holders[tile] -= 1
+        for k in range(CELLS):
+            hits[fresh, k] = hits[tile, k]
+            mean[fresh, k, 0] = mean[tile, k, 0]
+            mean[fresh, k, 1] = mean[tile, k, 1]
+    return fresh
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def register_points(n, pose, points, start, table, mean, hits, holders, free, counters, frame, frozen):
+    """Register end points (2, B) [m, laser frame] seen from ``pose`` in the map of particle ``n``, from ``start`` on.
+
+    A cell with ``frozen`` hits has its mean and is not written any more.  Returns the number of points done: less than
+    B when the stack of free tiles is empty; the caller then makes room and calls again.  Points outside the table are
+    left out.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
+    for b in range(start, points.shape[1]):
+        fx = (pose[0] + c * points[0, b] - s * points[1, b] - ox) * inv
+        fy = (pose[1] + s * points[0, b] + c * points[1, b] - oy) * inv
+        if not (fx >= 0.0 and fy >= 0.0 and fx < columns and fy < rows):
+            continue
+        ix, iy = int(fx), int(fy)
+        cell = ((iy & MASK) << SHIFT) | (ix & MASK)
+        tile = table[n, iy >> SHIFT, ix >> SHIFT]
+        if tile >= 0 and hits[tile, cell] >= frozen:
+            continue
+        if tile < 0 or holders[tile] != 1:
+            if counters[0] < 1:
+                return b
+            tile = _owned(table, n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
+        if hits[tile, cell] < MOST_HITS:
+            hits[tile, cell] += 1
+        share = 1.0 / hits[tile, cell]
+        mx, my = mean[tile, cell, 0] * UNIT, mean[tile, cell, 1] * UNIT
+        mean[tile, cell, 0] = int((mx + (fx - ix - mx) * share) / UNIT + 0.5)
+        mean[tile, cell, 1] = int((my + (fy - iy - my) * share) / UNIT + 0.5)
+    return points.shape[1]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def take_over(n, ancestor, table, holders, free, counters):
+    """Let particle ``n`` drop its map and share that of ``ancestor``."""
+    for ty in range(table.shape[1]):
+        for tx in range(table.shape[2]):
+            old, new = table[n, ty, tx], table[ancestor, ty, tx]
+            if old == new:
+                continue
+            if new >= 0:
+                holders[new] += 1
+            if old >= 0:
+                holders[old] -= 1
+                if holders[old] == 0:
+                    free[counters[0]] = old
+                    counters[0] += 1
+            table[n, ty, tx] = new
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def drop(n, table, holders, free, counters):
+    """Empty the map of particle ``n``."""
+    for ty in range(table.shape[1]):
+        for tx in range(table.shape[2]):
+            old = table[n, ty, tx]
+            if old >= 0:
+                holders[old] -= 1
+                if holders[old] == 0:
+                    free[counters[0]] = old
+                    counters[0] += 1
+                table[n, ty, tx] = -1
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def draw_field(grid, mean, hits, frame, corner, sigma, field):
+    """Draw the mean hit points of one map into a dense field of match values.
+
+    Parameters
+    ----------
+    grid : (H, W) int32
+        Table of one particle.
+    corner : (2,) int64
+        Cell of the table at ``field[0, 0]``; may lie outside the table.
+    sigma : float
+        Denominator of the value's exponent [m^2].
+    field : (h, w) uint8
+        Written: 255 exp(-d^2 / sigma), d the distance of a cell's centre to the nearest mean within two cells, else 0.
+    """
+    by_sigma = 1.0 / (frame[2] * frame[2] * sigma)
+    height, width = field.shape
+    for y in range(height):
+        for x in range(width):
+            field[y, x] = 0
+    first_y, last_y = max(0, corner[1] >> SHIFT), min(grid.shape[0], ((corner[1] + height) >> SHIFT) + 1)
+    first_x, last_x = max(0, corner[0] >> SHIFT), min(grid.shape[1], ((corner[0] + width) >> SHIFT) + 1)
+    for ty in range(first_y, last_y):
+        for tx in range(first_x, last_x):
+            tile = grid[ty, tx]
+            if tile < 0:
+                continue
+            for cell in range(CELLS):
+                if hits[tile, cell] == 0:
+                    continue
+                y = (ty << SHIFT) + (cell >> SHIFT) - corner[1]
+                x = (tx << SHIFT) + (cell & MASK) - corner[0]
+                if not (x >= 2 and y >= 2 and x < width - 2 and y < height - 2):
+                    continue
+                mx, my = mean[tile, cell, 0] * UNIT - 0.5, mean[tile, cell, 1] * UNIT - 0.5
+                for dy in range(-2, 3):
+                    for dx in range(-2, 3):
+                        u = ((dx - mx) * (dx - mx) + (dy - my) * (dy - my)) * by_sigma
+                        value = int(255.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667))) + 0.5)
+                        if value > field[y + dy, x + dx]:
+                            field[y + dy, x + dx] = value

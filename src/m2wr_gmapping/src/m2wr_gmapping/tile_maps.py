@@ -1,0 +1,118 @@
+"""The particles' maps: copy-on-write tiles in flat storage, one index table a particle."""
+import math
+
+import numpy as np
+
+from m2wr_gmapping import tile_kernels as kernels
+
+CELLS_A_SIDE = 1 << kernels.SHIFT
+MARGIN = 2                  # tiles kept around what is used
+FIRST_TILES = 1024
+NEVER = 256
+
+
+class TileMaps:
+    """Maps of N particles.
+
+    Parameters
+    ----------
+    count : int
+        Particles.
+    resolution : float
+        Cell size [m].
+    frozen : int, optional
+        Hits after which a cell's mean is final; a cell seen that often costs nothing any more.
+    limit : int, optional
+        Most tiles that the table of one particle may span; points beyond are left out.
+
+    Attributes
+    ----------
+    table, mean, hits, frame
+        What the kernels of ``match_kernels`` read.
+    beyond : int
+        Scans that did not fit within the limit.
+    """
+
+    def __init__(self, count, resolution, frozen=64, limit=150000):
+        self.count, self.resolution, self._frozen, self._limit = count, resolution, frozen, limit
+        self.table = np.full((count, 0, 0), -1, np.int32)
+        self._corner = None                         # column, row of the table's first tile on the lattice
+        self.frame = np.array([0.0, 0.0, 1.0 / resolution])
+        self._counters = np.zeros(1, np.int64)
+        self.beyond = 0
+        self._allocate(FIRST_TILES)
+
+    def _allocate(self, tiles):
+        cells = kernels.CELLS
+        self.mean = np.empty((tiles, cells, 2), np.uint16)
+        self.hits = np.empty((tiles, cells), np.uint8)
+        self._holders = np.zeros(tiles, np.int32)
+        self._free = np.arange(tiles - 1, -1, -1, dtype=np.int32)
+        self._counters[0] = tiles
+
+    def _more_tiles(self):
+        old = len(self._holders)
+        new = old + max(old // 4, FIRST_TILES)
+        for name in ("mean", "hits"):
+            array = getattr(self, name)
+            array.resize((new,) + array.shape[1:], refcheck=False)      # in place: no second copy at the peak
+        holders, free = np.zeros(new, np.int32), np.empty(new, np.int32)
+        holders[:old] = self._holders
+        unused = int(self._counters[0])
+        free[:new - old] = np.arange(new - 1, old - 1, -1)
+        free[new - old:new - old + unused] = self._free[:unused]
+        self._holders, self._free = holders, free
+        self._counters[0] = unused + new - old
+
+    @property
+    def tiles_in_use(self):
+        """Number of tiles that some particle holds."""
+        return len(self._holders) - int(self._counters[0])
+
+    def cover(self, low, high):
+        """Let the table span the box from ``low`` to ``high`` (2,) [m, map frame]; False where the limit forbids it."""
+        size = CELLS_A_SIDE * self.resolution
+        first = np.array([math.floor(v / size) - MARGIN for v in low], np.int64)
+        last = np.array([math.floor(v / size) + MARGIN + 1 for v in high], np.int64)
+        if self._corner is None:
+            old_first = old_last = None
+        else:
+            old_first = self._corner
+            old_last = old_first + (self.table.shape[2], self.table.shape[1])
+            if (first + MARGIN > old_first).all() and (last - MARGIN < old_last).all():
+                return True
+            grow = 4 * MARGIN
+            first = np.where(first + MARGIN > old_first, old_first, np.minimum(first - grow, old_first))
+            last = np.where(last - MARGIN < old_last, old_last, np.maximum(last + grow, old_last))
+        if int((last[0] - first[0]) * (last[1] - first[1])) > self._limit:
+            self.beyond += 1
+            return False
+        table = np.full((self.count, last[1] - first[1], last[0] - first[0]), -1, np.int32)
+        if old_first is not None:
+            x, y = old_first - first
+            table[:, y:y + self.table.shape[1], x:x + self.table.shape[2]] = self.table
+        self.table, self._corner = table, first
+        # the lattice is the published map's: cell centres at whole multiples of the resolution
+        self.frame[:2] = first * size - 0.5 * self.resolution
+        return True
+
+    def register(self, particle, pose, points):
+        """Register end points (2, B) of a scan taken at ``pose`` in one particle's map."""
+        done = 0
+        while True:
+            done = kernels.register_points(
+                particle, pose, points, done, self.table, self.mean, self.hits, self._holders, self._free,
+                self._counters, self.frame, self._frozen)
+            if done >= points.shape[1]:
+                return
+            self._more_tiles()
+
+    def resample(self, ancestors):
+        """Let each particle whose ancestor is another one share that one's map."""
+        for particle, ancestor in enumerate(ancestors):
+            if particle != ancestor:
+                kernels.take_over(particle, ancestor, self.table, self._holders, self._free, self._counters)
+
+    def clear(self, particle):
+        """Empty the map of one particle."""
+        kernels.drop(particle, self.table, self._holders, self._free, self._counters)

@@ -1,0 +1,114 @@
+"""Where every particle has been: a tree of poses, each node pointing at the one before."""
+import numpy as np
+
+from m2wr_gmapping import tree_kernels as kernels
+
+FIRST_NODES = 1024
+
+
+class TrajectoryTree:
+    """Poses of all particles at all processed scans, shared where particles have a common past.
+
+    Attributes
+    ----------
+    leaves : (N,) int64
+        Newest node of each particle, -1 before the first scan.
+    """
+
+    def __init__(self, count):
+        self.leaves = np.full(count, -1, np.int64)
+        self._parent = np.full(FIRST_NODES, -1, np.int64)
+        self._children = np.zeros(FIRST_NODES, np.int32)
+        self._pose = np.zeros((FIRST_NODES, 3))
+        self._serial = np.zeros(FIRST_NODES, np.int64)
+        self._free = np.arange(FIRST_NODES - 1, -1, -1)
+        self._counters = np.array([FIRST_NODES])
+        self.depth = 0
+        self._next_serial = 0
+
+    def __len__(self):
+        return len(self._parent) - int(self._counters[0])
+
+    def _grow(self):
+        old = len(self._parent)
+        unused = self._free[:self._counters[0]].copy()
+        self._parent = np.concatenate([self._parent, np.full(old, -1, np.int64)])
+        self._children = np.concatenate([self._children, np.zeros(old, np.int32)])
+        self._pose = np.concatenate([self._pose, np.zeros((old, 3))])
+        self._serial = np.concatenate([self._serial, np.zeros(old, np.int64)])
+        spare = np.zeros(old - len(unused), np.int64)
+        self._free = np.concatenate([np.arange(2 * old - 1, old - 1, -1), unused, spare])
+        self._counters[0] += old
+
+    def _new(self, parents, poses):
+        while self._counters[0] < len(poses):
+            self._grow()
+        top = int(self._counters[0])
+        nodes = self._free[top - len(poses):top][::-1].copy()
+        self._counters[0] -= len(poses)
+        self._parent[nodes], self._pose[nodes], self._children[nodes] = parents, poses, 0
+        self._serial[nodes] = self._next_serial + np.arange(len(poses))
+        self._next_serial += len(poses)
+        return nodes
+
+    def resample(self, ancestors):
+        """Let each particle continue its ancestor's path; paths without descendants are deleted."""
+        old = self.leaves
+        self.leaves = old[ancestors]
+        if self.depth:
+            for leaf in np.setdiff1d(old, self.leaves):
+                kernels.release(leaf, self._parent, self._children, self._free, self._counters)
+
+    def extend(self, poses):
+        """Add a node (N, 3) for each particle below its newest one."""
+        known = self.leaves >= 0
+        np.add.at(self._children, self.leaves[known], 1)
+        self.leaves = self._new(self.leaves, poses)
+        self.depth += 1
+
+    def nodes(self, particle):
+        """Return the nodes (K,) of one particle's path, oldest first."""
+        out = np.empty(self.depth, np.int64)
+        count = kernels.lineage(self.leaves[particle], self._parent, out)
+        return out[:count][::-1]
+
+    def path(self, particle):
+        """Return the poses (K, 3) of one particle at all processed scans, oldest first."""
+        return self._pose[self.nodes(particle)]
+
+    def keys(self, particle):
+        """Return numbers (K,) that no other node ever had, for telling whether two paths share their beginning."""
+        return self._serial[self.nodes(particle)]
+
+    def common_depth(self):
+        """Return the number of oldest nodes that all particles share."""
+        depth = self.depth
+        nodes = np.unique(self.leaves)
+        while depth and len(nodes) > 1:
+            nodes = np.unique(self._parent[nodes])
+            depth -= 1
+        return depth
+
+    def replace(self, path, last):
+        """Give all particles one common past.
+
+        Parameters
+        ----------
+        path : (K - 1, 3) float64
+            The new past, without the newest node.
+        last : (N, 3) float64
+            Newest pose of each particle.
+        """
+        total = len(self._parent)
+        self._free[:total] = np.arange(total - 1, -1, -1)
+        self._counters[0] = total
+        self.leaves = np.full(len(last), -1, np.int64)
+        above = -1
+        if len(path):
+            nodes = self._new(-1, path)
+            self._parent[nodes[1:]] = nodes[:-1]
+            self._children[nodes[:-1]] = 1
+            above = nodes[-1]
+            self._children[above] = len(last)
+        self.leaves = self._new(above, last)
+        self.depth = len(path) + 1

@@ -1,0 +1,52 @@
+"""Compile every kernel, or load it from its cache, before anything waits: ``python3 -m m2wr_gmapping.warm_up``."""
+import math
+import sys
+
+import numpy as np
+
+from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.scan import LaserModel
+from m2wr_gmapping.se2 import compose
+
+
+def tour(mapper, steps=40):
+    """Drive round in a square room of 6 m, so that a mapper does all it can do once."""
+    laser = mapper.laser
+    pose = np.array([1.0, 0.0, 0.0])
+    for k in range(steps):
+        angles = pose[2] + laser.angles
+        with np.errstate(divide="ignore"):
+            walls = [np.where(side * part > 0.0, (3.0 - side * at) / (side * part), np.inf)
+                     for part, at in ((np.cos(angles), pose[0]), (np.sin(angles), pose[1])) for side in (1.0, -1.0)]
+        mapper.process(mapper.reading(np.minimum.reduce(walls)), pose, float(k))
+        pose = compose(pose, [0.5 if k % 2 else 0.2, 0.0, 0.2])
+    mapper.occupancy()
+
+
+def rate_below_score(mapper):
+    """Run what only a match below minimumScore needs."""
+    particles = mapper.filter
+    grid = particles.maps
+    mk.rate_pose(0.0, 0.0, 0.0, mapper.readings[-1].beams, grid.table[0], grid.mean, grid.hits, grid.frame,
+                 np.ones(mk.MATCH_SETTINGS), np.zeros(mk.RESULT_SIZE))
+
+
+def warm_up():
+    """Run the filter, both ways, the loop closing and the map once on a tiny room."""
+    laser = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 60, 61, 0.1, 10.0)
+    for compatible in (False, True):
+        mapper = Mapper(GmappingConfig.from_mapping(dict(
+            particles=2, compatible=compatible, linearUpdate=0.3, threads=1, xmin=-5.0, ymin=-5.0, xmax=5.0,
+            ymax=5.0, resampleThreshold=1.0)), laser)
+        try:
+            tour(mapper)
+            mapper.finish()
+            rate_below_score(mapper)
+        finally:
+            mapper.close()
+
+
+if __name__ == "__main__":
+    sys.exit(warm_up())

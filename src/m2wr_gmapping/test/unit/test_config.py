@@ -1,0 +1,70 @@
+"""Parameters: conversion as the C++ client does it, ranges, unknown names; the README's table."""
+import math
+import os
+import re
+
+import pytest
+
+from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig
+
+README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")
+
+
+def test_defaults_are_the_original_s():
+    config = GmappingConfig.from_mapping()
+    wanted = dict(throttle_scans=1, base_frame="base_link", map_frame="map", odom_frame="odom",
+                  map_update_interval=5.0, transform_publish_period=0.05, tf_delay=0.05, occ_thresh=0.25,
+                  maxRange=None, maxUrange=None, sigma=0.05, kernelSize=1, lstep=0.05, astep=0.05, iterations=5,
+                  lsigma=0.075, ogain=3.0, lskip=0, minimumScore=0.0, llsamplerange=0.01, llsamplestep=0.01,
+                  lasamplerange=0.005, lasamplestep=0.005, srr=0.1, srt=0.2, str=0.1, stt=0.2, linearUpdate=1.0,
+                  angularUpdate=0.5, temporalUpdate=-1.0, resampleThreshold=0.5, particles=30, xmin=-100.0,
+                  ymin=-100.0, xmax=100.0, ymax=100.0, delta=0.05, compatible=False)
+    assert {name: config[name] for name in wanted} == wanted
+
+
+@pytest.mark.parametrize("name, given, value", [
+    ("particles", 29.6, 30), ("particles", 80.0, 80), ("kernelSize", 1.4, 1), ("delta", 1, 1.0),
+    ("throttle_scans", 0, 1),
+    ("maxUrange", 6, 6.0), ("compatible", 1, True)])
+def test_numbers_are_converted(name, given, value):
+    found = GmappingConfig.from_mapping({name: given})[name]
+    assert found == value and type(found) is type(value)
+
+
+@pytest.mark.parametrize("name, given", [("particles", "many"), ("delta", None), ("map_frame", 3), ("delta", math.nan),
+                                         ("particles", True), ("particles", math.inf)])
+def test_values_of_another_kind_leave_the_default_and_are_listed(name, given):
+    config = GmappingConfig.from_mapping({name: given})
+    assert config[name] == PARAMETERS[name].default and config.unusable[0].startswith(name)
+
+
+@pytest.mark.parametrize("given, words", [
+    (dict(delta=0.0), "delta is 0.0; expected 0.001"), (dict(delta=-1), "delta"), (dict(particles=0), "particles is 0"),
+    (dict(particles=10001), "particles"),
+    (dict(xmin=1, xmax=1), "xmin 1.0 and xmax 1.0"), (dict(ymin=5, ymax=-5), "ymin")])
+def test_values_out_of_range_are_named_with_their_range(given, words):
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        GmappingConfig.from_mapping(given)
+
+
+def test_unknown_names_are_listed_and_ten_thousand_particles_are_allowed():
+    config = GmappingConfig.from_mapping(dict(particels=3, inverted_laser=True, particles=10000))
+    assert config.unknown == ("particels",) and config["particles"] == 10000
+
+
+def test_noise_has_the_names_the_right_way_round():
+    noise = GmappingConfig.from_mapping(dict(srr=1, srt=2, str=3, stt=4)).noise
+    assert (noise.trans_trans, noise.rot_trans, noise.trans_rot, noise.rot_rot) == (1, 2, 3, 4)
+
+
+def test_readme_lists_every_parameter_with_its_default():
+    with open(README, encoding="utf-8") as stream:
+        text = stream.read().split("## Parameters")[1].split("\n## ")[0]
+    rows = {cells[0].strip("`"): cells[1:] for cells in (
+        [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| `"))}
+    assert set(rows) == set(PARAMETERS)
+    for name, parameter in PARAMETERS.items():
+        shown = "" if parameter.default is None else str(parameter.default).lower() if isinstance(
+            parameter.default, bool) else str(parameter.default)
+        assert rows[name][0] == shown and rows[name][1] == parameter.unit, name
+        assert rows[name][2] == parameter.meaning, name

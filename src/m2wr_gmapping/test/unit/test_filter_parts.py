@@ -1,0 +1,161 @@
+"""Planar poses, motion model, resampling, trajectory tree, pose graph and threads."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_gmapping import loop_closing, resampling
+from m2wr_gmapping.motion_model import MotionNoise, sample_motion
+from m2wr_gmapping.pose_graph import optimise
+from m2wr_gmapping.se2 import between, compose, inverse, wrap
+from m2wr_gmapping.trajectory import TrajectoryTree
+from m2wr_gmapping.workers import Workers
+
+
+def test_poses_compose_and_invert():
+    rng = np.random.default_rng(0)
+    a, b = rng.uniform(-4, 4, (50, 3)), rng.uniform(-4, 4, (50, 3))
+    assert np.allclose(wrap(between(a, compose(a, b)) - b)[:, 2], 0.0)
+    assert np.allclose(between(a, compose(a, b))[:, :2], b[:, :2])
+    assert np.allclose(compose(a, inverse(a)), 0.0)
+    assert -math.pi <= compose([0, 0, 3.0], [0, 0, 3.0])[2] < math.pi
+
+
+def test_motion_noise_follows_the_step():
+    noise = MotionNoise(0.1, 0.2, 0.3, 0.4)
+    assert np.allclose(noise.deviations([1.0, 0.0, 0.0]), [0.1, 0.03, 0.2])
+    assert np.allclose(noise.deviations([0.0, 0.0, -2.0]), [0.6, 0.6, 0.8])
+    assert np.allclose(noise.deviations([0.0, 0.0, 0.0]), 0.0)
+
+
+def test_samples_have_the_model_s_mean_and_deviation():
+    noise, step = MotionNoise(0.1, 0.05, 0.02, 0.1), np.array([0.5, 0.1, 0.3])
+    normals = np.random.default_rng(1).standard_normal((200000, 3))
+    poses = sample_motion(np.tile([1.0, 2.0, 0.7], (200000, 1)), step, noise, normals)
+    moved = between(np.array([1.0, 2.0, 0.7]), poses)
+    assert np.allclose(moved.mean(axis=0), step, atol=1e-3)
+    assert np.allclose(moved.std(axis=0), noise.deviations(step), rtol=0.02)
+
+
+def test_bad_steps_are_refused():
+    with pytest.raises(ValueError, match="not finite"):
+        sample_motion(np.zeros((2, 3)), [np.inf, 0, 0], MotionNoise(), np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="one row"):
+        sample_motion(np.zeros((2, 3)), [0, 0, 0], MotionNoise(), np.zeros((3, 3)))
+
+
+def test_weights_effective_number_and_entropy():
+    even = resampling.normalise(np.full(8, -1e4), 24.0)
+    assert np.allclose(even, 1 / 8) and resampling.effective_number(even) == pytest.approx(8.0)
+    assert resampling.entropy(even) == pytest.approx(math.log(8))
+    one = resampling.normalise(np.array([0.0, -1e9, -1e9]), 1.0)
+    assert resampling.effective_number(one) == pytest.approx(1.0) and resampling.entropy(one) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_resampling_draws_what_a_plain_wheel_draws(seed):
+    rng = np.random.default_rng(seed)
+    weights = rng.random(20)**4
+    weights /= weights.sum()
+    start = rng.random()
+    plain = [next(i for i in range(20) if weights[:i + 1].sum() > (start + k) / 20 or i == 19) for k in range(20)]
+    ancestors = resampling.systematic_resample(weights, start)
+    assert sorted(ancestors) == sorted(plain)
+    assert all(ancestors[i] == i for i in set(plain))       # survivors keep their place
+
+
+def test_tree_keeps_every_path_and_nothing_else():
+    rng, tree, count = np.random.default_rng(2), TrajectoryTree(10), 10
+    paths = [[] for _ in range(count)]
+    for _ in range(300):
+        if rng.random() < 0.5:
+            ancestors = rng.integers(0, count, count)
+            tree.resample(ancestors)
+            paths = [list(paths[a]) for a in ancestors]
+        poses = rng.random((count, 3))
+        tree.extend(poses)
+        for path, pose in zip(paths, poses):
+            path.append(pose)
+    for particle in range(count):
+        assert np.array_equal(tree.path(particle), paths[particle])
+    assert len(tree) == len({tuple(path[k]) + (k,) for path in paths for k in range(300)})
+    depth = tree.common_depth()
+    assert len({path[depth - 1].tobytes() for path in paths}) == 1
+    assert len({path[depth].tobytes() for path in paths}) > 1
+
+
+def test_replaced_past_is_everybody_s():
+    tree, rng = TrajectoryTree(4), np.random.default_rng(3)
+    for _ in range(5):
+        tree.extend(rng.random((4, 3)))
+    past, last = rng.random((4, 3)), rng.random((4, 3))
+    tree.replace(past, last)
+    assert len(tree) == 8 and tree.depth == 5 and tree.common_depth() == 4
+    for particle in range(4):
+        assert np.array_equal(tree.path(particle), np.vstack([past, last[particle]]))
+    tree.resample(np.array([1, 1, 1, 1]))
+    assert len(tree) == 5
+
+
+def ring_graph(rng, noise):
+    """A ring of poses, its steps with noise, and the link that closes it."""
+    truth = [np.zeros(3)]
+    for _ in range(39):
+        truth.append(compose(truth[-1], [1.0, 0.0, 2 * math.pi / 40]))
+    truth = np.array(truth)
+    pairs = np.array([(k, k + 1) for k in range(39)] + [(0, 39)])
+    measured = between(truth[pairs[:, 0]], truth[pairs[:, 1]])
+    measured[:-1] += rng.normal(0.0, noise, (39, 3))
+    start = [np.zeros(3)]
+    for step in measured[:-1]:
+        start.append(compose(start[-1], step))
+    return truth, np.array(start), pairs, measured
+
+
+def test_graph_without_noise_is_solved_from_a_bad_start():
+    rng = np.random.default_rng(4)
+    truth, start, pairs, measured = ring_graph(rng, 0.0)
+    start[1:] += rng.normal(0.0, 0.1, (39, 3))
+    found, _ = optimise(start, pairs, measured, np.tile(np.eye(3), (40, 1, 1)), np.zeros(40, bool))
+    assert np.allclose(found[:, :2], truth[:, :2], atol=1e-6)
+
+
+def test_a_link_closes_a_ring_and_a_wrong_one_is_outweighed():
+    rng = np.random.default_rng(5)
+    truth, start, pairs, measured = ring_graph(rng, 0.02)
+    information = np.tile(np.eye(3) / 0.02**2, (41, 1, 1))
+    found, _ = optimise(start, pairs, measured, information[:40], pairs[:, 1] - pairs[:, 0] > 1)
+    before, after = (np.hypot(*(p - truth)[:, :2].T).mean() for p in (start, found))
+    assert after < 0.7 * before
+    wrong = np.vstack([pairs, [[5, 30]]]), np.vstack([measured, [[0.0, 0.0, 0.0]]])
+    robust = wrong[0][:, 1] - wrong[0][:, 0] > 1
+    held, weights = optimise(start, *wrong, information, robust, 12.0)
+    assert weights[-1] < 0.01 < 0.5 < weights[-2]
+    nominal, _ = optimise(start, pairs, measured, information[:40], robust[:40], 12.0)
+    assert np.hypot(*(held - nominal)[:, :2].T).max() < 0.1
+
+
+@pytest.mark.parametrize("threads, count", [(1, 7), (2, 7), (3, 100), (4, 1)])
+def test_workers_cover_every_particle_once(threads, count):
+    done, workers = [], Workers(threads)
+    workers.run(lambda first, last: done.extend(range(first, last)), count)
+    assert sorted(done) == list(range(count))
+    workers.close()
+
+
+def test_what_a_worker_raises_is_raised():
+    workers = Workers(2)
+    with pytest.raises(ZeroDivisionError):
+        workers.run(lambda first, last: 1 // 0, 50)
+    workers.close()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_covariance_of_a_match_agrees_with_the_library(seed):
+    root = np.random.default_rng(seed).normal(size=(3, 3))
+    h = root @ root.T * 50.0
+    prior, floor = np.array([0.1, 0.2, 0.05]), np.array([1e-4, 2e-4, 3e-5])
+    wanted = np.linalg.inv(h / loop_closing.DEPENDENT + np.diag(prior**-2)) + np.diag(floor)
+    upper = h[np.triu_indices(3)]
+    assert np.allclose(loop_closing.covariance(upper, prior, floor), wanted)
+    assert np.allclose(loop_closing.information_of(upper, prior, floor), np.linalg.inv(wanted))

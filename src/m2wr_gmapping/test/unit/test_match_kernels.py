@@ -1,0 +1,125 @@
+"""The matcher's kernels against slow plain twins."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_gmapping import hill_climb_kernels as hk
+from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.tile_maps import NEVER, TileMaps
+
+SETTINGS = np.array([0.05, 0.01, 8, 0.05, 0.05, 0.075])
+
+
+def cloud(seed, count=150):
+    """End points along two walls, and a map of the same walls."""
+    rng = np.random.default_rng(seed)
+    points = np.concatenate([np.stack([rng.uniform(-3, 3, count), np.full(count, 2.0)]),
+                             np.stack([np.full(count, 3.0), rng.uniform(-3, 2, count)])], axis=1)
+    points += rng.normal(0.0, 0.01, points.shape)
+    maps = TileMaps(1, 0.05, NEVER)
+    maps.cover(points.min(axis=1), points.max(axis=1))
+    maps.register(0, np.zeros(3), points)
+    normals = np.concatenate([np.tile([[0.0], [1.0]], count), np.tile([[1.0], [0.0]], count)], axis=1)
+    beams = np.empty((mk.BEAM_ROWS, points.shape[1]))
+    beams[:2], beams[2:4] = points, normals
+    beams[mk.ARM_N] = normals[1] * points[0] - normals[0] * points[1]
+    beams[mk.ARM_T] = normals[0] * points[0] + normals[1] * points[1]
+    beams[mk.SLIDE] = 0.02
+    return maps, beams
+
+
+def slow_nearest(maps, x, y, half=1):
+    """Squared distance [m^2] from a point to the nearest mean in its neighbourhood, cell by cell; None without one."""
+    fx, fy = (np.array([x, y]) - maps.frame[:2]) * maps.frame[2]
+    best = None
+    for jy in range(math.floor(fy) - half, math.floor(fy) + half + 1):
+        for jx in range(math.floor(fx) - half, math.floor(fx) + half + 1):
+            if not (0 <= jx < maps.table.shape[2] * 16 and 0 <= jy < maps.table.shape[1] * 16):
+                continue
+            tile = maps.table[0, jy // 16, jx // 16]
+            cell = (jy % 16) * 16 + jx % 16
+            if tile < 0 or not maps.hits[tile, cell]:
+                continue
+            mx, my = np.array([jx, jy]) + maps.mean[tile, cell] / 65535.0
+            d2 = ((fx - mx)**2 + (fy - my)**2) / maps.frame[2]**2
+            best = d2 if best is None else min(best, d2)
+    return best
+
+
+def slow_rating(maps, beams, pose, half=1):
+    score = likelihood = 0.0
+    found = 0
+    for qx, qy in beams[:2].T:
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        d2 = slow_nearest(maps, pose[0] + c * qx - s * qy, pose[1] + s * qx + c * qy, half)
+        if d2 is None:
+            likelihood -= 0.5 / 0.075
+        else:
+            found += 1
+            score += math.exp(-d2 / 0.05)
+            likelihood -= d2 / 0.075
+    return score, likelihood, found
+
+
+@pytest.mark.parametrize("pose", [(0, 0, 0), (0.03, -0.02, 0.01), (0.4, 0.3, -0.2), (90.0, 0, 0), (-3.2, 4.1, 3.0)])
+def test_rating_equals_its_plain_twin(pose):
+    maps, beams = cloud(1)
+    row = np.zeros(mk.RESULT_SIZE)
+    mk.rate_pose(*[float(v) for v in pose], beams, maps.table[0], maps.mean, maps.hits, maps.frame, SETTINGS, row)
+    assert np.allclose(row[3:6], slow_rating(maps, beams, pose), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("half", [0, 1, 2])
+def test_original_score_equals_its_plain_twin(half):
+    maps, beams = cloud(2)
+    settings = np.array([0.05, 0.05, 0, 0.05, 0.075, half, 1e9])        # a score out of reach: the pose stays
+    results = np.zeros((1, mk.RESULT_SIZE))
+    pose = np.array([[0.06, -0.03, 0.02]])
+    hk.climb_poses(pose, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame, settings, results)
+    assert np.allclose(results[0, :3], pose) and np.allclose(results[0, 3:6], slow_rating(maps, beams, pose[0], half))
+
+
+@pytest.mark.parametrize("start", [(0.03, 0.02, 0.01), (-0.04, 0.03, -0.02), (0.0, 0.0, 0.0)])
+def test_both_matchers_find_the_pose_that_made_the_map(start):
+    maps, beams = cloud(3)
+    starts, results = np.array([start]), np.zeros((1, mk.RESULT_SIZE))
+    mk.match_poses(starts, starts, 0, 1, np.zeros(1, np.int64), beams, maps.table, maps.mean, maps.hits, maps.frame,
+                   np.full(3, 1e-6), SETTINGS, results)
+    assert np.abs(results[0, :2]).max() < 0.005 and abs(results[0, 2]) < 0.002
+    hk.climb_poses(starts, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame,
+                   np.array([0.05, 0.05, 5, 0.05, 0.075, 1, 0.0]), results)
+    assert np.abs(results[0, :2]).max() < 0.01 and abs(results[0, 2]) < 0.005
+
+
+def test_information_is_large_across_walls_and_small_along_one():
+    maps, beams = cloud(4)
+    one_wall = np.ascontiguousarray(beams[:, :150])         # along x
+    results = np.zeros((1, mk.RESULT_SIZE))
+    mk.match_poses(np.zeros((1, 3)), np.zeros((1, 3)), 0, 1, np.zeros(1, np.int64), one_wall, maps.table, maps.mean,
+                   maps.hits, maps.frame, np.full(3, 1e-6), SETTINGS, results)
+    xx, yy = results[0, mk.INFORMATION], results[0, mk.INFORMATION + 3]
+    assert yy > 30.0 * xx > 0.0
+
+
+def test_a_prior_holds_a_pose_where_the_scan_says_nothing():
+    maps, beams = cloud(5)
+    empty = np.empty((mk.BEAM_ROWS, 0))
+    starts, held = np.array([[0.2, -0.1, 0.1]]), np.array([[0.0, 0.0, 3.1]])
+    results = np.zeros((1, mk.RESULT_SIZE))
+    mk.match_poses(starts, starts, 0, 1, np.zeros(1, np.int64), empty, maps.table, maps.mean, maps.hits, maps.frame,
+                   np.ones(3), SETTINGS, results)
+    assert np.allclose(results[0, :3], starts[0]) and results[0, mk.FOUND] == 0
+    mk.match_poses(held, held + [0.0, 0.0, 2 * math.pi], 0, 1, np.zeros(1, np.int64), empty, maps.table, maps.mean,
+                   maps.hits, maps.frame, np.ones(3), SETTINGS, results)
+    assert np.allclose(results[0, :3], held[0])             # a turn more is the same heading
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_small_solver_agrees_with_the_library(seed):
+    rng = np.random.default_rng(seed)
+    root, g, step = rng.normal(size=(3, 3)), rng.normal(size=3), np.zeros(3)
+    h = root @ root.T + np.eye(3) * 0.1
+    assert mk.solve(h[np.triu_indices(3)], g, step)
+    assert np.allclose(step, np.linalg.solve(h, -g))
+    assert not mk.solve(np.array([1.0, 2.0, 0.0, 1.0, 0.0, 1.0]), g, step)

@@ -1,0 +1,125 @@
+"""The published map: tracing, growth, and that keeping it up gives what making it anew gives."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_gmapping.occupancy import Occupancy
+
+
+class Reading:
+    def __init__(self, rays, hits=None):
+        self.rays = np.asarray(rays, np.float32)
+        self.ray_hits = np.ones(self.rays.shape[1], bool) if hits is None else np.asarray(hits, bool)
+
+
+def line(x0, y0, x1, y1):
+    """Cells of a line by the textbook, from the end with the smaller main coordinate."""
+    steep = abs(y1 - y0) > abs(x1 - x0)
+    a, b = ((y0, x0), (y1, x1)) if steep else ((x0, y0), (x1, y1))
+    if a[0] > b[0]:
+        a, b = b, a
+    da, db, rise, at = b[0] - a[0], abs(b[1] - a[1]), 1 if b[1] > a[1] else -1, a[1]
+    d, cells = 2 * db - da, []
+    for main in range(a[0], b[0] + 1):
+        cells.append((at, main) if steep else (main, at))
+        if d > 0:
+            at += rise
+            d += 2 * (db - da)
+        else:
+            d += 2 * db
+    return cells
+
+
+def plain(path, readings, origin, shape, resolution, threshold):
+    hits, visits = np.zeros(shape, int), np.zeros(shape, int)
+    for (px, py, theta), reading in zip(path, readings):
+        c, s = math.cos(theta), math.sin(theta)
+        x0, y0 = (math.floor((p - o) / resolution + 0.5) for p, o in zip((px, py), origin))
+        for (qx, qy), hit in zip(reading.rays.T.astype(float), reading.ray_hits):
+            x1 = math.floor((px + c * qx - s * qy - origin[0]) / resolution + 0.5)
+            y1 = math.floor((py + s * qx + c * qy - origin[1]) / resolution + 0.5)
+            for x, y in line(x0, y0, x1, y1):
+                if (x, y) != (x1, y1):
+                    visits[y, x] += 1
+            if hit:
+                visits[y1, x1] += 1
+                hits[y1, x1] += 1
+    return np.where(visits == 0, -1, np.where(hits > threshold * visits, 100, 0))
+
+
+def scans(seed, count=12):
+    rng = np.random.default_rng(seed)
+    path = np.column_stack([rng.uniform(-2, 2, (count, 2)), rng.uniform(-3, 3, count)])
+    return path, [Reading(rng.uniform(-3, 3, (2, 40)), rng.random(40) < 0.8) for _ in range(count)]
+
+
+def occupancy(extent=6.4):
+    return Occupancy((-extent, -extent, extent, extent), 0.1, 0.25)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_counts_equal_their_plain_twin(seed):
+    path, readings = scans(seed)
+    made = occupancy()
+    made.update(path, readings)
+    grid = made.grid()
+    assert np.array_equal(grid.data, plain(path, readings, grid.origin, grid.data.shape, 0.1, 0.25))
+
+
+def test_a_map_kept_up_equals_one_made_anew():
+    path, readings = scans(7, 30)
+    kept, rng = occupancy(), np.random.default_rng(8)
+    for count in (1, 2, 10, 11, 25, 30):
+        for k in rng.choice(count, min(3, count), replace=False):
+            path[k, :2] += rng.normal(0.0, 0.2, 2)              # poses of the past change, a few at a time
+        kept.update(path[:count], readings[:count], exact=True)
+        grid = kept.grid()
+        anew = Occupancy((-6.4, -6.4, 6.4, 6.4), 0.1, 0.25)
+        anew.update(path[:count], readings[:count])
+        fresh = anew.grid()
+        assert np.array_equal(grid.origin, fresh.origin) and np.array_equal(grid.data, fresh.data)
+
+
+def test_unchanged_scans_are_not_traced_again():
+    path, readings = scans(9, 20)
+    made = occupancy()
+    made.update(path[:19], readings[:19])
+    made.update(path, readings)
+    assert made.traced == 20
+    nudged = path + [0.002, 0.0, 0.0]
+    made.update(nudged, readings)
+    assert made.traced == 20
+    made.update(nudged, readings, exact=True)
+    assert made.traced > 20
+
+
+def test_sizes_are_whole_patches_rounded_down():
+    for extent, delta, cells in ((100.0, 0.05, 4000), (1.0, 0.05, 32), (50.0, 0.05, 1984)):
+        assert Occupancy((-extent, -extent, extent, extent), delta, 0.25).bounds == (cells, cells)
+
+
+def test_a_crossed_side_moves_ten_metres_beyond_and_others_stay():
+    made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25)
+    made.update(np.zeros((1, 3)), [Reading([[9.0], [0.0]])])
+    grid = made.grid()
+    assert grid.origin.tolist() == [-5.0, -5.0] and grid.data.shape[0] == 192
+    right = grid.origin[0] + 0.05 * grid.data.shape[1]
+    assert 19.0 <= right < 19.0 + 32 * 0.05 + 0.05 and grid.data.shape[1] % 32 == 0
+    made.update(np.zeros((2, 3)), [Reading([[9.0], [0.0]]), Reading([[-9.0], [0.0]])])
+    grid = made.grid()
+    assert grid.origin[0] <= -19.0 and abs(grid.origin[0] / 0.05 - round(grid.origin[0] / 0.05)) < 1e-6
+    assert (grid.data == 100).sum() == 2
+
+
+def test_values_are_unknown_free_and_occupied_only():
+    path, readings = scans(3)
+    made = occupancy()
+    made.update(path, readings)
+    assert set(np.unique(made.grid().data)) == {-1, 0, 100}
+
+
+def test_a_grid_does_not_grow_beyond_its_limit():
+    made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25, most_cells=100000)
+    made.update(np.zeros((1, 3)), [Reading([[900.0, 1.0], [0.0, 0.0]])])
+    assert made.beyond and (made.grid().data == 100).sum() == 1

@@ -1,0 +1,196 @@
+"""The replay command on bags written here: whole, broken, without what it needs."""
+import json
+import math
+import signal
+
+import numpy as np
+import pytest
+
+import rosbag
+import rospy
+from conftest import drive, odometry
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from m2wr_gmapping.replay import command
+from m2wr_gmapping.replay.bag_file import BagError, BagFile
+
+MOUNT = 0.2
+SETTINGS = ["_particles:=5", "_linearUpdate:=0.5", "_xmin:=-5", "_xmax:=5", "_ymin:=-5", "_ymax:=5", "_threads:=1",
+            "_base_frame:=base", "--quiet"]
+
+
+def transform(parent, child, stamp, pose):
+    message = TransformStamped()
+    message.header.frame_id, message.header.stamp, message.child_frame_id = parent, stamp, child
+    message.transform.translation.x, message.transform.translation.y = pose[0], pose[1]
+    message.transform.rotation.z, message.transform.rotation.w = math.sin(pose[2] / 2), math.cos(pose[2] / 2)
+    return message
+
+
+def write_bag(path, ring, laser, late=0, static=True, tf=True, compression="none", beams=None):
+    """A short drive; transforms come ``late`` records after their scans; ``beams``: ranges of every third scan."""
+    truth = drive(0.25)
+    odom = odometry(truth, np.random.default_rng(1), 0.01, 0.0)
+    waiting = []
+    with rosbag.Bag(str(path), "w", compression=compression, chunk_threshold=20000) as bag:
+        start = rospy.Time(100)
+        if static and tf:
+            bag.write("/tf_static", TFMessage([transform("base", "laser", start, (MOUNT, 0.0, 0.0))]), start)
+        for k, (pose, at) in enumerate(zip(truth, odom)):
+            stamp = rospy.Time(100 + k // 10, k % 10 * 100000000)
+            scan = LaserScan()
+            scan.header.frame_id, scan.header.stamp = "laser", stamp
+            scan.angle_min, scan.angle_max, scan.angle_increment = laser.angles[0], laser.angles[-1], math.pi / 180
+            scan.range_min, scan.range_max = 0.05, 20.0
+            seen = [pose[0] + MOUNT * math.cos(pose[2]), pose[1] + MOUNT * math.sin(pose[2]), pose[2]]
+            scan.ranges = ring.ranges(seen, laser.angles).tolist()
+            if beams is not None and k % 3 == 1:
+                scan.ranges = scan.ranges[:beams]
+            bag.write("/scan", scan, stamp)
+            transforms = [transform("odom", "base", stamp, at)]
+            if not static:
+                transforms.append(transform("base", "laser", stamp, (MOUNT, 0.0, 0.0)))
+            waiting.append((TFMessage(transforms), stamp))
+            if tf and len(waiting) > late:
+                bag.write("/tf", waiting[0][0], stamp)
+                waiting.pop(0)
+        for message, stamp in waiting if tf else []:
+            bag.write("/tf", message, stamp + rospy.Duration(1))
+    return truth
+
+
+def run(tmp_path, *more):
+    stats = tmp_path / "stats.json"
+    code = command.main(["--bag_filename", str(tmp_path / "drive.bag"), "--stats", str(stats)] + SETTINGS + list(more))
+    return code, json.loads(stats.read_text()) if stats.exists() else None
+
+
+def table(path):
+    return np.loadtxt(str(path), ndmin=2)
+
+
+@pytest.mark.parametrize("late, static, compression", [(0, True, "none"), (12, False, "bz2"), (40, True, "lz4")])
+def test_every_scan_is_used_however_late_its_transform(tmp_path, ring, laser, late, static, compression):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser, late, static, compression=compression)
+    code, stats = run(tmp_path, "--trajectory", str(tmp_path / "path"), "--online", str(tmp_path / "online"),
+                      "--map", str(tmp_path / "plan"))
+    assert code == 0 and stats["scans"] == len(truth) and stats["without_transform"] == 0
+    path = table(tmp_path / "path")
+    assert path.shape == (stats["processed"] + stats["tracked"], 8) and len(table(tmp_path / "online")) == len(path)
+    assert (np.diff(path[:, 0]) > 0).all() and np.allclose(np.hypot(path[:, 6], path[:, 7]), 1.0)
+    length = np.hypot(*(path[-1, 1:3] - path[0, 1:3]))
+    assert length == pytest.approx(np.hypot(*(truth[-1] - truth[0])[:2]), abs=0.2)      # of the base, not of the laser
+    assert (tmp_path / "plan.pgm").stat().st_size > 10000 and (tmp_path / "plan.yaml").exists()
+
+
+def test_statistics_say_what_was_done(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    _, stats = run(tmp_path)
+    assert stats["particles"] == 5 and stats["beams"] == 181 and stats["processScan"]["count"] == stats["processed"]
+    for clock in ("wall", "cpu"):
+        times = stats["processScan"][clock]
+        assert 0.0 < times["median_ms"] <= times["p95_ms"] and times["total_s"] > 0.0
+    assert stats["map_updates"]["count"] >= 1 and stats["peak_memory_mib"] > 10.0
+
+
+def test_same_seed_same_files(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    made = []
+    for name, seed, threads in (("a", 7, 1), ("b", 7, 2), ("c", 8, 1)):
+        run(tmp_path, "--seed", str(seed), "_threads:=%d" % threads, "--map", str(tmp_path / name), "--trajectory",
+            str(tmp_path / name))
+        made.append(((tmp_path / (name + ".pgm")).read_bytes(), (tmp_path / name).read_bytes()))
+    assert made[0] == made[1] and made[0][1] != made[2][1]
+
+
+def test_only_processed_scans_where_that_is_wanted(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    for parameter in ("_track_between:=false", "_compatible:=true"):
+        _, stats = run(tmp_path, parameter, "--trajectory", str(tmp_path / "path"))
+        assert len(table(tmp_path / "path")) == stats["processed"] and stats["tracked"] == 0
+
+
+@pytest.mark.parametrize("share", [0.5, 0.77, 0.95])
+def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path, ring, laser, share, caplog):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+    whole = (tmp_path / "drive.bag").read_bytes()
+    (tmp_path / "drive.bag").write_bytes(whole[:int(share * len(whole))])
+    code, stats = run(tmp_path)
+    assert code == 0 and 0 < stats["scans"] <= len(truth)
+    assert "broken at byte" in caplog.text
+
+
+def test_random_bytes_never_raise(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    whole = bytearray((tmp_path / "drive.bag").read_bytes())
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        broken = bytearray(whole)
+        for at in rng.integers(13, len(whole), 5):
+            broken[at] = int(rng.integers(256))
+        (tmp_path / "broken.bag").write_bytes(bytes(broken))
+        with BagFile(str(tmp_path / "broken.bag")) as bag:
+            for _ in bag.messages(lambda topic: True):
+                pass
+
+
+def test_no_bag_is_told_apart_from_an_empty_one(tmp_path):
+    with pytest.raises(BagError, match="No such file"):
+        BagFile(str(tmp_path / "none.bag"))
+    (tmp_path / "text.bag").write_text("not a bag")
+    with pytest.raises(BagError, match="expected a ROS 1 bag"):
+        BagFile(str(tmp_path / "text.bag"))
+    assert command.main(["--bag_filename", str(tmp_path / "text.bag")]) == command.USAGE
+
+
+@pytest.mark.parametrize("options, more, words", [
+    (dict(tf=False), [], "no transforms on /tf"), (dict(), ["--scan_topic", "/lidar"], "/scan (sensor_msgs/LaserScan)"),
+    (dict(), ["_odom_frame:=odometry"], "Frames in the bag: base, laser, odom"),
+    (dict(), ["_base_frame:=foot"], "base_frame foot")])
+def test_what_is_missing_is_named(tmp_path, ring, laser, options, more, words, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser, **options)
+    code, stats = run(tmp_path, *more)
+    assert code == command.FAILED and stats is None and words in caplog.text
+
+
+def test_scans_of_another_length_are_refused_once_said(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser, beams=90)
+    code, stats = run(tmp_path)
+    assert code == 0 and stats["refused"] > 0 and caplog.text.count("expected 181") == 1
+
+
+def test_unreachable_score_and_unknown_parameters_are_said(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    run(tmp_path, "_minimumScore:=200", "_particels:=3")
+    assert "can never be reached" in caplog.text and "particels" in caplog.text
+    assert command.main(["--bag_filename", str(tmp_path / "drive.bag"), "_delta:=-1"]) == command.USAGE
+
+
+def test_an_interrupt_saves_what_is_there(tmp_path, ring, laser, monkeypatch):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    scan, seen = command.Replay._scan, []
+
+    def interrupted(self, *arguments):
+        scan(self, *arguments)
+        seen.append(1)
+        if len(seen) == 20:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(command.Replay, "_scan", interrupted)
+    code, stats = run(tmp_path, "--map", str(tmp_path / "plan"))
+    assert code == command.INTERRUPTED and stats["processed"] > 1 and len(seen) == 20
+    assert (tmp_path / "plan.yaml").exists()
+
+
+def test_command_at_the_end_is_run_and_its_code_returned(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    code, _ = run(tmp_path, "--on_done", "touch {}; exit 7".format(tmp_path / "done"))
+    assert code == 7 and (tmp_path / "done").exists()
+
+
+def test_an_output_that_cannot_be_written_is_an_error(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    code, _ = run(tmp_path, "--map", str(tmp_path / "nowhere" / "plan"))
+    assert code == command.FAILED and "nowhere" in caplog.text

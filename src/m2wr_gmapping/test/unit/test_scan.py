@@ -1,0 +1,92 @@
+"""Beam angles, mounts, usable ranges and normals."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_gmapping.scan import LaserModel, ScanError
+
+UPRIGHT = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def ends_in_base(model, ranges):
+    """Hit points (2, H) of a scan in the base frame."""
+    x, y, theta = model.base_from_sensor
+    c, s = math.cos(theta), math.sin(theta)
+    px, py = model.reading(ranges).points
+    return np.stack([x + c * px - s * py, y + s * px + c * py])
+
+
+def expected(angle_min, increment, ranges, mount):
+    """The same from first principles: each beam's end in the laser's frame, brought over by the full transform."""
+    from m2wr_gmapping.scan import rotation
+    angles = angle_min + increment * np.arange(len(ranges))
+    ends = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))])
+    return (rotation(mount[1]) @ ends + np.array(mount[0])[:, None])[:2]
+
+
+@pytest.mark.parametrize("roll", [0.0, math.pi])
+@pytest.mark.parametrize("yaw", [0.0, 0.4, -2.0])
+@pytest.mark.parametrize("angle_min, angle_max", [(-1.0, 1.0), (-0.3, 1.2), (1.2, -0.3), (0.0, 6.0)])
+def test_end_points_lie_where_the_mount_says(roll, yaw, angle_min, angle_max):
+    quaternion = (math.sin(roll / 2) * math.cos(yaw / 2), math.sin(roll / 2) * math.sin(yaw / 2),
+                  math.cos(roll / 2) * math.sin(yaw / 2), math.cos(roll / 2) * math.cos(yaw / 2))
+    mount = ((0.2, -0.1, 0.3), quaternion)
+    count = 31
+    increment = (angle_max - angle_min) / (count - 1)
+    model = LaserModel.from_message(angle_min, angle_max, increment, count, 0.1, 10.0, mount)
+    ranges = np.linspace(1.0, 3.0, count)
+    found, wanted = ends_in_base(model, ranges), expected(angle_min, increment, ranges, mount)
+    order = np.lexsort(np.round(found, 9)), np.lexsort(np.round(wanted, 9))
+    assert np.allclose(found[:, order[0]], wanted[:, order[1]])
+    assert (np.diff(model.angles) > 0).all() and abs(model.angles.sum()) < 1e-9
+
+
+def test_several_thousand_beams_and_one_alone():
+    model = LaserModel.from_message(-math.pi, math.pi, 2 * math.pi / 5000, 5000, 0.1, 30.0)
+    assert model.reading(np.full(5000, 2.0)).points.shape == (2, 5000)
+    assert LaserModel.from_message(0.0, 0.0, 0.0, 1, 0.1, 30.0).reading([3.0]).points[0, 0] == 3.0
+
+
+def test_ranges_are_sorted_into_hits_clearing_beams_and_nothing():
+    model = LaserModel.from_message(-0.3, 0.3, 0.1, 7, 0.2, 10.0, None, 8.0, 6.0)
+    reading = model.reading([0.1, 1.0, 6.0, 7.0, 9.0, math.inf, math.nan])
+    assert reading.points.shape[1] == 2                             # 1.0 and 6.0
+    assert reading.rays.shape[1] == 3 and reading.ray_hits.tolist() == [True, False, False]
+    assert np.allclose(np.hypot(*reading.rays), [1.0, 6.0, 6.0])    # a longer one clears as far as maxUrange
+
+
+def test_default_limit_is_a_centimetre_below_range_max():
+    model = LaserModel.from_message(-0.1, 0.1, 0.1, 3, 0.2, 10.0)
+    assert model.max_range == model.max_urange == pytest.approx(9.99)
+
+
+def test_skip_leaves_out_beams_of_the_matching_only():
+    model = LaserModel.from_message(-0.4, 0.5, 0.1, 10, 0.1, 9.0)
+    full, thin = model.reading(np.full(10, 2.0)), model.reading(np.full(10, 2.0), skip=2)
+    assert thin.points.shape == full.points.shape
+    assert np.allclose(thin.beams[:2], full.beams[:2, [2, 5, 8]])
+
+
+def test_normals_are_across_a_wall_and_corners_have_none():
+    model = LaserModel.from_message(-1.0, 1.0, 0.02, 101, 0.1, 20.0)
+    wall = model.reading(3.0 / np.cos(model.angles))                # the line x = 3
+    inside = wall.beams[:, 1:-1]                                      # the last ones have one neighbour only
+    assert (np.abs(inside[2]) > 0.999).all() and (inside[6] < 0.1).all()
+    lonely = model.reading(np.where(np.arange(101) % 2, 3.0, 6.0))
+    assert (lonely.beams[6] == 1.0).all()
+
+
+@pytest.mark.parametrize("change, words", [
+    (dict(count=0), "no ranges"), (dict(angle_min=math.nan), "finite"),
+    (dict(base_from_laser=((0, 0, 0), (0.0, math.sin(0.2), 0.0, math.cos(0.2)))), "tilted")])
+def test_unusable_lasers_are_named(change, words):
+    fields = dict(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, count=21, range_min=0.1, range_max=9.0)
+    fields.update(change)
+    with pytest.raises(ScanError, match=words):
+        LaserModel.from_message(**fields)
+
+
+def test_another_number_of_ranges_is_refused():
+    with pytest.raises(ScanError, match="4 ranges; expected 3"):
+        LaserModel.from_message(-0.1, 0.1, 0.1, 3, 0.1, 9.0).reading([1.0] * 4)

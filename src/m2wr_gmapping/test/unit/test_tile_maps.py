@@ -1,0 +1,99 @@
+"""Tile maps: means and hits as a plain dictionary has them, and sharing that nobody notices."""
+import math
+
+import numpy as np
+
+from m2wr_gmapping.tile_maps import NEVER, TileMaps
+
+
+def cells(maps, particle):
+    """{(column, row) on the absolute lattice: (hits, mean x, mean y)} of one particle's map."""
+    found = {}
+    for ty, tx in zip(*np.nonzero(maps.table[particle] >= 0)):
+        tile = maps.table[particle, ty, tx]
+        for cell in np.flatnonzero(maps.hits[tile]):
+            x, y = tx * 16 + cell % 16, ty * 16 + cell // 16
+            mean = maps.frame[:2] + (np.array([x, y]) + maps.mean[tile, cell] / 65535.0) / maps.frame[2]
+            key = tuple(np.round(maps.frame[:2] / 0.05 + 0.5 + [x, y]).astype(int))
+            found[key] = int(maps.hits[tile, cell]), mean[0], mean[1]
+    return found
+
+
+def plain(scans):
+    """The same from (pose, points) pairs, cell by cell; cell centres are at whole multiples of 0.05 m."""
+    sums = {}
+    for (x, y, theta), points in scans:
+        c, s = math.cos(theta), math.sin(theta)
+        for qx, qy in points.T:
+            wx, wy = x + c * qx - s * qy, y + s * qx + c * qy
+            entry = sums.setdefault((math.floor(wx / 0.05 + 0.5), math.floor(wy / 0.05 + 0.5)), [0, 0.0, 0.0])
+            entry[0] += 1
+            entry[1] += wx
+            entry[2] += wy
+    return {key: (n, sx / n, sy / n) for key, (n, sx, sy) in sums.items()}
+
+
+def same(found, expected):
+    assert found.keys() == expected.keys()
+    for key, (hits, x, y) in expected.items():
+        assert found[key][0] == hits and abs(found[key][1] - x) < 1e-5 and abs(found[key][2] - y) < 1e-5
+
+
+def fill(maps, particle, pose, points):
+    reach = np.abs(points).max() * 1.5
+    maps.cover(np.array(pose[:2]) - reach, np.array(pose[:2]) + reach)
+    maps.register(particle, np.array(pose, float), points)
+
+
+def test_registration_equals_its_plain_twin():
+    rng = np.random.default_rng(0)
+    maps, scans = TileMaps(1, 0.05, NEVER), []
+    for _ in range(5):
+        pose, points = rng.uniform(-4, 4, 3), rng.uniform(-6, 6, (2, 400))
+        scans.append((pose, points))
+        fill(maps, 0, pose, points)
+    same(cells(maps, 0), plain(scans))
+
+
+def test_particles_share_until_they_write():
+    rng = np.random.default_rng(1)
+    maps = TileMaps(3, 0.05, NEVER)
+    first, second = rng.uniform(-6, 6, (2, 300)), rng.uniform(-6, 6, (2, 300))
+    fill(maps, 0, (0, 0, 0), first)
+    used = maps.tiles_in_use
+    maps.resample(np.array([0, 0, 0]))
+    assert maps.tiles_in_use == used
+    fill(maps, 1, (0.1, 0.2, 0.3), second)
+    origin = ((0.0, 0.0, 0.0), first)
+    same(cells(maps, 0), plain([origin]))
+    same(cells(maps, 1), plain([origin, ((0.1, 0.2, 0.3), second)]))
+    same(cells(maps, 2), plain([origin]))
+
+
+def test_dropped_maps_give_their_tiles_back_and_storage_grows():
+    rng = np.random.default_rng(2)
+    maps, scans = TileMaps(4, 0.05, NEVER), []
+    for particle in range(4):
+        scans.append(((0.0, 0.0, 0.1 * particle), rng.uniform(-12, 12, (2, 3000))))
+        fill(maps, particle, *scans[-1])
+    assert maps.tiles_in_use > 1024
+    for particle in range(4):
+        same(cells(maps, particle), plain([scans[particle]]))
+    for particle in range(4):
+        maps.clear(particle)
+    assert maps.tiles_in_use == 0
+
+
+def test_frozen_cells_stay():
+    maps = TileMaps(1, 0.05, 3)
+    for k in range(6):
+        fill(maps, 0, (0, 0, 0), np.array([[1.0 + 0.002 * k], [1.0]]))
+    (hits, x, _), = cells(maps, 0).values()
+    assert hits == 3 and abs(x - 1.002) < 1e-5
+
+
+def test_table_does_not_grow_beyond_its_limit():
+    maps = TileMaps(1, 0.05, NEVER, limit=2000)
+    fill(maps, 0, (0, 0, 0), np.array([[1.0], [1.0]]))
+    fill(maps, 0, (5000, 0, 0), np.array([[1.0], [1.0]]))
+    assert maps.beyond == 1 and len(cells(maps, 0)) == 1

@@ -1,0 +1,25 @@
+"""Nothing is compiled once the kernels are warm."""
+import importlib
+
+from m2wr_gmapping.warm_up import warm_up
+
+MODULES = ("correlative_kernels", "hill_climb_kernels", "match_kernels", "occupancy_kernels", "scan_kernels",
+           "tile_kernels", "tree_kernels")
+
+
+def compiled():
+    return {(module, name): len(kernel.signatures) for module in MODULES
+            for name, kernel in vars(importlib.import_module("m2wr_gmapping." + module)).items()
+            if hasattr(kernel, "signatures")}
+
+
+def test_a_drive_with_loops_compiles_nothing_after_the_warm_up(mapped):
+    warm_up()
+    before = compiled()
+    assert len(before) > 15
+    for parameters in (dict(minimumScore=1000.0), dict(compatible=True, laps=0.2), dict(lskip=1)):
+        mapper, _, _ = mapped(**dict(dict(laps=1.2), **parameters))
+        mapper.finish()
+        mapper.occupancy()
+        mapper.close()
+    assert compiled() == before
