@@ -20,7 +20,12 @@ if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
     say "compiled kernels: filling the cache, so that the first launch need not wait"
     (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
     if [ -r "$WORKSPACE/devel/lib/m2wr_gmapping/slam_gmapping_replay" ]; then
+        # numba looks only at a kernel's own file, not at those it calls into
+        if [ -n "$(find src/m2wr_gmapping/src -name '*.py' -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
+            find src/m2wr_gmapping/src \( -name '*.nbi' -o -name '*.nbc' \) -delete
+        fi
         (enter_run_environment && "$PYTHON" -m m2wr_gmapping.warm_up)
+        touch "$CATKIN_BUILD/.m2wr_kernels"
     fi
 fi
 if [ $# -eq 0 ]; then
