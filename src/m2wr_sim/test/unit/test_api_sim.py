@@ -124,7 +124,7 @@ def test_odometry_and_scans_are_those_of_the_node(m2wr_record, engine):
                 assert (mine.linear_x, mine.linear_y, mine.angular_z) == (twist.linear.x, twist.linear.y,
                                                                           twist.angular.z)
             for mine, (stamp, ranges) in zip(scans, expected_scans):
-                assert mine.time == stamp / 1e9 and mine.ranges.tolist() == ranges
+                assert mine.time == stamp / 1e9 and np.array_equal(mine.ranges, ranges)
             sim.reset(11)
 
 
