@@ -47,6 +47,7 @@ class Spawner:
         self._packages = rospkg.RosPack()
         self.in_loop = lambda function: function()      # runs what touches the world, between two steps
         self._newest = ("", None)       # text and record of the URDF spawned last: robots come in crowds
+        self._told = (None, "")         # record of which all has been said, and its wheel convention
 
     def _package_folder(self, name):
         try:
@@ -139,8 +140,11 @@ class Spawner:
         if refusal:
             return SpawnModelResponse(False, refusal)
         try:
-            with said_once(record is self._newest[1]):      # another of the same: what there is to say has been said
+            convention = self._simulator.config.wheel_convention_of(request.model_name)
+            known, under = self._told
+            with said_once(record is known and convention == under):    # another of the same: all has been said
                 self._put(record, pose, request)
+            self._told = (record, convention)
         except SimError as error:
             log.error("spawn of \"%s\": %s", request.model_name, error)
             return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, error))
