@@ -62,11 +62,26 @@ def test_arguments_reach_the_nodes():
     assert "-x 1 -y 2" in nodes["m2wr_spawn"].args
 
 
-@pytest.mark.parametrize("record, bag", [("/tmp/run.bag", "/tmp/run.bag"), ("run.bag", "/home/me/run.bag")])
-def test_recording_names_the_bag_from_where_roslaunch_was_started(monkeypatch, record, bag):
+@pytest.mark.parametrize("record, words", [("/tmp/run.bag", "-O '/tmp/run.bag'"), ("run.bag", "-O '/home/me/run.bag'"),
+                                           ("true", "-o '/home/me/bug2'")])
+def test_recording_names_the_bag_from_where_roslaunch_was_started(monkeypatch, record, words):
     monkeypatch.setenv("PWD", "/home/me")
     nodes, _ = load("bug2.launch", "record:=" + record)
-    assert "-O '%s'" % bag in nodes["record"].args and nodes["record"].required
+    assert words in nodes["record"].args and nodes["record"].required
+    for topic in ("/gazebo/world_markers", "/robot_description", "/gazebo/robot_states", "/odom"):
+        assert topic in nodes["record"].args.split()
+
+
+def test_no_bag_and_no_pictures_are_asked_for_by_false():
+    nodes, _ = load("bug2.launch", "record:=false", "pictures:=false")
+    assert "record" not in nodes and "image_dump" not in nodes
+
+
+@pytest.mark.parametrize("pictures, out", [("true", "pictures"), ("run.gif", "run.gif")])
+def test_lockstep_waits_for_the_pictures(pictures, out):
+    nodes, params = load("bug2.launch", "pictures:=" + pictures, "picture_rate:=5")
+    assert params["/image_dump/out"] == out and params["/image_dump/rate"] == 5.0 and "image_dump" in nodes
+    assert "/image_dump" in params["/gazebo/lockstep_listeners"]
 
 
 def test_rviz_comes_with_a_display_or_when_asked_for(monkeypatch):

@@ -14,13 +14,13 @@ from matplotlib.colors import to_rgb
 from nav_msgs.msg import Odometry, Path
 from std_msgs.msg import String
 
-from m2wr_sim.errors import SimError
 from m2wr_sim.geometry import compose, quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere, Surface, World
-from m2wr_sim.report import picture
-from m2wr_sim.report.run_log import RunLog, read_run
-from m2wr_sim.report.summary import (M2WR_FOOTPRINT, Summary, convex_hull, footprint_distances, format_table,
-                                     least_clearance, obstacle_outlines, outline_of, summarise)
+from m2wr_sim.report.summary import Summary, format_table, obstacle_outlines, outline_of, summarise
+from m2wr_view import run_picture as picture
+from m2wr_view.errors import ViewError
+from m2wr_view.outlines import M2WR_FOOTPRINT, convex_hull, footprint_distances, least_clearance
+from m2wr_view.run_log import RunLog, read_run
 
 CENTRE = np.zeros((1, 3))
 
@@ -164,7 +164,7 @@ def test_what_was_not_recorded_is_none(tmp_path):
     summary = summarise(log, World())
     assert summary.path_length is summary.least_clearance is summary.duration is summary.touches is None
     assert format_table(summary).count("not recorded") == 7
-    picture.draw_run(log, World(), summary, tmp_path / "states.png")
+    picture.draw_run(log, (), (), summary, tmp_path / "states.png")
     assert (tmp_path / "states.png").stat().st_size > 1000
 
 
@@ -176,11 +176,11 @@ def test_poses_without_states(tmp_path, build):
     summary = summarise(log, World(models=(build.ground(),)))
     assert summary.final_state is None and summary.state_changes is None and summary.duration == pytest.approx(1.0)
     assert summary.least_clearance == math.inf and "no obstacles" in format_table(summary)
-    picture.draw_run(log, World(), summary, tmp_path / "poses.png")
+    picture.draw_run(log, (), (), summary, tmp_path / "poses.png")
 
 
 def message_of(path):
-    with pytest.raises(SimError) as caught:
+    with pytest.raises(ViewError) as caught:
         read_run(path)
     return str(caught.value)
 
@@ -216,7 +216,7 @@ def test_broken_bags_are_named(tmp_path):
         broken.write_bytes(bytes(data))
         try:
             read_run(broken)
-        except SimError as error:
+        except ViewError as error:
             refused += 1
             assert str(broken) in str(error)
     assert refused > 20
@@ -366,6 +366,10 @@ def test_clearance_of_a_long_run_is_quick(build):
     assert time.process_time() - began < 2.0
 
 
+def outlines(world):
+    return obstacle_outlines(world), obstacle_outlines(world, high=math.inf)
+
+
 # ---- picture -----------------------------------------------------------------------------------------------------
 
 @pytest.fixture
@@ -376,10 +380,10 @@ def drawn(tmp_path, build):
     log = read_run(record_corner(tmp_path / "run.bag"))
     summary = summarise(log, world)
     backend = dict.__getitem__(matplotlib.rcParams, "backend")      # the plain [] would choose one
-    picture.draw_run(log, world, summary, tmp_path / "run.png")
+    picture.draw_run(log, *outlines(world), summary, tmp_path / "run.png")
     assert dict.__getitem__(matplotlib.rcParams, "backend") is backend
     image = matplotlib.image.imread(str(tmp_path / "run.png"))[..., :3]
-    axes = picture.run_figure(log, world, summary).axes[0]
+    axes = picture.run_figure(log, *outlines(world), summary).axes[0]
 
     def colour(x, y):
         column, row = axes.transData.transform((x, y))
@@ -416,5 +420,5 @@ def test_picture_is_to_scale(drawn):
 
 def test_picture_that_cannot_be_written_is_named(tmp_path):
     path = tmp_path / "no_folder" / "run.png"
-    with pytest.raises(SimError, match="picture .*run.png: No such file"):
-        picture.draw_run(RunLog("x.bag"), World(), Summary(*[None] * 7, "", *[None] * 4), path)
+    with pytest.raises(ViewError, match="picture .*run.png: No such file"):
+        picture.draw_run(RunLog("x.bag"), (), (), Summary(*[None] * 7, "", *[None] * 4), path)

@@ -1,8 +1,4 @@
-"""A run in numbers: how far, how long, how close to the obstacles.
-
-Robot and obstacles are outlines in the plane: what of their collision shapes lies between the floor and the top of
-the robot, seen from above.  An outline is a convex polygon rounded by a radius, so that discs are exact.
-"""
+"""A run in numbers: how far, how long, how close to the obstacles of the world file."""
 import math
 from dataclasses import dataclass
 from typing import Optional, Tuple
@@ -11,53 +7,8 @@ import numpy as np
 
 from m2wr_sim.geometry import compose, matrix_from_quaternion
 from m2wr_sim.model.types import Box, Cylinder, Sphere
-
-FLOOR = 0.001           # m; a slab whose top is the floor is no obstacle
-ROBOT_HEIGHT = 0.2      # m; what hangs higher does not stop m2wr
-RIM_POINTS = 120        # of a lying or tilted cylinder; its outline is too small by less than 4e-4 of the radius
-_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-_BOX_EDGES = np.array([(a, b) for a in range(8) for b in range(a) if bin(a ^ b).count("1") == 1])
-_POSES_AT_ONCE = 256
-
-
-@dataclass(frozen=True)
-class Outline:
-    """A convex polygon widened by a radius.
-
-    Attributes
-    ----------
-    vertices : (m, 2) float64
-        Corners [m], counter-clockwise; one alone makes a disc, two a rounded line.
-    radius : float
-        What is added all around [m].
-    name : str
-        The model it belongs to.
-    """
-
-    vertices: np.ndarray
-    radius: float = 0.0
-    name: str = ""
-
-
-def _rectangle(x, y, length, width):
-    return np.array([(x - length / 2, y - width / 2), (x + length / 2, y - width / 2),
-                     (x + length / 2, y + width / 2), (x - length / 2, y + width / 2)])
-
-
-#: m2wr from above, in the frame of link_chassis: chassis, the caster that collides, the two wheels.
-M2WR_FOOTPRINT = (Outline(_rectangle(0.0, 0.0, 0.5, 0.3), name="chassis"),
-                  Outline(np.array([(0.35, 0.0)]), 0.05, "caster"),
-                  Outline(_rectangle(-0.05, 0.20, 0.2, 0.04), name="wheel at the left"),
-                  Outline(_rectangle(-0.05, -0.20, 0.2, 0.04), name="wheel at the right"))
-
-
-@dataclass(frozen=True)
-class Clearance:
-    """The closest approach: distance [m] (0: they overlap), index of the pose, name of the obstacle."""
-
-    distance: float
-    index: Optional[int] = None
-    name: str = ""
+from m2wr_view.outlines import (FLOOR, M2WR_FOOTPRINT, ROBOT_HEIGHT, box_outline, cylinder_outline, least_clearance,
+                                sphere_outline)
 
 
 @dataclass(frozen=True)
@@ -82,39 +33,6 @@ class Summary:
     mean_factor: Optional[float]
 
 
-# ---- outlines ----------------------------------------------------------------------------------------------------
-
-def convex_hull(points):
-    """Return the corners of the convex hull of points (n, 2), counter-clockwise, without those on a straight edge."""
-    ordered = sorted(set(map(tuple, np.asarray(points, float).tolist())))
-    if len(ordered) < 3:
-        return np.array(ordered)
-    hull = []
-    for chain in (ordered, ordered[::-1]):          # monotone chain: lower side, then upper side
-        side = []
-        for x, y in chain:
-            while len(side) > 1 and ((side[-1][0] - side[-2][0]) * (y - side[-2][1])
-                                     - (side[-1][1] - side[-2][1]) * (x - side[-2][0])) <= 0.0:
-                side.pop()
-            side.append((x, y))
-        hull += side[:-1]
-    return np.array(hull)
-
-
-def _slice_from_above(corners, edges, low, high):
-    """Return the hull (m, 2) of what of a convex body lies between two heights, or None if nothing does."""
-    heights = corners[:, 2]
-    if heights.max() <= low or heights.min() >= high:
-        return None
-    parts = [corners[(heights >= low) & (heights <= high), :2]]
-    one, two = corners[edges[:, 0]], corners[edges[:, 1]]
-    for height in (low, high):
-        cut = (one[:, 2] - height) * (two[:, 2] - height) < 0.0
-        share = (height - one[cut, 2]) / (two[cut, 2] - one[cut, 2])
-        parts.append(one[cut, :2] + share[:, None] * (two[cut, :2] - one[cut, :2]))
-    return convex_hull(np.concatenate(parts))
-
-
 def outline_of(geometry, pose, low=FLOOR, high=ROBOT_HEIGHT, name=""):
     """Return what of a shape lies between two heights, seen from above.
 
@@ -136,33 +54,12 @@ def outline_of(geometry, pose, low=FLOOR, high=ROBOT_HEIGHT, name=""):
     """
     centre, rotation = np.asarray(pose[0], float), matrix_from_quaternion(pose[1])
     if isinstance(geometry, Sphere):
-        away = max(low - centre[2], centre[2] - high, 0.0)      # from the centre to the slice
-        if away >= geometry.radius:
-            return None
-        return Outline(centre[None, :2], math.sqrt(geometry.radius ** 2 - away ** 2), name)
+        return sphere_outline(geometry.radius, centre, low, high, name)
     if isinstance(geometry, Box):
-        corners, edges = _CORNERS * geometry.size, _BOX_EDGES
-    elif isinstance(geometry, Cylinder):
-        if abs(rotation[2, 2]) > 1.0 - 1e-12:
-            inside = centre[2] - 0.5 * geometry.length < high and centre[2] + 0.5 * geometry.length > low
-            return Outline(centre[None, :2], geometry.radius, name) if inside else None
-        corners, edges = _cylinder_corners(geometry)
-    else:
-        return None
-    vertices = _slice_from_above(corners.dot(rotation.T) + centre, edges, low, high)
-    return None if vertices is None else Outline(vertices, 0.0, name)
-
-
-def _cylinder_corners(cylinder):
-    angles = 2.0 * math.pi * np.arange(RIM_POINTS) / RIM_POINTS
-    rim = cylinder.radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    corners = np.concatenate([np.column_stack((rim, np.full(RIM_POINTS, half)))
-                              for half in (-0.5 * cylinder.length, 0.5 * cylinder.length)])
-    here = np.arange(RIM_POINTS)
-    after = (here + 1) % RIM_POINTS
-    edges = np.concatenate((np.column_stack((here, after)), np.column_stack((here, after)) + RIM_POINTS,
-                            np.column_stack((here, here + RIM_POINTS))))
-    return corners, edges
+        return box_outline(geometry.size, centre, rotation, low, high, name)
+    if isinstance(geometry, Cylinder):
+        return cylinder_outline(geometry.radius, geometry.length, centre, rotation, low, high, name)
+    return None
 
 
 def obstacle_outlines(world, low=FLOOR, high=ROBOT_HEIGHT):
@@ -183,109 +80,6 @@ def obstacle_outlines(world, low=FLOOR, high=ROBOT_HEIGHT):
     return [outline for outline in outlines if outline is not None]
 
 
-# ---- clearance ---------------------------------------------------------------------------------------------------
-
-def _to_segments(points, ends):
-    """Return the least distance (...) of points (..., p, 2) from the edges of closed polygons (..., m, 2)."""
-    begins, along = ends[..., None, :, :], (np.roll(ends, -1, axis=-2) - ends)[..., None, :, :]
-    offset = points[..., :, None, :] - begins
-    share = np.sum(offset * along, axis=-1) / np.maximum(np.sum(along * along, axis=-1), 1e-300)
-    nearest = offset - np.clip(share, 0.0, 1.0)[..., None] * along
-    return np.sqrt(np.min(np.sum(nearest * nearest, axis=-1), axis=(-2, -1)))
-
-
-def _separation(polygons, points):
-    """Return how far (...) points (..., p, 2) stay outside of polygons (..., m, 2), by the best of their edges."""
-    if polygons.shape[-2] == 1:     # no edge, nothing to show
-        return np.full(polygons.shape[:-2], -np.inf)
-    along = np.roll(polygons, -1, axis=-2) - polygons
-    normals = np.stack((along[..., 1], -along[..., 0]), axis=-1)
-    normals = normals / np.sqrt(np.sum(normals * normals, axis=-1, keepdims=True))
-    gaps = np.sum(normals[..., :, None, :] * (points[..., None, :, :] - polygons[..., :, None, :]), axis=-1)
-    return np.max(np.min(gaps, axis=-1), axis=-1)
-
-
-def _polygon_distances(one, two):
-    """Return distances (n,) of convex polygons (m, 2) and (n, k, 2), 0 where they overlap."""
-    one = np.broadcast_to(one, two.shape[:1] + one.shape)
-    distances = np.minimum(_to_segments(one, two), _to_segments(two, one))
-    # corners alone miss two bars that cross; convex bodies are apart only if an edge of one of them shows it
-    apart = np.maximum(_separation(one, two), _separation(two, one))
-    overlap = (apart < -1e-12) & (apart > -np.inf)
-    return np.where(overlap, 0.0, distances)
-
-
-def footprint_distances(poses, obstacle, footprint=M2WR_FOOTPRINT):
-    """Return the distance of the robot from one obstacle at many poses.
-
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        x, y [m] and yaw [rad] of the robot.
-    obstacle : Outline
-        In world.
-    footprint : sequence of Outline
-        In the robot's frame.
-
-    Returns
-    -------
-    (n,) float64
-        Distances [m]; 0 where they overlap.
-    """
-    cosine, sine = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
-    offset = obstacle.vertices[None] - poses[:, None, :2]
-    local = np.stack((cosine * offset[..., 0] + sine * offset[..., 1],
-                      cosine * offset[..., 1] - sine * offset[..., 0]), axis=-1)
-    least = np.full(len(poses), np.inf)
-    for part in footprint:
-        least = np.minimum(least, _polygon_distances(part.vertices, local) - part.radius - obstacle.radius)
-    return np.maximum(least, 0.0)
-
-
-def _point_distances(points, obstacle):
-    """Return distances (n,) of points (n, 2) from an outline, 0 inside."""
-    points, vertices = points[:, None, :], obstacle.vertices[None]
-    outside = _separation(vertices, points) > 0.0 if len(obstacle.vertices) > 2 else True
-    return np.where(outside, np.maximum(_to_segments(points, vertices) - obstacle.radius, 0.0), 0.0)
-
-
-def least_clearance(poses, obstacles, footprint=M2WR_FOOTPRINT):
-    """Return the closest approach of a robot to any obstacle.
-
-    Parameters
-    ----------
-    poses : (n, 3) float64
-        x, y [m] and yaw [rad]; nothing is assumed in between.
-    obstacles : sequence of Outline
-        In world.
-    footprint : sequence of Outline
-        In the robot's frame.
-
-    Returns
-    -------
-    Clearance
-        With an infinite distance if there are no obstacles or poses.
-    """
-    best = Clearance(math.inf)
-    if not len(poses) or not obstacles:
-        return best
-    reach = max(float(np.max(np.hypot(*part.vertices.T))) + part.radius for part in footprint)
-    # the robot's origin cannot be closer than its footprint, nor farther than that by more than the footprint's reach
-    origin = [_point_distances(poses[:, :2], obstacle) for obstacle in obstacles]
-    for number in sorted(range(len(obstacles)), key=lambda index: float(np.min(origin[index]))):
-        obstacle, order = obstacles[number], np.argsort(origin[number], kind="stable")
-        for begin in range(0, len(order), _POSES_AT_ONCE):
-            chosen = order[begin:begin + _POSES_AT_ONCE]
-            chosen = chosen[origin[number][chosen] - reach < best.distance]
-            if not len(chosen):
-                break
-            distances = footprint_distances(poses[chosen], obstacle, footprint)
-            nearest = int(np.argmin(distances))
-            if distances[nearest] < best.distance:
-                best = Clearance(float(distances[nearest]), int(chosen[nearest]), obstacle.name)
-    return best
-
-
 # ---- summary -----------------------------------------------------------------------------------------------------
 
 def summarise(log, world, footprint=M2WR_FOOTPRINT):
@@ -293,13 +87,18 @@ def summarise(log, world, footprint=M2WR_FOOTPRINT):
 
     Parameters
     ----------
-    log : m2wr_sim.report.run_log.RunLog
+    log : m2wr_view.run_log.RunLog
         The run.
     world : m2wr_sim.model.types.World
         The world it took place in.
     footprint : sequence of Outline
         The robot from above, in the frame of link_chassis.
     """
+    return summarise_log(log, obstacle_outlines(world), footprint)
+
+
+def summarise_log(log, obstacles, footprint=M2WR_FOOTPRINT):
+    """Return the :class:`Summary` of a run among outlines of obstacles; None where those are not known."""
     path_length = end_distance = duration = clearance = time = position = straight = None
     name, start = "", log.start
     final_state = log.states[-1][1] if log.states else None
@@ -308,9 +107,11 @@ def summarise(log, world, footprint=M2WR_FOOTPRINT):
         path_length = float(np.sum(np.hypot(np.diff(log.x), np.diff(log.y))))
         end = log.states[-1][0] if final_state in ("goal_reached", "goal_unreachable") else log.times[-1]
         duration = max(0.0, float(end - log.times[0]))
-        closest = least_clearance(np.column_stack((log.x, log.y, log.yaw)), obstacle_outlines(world), footprint)
-        clearance, name = closest.distance, closest.name
-        if closest.index is not None:
+        closest = None if obstacles is None else least_clearance(
+            np.column_stack((log.x, log.y, log.yaw)), obstacles, footprint)
+        if closest is not None:
+            clearance, name = closest.distance, closest.name
+        if closest is not None and closest.index is not None:
             time = float(log.times[closest.index] - log.times[0])
             position = (float(log.x[closest.index]), float(log.y[closest.index]))
         if log.goal is not None:

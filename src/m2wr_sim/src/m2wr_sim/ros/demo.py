@@ -1,5 +1,6 @@
 """The demonstration: Bug 2 from start to goal without a display; prints a table, draws a picture, keeps the bag."""
 import argparse
+import math
 import os
 import sys
 import time
@@ -7,12 +8,13 @@ import time
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
-from m2wr_sim.report.picture import draw_run
-from m2wr_sim.report.run_log import read_run
-from m2wr_sim.report.summary import format_table, summarise
+from m2wr_sim.report.summary import format_table, obstacle_outlines, summarise
 from m2wr_sim.ros.experiment import free_port, resolve, run
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world
+from m2wr_view.errors import ViewError
+from m2wr_view.run_log import read_run
+from m2wr_view.run_picture import draw_run
 
 
 def _parser():
@@ -51,8 +53,8 @@ def main(argv=None):
                            resolve_model=ModelFolders([os.path.join(share, "models")]))
         log = read_run(bag, start=tuple(options.start), goal=tuple(options.goal))
         summary = summarise(log, world)
-        draw_run(log, world, summary, picture)
-    except SimError as error:
+        draw_run(log, obstacle_outlines(world), obstacle_outlines(world, high=math.inf), summary, picture)
+    except (SimError, ViewError) as error:
         sys.stderr.write("demo: %s\n" % error)
         return code or 1
     print(format_table(summary))

@@ -20,6 +20,7 @@ from m2wr_sim.runtime.schedule import StrictSchedule
 log = logging.getLogger("m2wr_sim")
 
 MOST_TRIANGLES = 5000           # of one mesh; more would take longer to send than anybody looks at it
+STILL = 5e-4                    # m, and of quaternions: what moves less stays where it is shown; bodies at rest creep
 OTHER_COLOUR = (0.6, 0.6, 0.6, 1.0)
 MATERIALS = {"black": (0.0, 0.0, 0.0), "blue": (0.0, 0.0, 1.0), "green": (0.0, 1.0, 0.0), "grey": (0.7, 0.7, 0.7),
              "darkgrey": (0.175, 0.175, 0.175), "orange": (1.0, 0.5, 0.0), "purple": (1.0, 0.0, 1.0),
@@ -90,7 +91,10 @@ class _Shown:
     def follow(self, engine):
         """Bring the markers to where their links are now; returns whether anything has moved."""
         poses = {handle: engine.link_pose(handle) for handle in {part[0] for part in self.parts}}
-        if poses == self._poses:
+        if self._poses is not None and all(
+                abs(one - two) <= STILL for handle, pose in poses.items()
+                for one, two in zip(tuple(pose[0]) + tuple(pose[1]),
+                                    tuple(self._poses[handle][0]) + tuple(self._poses[handle][1]))):
             return False
         self._poses = poses
         for handle, offset, marker in self.parts:

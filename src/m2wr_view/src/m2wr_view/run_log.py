@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Optional, Tuple
 
 import numpy as np
-import rosbag
 
-from m2wr_sim.errors import SimError
-from m2wr_sim.geometry import yaw_of
+from m2wr_view.bag_file import check_types, open_bag
+from m2wr_view.errors import ViewError
+from m2wr_view.frames import yaw_of
 
 ODOMETRY, CLOCK, DIAGNOSTICS = "/odom", "/clock", "/diagnostics"
 STATE, HIT, LEAVE, LINE = "/bug2/state", "/bug2/hit_point", "/bug2/leave_point", "/bug2/m_line"
@@ -81,7 +81,7 @@ def read_run(path, start=None, goal=None, robot="m2wr"):
 
     Raises
     ------
-    SimError
+    ViewError
         If there is no such bag, or it is unfinished, broken or empty, or a topic has an unexpected type.
     """
     path = os.fspath(path)
@@ -101,40 +101,17 @@ def read_run(path, start=None, goal=None, robot="m2wr"):
 
 def _read_topics(path):
     """Return the messages of the topics of interest, in the order of the recorder's time."""
-    if path.endswith(".active"):
-        raise SimError("bag %s: the recorder is still writing it, or was killed before it could finish; expected a "
-                       "finished bag (stop the recorder with Ctrl-C, or run `rosbag reindex` on the file)" % path)
-    if not os.path.exists(path) and os.path.exists(path + ".active"):
-        raise SimError("bag %s: there is only %s.active; the recorder has not finished, expected a finished bag"
-                       % (path, path))
-    try:
-        with rosbag.Bag(path) as bag:
-            if not bag.get_message_count():
-                raise SimError("bag %s: there is no message in it; expected a recorded run" % path)
-            _check_types(bag, path)
-            topics = {}
-            for topic, message, recorded in bag.read_messages([name for name in TYPES if name != CLOCK]):
-                topics.setdefault(topic, []).append(_Entry(recorded.to_sec(), message))
-            if ODOMETRY not in topics:      # a clock comes a thousand times a second: read only if nothing else tells
-                topics[CLOCK] = [_Entry(recorded.to_sec(), message)
-                                 for _, message, recorded in bag.read_messages([CLOCK])]
-            return topics
-    except OSError as error:
-        raise SimError("bag %s: %s; expected a readable bag file" % (path, error.strerror or error))
-    except rosbag.ROSBagUnindexedException:
-        raise SimError("bag %s: it has no index, so it was not finished; expected a finished bag (try `rosbag reindex`)"
-                       % path)
-    except SimError:
-        raise
-    except Exception as error:      # damaged bytes come out as whatever the reader trips over first
-        raise SimError("bag %s: it cannot be read (%s: %s); expected a bag of format 2.0 that is whole"
-                       % (path, type(error).__name__, error)) from error
-
-
-def _check_types(bag, path):
-    for topic, info in bag.get_type_and_topic_info().topics.items():
-        if topic in TYPES and info.msg_type != TYPES[topic]:
-            raise SimError("bag %s: topic %s has the type %s; expected %s" % (path, topic, info.msg_type, TYPES[topic]))
+    with open_bag(path) as bag:
+        if not bag.get_message_count():
+            raise ViewError("bag %s: there is no message in it; expected a recorded run" % path)
+        check_types(bag, path, TYPES)
+        topics = {}
+        for topic, message, recorded in bag.read_messages([name for name in TYPES if name != CLOCK]):
+            topics.setdefault(topic, []).append(_Entry(recorded.to_sec(), message))
+        if ODOMETRY not in topics:      # a clock comes a hundred times a second: read only if nothing else tells
+            topics[CLOCK] = [_Entry(recorded.to_sec(), message)
+                             for _, message, recorded in bag.read_messages([CLOCK])]
+        return topics
 
 
 def _odometry(topics):
@@ -198,8 +175,8 @@ def _diagnosis(topics, robot, path):
     try:        # a model that touched nothing is not listed
         return int(touches), None if factor is None else float(factor)
     except ValueError:
-        raise SimError("bag %s: status \"%s\" on %s tells \"%s\" touches of %s and the mean real-time factor \"%s\"; "
-                       "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, touches, robot, factor))
+        raise ViewError("bag %s: status \"%s\" on %s tells \"%s\" touches of %s and the mean real-time factor \"%s\"; "
+                        "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, touches, robot, factor))
 
 
 def _pair(point):

@@ -9,8 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.ticker import MaxNLocator
 
-from m2wr_sim.errors import SimError
-from m2wr_sim.report.summary import M2WR_FOOTPRINT, obstacle_outlines
+from m2wr_view.errors import ViewError
+from m2wr_view.outlines import M2WR_FOOTPRINT
 
 DOTS_PER_INCH = 100
 SIZE = (10.0, 10.8)         # inches: a square of axes, the title above it and the legend below
@@ -27,49 +27,53 @@ START_COLOUR, GOAL_COLOUR, HIT_COLOUR, LEAVE_COLOUR = "#F0E442", "#009E73", "#D5
 OBSTACLE_COLOUR, OVERHANG_COLOUR, LINE_COLOUR, ROBOT_COLOUR = "#909090", "#D0D0D0", "#505050", "#000000"
 
 
-def draw_run(log, world, summary, path):
+def draw_run(log, obstacles, anything, summary, path):
     """Write the picture of a run as PNG, 1000 by 1080 pixels.
 
     Parameters
     ----------
-    log : m2wr_sim.report.run_log.RunLog
+    log : m2wr_view.run_log.RunLog
         The run; what it lacks is left out.
-    world : m2wr_sim.model.types.World
-        Whose obstacles are drawn, where the world file puts them.
-    summary : m2wr_sim.report.summary.Summary
-        For the title.
+    obstacles, anything : sequence of m2wr_view.outlines.Outline
+        What stops the robot, and that together with what hangs above it.
+    summary : object
+        For the title: has final_state, duration, path_length, least_clearance and touches; None where not known.
     path : str
         File to write.
 
     Raises
     ------
-    SimError
+    ViewError
         If the file cannot be written.
     """
-    figure = run_figure(log, world, summary)
+    figure = run_figure(log, obstacles, anything, summary)
     try:
         figure.savefig(os.fspath(path), format="png", dpi=DOTS_PER_INCH)
     except OSError as error:
-        raise SimError("picture %s: %s; expected a file in a folder that can be written to"
-                       % (path, error.strerror or error))
+        raise ViewError("picture %s: %s; expected a file in a folder that can be written to"
+                        % (path, error.strerror or error))
 
 
-def run_figure(log, world, summary):
+def run_figure(log, obstacles, anything, summary):
     """Return the picture as a matplotlib Figure with one Axes in metres; see :func:`draw_run`."""
     figure = Figure(figsize=SIZE, dpi=DOTS_PER_INCH, facecolor="white")
     FigureCanvasAgg(figure)         # this figure's own canvas: whatever backend the caller uses stays as it is
     axes = figure.add_axes(AXES)
-    obstacles = obstacle_outlines(world)
-    anything = obstacle_outlines(world, high=math.inf)
+    handles = draw_path(axes, log, obstacles, anything)
+    axes.set_title(_title(summary), fontsize=13)
+    figure.legend(handles=handles, loc="lower center", ncol=4, fontsize=10, frameon=False)
+    return figure
+
+
+def draw_path(axes, log, obstacles, anything):
+    """Draw a run from above into an Axes in metres; returns what belongs into a legend."""
     handles = _draw_obstacles(axes, obstacles, anything)
     handles += _draw_path(axes, log)
     handles += _draw_line(axes, log)
     handles += _draw_robot(axes, log)
     handles += _draw_marks(axes, log)
     _set_view(axes, _run_points(log), anything)
-    axes.set_title(_title(summary), fontsize=13)
-    figure.legend(handles=handles, loc="lower center", ncol=4, fontsize=10, frameon=False)
-    return figure
+    return handles
 
 
 # ---- layers ------------------------------------------------------------------------------------------------------

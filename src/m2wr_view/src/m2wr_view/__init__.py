@@ -1,0 +1,1 @@
+"""Pictures of robots and runs without a display."""

@@ -1,0 +1,57 @@
+"""Opening recorded bags, so that every fault comes out as one sentence that says what helps."""
+import os
+from contextlib import contextmanager
+
+import rosbag
+
+from m2wr_view.errors import ViewError
+
+
+@contextmanager
+def open_bag(path):
+    """Give an open ``rosbag.Bag``; whatever goes wrong with it inside the ``with`` becomes a ViewError."""
+    if path.endswith(".active"):
+        raise ViewError("bag %s: the recorder is still writing it, or was killed before it could finish; expected a "
+                        "finished bag (stop the recorder with Ctrl-C, or run `rosbag reindex` on the file)" % path)
+    if not os.path.exists(path) and os.path.exists(path + ".active"):
+        raise ViewError("bag %s: there is only %s.active; the recorder has not finished, expected a finished bag "
+                        "(`rosbag reindex` makes one of a file whose recorder was killed)" % (path, path))
+    try:
+        with rosbag.Bag(path) as bag:
+            yield bag
+    except OSError as error:
+        raise ViewError("bag %s: %s; expected a readable bag file" % (path, error.strerror or error))
+    except rosbag.ROSBagUnindexedException:
+        raise ViewError("bag %s: it has no index, so it was not finished; expected a finished bag (try "
+                        "`rosbag reindex`)" % path)
+    except (ViewError, GeneratorExit):
+        raise
+    except Exception as error:      # damaged bytes come out as whatever the reader trips over first
+        raise ViewError("bag %s: it cannot be read (%s: %s); expected a bag of format 2.0 that is whole"
+                        % (path, type(error).__name__, error)) from error
+
+
+def topic_types(bag):
+    """Return {topic: message type} of an open bag."""
+    return {topic: info.msg_type for topic, info in bag.get_type_and_topic_info().topics.items()}
+
+
+def check_types(bag, path, expected):
+    """Raise ViewError if a topic of ``expected``, {topic: type}, has another type in the bag."""
+    for topic, kind in topic_types(bag).items():
+        if topic in expected and kind != expected[topic]:
+            raise ViewError("bag %s: topic %s has the type %s; expected %s" % (path, topic, kind, expected[topic]))
+
+
+def read_messages(path, expected):
+    """Yield (topic, message, recorder's time) of topics, {topic: type}, in the order of recording.
+
+    Raises
+    ------
+    ViewError
+        If the bag cannot be read or a topic has another type.
+    """
+    with open_bag(path) as bag:
+        check_types(bag, path, expected)
+        for entry in bag.read_messages(list(expected)):
+            yield entry

@@ -1,0 +1,107 @@
+"""When a picture is due, and what becomes of it when something goes wrong: the part of image_dump without ROS."""
+import logging
+import math
+
+from m2wr_view.errors import ViewError
+from m2wr_view.renderer import Renderer
+from m2wr_view.scene import TOPICS, Scene
+
+log = logging.getLogger("rosout.m2wr_view")
+_TICK = 1e-6            # s; sums of periods and stamps differ in their last bits
+_MOST_BEHIND = 1000     # periods; a clock that jumps farther begins a new count
+
+
+class Dump:
+    """Feeds messages to a scene and draws it at a rate of simulated time, and when the state changes.
+
+    Parameters
+    ----------
+    renderer : Renderer
+    rate : float
+        Pictures a second of simulated time [Hz].
+    writers : list
+        See :mod:`m2wr_view.writers`; one that fails is named and left out from then on.
+    show : callable, optional
+        Called with (image, time [s]) of each picture.
+    """
+
+    def __init__(self, renderer, rate, writers, show=None):
+        self.scene, self.count = Scene(), 0
+        self._renderer, self._period, self._writers, self._show = renderer, 1.0 / rate, list(writers), show
+        self._due, self._state, self._complained = None, None, set()
+
+    @property
+    def failed(self):
+        """Whether every writer there was has failed."""
+        return not self._writers
+
+    def take(self, topic, message):
+        """Take a message of one of ``TOPICS`` in, and draw if it is time; messages that make no sense are told once."""
+        try:
+            getattr(self.scene, TOPICS[topic][1])(message)
+        except ViewError as error:
+            self._complain(topic, str(error))
+        except Exception as error:      # whatever a message holds must not end the pictures
+            self._complain(topic, "%s: %s" % (type(error).__name__, error))
+        now = self.scene.now
+        if now is None:
+            return
+        if self._due is None or now < self._due - 2.0 * self._period or now > self._due + _MOST_BEHIND * self._period:
+            self._due = now
+        due, changed = now >= self._due - _TICK, self.scene.state != self._state
+        if due or changed:
+            self._state = self.scene.state
+            self.draw()
+        if due:
+            self._due += self._period * (1 + math.floor((now - self._due + _TICK) / self._period))
+
+    def draw(self):
+        """Draw and hand the picture out."""
+        try:
+            image = self._renderer.draw(self.scene)
+        except Exception as error:
+            self._complain("drawing", "%s: %s" % (type(error).__name__, error))
+            return
+        self.count += 1
+        for writer in list(self._writers):
+            self._guarded(writer, lambda writer=writer: writer.write(image))
+        if self._show is not None:
+            self._show(image, self.scene.now or 0.0)
+
+    def close(self):
+        """Draw the last moment and finish all files; returns what was written, as text."""
+        if self.scene.now is not None:
+            self.draw()
+        for writer in list(self._writers):
+            self._guarded(writer, writer.close)
+        return ", ".join("%s (%d pictures)" % (writer.path, writer.count) for writer in self._writers)
+
+    def _guarded(self, writer, action):
+        try:
+            action()
+        except ViewError as error:
+            self._writers.remove(writer)
+            log.error("%s. No more pictures go there; what was written before stays.", error)
+
+    def _complain(self, topic, text):
+        if (topic, text) not in self._complained and len(self._complained) < 100:
+            self._complained.add((topic, text))
+            log.warning("%s: %s; left out of the pictures", topic, text)
+
+
+def make_dump(rate, size, bounds, writers, show=None):
+    """Return a :class:`Dump` for numbers as users give them.
+
+    Raises
+    ------
+    ViewError
+        If a number makes no sense.
+    """
+    if not (math.isfinite(rate) and 0.0 < rate <= 1000.0):
+        raise ViewError("rate %r: expected more than 0 and at most 1000 pictures a second of simulated time" % rate)
+    if len(size) != 2 or not all(isinstance(side, int) and 200 <= side <= 4000 for side in size):
+        raise ViewError("size %r: expected two whole numbers from 200 to 4000 [pixels]" % (size,))
+    if bounds is not None and not (len(bounds) == 4 and all(map(math.isfinite, bounds)) and bounds[0] < bounds[2]
+                                   and bounds[1] < bounds[3]):
+        raise ViewError("view %r: expected least x, least y, greatest x, greatest y [m]" % (bounds,))
+    return Dump(Renderer(size[0], size[1], bounds), rate, writers, show)

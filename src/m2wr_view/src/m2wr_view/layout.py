@@ -1,0 +1,127 @@
+"""Where on a picture a metre of the world goes, and which part of the world is shown."""
+import math
+from collections import namedtuple
+
+import numpy as np
+
+MARGIN = 0.6            # m around what must be seen
+SURROUNDINGS = 10.0     # m around robot, goal and trail within which obstacles widen the view
+_STEPS = (1.0, 2.0, 5.0)
+
+Window = namedtuple("Window", "left top width height")
+"""The part of a picture that shows the world [pixels]."""
+
+
+class View:
+    """Maps metres to pixels of a window, as long across as up.
+
+    Parameters
+    ----------
+    bounds : (4,) floats
+        Least x, least y, greatest x, greatest y that must be seen [m].
+    window : Window
+    """
+
+    def __init__(self, bounds, window):
+        wide, high = max(bounds[2] - bounds[0], 0.1), max(bounds[3] - bounds[1], 0.1)
+        self.scale = min(window.width / wide, window.height / high)     # pixels a metre
+        centre = 0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3])
+        half = 0.5 * window.width / self.scale, 0.5 * window.height / self.scale
+        self.window, self.wanted = window, tuple(bounds)
+        self.bounds = (centre[0] - half[0], centre[1] - half[1], centre[0] + half[0], centre[1] + half[1])
+
+    def pixel(self, x, y):
+        """Return column and row, as floats, of a point [m]."""
+        return (self.window.left + (x - self.bounds[0]) * self.scale,
+                self.window.top + (self.bounds[3] - y) * self.scale)
+
+    def pixels(self, points):
+        """Return columns and rows (n, 2) of points (n, 2) [m]."""
+        return np.asarray(points) * (self.scale, -self.scale) + self.pixel(0.0, 0.0)
+
+
+def nice_step(span, parts):
+    """Return a step of 1, 2 or 5 times a power of ten that cuts ``span`` into at most ``parts``."""
+    least = max(span, 1e-9) / parts
+    power = 10.0 ** math.floor(math.log10(least))
+    for step in _STEPS:
+        if step * power >= least * (1.0 - 1e-9):
+            return step * power
+    return 10.0 * power
+
+
+def _area(bounds):
+    return (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
+
+
+def _reach(outline):
+    return outline.vertices.min(axis=0) - outline.radius, outline.vertices.max(axis=0) + outline.radius
+
+
+def needed_bounds(scene):
+    """Return what of a scene must be seen, whole metres (least x, least y, greatest x, greatest y).
+
+    Robot, trail, line and map are; obstacles are as far as they are near to those.
+    """
+    points = [(x, y) for x, y, _, _ in scene.trail] + list(scene.line) + scene.hits + scene.leaves
+    if scene.pose is not None:
+        points.append((scene.pose[0], scene.pose[1]))
+    points = np.array(points or [(0.0, 0.0)], dtype=float).reshape(-1, 2)
+    low, high = points.min(axis=0), points.max(axis=0)
+    least, most = low - SURROUNDINGS, high + SURROUNDINGS
+    if scene.grid is not None:
+        corners = _known_corners(*scene.grid)
+        if corners is not None:
+            low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    for outline in scene.solids.blocking + scene.solids.hanging:
+        first, last = _reach(outline)
+        if np.all(first < most) and np.all(last > least):
+            low, high = np.minimum(low, np.maximum(first, least)), np.maximum(high, np.minimum(last, most))
+    return tuple(np.concatenate((np.floor(low - MARGIN), np.ceil(high + MARGIN))).tolist())
+
+
+def _known_corners(transform, resolution, cells):
+    """Return the corners (4, 2) [m] around all known cells of a map, or None if none is known."""
+    known = cells >= 0
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        return None
+    corners = [(x * resolution, y * resolution, 0.0, 1.0) for x in (columns[0], columns[-1] + 1)
+               for y in (rows[0], rows[-1] + 1)]
+    return np.array(corners).dot(np.asarray(transform).T)[:, :2]
+
+
+class Framing:
+    """Chooses the view: a fixed one, or one that grows when something comes to lie outside.
+
+    Parameters
+    ----------
+    window : Window
+    bounds : (4,) floats, optional
+        Fixed bounds [m].
+    """
+
+    def __init__(self, window, bounds=None):
+        self._window, self._fixed, self._view, self._looked = window, bounds, None, None
+
+    def view(self, scene):
+        """Return the :class:`View` for a scene; the same object as long as it need not change."""
+        if self._fixed is not None:
+            self._view = self._view or View(self._fixed, self._window)
+            return self._view
+        outside = self._view is None or scene.pose is not None and not (
+            self._view.wanted[0] <= scene.pose[0] <= self._view.wanted[2]
+            and self._view.wanted[1] <= scene.pose[1] <= self._view.wanted[3])
+        if outside or self._looked != scene.version:
+            self._looked = scene.version
+            bounds = needed_bounds(scene)
+            if self._view is not None and scene.trail:
+                old = self._view.wanted
+                grown = tuple(min(pair) for pair in zip(old[:2], bounds[:2])) + tuple(
+                    max(pair) for pair in zip(old[2:], bounds[2:]))
+                # what was once shown stays in view, unless nearly all of the picture would be empty
+                if _area(grown) < 4.0 * _area(bounds):
+                    bounds = grown
+            if self._view is None or bounds != self._view.wanted:
+                self._view = View(bounds, self._window)
+        return self._view

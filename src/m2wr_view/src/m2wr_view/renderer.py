@@ -1,0 +1,422 @@
+"""Draws a scene from above, by cairo.
+
+What seldom changes (paper, axes, map, world, line, legend) and the trail are kept as pictures of their own, so that a
+frame is two copies, the scan, the robot and a line of text.
+"""
+import math
+from dataclasses import replace
+
+import cairo
+import numpy as np
+from PIL import Image
+
+from m2wr_view.layout import Framing, Window, nice_step
+from m2wr_view.run_picture import (GOAL_COLOUR, HIT_COLOUR, LEAVE_COLOUR, LINE_COLOUR, OBSTACLE_COLOUR, OTHER_COLOUR,
+                                   OVERHANG_COLOUR, STATE_COLOURS)
+
+SCAN_COLOUR, ROBOT_COLOUR, MAP_COLOUR = "#56B4E9", "#D55E00", "#101010"
+GRID_COLOUR, TEXT_COLOUR, EDGE_COLOUR = "#E6E6E6", "#202020", "#606060"
+RAYS_DRAWN = 90                     # of a scan; more would be a blot
+FONT = "DejaVu Sans"
+
+
+def rgb(text):
+    """Return red, green, blue from 0 to 1 of ``#RRGGBB``."""
+    return tuple(int(text[at:at + 2], 16) / 255.0 for at in (1, 3, 5))
+
+
+def _path(context, points, closed=False):
+    context.move_to(*points[0])
+    for point in points[1:]:
+        context.line_to(*point)
+    if closed:
+        context.close_path()
+
+
+def trace_outline(context, outline, view):
+    """Add an outline to a path: its polygon, or its disc where it is one."""
+    points = view.pixels(outline.vertices).tolist()
+    if len(points) == 1:
+        context.new_sub_path()
+        context.arc(points[0][0], points[0][1], outline.radius * view.scale, 0.0, 2.0 * math.pi)
+    else:
+        _path(context, points, closed=True)
+
+
+def _triangle(context, x, y, size, down):
+    tall = size if down else -size
+    context.move_to(x - size, y - 0.6 * tall)
+    context.line_to(x + size, y - 0.6 * tall)
+    context.line_to(x, y + tall)
+    context.close_path()
+
+
+def _star(context, x, y, size):
+    for corner in range(10):
+        angle, radius = math.pi * (corner / 5.0 - 0.5), size if corner % 2 == 0 else 0.42 * size
+        context.line_to(x + radius * math.cos(angle), y + radius * math.sin(angle))
+    context.close_path()
+
+
+class Renderer:
+    """Draws scenes.
+
+    Parameters
+    ----------
+    width, height : int
+        Of the pictures [pixels].
+    bounds : (4,) floats, optional
+        Least x, least y, greatest x, greatest y to show [m]; without them everything is kept in view.
+    """
+
+    def __init__(self, width=800, height=800, bounds=None):
+        self.width, self.height = int(width), int(height)
+        self._unit = min(width, height) / 800.0
+        unit = self._unit
+        window = Window(58 * unit, 40 * unit, width - 76 * unit, height - 144 * unit)
+        self._framing, self._window = Framing(window, bounds), window
+        self._surface = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height)
+        self._base, self._base_key = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height), None
+        self._trail = cairo.ImageSurface(cairo.FORMAT_ARGB32, self.width, self.height)
+        self._trail_key, self._drawn, self._view = None, 0, None
+
+    def draw(self, scene):
+        """Return a scene as an RGB image of Pillow; it is the caller's own."""
+        self._view = view = self._framing.view(scene)
+        self._refresh_base(scene, view)
+        self._refresh_trail(scene, view)
+        context = cairo.Context(self._surface)
+        context.set_operator(cairo.OPERATOR_SOURCE)
+        context.set_source_surface(self._base, 0, 0)
+        context.paint()
+        context.set_operator(cairo.OPERATOR_OVER)
+        self._header(context, scene)
+        context.rectangle(*self._window)
+        context.clip()
+        self._draw_scan(context, scene, view)
+        context.set_source_surface(self._trail, 0, 0)
+        context.paint()
+        self._draw_marks(context, scene, view)
+        self._draw_robot(context, scene, view)
+        self._surface.flush()
+        return Image.frombuffer("RGB", (self.width, self.height), bytes(self._surface.get_data()), "raw", "BGRX",
+                                self._surface.get_stride(), 1)
+
+    # ---- what is kept ------------------------------------------------------------------------------------------
+
+    def _refresh_base(self, scene, view):
+        key = (id(view), scene.version, tuple(self._legend(scene)))
+        if key == self._base_key:
+            return
+        self._base_key = key
+        context = cairo.Context(self._base)
+        context.set_source_rgb(1, 1, 1)
+        context.paint()
+        steps = self._grid(context, view)
+        context.save()
+        context.rectangle(*self._window)
+        context.clip()
+        self._draw_world(context, scene, view)
+        if scene.grid is not None:
+            self._draw_map(context, scene.grid, view)
+        self._draw_line(context, scene, view)
+        self._scale_bar(context, view)
+        context.restore()
+        self._axes(context, view, steps)
+        self._draw_legend(context, scene)
+
+    def _refresh_trail(self, scene, view):
+        key = (id(view), scene.trail_version)
+        context = cairo.Context(self._trail)
+        if key != self._trail_key:
+            self._trail_key, self._drawn = key, 0
+            context.set_operator(cairo.OPERATOR_CLEAR)
+            context.paint()
+            context.set_operator(cairo.OPERATOR_OVER)
+        context.rectangle(*self._window)
+        context.clip()
+        context.set_line_width(3.0 * self._unit)
+        context.set_line_cap(cairo.LINE_CAP_ROUND)
+        context.set_line_join(cairo.LINE_JOIN_ROUND)
+        begin, trail = max(self._drawn - 1, 0), scene.trail
+        while begin < len(trail) - 1:               # one stroke for each stay in a state
+            end = begin + 1
+            state = trail[end][2]
+            while end < len(trail) - 1 and trail[end + 1][2] == state:
+                end += 1
+            context.set_source_rgb(*rgb(STATE_COLOURS.get(state, OTHER_COLOUR)))
+            context.move_to(*view.pixel(*trail[begin][:2]))
+            for x, y, _, driven in trail[begin + 1:end + 1]:
+                (context.line_to if driven else context.move_to)(*view.pixel(x, y))
+            context.stroke()
+            begin = end
+        self._drawn = len(trail)
+
+    # ---- layers of the base ------------------------------------------------------------------------------------
+
+    def _grid(self, context, view):
+        """Draw lines at round metres; returns the positions of those along x and y."""
+        low_x, low_y, high_x, high_y = view.bounds
+        step = nice_step(max(high_x - low_x, high_y - low_y), 12)
+        steps = [[number * step for number in range(math.ceil(low / step), math.floor(high / step) + 1)]
+                 for low, high in ((low_x, high_x), (low_y, high_y))]
+        context.set_source_rgb(*rgb(GRID_COLOUR))
+        context.set_line_width(1.0)
+        left, top, width, height = self._window
+        for x in steps[0]:
+            column = round(view.pixel(x, 0.0)[0]) + 0.5
+            _path(context, ((column, top), (column, top + height)))
+        for y in steps[1]:
+            row = round(view.pixel(0.0, y)[1]) + 0.5
+            _path(context, ((left, row), (left + width, row)))
+        context.stroke()
+        return steps
+
+    def _axes(self, context, view, steps):
+        left, top, width, height = self._window
+        unit = self._unit
+        context.set_source_rgb(*rgb(TEXT_COLOUR))
+        context.set_line_width(1.2 * unit)
+        context.rectangle(left, top, width, height)
+        context.stroke()
+        self._font(context, 12)
+        for x in steps[0]:
+            column = view.pixel(x, 0.0)[0]
+            _path(context, ((column, top + height), (column, top + height + 4 * unit)))
+            self._text(context, "%g" % x, column, top + height + 17 * unit, 0.5)
+        for y in steps[1]:
+            row = view.pixel(0.0, y)[1]
+            _path(context, ((left - 4 * unit, row), (left, row)))
+            self._text(context, "%g" % y, left - 7 * unit, row + 4 * unit, 1.0)
+        context.stroke()
+        self._text(context, "x [m]", left + 0.5 * width, top + height + 33 * unit, 0.5)
+        context.save()
+        context.translate(15 * unit, top + 0.5 * height)
+        context.rotate(-0.5 * math.pi)
+        self._text(context, "y [m]", 0.0, 0.0, 0.5)
+        context.restore()
+
+    def _scale_bar(self, context, view):
+        left, top, width, height = self._window
+        unit = self._unit
+        length = nice_step(0.06 * width / view.scale, 1)
+        right, bottom, pixels = left + width - 16 * unit, top + height - 14 * unit, length * view.scale
+        context.set_source_rgba(1, 1, 1, 0.85)
+        context.rectangle(right - pixels - 10 * unit, bottom - 22 * unit, pixels + 20 * unit, 30 * unit)
+        context.fill()
+        context.set_source_rgb(*rgb(TEXT_COLOUR))
+        context.set_line_width(2.0 * unit)
+        for points in (((right - pixels, bottom), (right, bottom)),
+                       ((right - pixels, bottom - 4 * unit), (right - pixels, bottom + 4 * unit)),
+                       ((right, bottom - 4 * unit), (right, bottom + 4 * unit))):
+            _path(context, points)
+        context.stroke()
+        self._font(context, 12)
+        self._text(context, "%g m" % length, right - 0.5 * pixels, bottom - 8 * unit, 0.5)
+
+    @staticmethod
+    def _draw_world(context, scene, view):
+        context.set_fill_rule(cairo.FILL_RULE_WINDING)
+        context.set_line_width(0.8)
+        for outlines, colour in ((scene.solids.hanging, OVERHANG_COLOUR), (scene.solids.blocking, OBSTACLE_COLOUR)):
+            for outline in outlines:
+                trace_outline(context, outline, view)
+                context.set_source_rgb(*rgb(colour))
+                context.fill_preserve()
+                context.set_source_rgb(*rgb(EDGE_COLOUR if colour == OBSTACLE_COLOUR else OBSTACLE_COLOUR))
+                context.stroke()
+
+    @staticmethod
+    def _draw_map(context, grid, view):
+        transform, resolution, cells = grid
+        rows, columns = cells.shape
+        pixels = np.zeros((rows, columns, 4), dtype=np.uint8)       # blue, green, red, alpha; colours times alpha
+        pixels[(cells >= 0) & (cells < 25)] = (40, 36, 20, 40)
+        pixels[(cells >= 25) & (cells <= 65)] = (60, 60, 60, 120)
+        pixels[cells > 65] = (16, 16, 16, 255)
+        surface = cairo.ImageSurface.create_for_data(np.ascontiguousarray(pixels), cairo.FORMAT_ARGB32, columns, rows)
+        context.save()
+        # first cells, then metres of the map's origin, then metres of the scene, then pixels
+        context.transform(cairo.Matrix(view.scale, 0, 0, -view.scale, *view.pixel(0.0, 0.0)))
+        context.transform(cairo.Matrix(transform[0, 0], transform[1, 0], transform[0, 1], transform[1, 1],
+                                       transform[0, 3], transform[1, 3]))
+        context.scale(resolution, resolution)
+        context.set_source_surface(surface, 0, 0)
+        fine = resolution * view.scale >= 1.0
+        context.get_source().set_filter(cairo.FILTER_NEAREST if fine else cairo.FILTER_GOOD)
+        context.paint()
+        context.restore()
+
+    def _draw_line(self, context, scene, view):
+        if len(scene.line) < 2:
+            return
+        unit = self._unit
+        context.set_source_rgb(*rgb(LINE_COLOUR))
+        context.set_line_width(1.4 * unit)
+        context.set_dash((7 * unit, 5 * unit))
+        _path(context, view.pixels(scene.line).tolist())
+        context.stroke()
+        context.set_dash(())
+
+    # ---- layers of each frame ----------------------------------------------------------------------------------
+
+    def _draw_scan(self, context, scene, view):
+        rays = scene.rays()
+        if rays is None:
+            return
+        origin, ends, hits = rays
+        origin, ends = view.pixel(*origin), view.pixels(ends)
+        points = ends.tolist()
+        colour = rgb(SCAN_COLOUR)
+        context.move_to(*origin)
+        for x, y in points:
+            context.line_to(x, y)
+        context.close_path()
+        context.set_source_rgba(*colour, 0.16)
+        context.fill()
+        context.set_source_rgba(*colour, 0.55)
+        context.set_line_width(0.8 * self._unit)
+        for x, y in points[::max(1, len(points) // RAYS_DRAWN)]:
+            context.move_to(*origin)
+            context.line_to(x, y)
+        context.stroke()
+        size = 2.6 * self._unit
+        context.set_source_rgb(0.0, 0.33, 0.62)
+        for x, y in ends[hits].tolist():
+            context.rectangle(x - 0.5 * size, y - 0.5 * size, size, size)
+        context.fill()
+
+    def _draw_marks(self, context, scene, view):
+        unit = self._unit
+        context.set_line_width(1.0 * unit)
+        if scene.line:
+            self._mark(context, GOAL_COLOUR, _star, *view.pixel(*scene.goal), 12 * unit)
+        for points, colour, down in ((scene.hits, HIT_COLOUR, True), (scene.leaves, LEAVE_COLOUR, False)):
+            for point in points:
+                self._mark(context, colour, _triangle, *view.pixel(*point), 7 * unit, down)
+
+    @staticmethod
+    def _mark(context, colour, shape, *arguments):
+        shape(context, *arguments)
+        context.set_source_rgb(*rgb(colour))
+        context.fill_preserve()
+        context.set_source_rgb(0, 0, 0)
+        context.stroke()
+
+    def _draw_robot(self, context, scene, view):
+        if scene.pose is None:
+            return
+        x, y, yaw = scene.pose
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        turn = np.array(((cosine, sine), (-sine, cosine)))
+        for fill in (False, True):                  # edges of all parts below the faces of all parts
+            for part in scene.footprint:
+                trace_outline(context, replace(part, vertices=part.vertices.dot(turn) + (x, y)), view)
+                if fill:
+                    context.set_source_rgb(*rgb(ROBOT_COLOUR))
+                    context.fill()
+                else:
+                    context.set_source_rgb(0, 0, 0)
+                    context.set_line_width(2.4 * self._unit)
+                    context.stroke()
+        head = max(0.12 * view.scale, 4 * self._unit)       # which way is ahead
+        column, row = view.pixel(x, y)
+        context.move_to(column + 1.4 * head * cosine, row - 1.4 * head * sine)
+        for side in (2.5, -2.5):
+            context.line_to(column + head * math.cos(yaw + side), row - head * math.sin(yaw + side))
+        context.close_path()
+        context.set_source_rgb(1, 1, 1)
+        context.fill()
+
+    # ---- words -------------------------------------------------------------------------------------------------
+
+    def _font(self, context, size, bold=False):
+        context.select_font_face(FONT, cairo.FONT_SLANT_NORMAL,
+                                 cairo.FONT_WEIGHT_BOLD if bold else cairo.FONT_WEIGHT_NORMAL)
+        context.set_font_size(size * self._unit)
+
+    @staticmethod
+    def _text(context, text, x, y, anchor=0.0):
+        """Write at a baseline; ``anchor`` 0: begins at x, 1: ends there.  Returns its width."""
+        width = context.text_extents(text)[4]
+        context.move_to(x - anchor * width, y)
+        context.show_text(text)
+        context.new_path()
+        return width
+
+    def _header(self, context, scene):
+        unit, left = self._unit, self._window.left
+        right = left + self._window.width
+        if scene.state:
+            context.set_source_rgb(*rgb(STATE_COLOURS.get(scene.state, OTHER_COLOUR)))
+            context.rectangle(left, 14 * unit, 14 * unit, 14 * unit)
+            context.fill()
+        context.set_source_rgb(*rgb(TEXT_COLOUR))
+        self._font(context, 15, bold=True)
+        if scene.state:
+            self._text(context, scene.state.replace("_", " "), left + 22 * unit, 26 * unit)
+        if scene.now is not None:
+            self._text(context, "%.1f s" % scene.now, right, 26 * unit, 1.0)
+        if scene.pose is not None:
+            self._font(context, 12)
+            self._text(context, "x %.2f m, y %.2f m, heading %.0f°" % (
+                scene.pose[0], scene.pose[1], math.degrees(math.remainder(scene.pose[2], 2.0 * math.pi))),
+                left + 0.5 * self._window.width + 40 * unit, 26 * unit, 0.5)
+
+    @staticmethod
+    def _legend(scene):
+        """Return (kind, colour, words) of everything that is drawn."""
+        states = list(dict.fromkeys(state for _, _, state, _ in scene.trail[1:]))
+        states += [scene.state] if scene.state and scene.state not in states and scene.trail else []
+        rows = [("patch", ROBOT_COLOUR, "robot")] if scene.pose is not None else []
+        rows += [("line", STATE_COLOURS.get(state, OTHER_COLOUR), "driven: " + state.replace("_", " ")
+                  if state else "driven") for state in states]
+        rows += [("patch", OBSTACLE_COLOUR, "obstacle")] if scene.solids.blocking else []
+        rows += [("patch", OVERHANG_COLOUR, "above the robot")] if scene.solids.hanging else []
+        rows += [("patch", MAP_COLOUR, "map")] if scene.grid is not None else []
+        rows += [("fan", SCAN_COLOUR, "laser")] if scene.scan is not None else []
+        rows += [("dash", LINE_COLOUR, "m-line"), ("star", GOAL_COLOUR, "goal (%.4g, %.4g)" % scene.goal)] \
+            if len(scene.line) > 1 else []
+        rows += [("down", HIT_COLOUR, "hit point")] if scene.hits else []
+        return rows + ([("up", LEAVE_COLOUR, "leave point")] if scene.leaves else [])
+
+    def _draw_legend(self, context, scene):
+        unit = self._unit
+        left, row = self._window.left, self.height - 52 * unit
+        column, end = left, left + self._window.width
+        self._font(context, 12)
+        for kind, colour, words in self._legend(scene):
+            width = 26 * unit + context.text_extents(words)[4] + 16 * unit
+            if column + width > end + 14 * unit and column > left:
+                column, row = left, row + 20 * unit
+            self._symbol(context, kind, colour, column, row - 4 * unit)
+            context.set_source_rgb(*rgb(TEXT_COLOUR))
+            self._text(context, words, column + 26 * unit, row)
+            column += width
+
+    def _symbol(self, context, kind, colour, x, y):
+        unit = self._unit
+        context.set_source_rgb(*rgb(colour))
+        context.set_line_width(3.0 * unit)
+        if kind == "patch":
+            context.rectangle(x, y - 6 * unit, 20 * unit, 12 * unit)
+            context.fill()
+        elif kind == "fan":
+            context.set_source_rgba(*rgb(colour), 0.3)
+            context.rectangle(x, y - 6 * unit, 20 * unit, 12 * unit)
+            context.fill()
+            context.set_source_rgb(0.0, 0.33, 0.62)
+            context.rectangle(x + 16 * unit, y - 6 * unit, 3 * unit, 12 * unit)
+            context.fill()
+        elif kind in ("line", "dash"):
+            context.set_dash((7 * unit, 5 * unit) if kind == "dash" else ())
+            context.set_line_width((1.4 if kind == "dash" else 3.0) * unit)
+            _path(context, ((x, y), (x + 20 * unit, y)))
+            context.stroke()
+            context.set_dash(())
+        else:
+            context.set_line_width(1.0 * unit)
+            if kind == "star":
+                self._mark(context, colour, _star, x + 10 * unit, y, 8 * unit)
+            else:
+                self._mark(context, colour, _triangle, x + 10 * unit, y, 6 * unit, kind == "down")

@@ -1,0 +1,205 @@
+"""Pictures of what goes on: a node that listens to topics, or a command that reads a bag."""
+import argparse
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+
+import rosgraph
+import roslib.message
+import rospy
+from sensor_msgs.msg import Image
+
+from m2wr_view.bag_file import open_bag, topic_types
+from m2wr_view.dumping import make_dump
+from m2wr_view.errors import ViewError
+from m2wr_view.scene import TOPICS
+from m2wr_view.writers import make_writer
+
+log = logging.getLogger("rosout.m2wr_view")
+_REMIND = 5.0           # s of wall time between two lines on what is waited for
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="image_dump", description=__doc__ + "  Topics are remapped as usual, also with --bag: odom:=/robot1/odom.")
+    parser.add_argument("--bag", help="draw this recorded run; without it: what the topics tell")
+    parser.add_argument("--out", action="append", default=[], metavar="PATH",
+                        help="folder for PNG files, or a file .gif or .mp4; may be given several times")
+    parser.add_argument("--rate", type=float, help="pictures a second of simulated time (default: 2)")
+    parser.add_argument("--size", nargs=2, type=int, metavar=("W", "H"), help="of the pictures (default: 800 800)")
+    parser.add_argument("--view", nargs=4, type=float, metavar=("X0", "Y0", "X1", "Y1"),
+                        help="what to show [m] (default: everything)")
+    parser.add_argument("--speed", type=float, default=5.0,
+                        help="of films, in times the simulated time (default: %(default)s)")
+    return parser
+
+
+def _log_to_screen():
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("image_dump: %(message)s"))
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.propagate = False
+
+
+def _writers(paths, rate, speed):
+    """Return the writers that can be had; the others are named."""
+    found = []
+    for path in paths:
+        try:
+            if not speed > 0.0:
+                raise ViewError("speed %r: expected more than 0" % speed)
+            found.append(make_writer(path, min(50.0, max(0.1, rate * speed))))
+        except ViewError as error:
+            log.error("%s. The rest goes on.", error)
+    return found
+
+
+def main(argv=None):
+    """Entry point; 0 if all was written, 1 if nothing could be, 2 for wrong usage."""
+    words = rospy.myargv(sys.argv if argv is None else ["image_dump"] + argv)[1:]
+    options = _parser().parse_args(words)
+    if options.bag:
+        _log_to_screen()
+        try:
+            return dump_bag(options, rosgraph.names.load_mappings(sys.argv if argv is None else argv))
+        except ViewError as error:
+            log.error("%s", error)
+            return 1
+    return Node(options).run()
+
+
+# ---- a bag -------------------------------------------------------------------------------------------------------
+
+def dump_bag(options, mappings=None):
+    """Draw a recorded run; returns the exit code.
+
+    Raises
+    ------
+    ViewError
+        If the bag cannot be read, nothing in it can be drawn, or an option makes no sense.
+    """
+    rate, path = 2.0 if options.rate is None else options.rate, options.bag
+    dump = make_dump(rate, tuple(options.size or (800, 800)), options.view, [])
+    names = {"/" + (mappings or {}).get(name, name).lstrip("/"): name for name in TOPICS}
+    with open_bag(path) as bag:
+        types = topic_types(bag)
+        check_topics(path, types, names)
+        dump = make_dump(rate, tuple(options.size or (800, 800)), options.view,
+                         _writers(options.out or [os.path.splitext(path)[0] + "_pictures"], rate, options.speed))
+        if dump.failed:
+            return 1
+        usable = [topic for topic in names if types.get(topic) == TOPICS[names[topic]][0]]
+        try:
+            for topic, message, _ in bag.read_messages(usable):
+                dump.take(names[topic], message)
+                if dump.failed:
+                    return 1
+        except KeyboardInterrupt:
+            log.info("interrupted; what has been drawn is kept")
+        except Exception as error:      # damaged bytes come out as whatever the reader trips over first
+            log.error("bag %s: it cannot be read any further (%s: %s); what has been drawn is kept",
+                      path, type(error).__name__, error)
+    written = dump.close()
+    if not dump.count:
+        raise ViewError("bag %s: none of its messages has a time; expected /clock or /odom in it" % path)
+    log.info("%s", written)
+    return 1 if dump.failed else 0
+
+
+def check_topics(path, types, names):
+    """Name what a bag lacks for pictures; ViewError if there is no place of a robot and no world in it."""
+    for topic, kind in types.items():
+        if topic in names and kind != TOPICS[names[topic]][0]:
+            log.warning("bag %s: topic %s has the type %s and is left out; expected %s", path, topic, kind,
+                        TOPICS[names[topic]][0])
+    there = {names[topic] for topic in types if topic in names and types[topic] == TOPICS[names[topic]][0]}
+    if not there & {"odom", "tf", "map", "gazebo/world_markers"}:
+        raise ViewError("bag %s: it has none of the topics /odom, /tf, /map and /gazebo/world_markers, so there is "
+                        "nothing to draw; topics in it: %s" % (path, ", ".join(sorted(types)) or "none"))
+    for name, lost in (("gazebo/world_markers", "the world"), ("m2wr/laser/scan", "the laser"),
+                       ("robot_description", "the robot's shape (that of m2wr is drawn)"),
+                       ("odom", "the odometry (tf is used)")):
+        if name not in there:
+            log.warning("bag %s: no topic /%s; the pictures lack %s", path, name, lost)
+
+
+# ---- a node ------------------------------------------------------------------------------------------------------
+
+def _parameter(name, given, default):
+    return given if given is not None else rospy.get_param("~" + name, default)
+
+
+class Node:
+    """Draws what the topics tell until it is stopped; options of the command line come before parameters."""
+
+    def __init__(self, options):
+        self._options, self._lock, self._signals = options, threading.Lock(), []
+        self._dump = self._image = None
+
+    def run(self):
+        """Run; returns the exit code."""
+        rospy.init_node("image_dump", disable_signals=True, disable_rostime=True)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda received, _: self._signals.append(received))
+        try:
+            paths = self._start()
+        except (ViewError, ValueError, TypeError) as error:
+            rospy.logfatal("%s", error)
+            rospy.signal_shutdown("a parameter makes no sense")
+            return 1
+        self._wait()
+        with self._lock:
+            dump, self._dump = self._dump, None
+            written = dump.close()
+        if written:
+            rospy.loginfo("written: %s", written)
+        failed = bool(paths) and dump.failed
+        if not dump.count:
+            rospy.logwarn("not one picture was drawn: nothing was heard on clock or odom")
+        rospy.signal_shutdown("told to end")
+        return 1 if failed else 0
+
+    def _start(self):
+        options = self._options
+        rate = float(_parameter("rate", options.rate, 2.0))
+        size = [int(side) for side in _parameter("size", options.size, [800, 800])]
+        view = _parameter("view", options.view, []) or None
+        out = options.out or rospy.get_param("~out", "")
+        paths = [path.strip() for path in out.split(",") if path.strip()] if isinstance(out, str) else list(out)
+        home = os.environ.get("PWD", ".")       # roslaunch starts nodes elsewhere but leaves the user's folder here
+        paths = [os.path.join(home, os.path.expanduser(path)) for path in paths]
+        make_dump(rate, tuple(size), view, [])
+        self._image = rospy.Publisher("~image", Image, queue_size=2)
+        self._dump = make_dump(rate, tuple(size), view, _writers(
+            paths, rate, float(_parameter("speed", None, options.speed))), self._show)
+        for name, (kind, _) in TOPICS.items():
+            rospy.Subscriber(name, roslib.message.get_message_class(kind), self._take, name, queue_size=100,
+                             tcp_nodelay=True)
+        return paths
+
+    def _take(self, message, name):
+        with self._lock:
+            if self._dump is not None:
+                self._dump.take(name, message)
+
+    def _show(self, image, now):
+        if not self._image.get_num_connections():
+            return
+        message = Image(width=image.width, height=image.height, encoding="rgb8", step=3 * image.width,
+                        data=image.tobytes())
+        message.header.stamp, message.header.frame_id = rospy.Time.from_sec(now), self._dump.scene.odom_frame
+        self._image.publish(message)
+
+    def _wait(self):
+        """Sleep until told to end; say every now and then what is missing before the first picture."""
+        told = time.monotonic()
+        while not self._signals and not rospy.core.is_shutdown():
+            time.sleep(0.05)
+            if not self._dump.count and time.monotonic() - told > _REMIND:
+                told = time.monotonic()
+                rospy.loginfo("no picture yet: waiting for %s or %s", rospy.resolve_name("clock"),
+                              rospy.resolve_name("odom"))

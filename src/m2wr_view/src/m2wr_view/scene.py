@@ -1,0 +1,230 @@
+"""What is known of a running robot and its world, gathered message by message."""
+import math
+
+import numpy as np
+
+from m2wr_view.errors import ViewError
+from m2wr_view.frames import Frames, compose, matrix_of, planar, yaw_of
+from m2wr_view.outlines import M2WR_FOOTPRINT
+from m2wr_view.solids import Solids, read_robot
+
+JUMP = 0.5              # m between two samples: somebody put the robot there, it did not drive
+TRAIL_STEP = 0.02       # m between two points of the trail
+_HISTORY = 400          # poses kept for scans that come late
+
+#: Topics that are drawn, by name: message type, and the method of :class:`Scene` that takes the messages.
+TOPICS = {
+    "clock": ("rosgraph_msgs/Clock", "take_clock"),
+    "odom": ("nav_msgs/Odometry", "take_odometry"),
+    "tf": ("tf2_msgs/TFMessage", "take_transforms"),
+    "tf_static": ("tf2_msgs/TFMessage", "take_transforms"),
+    "m2wr/laser/scan": ("sensor_msgs/LaserScan", "take_scan"),
+    "map": ("nav_msgs/OccupancyGrid", "take_map"),
+    "gazebo/world_markers": ("visualization_msgs/MarkerArray", "take_markers"),
+    "robot_description": ("std_msgs/String", "take_description"),
+    "bug2/state": ("std_msgs/String", "take_state"),
+    "bug2/m_line": ("nav_msgs/Path", "take_line"),
+    "bug2/hit_point": ("geometry_msgs/PointStamped", "take_hit_point"),
+    "bug2/leave_point": ("geometry_msgs/PointStamped", "take_leave_point"),
+}
+
+
+class Scene:
+    """All that a picture may show; everything is in the odometry frame, metres and radians.
+
+    Attributes
+    ----------
+    now : float or None
+        The newest time seen [s].
+    pose : (3,) float64 or None
+        x, y, yaw of the robot.
+    trail : list of (float, float, str or None, bool)
+        x, y, state, and whether the robot drove here from the point before.
+    scan : LaserScan or None
+        The newest one.
+    grid : (transform (4, 4), resolution, (rows, columns) int8) or None
+        The map, and how its first cell's corner lies.
+    version : int
+        Changes with everything that is not drawn anew in every picture.
+    trail_version : int
+        Changes when the trail begins anew.
+    """
+
+    def __init__(self):
+        self.now, self.pose, self.state = None, None, None
+        self.trail, self.hits, self.leaves, self.line = [], [], [], []
+        self.solids, self.robot, self.footprint = Solids(), None, M2WR_FOOTPRINT
+        self.scan, self.grid = None, None
+        self.version, self.trail_version = 0, 0
+        self.frames, self.odom_frame, self.base_frame = Frames(), "odom", None
+        self._times, self._poses, self._line = [], [], None
+        self._map, self._odometry_seen = None, False
+
+    @property
+    def goal(self):
+        """Where the line to follow ends, or None."""
+        return self.line[-1] if self.line else None
+
+    # ---- messages ----------------------------------------------------------------------------------------------
+
+    def take_clock(self, message):
+        """Take the time; one that goes back begins everything anew that belongs to a run."""
+        now = message.clock.to_sec()
+        if self.now is not None and now < self.now - 0.5:
+            self.forget_run()
+        self.now = now
+
+    def forget_run(self):
+        """Drop what belongs to a run that was reset."""
+        self.trail, self.hits, self.leaves = [], [], []
+        self._times, self._poses, self.scan = [], [], None
+        self.trail_version += 1
+
+    def take_odometry(self, message):
+        """Take the robot's pose."""
+        where, turn = message.pose.pose.position, message.pose.pose.orientation
+        self._odometry_seen = True
+        if message.header.frame_id:
+            self.odom_frame = message.header.frame_id.lstrip("/")
+        self.base_frame = (message.child_frame_id or self.base_frame or "").lstrip("/") or None
+        yaw = yaw_of((turn.x, turn.y, turn.z, turn.w))
+        self._move(message.header.stamp.to_sec(), np.array((where.x, where.y, yaw)))
+
+    def _move(self, stamp, pose):
+        if not np.all(np.isfinite(pose)):
+            return
+        if self._times and stamp < self._times[-1]:
+            if stamp > self._times[-1] - 0.5:
+                return                      # a little late: nothing new in it
+            self.forget_run()
+        if self.now is None or stamp > self.now:
+            self.now = stamp
+        self._times.append(stamp)
+        self._poses.append(pose)
+        if len(self._times) > _HISTORY:
+            del self._times[:_HISTORY // 2], self._poses[:_HISTORY // 2]
+        self.pose = pose
+        last = self.trail[-1] if self.trail else None
+        step = math.hypot(pose[0] - last[0], pose[1] - last[1]) if last else math.inf
+        if step > TRAIL_STEP or last[2] != self.state:
+            self.trail.append((float(pose[0]), float(pose[1]), self.state, step <= JUMP))
+
+    def take_transforms(self, message):
+        """Take transforms; they place the robot where there is no odometry, and maps and lasers."""
+        for entry in message.transforms:
+            move, turn = entry.transform.translation, entry.transform.rotation
+            self.frames.set(entry.header.frame_id, entry.child_frame_id, matrix_of(
+                (move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w)))
+            if not self._odometry_seen and entry.header.frame_id.lstrip("/") == self.odom_frame:
+                self.base_frame = entry.child_frame_id.lstrip("/")
+                self._move(entry.header.stamp.to_sec(), planar(self.frames.between(self.odom_frame, self.base_frame)))
+        self._place_map()
+
+    def take_scan(self, message):
+        """Take a scan."""
+        self.scan = message
+
+    def take_map(self, message):
+        """Take a map."""
+        info = message.info
+        cells = np.array(message.data, dtype=np.int8)
+        if not info.width * info.height or cells.size != info.width * info.height:
+            raise ViewError("map of %d x %d cells has %d values; expected one a cell"
+                            % (info.width, info.height, cells.size))
+        origin, turn = info.origin.position, info.origin.orientation
+        self._map = (message.header.frame_id, info.resolution, cells.reshape(info.height, info.width), matrix_of(
+            (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)))
+        self.grid = None
+        self._place_map()
+
+    def _place_map(self):
+        if self._map is None:
+            return
+        frame, resolution, cells, origin = self._map
+        odom_from_map = self.frames.between(self.odom_frame, frame) if frame else np.eye(4)
+        transform = (np.eye(4) if odom_from_map is None else odom_from_map).dot(origin)
+        if self.grid is None or not np.allclose(self.grid[0], transform, atol=1e-3):
+            self.grid = (transform, resolution, cells)
+            self.version += 1
+
+    def take_markers(self, message):
+        """Take markers of the world."""
+        self.solids.update(message.markers)
+        self.version += 1
+
+    def take_description(self, message):
+        """Take a robot description; its shapes from above are the robot's outline.
+
+        Raises
+        ------
+        ViewError
+            If it is no URDF.
+        """
+        self.robot = read_robot(message.data)
+        self.footprint = self.robot.footprint or M2WR_FOOTPRINT
+
+    def take_state(self, message):
+        """Take the state of Bug 2."""
+        self.state = message.data
+
+    def take_line(self, message):
+        """Take the line to follow; its end is the goal."""
+        line = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
+        if line != self.line:
+            self.line = line
+            self.version += 1
+
+    def take_hit_point(self, message):
+        """Take a point where a wall was met."""
+        self._mark(self.hits, message.point)
+
+    def take_leave_point(self, message):
+        """Take a point where a wall was left."""
+        self._mark(self.leaves, message.point)
+
+    @staticmethod
+    def _mark(points, point):
+        if (point.x, point.y) not in points:
+            points.append((point.x, point.y))
+
+    # ---- questions ---------------------------------------------------------------------------------------------
+
+    def pose_at(self, stamp):
+        """Return the robot's pose (3,) at a time [s], between two known ones; the newest if it is later."""
+        if not self._times:
+            return self.pose
+        index = int(np.searchsorted(self._times, stamp))
+        if index <= 0 or index >= len(self._times):
+            return self._poses[min(index, len(self._poses) - 1)]
+        before, after = self._times[index - 1], self._times[index]
+        share = (stamp - before) / (after - before) if after > before else 1.0
+        one, two = self._poses[index - 1], self._poses[index]
+        turn = math.remainder(two[2] - one[2], 2.0 * math.pi)
+        return np.array((one[0] + share * (two[0] - one[0]), one[1] + share * (two[1] - one[1]), one[2] + share * turn))
+
+    def _mount(self, frame):
+        """Return the planar pose (3,) of the laser on the robot."""
+        frame = frame.lstrip("/")
+        if self.base_frame:
+            matrix = self.frames.between(self.base_frame, frame)
+            if matrix is not None:
+                return planar(matrix)
+        if self.robot is not None and frame.split("/")[-1] in self.robot.mounts:
+            base = self.robot.mounts.get((self.base_frame or self.robot.root).split("/")[-1], np.eye(4))
+            return planar(np.linalg.inv(base).dot(self.robot.mounts[frame.split("/")[-1]]))
+        return np.zeros(3)
+
+    def rays(self):
+        """Return (origin (2,), ends (n, 2), hits (n,) bool) of the newest scan; None where it cannot be placed.
+
+        A ray that met nothing ends at the greatest range; one that met something too close at the laser.
+        """
+        scan = self.scan
+        if scan is None or self.pose is None or not scan.ranges:
+            return None
+        laser = compose(self.pose_at(scan.header.stamp.to_sec()), self._mount(scan.header.frame_id))
+        ranges = np.asarray(scan.ranges, dtype=float)
+        angles = laser[2] + scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+        hits = (ranges >= scan.range_min) & (ranges <= scan.range_max)      # false for nan and both infinities
+        far = np.where(np.isnan(ranges) | (ranges < scan.range_min), 0.0, np.minimum(ranges, scan.range_max))
+        return laser[:2], laser[:2] + far[:, None] * np.column_stack((np.cos(angles), np.sin(angles))), hits

@@ -1,0 +1,131 @@
+"""What stands in a world and what a robot looks like from above, read from markers and from a robot description."""
+import xml.etree.ElementTree as ElementTree
+from collections import namedtuple
+
+import numpy as np
+
+from m2wr_view.errors import ViewError
+from m2wr_view.frames import matrix_from_rpy, rotation_of
+from m2wr_view.outlines import (FLOOR, ROBOT_HEIGHT, box_outline, cylinder_outline, sphere_outline, triangle_outlines)
+
+_HIGH = float("inf")
+_CUBE, _SPHERE, _CYLINDER, _CUBES, _SPHERES, _TRIANGLES = 1, 2, 3, 6, 7, 11     # of visualization_msgs/Marker
+_DELETE, _DELETE_ALL = 2, 3
+
+Robot = namedtuple("Robot", "footprint mounts root")
+"""``footprint``: outlines in the root link's frame; ``mounts``: {link: transform (4, 4) from it to the root link}."""
+
+
+class Solids:
+    """Everything that markers have shown, as outlines.
+
+    Attributes
+    ----------
+    blocking, hanging : list of Outline
+        What stands between the floor and the robot's top, and what is only above that.
+    """
+
+    def __init__(self):
+        self._shapes, self.blocking, self.hanging = {}, [], []
+
+    def update(self, markers):
+        """Take a sequence of markers in, as rviz would: added, changed, deleted, all deleted."""
+        for marker in markers:
+            if marker.action == _DELETE_ALL:
+                self._shapes = {}
+            elif marker.action == _DELETE:
+                self._shapes.pop((marker.ns, marker.id), None)
+            else:
+                self._shapes[marker.ns, marker.id] = marker_outlines(marker)
+        self.blocking = [outline for low, _ in self._shapes.values() for outline in low]
+        self.hanging = [outline for low, high in self._shapes.values() if not low for outline in high]
+
+
+def marker_outlines(marker):
+    """Return the outlines (at the robot's height, at any height) of a marker; kinds without a volume have none."""
+    place, turn = marker.pose.position, marker.pose.orientation
+    centre = np.array((place.x, place.y, place.z))
+    rotation, name = rotation_of((turn.x, turn.y, turn.z, turn.w)), marker.ns
+    scale = np.array((marker.scale.x, marker.scale.y, marker.scale.z))
+    centres = [centre + rotation.dot((point.x, point.y, point.z)) for point in marker.points] \
+        if marker.type in (_CUBES, _SPHERES) else [centre]
+
+    def within(low, high):
+        if marker.type in (_CUBE, _CUBES):
+            found = [box_outline(scale, middle, rotation, low, high, name) for middle in centres]
+        elif marker.type in (_SPHERE, _SPHERES):
+            found = [sphere_outline(0.5 * scale[0], middle, low, high, name) for middle in centres]
+        elif marker.type == _CYLINDER:
+            found = [cylinder_outline(0.5 * scale[0], scale[2], centre, rotation, low, high, name)]
+        elif marker.type == _TRIANGLES:
+            corners = np.array([(point.x, point.y, point.z) for point in marker.points]).reshape(-1, 3, 3) * scale
+            found = triangle_outlines(corners.dot(rotation.T) + centre, low, high, name)
+        else:
+            found = []
+        return [outline for outline in found if outline is not None]
+
+    return within(FLOOR, ROBOT_HEIGHT), within(FLOOR, _HIGH)
+
+
+def _numbers(text, count, default):
+    values = [float(word) for word in (text or "").split()]
+    return values if len(values) == count else list(default)
+
+
+def _origin(element):
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    return matrix_from_rpy(_numbers(origin.get("xyz"), 3, (0, 0, 0)), _numbers(origin.get("rpy"), 3, (0, 0, 0)))
+
+
+def _seen(shape, matrix, name):
+    """Return the outline of a URDF shape whose frame is at ``matrix``, or None for one that is not drawn."""
+    centre, rotation = matrix[:3, 3], matrix[:3, :3]
+    limits = (-_HIGH, _HIGH, name)
+    if shape.tag == "box":
+        return box_outline(np.array(_numbers(shape.get("size"), 3, (0, 0, 0))), centre, rotation, *limits)
+    if shape.tag == "sphere":
+        return sphere_outline(float(shape.get("radius", 0.0)), centre, *limits)
+    if shape.tag == "cylinder":
+        return cylinder_outline(float(shape.get("radius", 0.0)), float(shape.get("length", 0.0)), centre, rotation,
+                                *limits)
+    return None
+
+
+def read_robot(text):
+    """Return the :class:`Robot` of a URDF; collisions and visuals are seen, meshes are not opened, joints stand at 0.
+
+    Raises
+    ------
+    ViewError
+        If the text is no URDF.
+    """
+    try:
+        robot = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ViewError("robot_description: %s; expected a URDF, after xacro" % error)
+    links = {link.get("name"): link for link in robot.findall("link")}
+    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")
+              if joint.find("child") is not None and joint.find("parent") is not None}
+    roots = [name for name in links if name not in joints]
+    if robot.tag != "robot" or not roots:
+        raise ViewError("robot_description: the element is <%s> with %d links; expected a URDF <robot> with a root link"
+                        % (robot.tag, len(links)))
+    mounts, footprint = {}, []
+    for name in links:
+        matrix, at = np.eye(4), name
+        for _ in links:                     # a ring of joints ends as well
+            if at not in joints:
+                break
+            matrix, at = _origin(joints[at]).dot(matrix), joints[at].find("parent").get("link")
+        mounts[name] = matrix
+    try:
+        for name, link in links.items():
+            for part in link.findall("collision") + link.findall("visual"):
+                shapes = list(part.find("geometry")) if part.find("geometry") is not None else []
+                outlines = [_seen(shape, mounts[name].dot(_origin(part)), name) for shape in shapes]
+                footprint += [outline for outline in outlines if outline is not None]
+    except ValueError as error:
+        raise ViewError("robot_description: %s; expected numbers in origins and shapes" % error)
+    return Robot(footprint, mounts, roots[0])

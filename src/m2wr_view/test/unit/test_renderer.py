@@ -1,0 +1,141 @@
+"""Pictures of scenes: the right colour in the right place, to scale, fast."""
+import math
+import time
+
+import numpy as np
+import pytest
+from conftest import URDF
+from visualization_msgs.msg import Marker
+
+from m2wr_view.layout import nice_step
+from m2wr_view.renderer import ROBOT_COLOUR, Renderer, rgb
+from m2wr_view.run_picture import GOAL_COLOUR, HIT_COLOUR, OBSTACLE_COLOUR, OVERHANG_COLOUR, STATE_COLOURS
+
+BOUNDS = (-2.0, -2.0, 8.0, 7.0)
+
+
+@pytest.fixture
+def full(make, scene):
+    """A scene with one of each kind."""
+    scene.take_description(make.text(URDF))
+    scene.take_markers(make.world(make.marker(Marker.CUBE, (1.0, 2.0, 1.0), 6.0, 4.0, name="crate"),
+                                  make.marker(Marker.CUBE, (1.0, 1.0, 0.1), 0.0, 5.0, 2.0, name="shelf")))
+    scene.take_line(make.line((0.0, 0.0), (3.0, 5.0)))
+    scene.take_map(make.grid([[100, 0], [-1, 100]], 1.0, -2.0, -2.0))
+    scene.take_state(make.text("go_to_point"))
+    for number in range(41):
+        scene.take_odometry(make.odometry(0.1 * number, 0.1 * number, 0.0))
+        if number == 20:
+            scene.take_state(make.text("wall_following"))
+    scene.take_hit_point(make.point(2.0, 0.0))
+    scene.take_scan(make.scan(4.0, [2.0] * 101, -0.5, 0.5))
+    return scene
+
+
+class Picture:
+    def __init__(self, scene, width=800, height=800, bounds=BOUNDS):
+        self.renderer = Renderer(width, height, bounds)
+        self.pixels = np.asarray(self.renderer.draw(scene)) / 255.0
+        self.view = self.renderer._view
+
+    def at(self, x, y):
+        column, row = self.view.pixel(x, y)
+        return tuple(self.pixels[int(row), int(column)])
+
+    def count(self, colour):
+        return int(np.count_nonzero(np.abs(self.pixels - rgb(colour)).max(axis=2) < 0.03))
+
+
+def test_every_thing_has_its_colour_in_its_place(full):
+    picture, near = Picture(full), dict(abs=0.03)
+    assert picture.at(6.0, 4.0) == pytest.approx(rgb(OBSTACLE_COLOUR), **near)
+    assert picture.at(6.45, 3.05) == pytest.approx(rgb(OBSTACLE_COLOUR), **near)
+    assert picture.at(6.55, 3.05) != pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.1)        # just beside it
+    assert picture.at(0.3, 5.3) == pytest.approx(rgb(OVERHANG_COLOUR), **near)
+    assert picture.at(3.0, 5.0) == pytest.approx(rgb(GOAL_COLOUR), **near)
+    assert picture.at(2.0, 0.0) == pytest.approx(rgb(HIT_COLOUR), **near)
+    assert picture.at(1.0, 0.0) == pytest.approx(rgb(STATE_COLOURS["go_to_point"]), **near)
+    assert picture.at(3.0, 0.0) == pytest.approx(rgb(STATE_COLOURS["wall_following"]), **near)
+    assert picture.at(4.4, 0.1) == pytest.approx(rgb(ROBOT_COLOUR), **near)              # faces along x
+    assert max(picture.at(-1.6, -1.6)) < 0.2 and max(picture.at(-0.6, -0.6)) < 0.2       # occupied
+    assert min(picture.at(-1.6, -0.6)) > 0.95                                            # unknown
+    inside = picture.at(4.5, 1.2)                                                        # rays on their tint
+    assert inside[2] > 0.9 and 0.3 < inside[0] < inside[1] < inside[2]
+    assert picture.at(7.5, 1.2) == (1.0, 1.0, 1.0)                                       # no rays there
+    assert picture.at(4.5, 2.0)[2] > picture.at(4.5, 2.0)[0] + 0.4                       # where the beams end
+
+
+def test_a_robot_that_turns_is_drawn_turned(make, full):
+    full.take_odometry(make.odometry(5.0, 4.0, 0.0, math.pi / 2))
+    picture = Picture(full)
+    assert picture.at(4.1, 0.45) == pytest.approx(rgb(ROBOT_COLOUR), abs=0.03)
+    assert picture.at(4.45, 0.1) != pytest.approx(rgb(ROBOT_COLOUR), abs=0.1)
+
+
+def test_a_metre_is_as_long_across_as_up(full):
+    picture = Picture(full)
+    grey = np.abs(picture.pixels - rgb(OBSTACLE_COLOUR)).max(axis=2) < 0.03
+    top, bottom = int(picture.view.pixel(0, 6.0)[1]), int(picture.view.pixel(0, 2.0)[1])
+    crate = grey[top:bottom, :]
+    rows, columns = np.flatnonzero(crate.sum(axis=1) > 20), np.flatnonzero(crate.sum(axis=0) > 60)
+    assert (rows[-1] - rows[0]) / picture.view.scale == pytest.approx(2.0, abs=0.06)
+    assert (columns[-1] - columns[0]) / picture.view.scale == pytest.approx(1.0, abs=0.06)
+
+
+def test_the_trail_grows_without_being_drawn_anew_and_goes_after_a_reset(make, full):
+    picture = Picture(full)
+    before = picture.count(STATE_COLOURS["wall_following"])
+    for number in range(41, 61):
+        full.take_odometry(make.odometry(0.1 * number, 4.0, 0.1 * number - 4.0))
+    grown = Picture(full)                                                   # all at once
+    picture.pixels = np.asarray(picture.renderer.draw(full)) / 255.0        # bit by bit
+    assert picture.count(STATE_COLOURS["wall_following"]) > before + 200
+    assert np.abs(grown.pixels - picture.pixels).max(axis=2)[60:600].mean() < 0.001
+    full.forget_run()
+    picture.pixels = np.asarray(picture.renderer.draw(full)) / 255.0
+    assert picture.at(1.0, 0.0) != pytest.approx(rgb(STATE_COLOURS["go_to_point"]), abs=0.1)
+
+
+def test_what_moves_away_is_no_longer_there(make, full):
+    picture = Picture(full)
+    full.take_markers(make.world(make.marker(Marker.CUBE, (1.0, 2.0, 1.0), 2.0, 4.0, name="crate")))
+    picture.pixels = np.asarray(picture.renderer.draw(full)) / 255.0
+    assert picture.at(5.7, 4.3) == (1.0, 1.0, 1.0)
+    assert picture.at(2.0, 4.5) == pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.03)
+
+
+def test_without_bounds_everything_is_in_view(full):
+    picture = Picture(full, bounds=None)
+    for x, y in ((6.45, 4.9), (0.4, 5.4), (-1.9, -1.9), (4.4, 0.1)):
+        left, top, width, height = picture.view.window
+        column, row = picture.view.pixel(x, y)
+        assert left < column < left + width and top < row < top + height
+    assert picture.at(6.0, 4.0) == pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.03)
+
+
+def test_an_empty_scene_can_be_drawn(scene):
+    picture = Picture(scene, bounds=None)
+    assert picture.pixels.shape == (800, 800, 3) and picture.pixels.min() < 0.3      # axes and scale bar
+
+
+@pytest.mark.parametrize("size", [(200, 200), (1200, 800)])
+def test_other_sizes_are_filled(full, size):
+    picture = Picture(full, *size)
+    assert picture.pixels.shape == (size[1], size[0], 3)
+    assert picture.at(6.0, 4.0) == pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.03)
+
+
+@pytest.mark.parametrize("span, parts, step", [(10.0, 10, 1.0), (11.0, 10, 2.0), (0.3, 10, 0.05), (90.0, 10, 10.0)])
+def test_steps_of_the_axes_are_round(span, parts, step):
+    assert nice_step(span, parts) == pytest.approx(step)
+
+
+def test_a_frame_takes_little_time(make, full):
+    renderer, spent = Renderer(800, 800), []
+    for number in range(40):
+        full.take_odometry(make.odometry(5.0 + 0.1 * number, 4.0, 0.02 * number))
+        full.take_scan(make.scan(5.0 + 0.1 * number, [2.0] * 720, -1.57, 1.57))
+        began = time.process_time()
+        renderer.draw(full)
+        spent.append(time.process_time() - began)
+    assert sorted(spent)[10] < 0.015        # of processor time; a loaded machine spoils some of them
