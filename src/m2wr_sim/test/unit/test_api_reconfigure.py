@@ -1,5 +1,6 @@
 """The dynamic parameters: Gazebo's names, kinds and ranges, and the way to the physics and back."""
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -37,3 +38,18 @@ def test_the_description_is_one_that_the_server_understands():
     assert {entry["name"]: entry["default"] for entry in decoded["parameters"]} == values
     assert {entry["name"]: entry["type"] for entry in decoded["parameters"]} == {
         name: {float: "double", int: "int", bool: "bool"}[entry[0]] for name, entry in dynamic.PARAMETERS.items()}
+
+
+def test_what_is_beyond_its_range_stays_as_it_is_unless_it_is_touched():
+    """Five times real time at 1 ms is 5000 steps a second, which dynamic_reconfigure brings down to 1000."""
+    changes, physics = [], replace(Physics(), max_step_size=0.001, real_time_update_rate=5000.0)
+    server = dynamic.Reconfigure.__new__(dynamic.Reconfigure)
+    server._simulator = SimpleNamespace(physics=physics)
+    server._physics_api = SimpleNamespace(change=changes.append)
+    config = dict(dynamic.values_of(physics), max_update_rate=1000.0)
+    server._take(config)
+    assert changes == []
+    server._take(dict(config, gravity_z=-1.0))
+    assert changes[0]["gravity"] == (0.0, 0.0, -1.0) and changes[0]["real_time_update_rate"] == 5000.0
+    server._take(dict(config, max_update_rate=200.0))
+    assert changes[1]["real_time_update_rate"] == 200.0

@@ -8,6 +8,7 @@ from m2wr_sim.physics.pyode_engine import PyodeEngine
 log = logging.getLogger(__name__)
 
 ENGINES = ("auto", "native", "pyode")
+_told = set()           # reasons for which this process has gone without the compiled loop
 
 
 def make_engine(kind, settings):
@@ -36,6 +37,9 @@ def make_engine(kind, settings):
         if kind == "native":
             raise ParameterError("engine native: the compiled loop cannot be used here (%s); expected numba and libode"
                                  % error)
+        if str(error) in _told:
+            return PyodeEngine(settings)
+        _told.add(str(error))
         log.warning("the compiled physics loop cannot be used here (%s); the Python loop gives the same numbers, but "
                     "slower", error)
         return PyodeEngine(settings)

@@ -484,14 +484,19 @@ class PyodeEngine(Engine):
         for watch in self._watches:
             watch.drain()
         for parts in self._moving:
+            if not self._bodies_geoms(parts):
+                continue        # an empty space that is taken out and put back makes libode end the process
             # a space sorts what moved last to the front, which decides the order of contacts: sort as when built
             self._moving_space.remove(parts.space)
             self._moving_space.add(parts.space)
-            for geom in parts.geoms:
-                if self._shapes[geom].moves:
-                    leave_space(geom, parts.space)
-                    enter_space(geom, parts.space)
+            for geom in self._bodies_geoms(parts):
+                leave_space(geom, parts.space)
+                enter_space(geom, parts.space)
         self._wake()
+
+    def _bodies_geoms(self, parts):
+        """Return the geoms in a model's own space: a plane, say, is not among them."""
+        return [geom for geom in parts.geoms if self._shapes[geom].moves]
 
     def close(self):
         for parts in list(self._parts.values()):

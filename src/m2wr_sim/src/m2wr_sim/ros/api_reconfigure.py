@@ -84,9 +84,12 @@ class Reconfigure:
 
     def _take(self, config):
         now = values_of(self._simulator.physics)
-        if any(config[name] != now[name] for name, entry in PARAMETERS.items() if entry[3] is not None):
+        # dynamic_reconfigure brings every value into its range; what is beyond it and was not touched stays as it is
+        wanted = {name: now[name] if config[name] == min(max(now[name], least), most) else config[name]
+                  for name, (_, least, most, _, _) in PARAMETERS.items()}
+        if any(wanted[name] != now[name] for name, entry in PARAMETERS.items() if entry[3] is not None):
             try:
-                self._physics_api.change(fields_of(config))
+                self._physics_api.change(fields_of(wanted))
                 log.info("physics dynamics reconfigure update complete")
             except ParameterError as error:
                 log.error("set_parameters: %s", error)
