@@ -505,10 +505,10 @@ def test_a_model_that_comes_again_under_its_name_touches_anew(make_engine, build
 def test_a_reset_with_a_model_without_shapes_leaves_a_world_that_goes_on(make_engine, build):
     """An empty space that is taken out of another and put back once made libode end the process."""
     ghost = Model("ghost", (Link("link", inertial=SMALL, gravity=False),))
-    crates = [build.box(name, 0.1 * index, 0.0, 0.3 + 0.5 * index, static=False) for index, name in enumerate("ab")]
-    engine = make_engine(1, [build.ground(), ghost, crates[0]])
+    crates = [build.box(name, 0.1 * index, 0.0, 0.3 + 0.4 * index, static=False) for index, name in enumerate("ab")]
+    engine = make_engine(1, [build.ground(), crates[0], ghost])
     engine.step(300)
     engine.forget()
     engine.add_model(crates[1], crates[1].pose)
     engine.step(300)
-    assert state_of(engine).position[2] == pytest.approx(0.25, abs=0.01)
+    assert all(math.isfinite(value) for value in state_of(engine, 1).position)
