@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import socket
+import struct
 import sys
 import tempfile
 import time
@@ -18,6 +19,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
+from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import PATIENCE, Recorder, Running, Simulation, run_checks, run_program, wait_until  # noqa: E402
@@ -103,6 +105,21 @@ class SlowSubscriber(unittest.TestCase):
         with open("/proc/%d/task/%d/children" % (recorder.process.pid, recorder.process.pid)) as stream:
             children = stream.read().split()
         return int(children[0]) if children else recorder.process.pid
+
+    def test_who_comes_late_and_never_reads_on_gets_the_markers_and_stops_nothing(self):
+        late = [Stuck("/late_viewer_%d" % number, "/gazebo/world_markers", MarkerArray) for number in range(2)]
+        for viewer in late:
+            self.addCleanup(viewer.socket.close)
+            self.assertEqual(viewer.header["latching"], "1")
+        late[0].socket.settimeout(PATIENCE)
+        stream = late[0].socket.makefile("rb")
+        self.addCleanup(stream.close)
+        size, = struct.unpack("<I", stream.read(4))
+        shown = MarkerArray().deserialize(stream.read(size)).markers
+        self.assertGreater(len(shown), 1)
+        self.assertEqual(shown[0].action, Marker.DELETEALL)
+        self.scans.clear()
+        self.scans.next()
 
     def test_a_stopped_process_loses_messages_and_nobody_else_does(self):
         recorder, name, bag = self.start_recorder()

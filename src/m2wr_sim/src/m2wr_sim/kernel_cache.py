@@ -6,20 +6,26 @@ after that other file has changed.  So all caches of a folder are dropped when a
 import hashlib
 import os
 
+from numba import njit
+
 _STAMP = "kernels.sha1"
 
 
 def refresh(path):
-    """Drop the cached kernels beside the file ``path`` if a module of that folder is not what it was.
+    """Drop the cached kernels of the folder of the file ``path`` if a module there is not what it was.
 
-    To be called by a package of kernels when it is imported, before any of them.  A folder that cannot be written is
-    left alone: whoever installs there anew gives all files new dates, which numba does look at.
+    To be called by a package of kernels when it is imported, before any of them.  The kernels lie where numba keeps
+    them: beside the modules, or in a folder of the user's where those cannot be written, as after an installation by
+    root.  Dates are not asked: an installation may keep those of the files it copies.
     """
     folder = os.path.dirname(os.path.abspath(path))
-    cache = os.path.join(folder, "__pycache__")
     digest = hashlib.sha1()
     try:
-        for name in sorted(name for name in os.listdir(folder) if name.endswith(".py")):
+        modules = sorted(name for name in os.listdir(folder) if name.endswith(".py"))
+        cache = _place(os.path.join(folder, modules[0])) if modules else None
+        if cache is None:
+            return
+        for name in modules:
             digest.update(name.encode())
             with open(os.path.join(folder, name), "rb") as stream:
                 digest.update(stream.read())
@@ -35,6 +41,16 @@ def refresh(path):
         os.replace(stamp + ".%d" % os.getpid(), stamp)
     except OSError:
         return
+
+
+def _place(module):
+    """Return the folder in which numba keeps what it compiles of a file; None where it keeps nothing."""
+    probe = {"__name__": "probe"}
+    exec(compile("def probe():\n    pass\n", module, "exec"), probe)      # a function of that file, as numba sees it
+    try:
+        return njit(cache=True)(probe["probe"]).stats.cache_path
+    except (AttributeError, RuntimeError):      # it does not compile at all; nothing can be written anywhere
+        return None
 
 
 def _read(path):

@@ -56,6 +56,26 @@ def test_a_wrench_that_is_not_finite_is_refused_and_a_reset_ends_it(pushed, capl
     assert pushed.run(0.5).pose("body")[0][0] == 0.0
 
 
+@pytest.mark.parametrize("bad", [wrench((1e9, 0.0, 0.0)), wrench((0.0, 0.0, -1e300)), wrench(torque=(0.0, 1e9, 0.0))])
+def test_a_wrench_that_would_tear_the_world_apart_is_refused_with_the_limits(pushed, caplog, bad):
+    pushed.ports.send("/push", wrench((4.0, 0.0, 0.0)))
+    pushed.run(0.1)
+    for _ in range(3):
+        pushed.ports.send("/push", bad)
+        pushed.run(0.3)
+    assert pushed.pose("body")[0][0] == pytest.approx(1.0, rel=0.002)
+    assert caplog.text.count("is refused; expected at most 2e+07 N and 833333 N m") == 1
+
+
+@pytest.mark.parametrize("strong", [wrench((1e7, 0.0, 0.0)), wrench(torque=(0.0, 8e5, 0.0))])
+def test_a_wrench_ends_when_its_body_has_become_too_fast(pushed, caplog, strong):
+    pushed.ports.send("/push", strong)
+    pushed.run(1.0)
+    state = pushed.simulator.models["body"].state(pushed.engine)
+    fastest = max(map(abs, state.linear_velocity + state.angular_velocity))
+    assert 1e4 < fastest < 2e4 and caplog.text.count("ends: link moves at") == 1
+
+
 # -- force and torque in a joint ----------------------------------------------------------------------------------
 
 SHIFT = 0.2

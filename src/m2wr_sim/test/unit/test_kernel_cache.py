@@ -1,13 +1,18 @@
 """Compiled kernels on disk are dropped when any module beside them has changed."""
 import os
+import subprocess
+import sys
 
+import numba
 import pytest
 
 from m2wr_sim import kernel_cache
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 0)
     (tmp_path / "__pycache__").mkdir()
     (tmp_path / "numbers.py").write_text("SIZE = 3\n")
     (tmp_path / "kernels.py").write_text("from numbers import SIZE\n")
@@ -40,6 +45,39 @@ def test_a_change_beside_the_kernels_drops_them_and_only_them(folder, name, text
     fill(folder)
     kernel_cache.refresh(str(folder / "__init__.py"))
     assert len(cached(folder)) == 2
+
+
+def test_kernels_that_numba_keeps_elsewhere_are_dropped_there(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "users"))     # as where the modules are root's
+    kernel_cache.refresh(str(folder / "__init__.py"))
+    elsewhere, = (tmp_path / "users").iterdir()
+    kernel, other = elsewhere / "kernels.run-7.py311.1.nbc", tmp_path / "users" / "of_somebody_else.nbc"
+    for path in (kernel, other):
+        path.write_bytes(b"x")
+    kernel_cache.refresh(str(folder / "__init__.py"))
+    assert kernel.exists()
+    times = (folder / "numbers.py").stat()
+    (folder / "numbers.py").write_text("SIZE = 4\n")
+    os.utime(str(folder / "numbers.py"), ns=(times.st_atime_ns, times.st_mtime_ns))
+    kernel_cache.refresh(str(folder / "__init__.py"))
+    assert not kernel.exists() and other.exists()
+
+
+def test_a_kernel_is_compiled_anew_when_what_it_calls_has_changed(tmp_path):
+    """In processes of their own: what numba itself would go on using is not used."""
+    package = tmp_path / "work"
+    package.mkdir()
+    (package / "__init__.py").write_text("from m2wr_sim import kernel_cache\nkernel_cache.refresh(__file__)\n")
+    (package / "kernels.py").write_text("from numba import njit\nfrom work.inner import inner\n\n\n"
+                                        "@njit(cache=True)\ndef outer():\n    return inner()\n")
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(tmp_path)] + sys.path), NUMBA_DISABLE_JIT="0",
+                       NUMBA_CACHE_DIR=str(tmp_path / "users"))
+    for number in (3, 4):
+        (package / "inner.py").write_text("from numba import njit\n\n\n@njit(cache=True)\ndef inner():\n"
+                                          "    return %d\n" % number)
+        told = subprocess.check_output([sys.executable, "-c", "from work.kernels import outer; print(outer())"],
+                                       env=environment, timeout=300)
+        assert int(told) == number
 
 
 def test_a_folder_that_cannot_be_read_is_left_alone(tmp_path):

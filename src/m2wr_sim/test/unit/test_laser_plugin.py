@@ -1,12 +1,16 @@
 """The laser plugin in a running simulation: when it measures, what it says, where it says it."""
+import copy
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import LaserScan
 
 from conftest import at
 from m2wr_sim.model.types import Noise, PluginSpec
+from m2wr_sim.ros.convert import stamp_of
+from m2wr_sim.ros.serialise import serialiser_of
 from m2wr_sim.sensors.laser import LaserSensor
 
 SCAN = "/m2wr/laser/scan"
@@ -86,6 +90,16 @@ def test_the_fields_are_gazebos(make):
     assert (message.range_min, message.range_max) == (0.1, 10.0)
     assert (message.scan_time, message.time_increment) == (0.0, 0.0)
     assert len(message.ranges) == len(message.intensities) == 720 and set(message.intensities) == {0.0}
+
+
+@pytest.mark.parametrize("most, told", [(1e300, math.inf), (1.7e308, math.inf), (30.0, 30.0)])
+def test_a_range_limit_beyond_a_message_is_infinite_there(make, caplog, most, told):
+    rig = make(ray={"range_max": most}).run(0.2)
+    message = copy.deepcopy(rig.messages(SCAN)[-1])
+    message.header.stamp = stamp_of(message.header.stamp)
+    sent = LaserScan().deserialize(serialiser_of(LaserScan)(1, message)[4:])
+    assert len(rig.messages(SCAN)) == 4 and sent.range_max == told and sent.range_min == np.float32(0.1)
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]
 
 
 def test_a_wall_is_read_at_its_distance(make):

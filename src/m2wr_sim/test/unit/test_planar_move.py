@@ -107,6 +107,25 @@ def test_a_command_that_is_not_finite_is_refused(make, caplog):
     assert rig.run(1.0).pose("puck")[0][0] == pytest.approx(2.0, abs=0.002) and "is refused" in caplog.text
 
 
+@pytest.mark.parametrize("bad", [twist(1e12), twist(y=-1e100), twist(turn=1e300), twist(1.1e4)])
+def test_a_command_that_would_tear_the_world_apart_is_refused_with_the_limit(make, caplog, bad):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(1.0))
+    rig.run(0.5)
+    for _ in range(3):
+        rig.ports.send("/cmd_vel", bad)
+        rig.run(0.5)
+    assert rig.pose("puck")[0][0] == pytest.approx(2.0, abs=0.002)
+    assert caplog.text.count("is refused; expected at most 10000 m/s") == 1
+
+
+def test_the_fastest_command_is_taken(make):
+    rig = make()
+    rig.ports.send("/cmd_vel", twist(1e4, -1e4, 1e4))
+    rig.run(0.5)
+    assert all(math.isfinite(value) for part in rig.pose("puck") for value in part)
+
+
 def test_a_reset_forgets_the_command_and_starts_the_odometry_anew(make):
     rig = make()
     rig.ports.send("/cmd_vel", twist(1.0))

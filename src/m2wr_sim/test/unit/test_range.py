@@ -1,8 +1,11 @@
 """The range plugin: the nearest of a cone, the longest range in the empty, noise, names."""
+import math
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
+from genpy import Time
 from sensor_msgs.msg import Range
 
 from conftest import at, box
@@ -37,6 +40,14 @@ def test_the_longest_range_where_there_is_nothing(make):
     assert (message.min_range, message.max_range) == (pytest.approx(0.05), pytest.approx(4.0))
     assert message.header.frame_id == "sonar_link" and message.radiation_type == Range.ULTRASOUND
     assert message.field_of_view == pytest.approx(0.05)
+
+
+def test_a_longest_range_beyond_a_message_is_infinite(make):
+    upwards = replace(CONE, range_max=1e300, vertical_min_angle=0.1)
+    message = make(ray=upwards).run(0.1).messages(TOPIC)[-1]
+    assert message.range == message.max_range == math.inf
+    message.header.stamp = Time()
+    message.serialize(BytesIO())
 
 
 def test_the_nearest_hit_of_all_rays_without_the_sensors_noise(make):

@@ -1,5 +1,6 @@
 """Messages to subscribers over real sockets and rospy's own connections, without a master."""
 import logging
+import queue
 import socket
 import struct
 import threading
@@ -276,12 +277,92 @@ def test_subscribers_come_and_go_while_messages_go_out(impl, channel, monkeypatc
     steady.close()
 
 
-def test_a_latched_topic_is_left_to_rospy(impl, channel, peers):
-    impl.enable_latch()
-    channel.publish(JointState(name=["kept"]))
-    assert JointState().deserialize(peers().read_message()).name == ["kept"]
-    channel.publish(JointState(name=["new"]))
-    assert JointState().deserialize(peers("/late").read_message()).name == ["new"]
+@pytest.fixture(params=["ours", "another publisher's"])
+def latched(request, impl, channel):
+    """The channel, latched by itself or because another publisher of the topic has asked rospy for it."""
+    channel.latch() if request.param == "ours" else impl.enable_latch()
+    return channel
+
+
+def test_who_comes_late_to_a_latched_topic_gets_the_last_message_at_once(impl, latched, peers):
+    for name in ("old", "kept"):
+        latched.publish(JointState(name=[name]))
+    early = peers("/early")
+    assert JointState().deserialize(early.read_message()).name == ["kept"]
+    latched.publish(JointState(name=["new"]))
+    late = peers("/late")
+    for peer in (early, late):
+        assert JointState().deserialize(peer.read_message()).name == ["new"]
+    assert impl.headers == {"latching": "1"} and all(isinstance(link, Link) for link in impl.connections)
+    latched.publish(JointState(name=["newest"]))
+    for peer in (early, late):              # nobody has got anything twice
+        assert JointState().deserialize(peer.read_message()).name == ["newest"]
+
+
+def test_who_subscribes_to_a_latched_topic_and_does_not_read_holds_up_nobody(impl, latched, peers):
+    names = {"first": ["first"] * 200000, "second": ["second"] * 200000, "third": ["third"]}
+    latched.publish(JointState(name=names["first"]))
+    made = []
+
+    def come():
+        made.append(peers())
+
+    def go_on():
+        for name in ("second", "third"):
+            latched.publish(JointState(name=names[name]))
+
+    for what, step in (("accepting", come), ("publishing", go_on)):
+        thread = threading.Thread(target=step, daemon=True)
+        thread.start()
+        thread.join(PATIENCE)
+        assert not thread.is_alive(), "%s waits for a subscriber that does not read" % what
+    assert latched._links[0].waiting
+    for name in ("first", "second", "third"):           # whole messages in their order
+        assert JointState().deserialize(made[0].read_message()).name == names[name]
+
+
+def test_a_message_while_rospy_accepts_somebody_tears_nothing(impl, latched, peers):
+    class Publishes(rospy.SubscribeListener):
+        def peer_subscribe(self, *_):
+            latched.publish(JointState(name=["second"] * 200000))
+
+    latched.publish(JointState(name=["first"] * 200000))
+    impl.subscriber_listeners.insert(0, Publishes())    # comes before the last message has been given to the newcomer
+    made, read = queue.Queue(), []
+
+    def listen():
+        peer = made.get()
+        read.extend(JointState().deserialize(peer.read_message()).name[0] for _ in range(2))
+
+    reader = threading.Thread(target=listen, daemon=True)
+    reader.start()
+    made.put(Peer(impl))
+    reader.join(PATIENCE)
+    assert read == ["first", "second"]
+
+
+def test_what_cannot_be_serialised_is_not_kept(latched, peers):
+    latched.publish(JointState(name=[7]))
+    with pytest.raises(Exception):
+        peers("/unlucky")
+    latched.publish(JointState(name=["good"]))
+    assert JointState().deserialize(peers("/late").read_message()).name == ["good"]
+
+
+def test_what_a_connection_lost_is_counted_though_it_was_closed_while_in_the_list(impl, channel, peers, monkeypatch):
+    monkeypatch.setattr(transport, "BACKLOG_MESSAGES", 5)
+    peers("/leaver"), peers("/other")
+    for _ in range(50):
+        channel.publish(big())
+    link = channel._links[0]
+    lost = link.dropped
+    link._connection.set_cleanup_callback(None)         # rospy has closed it and not yet taken it out
+    link.close()
+    peers("/newcomer")
+    channel.publish(big())
+    assert lost > 0 and ("/topic", "", lost) in channel.dropped()
+    impl.remove_connection(link)
+    assert [entry for entry in channel.dropped() if entry.peer == ""] == [("/topic", "", lost)]
 
 
 def test_a_connection_of_another_kind_stays_rospys(impl, channel):

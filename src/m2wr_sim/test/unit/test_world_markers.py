@@ -68,6 +68,18 @@ def test_what_rolls_is_followed_at_the_rate(make_rig, build):
     assert 5 <= len(arrays) <= 7 and arrays[-1]["ball"] > arrays[1]["ball"] > 0.0
 
 
+def test_what_was_published_does_not_change_afterwards(shown, build):
+    simulator, kept = shown.simulator, []
+    shown.shown.port.publish = kept.append              # as a latched topic keeps it
+    for x in (5.0, 6.0):
+        simulator.set_model_state("crate", at(x, 1.0, 0.25), (0, 0, 0), (0, 0, 0))
+        shown.run(0.2)
+    before, after = [array.markers[1] for array in kept]
+    assert (before.pose.position.x, after.pose.position.x) == (5.0, 6.0)
+    after.pose = before.pose
+    assert before == after                              # nothing else has changed
+
+
 def test_changes_while_paused_are_told(shown):
     shown.simulator.paused = True
     shown.simulator.set_model_state("crate", at(6.0, 1.0, 0.25), (0, 0, 0), (0, 0, 0))

@@ -1,4 +1,7 @@
 """libgazebo_ros_laser.so and libgazebo_ros_gpu_laser.so: a ray sensor as sensor_msgs/LaserScan."""
+import math
+
+import numpy as np
 from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import PluginError
@@ -6,6 +9,14 @@ from m2wr_sim.geometry import compose
 from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.runtime.schedule import SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
+
+
+_LARGEST = float(np.finfo(np.float32).max)
+
+
+def told_limit(limit):
+    """Return a limit of range [m, not negative] as it goes into messages: inf where float32 does not hold it."""
+    return limit if limit <= _LARGEST else math.inf
 
 
 class Laser(Plugin):
@@ -35,7 +46,7 @@ class Laser(Plugin):
         header.header.frame_id = ctx.frame(spec.text("frameName", "/world"), namespace)
         header.angle_min, header.angle_max = self._laser.angle_min, self._laser.angle_max
         header.angle_increment = self._laser.angle_increment
-        header.range_min, header.range_max = self._laser.range_min, self._laser.range_max
+        header.range_min, header.range_max = told_limit(self._laser.range_min), told_limit(self._laser.range_max)
 
     def wanted(self):
         """Tell whether anybody listens to the scans."""

@@ -8,6 +8,7 @@ from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.types import Noise
 from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.laser import told_limit
 from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
 
@@ -36,7 +37,8 @@ class RangeFinder(Plugin):
             self._rays = LaserSensor(rays, ctx.rng("no noise"))
         except ValueError as error:
             raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
-        self._message.min_range, self._message.max_range = self._rays.range_min, self._rays.range_max
+        self._message.min_range = told_limit(self._rays.range_min)
+        self._message.max_range = told_limit(self._rays.range_max)
         self._port = ctx.advertise(topic, Range, namespace=namespace) if topic else None
         self._awake = False
 
@@ -58,7 +60,7 @@ class RangeFinder(Plugin):
         pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
         self._ctx.refresh_scene()
         nearest = float(self._rays.cast(self._ctx.scene, pose)[0].min())
-        farthest = self._rays.range_max
+        farthest = self._message.max_range
         if math.isinf(nearest):
             nearest = farthest
         elif self._sigma:

@@ -1,7 +1,7 @@
 """The velocity command of a drive plugin: the newest one that makes sense, for as long as it holds."""
-import math
-
 from geometry_msgs.msg import Twist
+
+from m2wr_sim.physics.engine import FASTEST
 
 _REFUSAL_PAUSE_NS = 5000000000
 _REST = (0.0, 0.0, 0.0)
@@ -25,12 +25,13 @@ class VelocityCommand:
 
     def _store(self, message):
         values = message.linear.x, message.linear.y, message.angular.z
-        if all(math.isfinite(value) for value in values):
+        if all(abs(value) <= FASTEST for value in values):      # false for what is no number, too
             self._values, self._since_ns = values, None     # `look`, which follows, tells the time
         elif self._refused_ns is None or self._now_ns - self._refused_ns >= _REFUSAL_PAUSE_NS:
             self._refused_ns = self._now_ns
-            self._ctx.log.warning("%s: velocity command linear %g, %g, angular %g is not finite and is refused; %g, "
-                                  "%g, %g holds", self._ctx.model_name, *(values + self._values))
+            self._ctx.log.warning("%s: velocity command linear %g, %g, angular %g is refused; expected at most %g m/s "
+                                  "and rad/s; %g, %g, %g holds",
+                                  self._ctx.model_name, *(values + (FASTEST,) + self._values))
 
     def look(self, now_ns):
         """Note the time; to be called in ``next_before``, which follows the arrival of commands."""

@@ -41,6 +41,10 @@ class _Port:
             if not rospy.is_shutdown():         # a topic closes under our hands only when the node goes down
                 raise
 
+    def latch(self):
+        """Let whoever subscribes later have the last message as well; it must not change once it is published."""
+        self._channel.latch()
+
     def close(self):
         """Stop publishing on the topic."""
         self._channels.close(self._publisher, self._channel)

@@ -18,7 +18,7 @@ import rospy
 from rospy.exceptions import TransportTerminated
 from rospy.impl.tcpros_base import TCPROSTransport
 
-from m2wr_sim.ros.serialise import message_of, serialiser_of
+from m2wr_sim.ros.serialise import serialiser_of
 
 log = logging.getLogger("m2wr_sim.transport")
 
@@ -231,10 +231,23 @@ class Link:
             self._bytes = 0
 
 
+class _Door(rospy.SubscribeListener):
+    """Tells a channel of every newcomer, from the thread in which rospy accepts it."""
+
+    def __init__(self, channel):
+        self._channel = channel
+
+    def peer_subscribe(self, topic_name, topic_publish, peer_publish):
+        """Let the newcomer have what the channel keeps for it."""
+        self._channel.welcome()
+
+
 class Channel:
     """All connections of one topic, and how its messages become bytes.
 
-    One thread publishes; subscribers come and go in rospy's threads meanwhile.
+    One thread publishes; subscribers come and go in rospy's threads meanwhile.  Topics are latched here and not by
+    rospy, whose accepting thread would wait for the newcomer while it holds the topic, and would write into the middle
+    of a message that a link has begun.
 
     Parameters
     ----------
@@ -247,10 +260,32 @@ class Channel:
         self._serialise = serialiser_of(impl.data_class)
         self._known, self._links = None, ()
         self._gone = 0                  # messages dropped for those that have left
+        self._lock = threading.RLock()  # whoever holds it never waits for a subscriber
+        self._latched, self._kept = False, None     # the last message: framed, or itself while nobody has needed it
 
     def connected(self):
         """Tell whether anybody listens."""
         return bool(self.impl.connections)
+
+    def latch(self):
+        """Let everybody who subscribes from now on have the last message at once.
+
+        Messages of such a topic must not be changed once they are published.
+        """
+        impl = self.impl
+        with self._lock:
+            if impl.is_latch:           # another publisher of the topic has asked rospy for it
+                impl.is_latch, self._kept, impl.latch = False, impl.latch, None
+            if not self._latched:
+                self._latched = True
+                impl.add_headers({"latching": "1"})
+                impl.add_subscriber_listener(_Door(self))
+
+    def welcome(self):
+        """Take newcomers in now instead of with the next message."""
+        with self._lock:
+            if not self.impl.closed:
+                self._adopt()
 
     def publish(self, message):
         """Send a message, or a record that makes one with its method ``message``; returns at once.
@@ -261,34 +296,39 @@ class Channel:
             If the topic is closed.
         """
         impl = self.impl
-        if impl.connections is not self._known:
-            self._adopt()
-        if impl.closed:
-            raise rospy.ROSException("publish() to the closed topic %s" % self.topic)
-        if impl.is_latch:               # some other publisher of the topic wants it so: rospy knows how
-            with impl.publock:
-                impl.publish(message_of(message, impl.data_class))
-            return
-        if not self._links:
-            return
-        impl.seq += 1
-        data = self._serialise(impl.seq, message)
-        for link in self._links:
-            try:
-                link.write_data(data)
-            except TransportTerminated:
-                pass                    # has left the topic by itself
-            except Exception as error:  # of a connection that is none of ours, which rospy treats so
-                log.debug("%s to %s: %s", self.topic, link.endpoint_id, error)
-                impl.remove_connection(link)
-        impl.message_data_sent += len(data)
+        with self._lock:
+            if impl.is_latch:
+                self.latch()
+            if impl.connections is not self._known:
+                self._adopt()
+            if impl.closed:
+                raise rospy.ROSException("publish() to the closed topic %s" % self.topic)
+            data = self._frame(message) if self._links else b""
+            if self._latched:
+                self._kept = data or message
+            for link in self._links:
+                self._send(link, data)
+            impl.message_data_sent += len(data)
+
+    def _frame(self, message):
+        self.impl.seq += 1
+        return self._serialise(self.impl.seq, message)
+
+    def _send(self, link, data):
+        try:
+            link.write_data(data)
+        except TransportTerminated:
+            pass                        # has left the topic by itself
+        except Exception as error:      # of a connection that is none of ours, which rospy treats so
+            log.debug("%s to %s: %s", self.topic, link.endpoint_id, error)
+            self.impl.remove_connection(link)
 
     def _adopt(self):
         """Put links in the places of rospy's connections, of which it makes a new list with every change.
 
-        Connections that are not of the usual kind stay what they are.
+        Connections that are not of the usual kind stay what they are.  Newcomers get what the topic keeps for them.
         """
-        impl = self.impl
+        impl, before = self.impl, self._links
         with impl.c_lock:
             connections = impl.connections
             for index, connection in enumerate(connections):
@@ -296,18 +336,27 @@ class Channel:
                     continue
                 if isinstance(connection, TCPROSTransport) and connection.socket is not None:
                     connections[index] = Link(connection, self.topic)
-            left = [link for link in self._links if link not in connections]
-            self._gone += sum(getattr(link, "dropped", 0) for link in left)
             self._links = tuple(connection for connection in connections if not connection.done)
             self._known = connections
+        self._gone += sum(getattr(link, "dropped", 0) for link in before if link not in self._links)
+        newcomers = [link for link in self._links if link not in before]
+        if self._kept is None or not newcomers:
+            return
+        if not isinstance(self._kept, bytes):
+            kept, self._kept = self._kept, None         # what cannot be sent is not kept either
+            self._kept = self._frame(kept)
+        for link in newcomers:
+            self._send(link, self._kept)
+            impl.message_data_sent += len(self._kept)
 
     def dropped(self):
         """Return what was lost, a list of :class:`Dropped`."""
-        if self.impl.connections is not self._known:
-            self._adopt()
-        lost = [Dropped(self.topic, link.endpoint_id, link.dropped) for link in self._links
-                if getattr(link, "dropped", 0)]
-        return lost + ([Dropped(self.topic, "", self._gone)] if self._gone else [])
+        with self._lock:
+            if self.impl.connections is not self._known:
+                self._adopt()
+            lost = [Dropped(self.topic, link.endpoint_id, link.dropped) for link in self._links
+                    if getattr(link, "dropped", 0)]
+            return lost + ([Dropped(self.topic, "", self._gone)] if self._gone else [])
 
 
 class Channels:

@@ -3,11 +3,12 @@
 Markers are of collision shapes, for that is what lasers see and robots bump into; robots themselves are left to viewers
 that know their description and tf.
 """
+import copy
 import logging
 import threading
 
 import rospy
-from geometry_msgs.msg import Point
+from geometry_msgs.msg import Point, Pose
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -70,6 +71,14 @@ def marker_of(collision, pose, colour):
     return marker
 
 
+def moved(marker, pose):
+    """Return a marker like this one at another pose; this one stays as it is, it may be on its way to somebody."""
+    other = copy.copy(marker)
+    other.pose = Pose()
+    write_pose(other.pose, *pose)
+    return other
+
+
 class _Shown:
     """One model among the markers: which link each marker hangs on, and where the links were last."""
 
@@ -97,8 +106,8 @@ class _Shown:
                                     tuple(self._poses[handle][0]) + tuple(self._poses[handle][1]))):
             return False
         self._poses = poses
-        for handle, offset, marker in self.parts:
-            write_pose(marker.pose, *compose(poses[handle], offset))
+        self.parts = [(handle, offset, moved(marker, compose(poses[handle], offset)))
+                      for handle, offset, marker in self.parts]
         return True
 
 
@@ -107,8 +116,7 @@ class LatchedPort:
 
     def __init__(self, ports, topic, message_class):
         self._port = ports.advertise(topic, message_class, 1, "")
-        # a second registration of the topic in this node: it is what makes the topic latched
-        self._latch = rospy.Publisher(topic, message_class, latch=True, queue_size=None)
+        self._port.latch()
         self.publish, self.wanted = self._port.publish, self._port.wanted
 
 
