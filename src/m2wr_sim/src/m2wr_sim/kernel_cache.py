@@ -6,7 +6,10 @@ after that other file has changed.  So all caches of a folder are dropped when a
 import hashlib
 import os
 
-from numba import njit
+try:
+    from numba import njit
+except ImportError:             # then there are no compiled kernels
+    njit = None
 
 _STAMP = "kernels.sha1"
 
@@ -18,6 +21,8 @@ def refresh(path):
     them: beside the modules, or in a folder of the user's where those cannot be written, as after an installation by
     root.  Dates are not asked: an installation may keep those of the files it copies.
     """
+    if njit is None:
+        return
     folder = os.path.dirname(os.path.abspath(path))
     digest = hashlib.sha1()
     try:

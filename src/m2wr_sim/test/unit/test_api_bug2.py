@@ -1,6 +1,5 @@
 """Bug 2 in one process: it gets to the goal without touching anything, and the same way every time."""
 import math
-import time
 
 import numpy as np
 import pytest
@@ -75,13 +74,6 @@ def test_one_seed_drives_the_same_way_to_the_last_bit(robot, experiment):
 def test_the_printed_rule_drives_without_the_guard(robot):
     run = run_bug2("world01", leave_rule="report", robot=robot)
     assert run.outcome == "goal_reached" and [change.state for change in run.states] == ["go_to_point", "goal_reached"]
-
-
-def test_it_takes_a_small_part_of_the_simulated_time(robot):
-    before = time.process_time()
-    run = run_bug2(robot=robot)
-    assert run.time > 70.0
-    assert time.process_time() - before < 5.0           # measured: 1.4 s; the rest is for a slow, busy machine
 
 
 def test_time_out_is_an_outcome(robot):

@@ -110,6 +110,7 @@ def test_more_contacts_than_the_ring_holds_leave_the_newest(make_engine, build):
 
 
 def test_both_engines_report_the_same_numbers(build):
+    pytest.importorskip("numba", reason="the compiled loop needs numba")
     found = []
     for kind in ("native", "pyode"):
         engine = engine_of(kind, EngineSettings())

@@ -3,10 +3,11 @@ import os
 import subprocess
 import sys
 
-import numba
 import pytest
 
 from m2wr_sim import kernel_cache
+
+numba = pytest.importorskip("numba", reason="without numba there are no compiled kernels")
 
 
 @pytest.fixture
