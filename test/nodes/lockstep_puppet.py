@@ -2,7 +2,8 @@
 """A controller for the tests of lockstep: ``lockstep_puppet.py NAME BEHAVIOUR [TURN]``.
 
 From turn TURN on it drives (forward, always), blocks (never answers), fails (raises), dies (without a word) or ends the
-run; what it does before is driving.  As ``answer`` it knows nothing of lockstep and sends one command for each scan.
+run; what it does before is driving.  As ``early`` it ends the run and has sent a command before its first turn.  As
+``answer`` it knows nothing of lockstep and sends one command for each scan.
 """
 import os
 import sys
@@ -39,6 +40,8 @@ class Puppet:
     def turn(self, now):
         """Drive on."""
         self.turns += 1
+        if self.turns == 1:
+            print("puppet: first turn", flush=True)
         if self.newest.to_sec() != now or rospy.get_time() != now:
             raise AssertionError("turn at %s with a scan of %s and ROS time %s" % (
                 now, self.newest.to_sec(), rospy.get_time()))
@@ -49,7 +52,7 @@ class Puppet:
                 raise RuntimeError("the puppet lost its strings")
             if self.behaviour == "die":
                 os._exit(3)
-            if self.behaviour == "end":
+            if self.behaviour in ("end", "early"):
                 print("puppet: %d turns, %d scans, %d odometries, %.3f s" % (
                     self.turns, self.scans, self.odometries, now))
                 return 0
@@ -85,6 +88,8 @@ def main():
         return 0
     at = rospy.myargv(sys.argv)[3:]
     puppet = Puppet(behaviour, int(at[0]) if at else None)
+    if behaviour == "early":
+        puppet.commands.publish(Twist())
     return puppet.controller.spin(puppet.turn, puppet.time_reset)
 
 

@@ -14,6 +14,13 @@ SERVICE = "lockstep_turn"
 PATIENCE = 5.0
 #: Wall seconds that the last answer gets to leave before the node ends.
 FAREWELL = 0.2
+#: Wall seconds without a first turn after which that is said; then after twice as many, and so on.
+REMINDER = 5.0
+
+
+def _sender_of(message):
+    """Return the name of the node that has sent a message or request; "" if rospy does not tell."""
+    return (getattr(message, "_connection_header", None) or {}).get("callerid", "")
 
 
 def _stamp_of(message, default):
@@ -53,6 +60,7 @@ class Controller:
         self._inputs, self._outputs = Inputs(), Outputs()
         self._turn = self._time_reset = None
         self._last = None
+        self._taking = threading.Lock()     # one that gave up waiting may ask anew while its old turn is going on
         self._code, self._error, self._ended = None, None, threading.Event()
         self.note = ""
         clock = getattr(simtime, "_clock_sub", None)
@@ -65,7 +73,8 @@ class Controller:
         """Hand the messages of a topic to ``callback`` at the beginning of each turn."""
         resolved = rospy.resolve_name(topic)
         self._inputs.add(resolved, callback)
-        rospy.Subscriber(topic, message_class, lambda message: self._inputs.receive(resolved, message),
+        rospy.Subscriber(topic, message_class,
+                         lambda message: self._inputs.receive(resolved, message, _sender_of(message)),
                          queue_size=None, tcp_nodelay=True)
 
     def publisher(self, topic, message_class, queue_size=None, latch=False):
@@ -91,7 +100,7 @@ class Controller:
         self._turn, self._time_reset = turn, time_reset
         service = rospy.Service("~" + SERVICE, Turn, self._serve)
         rospy.on_shutdown(self._ended.set)
-        self._ended.wait()
+        self._wait_for_the_end()
         if self._error is not None:
             raise self._error
         if self._code is not None:
@@ -99,7 +108,30 @@ class Controller:
         service.shutdown("the node ends")
         return self._code or 0
 
+    def _wait_for_the_end(self):
+        """Wait, and say when nobody asks for turns."""
+        waited, pause, told = 0.0, REMINDER, 0
+        while not self._ended.wait(pause):
+            waited += pause
+            if self._last is None:
+                rospy.logwarn("%s: nobody has asked for a turn in %g s. The simulator does once all that it waits for "
+                              "are there, if it runs with ~lockstep and this name is among its ~lockstep_controllers.",
+                              rospy.get_name(), waited)
+                pause = waited
+            else:
+                pause = REMINDER
+            dropped = self._inputs.dropped
+            if dropped > told:
+                rospy.logwarn("%s: %d messages were dropped, because nobody asks for turns", rospy.get_name(),
+                              dropped - told)
+                told = dropped
+
     def _serve(self, request):
+        """Take one turn, after the one that is going on if there is one."""
+        with self._taking:
+            return self._serve_alone(request)
+
+    def _serve_alone(self, request):
         """Take one turn; an error goes to the simulator, and to who spins."""
         if self._ended.is_set():
             raise rospy.ServiceException("%s has ended" % rospy.get_name())
@@ -125,7 +157,8 @@ class Controller:
         self._last = now_ns
         self._inputs.take(dict(zip(request.topics, request.counts)), PATIENCE,
                           lambda message: not since_ns or _stamp_of(message, since_ns + 1) > since_ns,
-                          lambda message: not rewound or _stamp_of(message, now_ns) <= now_ns)
+                          lambda message: not rewound or _stamp_of(message, now_ns) <= now_ns,
+                          _sender_of(request) or None)
         code = self._turn(request.stamp.to_sec())
         response = TurnResponse(note=str(self.note), over=code is not None)
         for topic, (early, count) in self._outputs.end().items():

@@ -4,6 +4,12 @@ import time
 from collections import deque, namedtuple
 
 
+#: Messages of each topic that are kept while nobody asks for turns.
+KEPT = 1000
+#: Wall seconds without a turn after which that is taken to be so.
+UNASKED = 30.0
+
+
 class TurnError(Exception):
     """A turn cannot be taken; the text says what is missing."""
 
@@ -16,25 +22,43 @@ class Inputs:
     """Messages that have come, by topic, until a turn takes them.
 
     Messages are handed over in the order in which their topics were added, because what comes on different connections
-    has no order of its own.
+    has no order of its own.  While nobody asks for turns (before the first, after one that failed, or long after the
+    newest) only the newest :data:`KEPT` of each topic are kept.
+
+    Parameters
+    ----------
+    clock : callable
+        Wall time [s].
+
+    Attributes
+    ----------
+    dropped : int
+        Messages that were not kept.
     """
 
-    def __init__(self):
-        self._changed = threading.Condition()
-        self._topics = {}           # topic: (callback, waiting messages)
+    def __init__(self, clock=time.monotonic):
+        self._changed, self._clock = threading.Condition(), clock
+        self._topics = {}           # topic: (callbacks, waiting (sender, message))
+        self._taken = None          # when the newest turn was taken, None while none was or the newest failed
+        self.dropped = 0
 
     def add(self, topic, callback):
         """Hand messages of a topic to ``callback`` in every turn."""
         with self._changed:
             self._topics.setdefault(topic, ([], deque()))[0].append(callback)
 
-    def receive(self, topic, message):
+    def receive(self, topic, message, sender=None):
         """Keep a message; called from any thread."""
         with self._changed:
-            self._topics[topic][1].append(message)
+            waiting = self._topics[topic][1]
+            waiting.append((sender, message))
+            if len(waiting) > KEPT and (self._taken is None or self._clock() - self._taken > UNASKED):
+                self.dropped += len(waiting) - KEPT
+                while len(waiting) > KEPT:
+                    waiting.popleft()
             self._changed.notify_all()
 
-    def take(self, counts, patience, counted=None, wanted=None, clock=time.monotonic):
+    def take(self, counts, patience, counted=None, wanted=None, sender=None):
         """Wait for messages and hand over everything that has come.
 
         Parameters
@@ -46,6 +70,8 @@ class Inputs:
         counted, wanted : callable, optional
             Tell of a message whether it is one of those that ``counts`` counts, and whether it is to be handed over
             when it is.  By default all are.
+        sender : str, optional
+            Whose messages ``counts`` counts; what others have sent is handed over as well.  By default everybody's.
 
         Raises
         ------
@@ -53,31 +79,34 @@ class Inputs:
             If messages are missing after that time; it names topics and numbers.
         """
         counted, wanted = counted or _all, wanted or _all
-        deadline = clock() + patience
+        deadline = self._clock() + patience
         with self._changed:
-            missing = self._missing(counts, counted)
+            missing = self._missing(counts, counted, sender)
             while missing:
-                left = deadline - clock()
+                left = deadline - self._clock()
                 if left <= 0.0:
+                    self._taken = None
                     raise TurnError("after %g s still without %s" % (patience, ", ".join(missing)))
                 self._changed.wait(left)
-                missing = self._missing(counts, counted)
+                missing = self._missing(counts, counted, sender)
+            self._taken = self._clock()
             taken = [(callbacks, list(waiting)) for callbacks, waiting in self._topics.values()]
             for _, waiting in self._topics.values():
                 waiting.clear()
         for callbacks, messages in taken:
-            for message in messages:
+            for _, message in messages:
                 if counted(message) and wanted(message):
                     for callback in callbacks:
                         callback(message)
 
-    def _missing(self, counts, counted):
+    def _missing(self, counts, counted, sender):
         missing = []
         for topic, (_, waiting) in self._topics.items():
             number = counts.get(topic, 0)
-            here = sum(1 for message in waiting if counted(message)) if number else 0
+            here = sum(1 for whose, message in waiting if sender in (None, whose) and counted(message)) if number else 0
             if here < number:
-                missing.append("%d of %d messages on %s" % (number - here, number, topic))
+                missing.append("%d of %d messages on %s%s" % (number - here, number, topic,
+                                                              " by " + sender if sender else ""))
         return missing
 
 

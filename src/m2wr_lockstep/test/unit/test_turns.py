@@ -4,7 +4,7 @@ from collections import namedtuple
 
 import pytest
 
-from m2wr_lockstep.turns import Inputs, Outputs, Published, TurnError
+from m2wr_lockstep.turns import KEPT, UNASKED, Inputs, Outputs, Published, TurnError
 
 Message = namedtuple("Message", "stamp")
 
@@ -72,6 +72,65 @@ def test_unwanted_messages_are_waited_for_and_dropped(inputs):
     assert inputs.seen == []
     inputs.take({}, 0.0)
     assert inputs.seen == []
+
+
+def test_only_the_callers_messages_fill_its_counts(inputs):
+    inputs.receive("/odom", 1, "/other")
+    inputs.receive("/odom", 2, "/gazebo")
+    with pytest.raises(TurnError, match="1 of 2 messages on /odom by /gazebo"):
+        inputs.take({"/odom": 2}, 0.0, sender="/gazebo")
+    inputs.receive("/odom", 3, "/gazebo")
+    inputs.take({"/odom": 2}, 0.0, sender="/gazebo")
+    assert [message for _, message in inputs.seen] == [1, 2, 3]         # the other's are heard all the same
+
+
+def overfill(inputs):
+    for number in range(KEPT + 5):
+        inputs.receive("/odom", number)
+
+
+def taken(inputs, least):
+    inputs.take({"/odom": least}, 0.0)
+    messages = [message for _, message in inputs.seen]
+    del inputs.seen[:]
+    return messages
+
+
+@pytest.fixture
+def clocked():
+    """Inputs of odometry whose wall clock stands at ``clocked.now``."""
+    made = Inputs(lambda: made.now)
+    made.now, made.seen = 0.0, []
+    made.add("/odom", lambda message: made.seen.append(("/odom", message)))
+    return made
+
+
+def test_before_the_first_turn_only_the_newest_are_kept(clocked):
+    overfill(clocked)
+    assert clocked.dropped == 5 and taken(clocked, KEPT) == list(range(5, KEPT + 5))
+
+
+def test_between_turns_everything_is_kept(clocked):
+    clocked.take({}, 0.0)
+    clocked.now = UNASKED
+    overfill(clocked)
+    assert clocked.dropped == 0 and taken(clocked, KEPT + 5) == list(range(KEPT + 5))
+
+
+def test_after_a_turn_that_failed_only_the_newest_are_kept(clocked):
+    clocked.take({}, 0.0)
+    with pytest.raises(TurnError):
+        clocked.take({"/odom": 1}, 0.0)
+    overfill(clocked)
+    assert clocked.dropped == 5
+
+
+def test_long_after_the_newest_turn_only_the_newest_are_kept(clocked):
+    clocked.take({}, 0.0)
+    overfill(clocked)
+    clocked.now = UNASKED + 1.0
+    overfill(clocked)
+    assert clocked.dropped == KEPT + 10 and taken(clocked, KEPT) == list(range(5, KEPT + 5))
 
 
 def test_two_callbacks_of_one_topic(inputs):

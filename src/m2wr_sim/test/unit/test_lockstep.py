@@ -1,14 +1,21 @@
 """The edge of lockstep as far as it needs no master: entries of parameters, and what the kernel tells of sockets."""
+import logging
 import socket
 import threading
+import time
+from types import SimpleNamespace
 
 import pytest
+import rospy
 
-from m2wr_sim.errors import ParameterError
-from m2wr_sim.ros.lockstep import read_listeners, read_replies
-from m2wr_sim.ros.lockstep_sockets import UnreadBytes, find_ends
+from m2wr_sim.errors import LockstepError, ParameterError
+from m2wr_sim.ros import lockstep as edge, lockstep_ports, ports as plain_ports
+from m2wr_sim.ros.lockstep import Lockstep, read_listeners, read_replies
+from m2wr_sim.ros.lockstep_gate import Look
+from m2wr_sim.ros.lockstep_sockets import Link, UnreadBytes, find_ends
 from m2wr_sim.ros.loop import Loop, ShuttingDown
 from m2wr_sim.ros.params import read_config
+from m2wr_sim.runtime.turns import Inbox, Ledger, TurnAnswer, TurnFailed
 
 
 @pytest.mark.parametrize("entry, trigger, topic, sender, once", [
@@ -27,6 +34,12 @@ def test_a_reply_that_cannot_be_read_is_quoted(entry):
     with pytest.raises(ParameterError) as caught:
         read_replies([entry])
     assert repr(entry) in str(caught.value) and "~lockstep_replies" in str(caught.value)
+
+
+def test_names_in_replies_are_remapped(monkeypatch):
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: name + "_elsewhere")
+    reply, = read_replies(["/clock -> /cmd_vel by /script"])
+    assert (reply.trigger, reply.topic, reply.sender) == ("/clock_elsewhere", "/cmd_vel_elsewhere", "/script_elsewhere")
 
 
 def test_listeners_are_read():
@@ -88,6 +101,20 @@ def test_a_connection_that_is_gone_is_told_as_none(pair):
     unread.close()
 
 
+def test_a_late_answer_of_the_kernel_is_not_taken_for_the_next(pair):
+    writer, reader = pair
+    unread, ends = UnreadBytes(), ends_of(*pair)
+    late = []
+    given_up = SimpleNamespace(send=unread._netlink.send, recv=lambda size: late[0])       # nobody takes the answer
+    unread._netlink, real = given_up, unread._netlink
+    with pytest.raises(IndexError):
+        unread.of(ends)
+    unread._netlink = real
+    writer.sendall(b"x" * 100)
+    assert unread.of(ends) == 100
+    unread.close()
+
+
 def test_connections_that_nobody_has_are_not_found(pair):
     assert find_ends({(1, 2)}) == {}
 
@@ -131,3 +158,209 @@ def test_a_closed_lockstep_lets_no_time_pass():
     lockstep = Closed()
     Loop(Still(), 0.0, lambda: lockstep.asked > 2, lambda: None, lockstep).run()    # Still has no advance to call
     assert lockstep.asked == 3
+
+
+# ---- who takes part ----------------------------------------------------------------------------------------------
+
+class Line:
+    """A connection to a controller that answers at once, or is dead; ``Line.made`` are all there were."""
+
+    made, dead = [], set()
+
+    def __init__(self, name, wake):
+        self.name, self.closed = name, False
+        self.made.append(self)
+
+    def ask(self, request):
+        def result():
+            if self.name in self.dead:
+                raise TurnFailed("connection refused")
+            return TurnAnswer((), False, False, "")
+        return SimpleNamespace(done=lambda: True, result=result)
+
+    def idle(self):
+        return True
+
+    def close(self):
+        self.closed = True
+
+
+class Moving(Still):
+    """A simulator whose every advance is a tick."""
+
+    def __init__(self, ports):
+        self.ports = ports
+
+    def advance(self, until_ns):
+        self.now_ns += 50000000
+        self.ports.tick_due = True
+        return self.now_ns
+
+
+@pytest.fixture
+def stage(monkeypatch):
+    """A lockstep of /first and /second that goes on without the silent; ``stage.look()`` finds nobody missing."""
+    monkeypatch.setattr(edge, "_Line", Line)
+    monkeypatch.setattr(Line, "made", [])
+    monkeypatch.setattr(Line, "dead", set())
+    ports = SimpleNamespace(ticking={1}, inbox=Inbox(), ledger=Ledger(), changed=True, tick_due=False, listen=None)
+    config, _ = read_config({"lockstep": True, "lockstep_controllers": ["/first", "/second"],
+                             "lockstep_on_silence": "go_on", "lockstep_patience": 0.5})
+    monkeypatch.setattr(edge, "Gate", lambda *_: SimpleNamespace(look=lambda without: Look([], [])))
+    made = Lockstep(config, ports)
+    with monkeypatch.context() as without_thread:
+        without_thread.setattr(Lockstep, "_watch", lambda self: None)
+        made.attach(Loop(Still(), 0.0, lambda: False, lambda: None), Moving(ports))
+    return SimpleNamespace(lockstep=made, ports=ports, look=made._look_once,
+                           members=lambda: [member.name for member in made._conductor.members])
+
+
+def opened(stage):
+    assert not stage.lockstep.open()
+    stage.look()
+    assert stage.lockstep.open() and stage.members() == ["/first", "/second"]
+    return stage.lockstep
+
+
+def test_one_that_was_lost_is_not_taken_back_on_a_look_from_before(stage):
+    lockstep = opened(stage)
+    stage.look()                            # the graph is looked at once more, and nobody asks what was seen
+    lockstep.advance(0)
+    Line.dead.add("/first")
+    lockstep.advance(0)
+    assert lockstep.open() and stage.members() == ["/second"]
+    Line.dead.clear()
+    stage.look()
+    assert lockstep.open() and stage.members() == ["/first", "/second"]
+    assert [line.name for line in Line.made] == ["/first", "/second", "/first"] and Line.made[0].closed
+
+
+def test_a_look_that_began_before_a_loss_says_nothing(stage):
+    lockstep = opened(stage)
+    lockstep.advance(0)
+    Line.dead.add("/first")
+
+    def look(without):
+        lockstep.advance(0)                 # the loss falls into the look
+        return Look([], [])
+
+    lockstep._gate.look = look
+    stage.look()
+    assert lockstep.open() and stage.members() == ["/second"]
+
+
+def test_who_is_expected_can_be_told_while_a_line_is_being_replaced(stage):
+    lockstep = opened(stage)
+    lockstep.advance(0)
+    Line.dead.add("/first")
+    lockstep.advance(0)
+    del lockstep._lines["/first"]
+    assert sorted(lockstep._expected()) == ["/first", "/second"]
+
+
+def test_an_error_while_looking_does_not_end_the_looking(stage, monkeypatch, caplog):
+    lockstep, looks = stage.lockstep, []
+
+    def look(without):
+        looks.append(None)
+        if len(looks) == 1:
+            raise KeyError("/first")
+        lockstep._closing = True
+        return Look([], [])
+
+    lockstep._gate.look = look
+    lockstep.open()
+    watching = threading.Thread(target=lockstep._watch, daemon=True)
+    watching.start()
+    watching.join(20.0)
+    assert len(looks) == 2 and lockstep.open()
+    assert "looking for who takes part failed" in caplog.text
+
+
+# ---- listeners ---------------------------------------------------------------------------------------------------
+
+@pytest.fixture
+def deaf(stage):
+    """A stage with a listener that never reads."""
+    link = Link("/gazebo", "/rviz", "/tf", None)
+    stage.lockstep._links = stage.lockstep._shared = [link]
+    stage.lockstep._unread = SimpleNamespace(of=lambda ends: 7)
+    stage.lockstep._go_on, stage.lockstep._patience = False, 20.0
+    return stage.lockstep
+
+
+def test_services_are_answered_while_a_listener_does_not_read(deaf):
+    served = []
+
+    def serve():
+        deaf._loop.call(lambda: served.append(time.monotonic()))
+        deaf._unread = SimpleNamespace(of=lambda ends: 0)
+
+    asking = threading.Thread(target=serve, daemon=True)
+    asking.start()
+    deaf._settle(deaf._links)
+    asking.join(20.0)
+    assert served
+
+
+def test_the_node_can_end_while_a_listener_does_not_read(deaf):
+    deaf._loop = Loop(Still(), 0.0, lambda: True, lambda: None)
+    with pytest.raises(ShuttingDown):
+        deaf._settle(deaf._links)
+    deaf._before_trigger()                  # in the middle of a step it just goes on
+
+
+def test_in_the_middle_of_a_step_nobody_is_served(deaf):
+    deaf._patience = 0.2
+    deaf._loop.wake = deaf._loop._serve = None              # would fail when called
+    deaf._before_trigger()
+    with pytest.raises(LockstepError, match="/rviz has not read what /gazebo sent on /tf within 0.2 s"):
+        deaf.advance(0)                     # behind the step, where it is not taken for the fault of a plugin
+
+
+def test_a_listener_that_cannot_be_watched_is_named(deaf, caplog):
+    def refuse(ends):
+        raise OSError(1, "Operation not permitted")
+
+    deaf._unread = SimpleNamespace(of=refuse)
+    with caplog.at_level(logging.WARNING):
+        deaf._settle(deaf._links)
+    assert deaf._links == [] and "/rviz" in caplog.text and "Operation not permitted" in caplog.text
+
+
+# ---- ports -------------------------------------------------------------------------------------------------------
+
+@pytest.fixture
+def ports(monkeypatch):
+    """Ports of lockstep without a network, with /clock and /tf remapped."""
+    port = SimpleNamespace(wanted=lambda: True, publish=lambda message: None, close=lambda: None)
+    for name, replacement in (("__init__", lambda self: None), ("advertise", lambda self, *_: port),
+                              ("clock", lambda self, now_ns: None), ("transform", lambda self, *_: None)):
+        monkeypatch.setattr(plain_ports.RosPorts, name, replacement)
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: {"/clock": "/sim/clock", "/tf": "/sim/tf"}.get(name, name))
+    monkeypatch.setattr(rospy, "Subscriber", lambda *_, **__: SimpleNamespace(unregister=lambda: None))
+    return lockstep_ports.LockstepPorts()
+
+
+def test_a_topic_that_goes_closes_the_gate(ports):
+    for opened_port in (ports.advertise("/scan", SimpleNamespace(_type="sensor_msgs/LaserScan"), 1, ""),
+                        ports.subscribe("/cmd_vel", None, None, "")):
+        ports.changed = False
+        opened_port.close()
+        assert ports.changed
+    assert not ports.ticking
+
+
+def test_replies_are_heard_again_when_the_robot_is_gone(ports):
+    robot = ports.subscribe("/cmd_vel", None, None, "")
+    ports.listen("/cmd_vel")
+    assert not ports._bare
+    robot.close()
+    ports.listen("/cmd_vel")
+    assert list(ports._bare) == ["/cmd_vel"] and ports.inbox.topics() == {"/cmd_vel"}
+
+
+def test_the_clock_and_transforms_are_counted_under_their_real_names(ports):
+    ports.clock(0)
+    ports.transform(None, "odom", "base", (), ())
+    assert ports.ledger.counts == {"/sim/clock": 1, "/sim/tf": 1}

@@ -162,10 +162,54 @@ def test_one_that_died_is_named_with_the_reason():
 
 def test_messages_that_were_counted_and_do_not_come_are_an_error():
     rig = Rig("/a")
+    rig.conductor.tick(0)
     rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 1, 1))
     rig.send("/a", "only one")
     with pytest.raises(LockstepError, match=r"/a says .*published 2 messages on /cmd_vel"):
         rig.conductor.tick(1)
+
+
+def test_messages_of_the_very_first_turn_must_come_all_the_same():
+    rig = Rig("/a")
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 3, 1))
+    with pytest.raises(LockstepError, match=r"/a says in tick 1 .*published 1 messages on /cmd_vel"):
+        rig.conductor.tick(1)
+
+
+def test_what_a_controller_sent_before_it_was_heard_is_not_missed():
+    rig = Rig("/a")
+    rig.send("/a", "heard")
+    rig.send("/a", "go")
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 4, 1))         # three of them nobody has heard
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["go"] and rig.waits[-2:] == [1.0, 2.0]
+    rig.send("/a", "second")
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 0, 1))
+    rig.conductor.tick(2)
+    assert rig.deliver() == ["second"]
+
+
+def test_an_early_message_that_went_astray_takes_no_place_among_the_commands():
+    rig = Rig("/a", "/b")
+    rig.send("/a", "of /a")
+    rig.send("/b", "of /b")
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 0, 1))
+    rig.scripts["/b"] = lambda request: answer(("/cmd_vel", 2, 1))
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["of /b"]           # its own turn's, not one from before all turns
+
+
+def test_what_was_sent_while_a_robot_was_being_replaced_is_not_missed():
+    rig = Rig("/a")
+    rig.conductor.tick(1)
+    rig.inbox.close(rig.slot)
+    rig.slot = rig.inbox.open("/cmd_vel", rig.delivered.append)
+    rig.send("/a", "nobody holds this back")
+    rig.conductor.connected()
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 1, 0))
+    rig.conductor.tick(2)
+    with pytest.raises(LockstepError, match="published 1 messages"):
+        rig.conductor.tick(3)                   # connected all the time
 
 
 def test_topics_that_the_simulation_does_not_hear_are_not_waited_for():
@@ -222,6 +266,21 @@ def test_one_that_leaves_is_not_asked_again_and_one_may_end_the_run():
     assert rig.conductor.over == "/b" and rig.conductor.members == [] and rig.conductor.lost == []
 
 
+def test_one_that_has_left_can_still_stop_the_robot():
+    rig = Rig("/a")
+
+    def leave(request):
+        rig.send("/a", "drive")
+        rig.send("/a", "stop")                  # sent after the answer, and here before it was looked at
+        return answer(("/cmd_vel", 0, 1), leave=True)
+
+    rig.scripts["/a"] = leave
+    rig.conductor.tick(1)
+    assert rig.deliver() == ["stop"]
+    rig.send("/a", "stop again")
+    assert rig.deliver() == ["stop again"]
+
+
 def test_the_last_turn_of_a_run_is_finished_by_all():
     rig = Rig("/a", "/b")
     rig.scripts["/a"] = lambda request: answer(over=True)
@@ -266,6 +325,44 @@ def test_once_is_once():
     rig.ledger.count("/scan")
     rig.conductor.collect_replies(0)
     assert rig.deliver() == ["only"]
+
+
+def test_after_the_one_reply_messages_count_at_once():
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel", once=True)])
+    rig.ledger.count("/scan")
+    rig.send("/script", "reply")
+    rig.send("/script", "one more")
+    rig.conductor.collect_replies(0)
+    assert rig.deliver() == ["one more"]
+    rig.send("/script", "later")
+    assert rig.deliver() == ["later"]
+
+
+def test_two_replies_on_one_topic_are_held_until_both_are_done():
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel", once=True), Reply("/odom", "/cmd_vel", once=True)])
+    for trigger in ("/scan", "/odom"):
+        rig.ledger.count(trigger)
+        rig.send("/script", "to " + trigger)
+        rig.conductor.collect_replies(0)
+        assert rig.deliver() == ["to " + trigger]
+    rig.send("/script", "later")
+    assert rig.deliver() == ["later"]
+
+
+def test_a_surplus_reply_does_not_shift_those_that_follow(caplog):
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel")])
+    rig.send("/script", "surplus")
+    for number in range(3):
+        rig.ledger.count("/scan")
+        rig.send("/script", number)
+        rig.conductor.collect_replies(number * MS)
+        assert rig.deliver() == [number]
+    rig.ledger.count("/scan")
+    rig.send("/script", "surplus")
+    rig.send("/script", 3)
+    rig.conductor.collect_replies(3 * MS)
+    assert rig.deliver() == [3]
+    assert caplog.text.count("2 messages on /cmd_vel") == 1
 
 
 def test_going_on_without_a_reply(caplog):

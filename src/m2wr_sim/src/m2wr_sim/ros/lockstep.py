@@ -32,7 +32,9 @@ def read_replies(entries):
         if found is None:
             raise ParameterError("parameter ~lockstep_replies has %r; expected \"/TRIGGER -> /TOPIC\", and behind it, "
                                  "if wanted, \"by /NODE\" and \"once\"" % entry)
-        replies.append(Reply(found.group(1), found.group(2), found.group(3), bool(found.group(4))))
+        trigger, topic, sender, once = found.groups()
+        replies.append(Reply(rospy.resolve_name(trigger), rospy.resolve_name(topic),
+                             sender and rospy.resolve_name(sender), bool(once)))
     return replies
 
 
@@ -132,9 +134,9 @@ class Lockstep:
         self._loop = self._simulator = None
         self._open, self._look, self._generation = False, None, 0
         self._links, self._shared, self._foreign, self._unread = [], [], [], None
-        self._wanted, self._closing = threading.Event(), False
+        self._wanted, self._closing, self._failure = threading.Event(), False, None
         ports.triggers = {reply.trigger for reply in replies}
-        ports.before_trigger = lambda: self._settle(self._shared)
+        ports.before_trigger = self._before_trigger
 
     def attach(self, loop, simulator):
         """Start to look for who takes part; ``loop`` is the node's."""
@@ -160,8 +162,8 @@ class Lockstep:
         if self._ports.changed:
             for reply in self._replies:
                 self._ports.listen(reply.topic)
-            self._ports.changed, self._open, self._look = False, False, None
-            self._generation += 1               # what is being looked at just now is out of date
+            self._ports.changed, self._open = False, False
+            self._outdate()
         if self._open and not self._conductor.lost:
             return True
         self._wanted.set()
@@ -173,12 +175,17 @@ class Lockstep:
     def advance(self, until_ns):
         """Let time pass to the next moment at which something happens, and wait for everybody there."""
         now_ns = self._simulator.advance(until_ns)
+        if self._failure is not None:
+            raise self._failure
         conductor = self._conductor
         if self._replies:
             conductor.collect_replies(now_ns)
         if self._ports.tick_due:
             self._ports.tick_due = False
+            lost = len(conductor.lost)
             conductor.tick(now_ns)
+            if len(conductor.lost) != lost:
+                self._outdate()
             self._settle(self._links)
             if conductor.over:
                 log.info("lockstep: the run is over, says %s at %.3f s (tick %d): simulated time stands still",
@@ -187,6 +194,11 @@ class Lockstep:
 
     # ---- who takes part ----------------------------------------------------------------------------------------
 
+    def _outdate(self):
+        """Note that what was seen so far, or is being looked at just now, says nothing about who is there now."""
+        self._generation += 1
+        self._look = None
+
     def _watch(self):
         """Look at the graph, in a thread of its own, as long as somebody wants to know."""
         told = time.monotonic()
@@ -194,19 +206,28 @@ class Lockstep:
             if not self._wanted.wait(_REMIND):
                 told = time.monotonic()
                 continue
-            opening, generation, expected = not self._open, self._generation, self._expected()
-            look = self._gate.look(set(self._names) - set(expected))
-            if not look.missing:
-                self._look = (generation, look, expected)
-                self._wanted.clear()
-                self._loop.wake()
+            opening, missing = not self._open, ["an error to go away (see the log)"]
+            try:
+                missing = self._look_once()
+            except Exception:       # whoever is missing must be looked for again
+                log.exception("lockstep: looking for who takes part failed; it is tried again")
+            if not missing:
                 told = time.monotonic()
             elif opening and time.monotonic() - told > _REMIND:
                 told = time.monotonic()
                 log.info("lockstep: time stands still at %.3f s until there is %s", self._simulator.now_ns * 1e-9,
-                         "; ".join(look.missing[:6]) + ("; and %d more" % (len(look.missing) - 6)
-                                                        if len(look.missing) > 6 else ""))
+                         "; ".join(missing[:6]) + ("; and %d more" % (len(missing) - 6) if len(missing) > 6 else ""))
             time.sleep(_LOOK_PAUSE if opening else _RETURN_PAUSE)
+
+    def _look_once(self):
+        """Look at the graph and keep what was seen if nothing is missing; returns what is."""
+        generation, expected = self._generation, self._expected()
+        look = self._gate.look(set(self._names) - set(expected))
+        if not look.missing:
+            self._wanted.clear()        # first, as it may be wanted again as soon as the look is there
+            self._look = (generation, look, expected)
+            self._loop.wake()
+        return look.missing
 
     def _expected(self):
         """Return the controllers that must be there: all at the start, then those that have not left.
@@ -218,7 +239,8 @@ class Lockstep:
             return self._names
         if not self._open:
             return [member.name for member in list(conductor.members)]
-        back = [name for name in conductor.lost if self._lines[name].idle()]
+        lines = [(name, self._lines.get(name)) for name in list(conductor.lost)]
+        back = [name for name, line in lines if line is None or line.idle()]
         turn = back[int(time.monotonic()) % len(back):][:1] if back else []
         return [member.name for member in list(conductor.members)] + turn
 
@@ -229,15 +251,15 @@ class Lockstep:
         for name in expected:
             present = [member.name for member in conductor.members]
             if name not in present and (first or name in conductor.lost):
-                line = self._lines.pop(name, None)
-                if line is not None:
-                    line.close()
-                self._lines[name] = _Line(name, self._loop.wake)
+                old, self._lines[name] = self._lines.get(name), _Line(name, self._loop.wake)
+                if old is not None:
+                    old.close()
                 order = self._names.index
                 conductor.join(name, self._simulator.now_ns, sum(order(other) < order(name) for other in present))
                 if not first:
                     log.info("lockstep: %s takes part from %.3f s on", name, self._simulator.now_ns * 1e-9)
-        self._ports.inbox.settle()
+        conductor.connected()
+        self._outdate()         # a look from before says nothing about who is lost from now on
         self._find_links(look.connections)
         if not self._open:
             self._open = True
@@ -275,8 +297,23 @@ class Lockstep:
                         "another order",
                         ", ".join(unseen))
 
-    def _settle(self, links):
-        """Wait until the listeners have read everything."""
+    def _before_trigger(self):
+        """Wait in the middle of a step: nobody may be served, nor an error raised, which would be the plugin's."""
+        try:
+            self._settle(self._shared, between_steps=False)
+        except LockstepError as error:
+            self._failure = error
+
+    def _settle(self, links, between_steps=True):
+        """Wait until the listeners have read everything; between two steps, requests are served meanwhile.
+
+        Raises
+        ------
+        LockstepError
+            If one does not read, unless time is to go on.
+        ShuttingDown
+            If the node is to end meanwhile; in the middle of a step the waiting just ends.
+        """
         for link in list(links):
             deadline = None
             while self._bytes_left(link):
@@ -285,12 +322,19 @@ class Lockstep:
                 if now > deadline:
                     self._silent_listener(link)
                     break
-                time.sleep(_GLANCE)
+                if between_steps:
+                    self._loop.wait_until(lambda: False, _GLANCE)
+                elif self._loop.stopping():
+                    return
+                else:
+                    time.sleep(_GLANCE)
 
     def _bytes_left(self, link):
         try:
             unread = self._unread.of(link.ends)
-        except OSError:
+        except OSError as error:
+            log.warning("lockstep: cannot see whether %s has read what %s sent on %s (%s); it is waited for no more",
+                        link.reader, link.publisher, link.topic, error)
             unread = None
         if unread is None:                  # it has gone; a listener may
             self._forget(lambda entry: entry is link)

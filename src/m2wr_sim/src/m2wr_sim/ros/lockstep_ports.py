@@ -29,6 +29,7 @@ class _CountedPort:
     def close(self):
         """Stop publishing on the topic."""
         self._ports.ticking.discard(self)
+        self._ports.changed = True
         self._port.close()
 
     def __getattr__(self, name):
@@ -38,9 +39,9 @@ class _CountedPort:
 class _Subscription:
     """A subscription whose messages go through the inbox; without a callback they are only counted."""
 
-    def __init__(self, inbox, topic, message_class, callback):
-        self._inbox, self._own = inbox, rospy.get_name()
-        self._slot = inbox.open(rospy.resolve_name(topic), callback)
+    def __init__(self, ports, topic, message_class, callback):
+        self._ports, self._inbox, self._own = ports, ports.inbox, rospy.get_name()
+        self._slot = self._inbox.open(rospy.resolve_name(topic), callback)
         # no queue size: rospy would keep only the newest of several messages that come together
         self._subscriber = rospy.Subscriber(topic, message_class, self._store, queue_size=None, tcp_nodelay=True)
 
@@ -51,6 +52,7 @@ class _Subscription:
 
     def close(self):
         """Stop listening."""
+        self._ports.changed = True
         self._subscriber.unregister()
         self._inbox.close(self._slot)
 
@@ -77,6 +79,7 @@ class LockstepPorts(RosPorts):
         self.on_arrival = self.before_trigger = lambda: None
         self.triggers = set()
         self._tick_types, self._bare = TICKS[tick], {}
+        self._clock_topic, self._transform_topic = rospy.resolve_name("/clock"), rospy.resolve_name("/tf")
 
     def advertise(self, topic, message_class, queue_size, namespace):
         port = super().advertise(topic, message_class, queue_size, namespace)
@@ -93,21 +96,21 @@ class LockstepPorts(RosPorts):
         bare = self._bare.pop(rospy.resolve_name(name), None)
         if bare is not None:
             bare.close()            # rospy takes one message class a topic
-        return _Subscription(self.inbox, name, message_class, callback)
+        return _Subscription(self, name, message_class, callback)
 
     def listen(self, topic):
         """Hear a topic that nothing else here subscribes to, for the sake of counting."""
         if topic not in self.inbox.topics():
-            self._bare[topic] = _Subscription(self.inbox, topic, rospy.AnyMsg, lambda message: None)
+            self._bare[topic] = _Subscription(self, topic, rospy.AnyMsg, lambda message: None)
             self.changed = True
 
     def deliver(self):
         self.inbox.deliver()
 
     def clock(self, now_ns):
-        self.ledger.count("/clock")
+        self.ledger.count(self._clock_topic)
         super().clock(now_ns)
 
     def transform(self, stamp, parent, child, position, orientation):
-        self.ledger.count("/tf")
+        self.ledger.count(self._transform_topic)
         super().transform(stamp, parent, child, position, orientation)

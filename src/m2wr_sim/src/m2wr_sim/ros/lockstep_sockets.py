@@ -56,14 +56,25 @@ class UnreadBytes:
     def __init__(self):
         self._netlink = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, _NETLINK_SOCK_DIAG)
         self._netlink.settimeout(1.0)
+        self._sequence = 0
 
     def of(self, ends):
-        """Return how many bytes the reader has not read; None if the connection is no more."""
+        """Return how many bytes the reader has not read; None if the connection is no more.
+
+        Raises
+        ------
+        OSError
+            If the kernel does not answer, or refuses.
+        """
         (own, own_port), (peer, peer_port) = ends
         query = (_QUERY.pack(socket.AF_INET, socket.IPPROTO_TCP, 0, 0, 0xffffffff)
                  + _ADDRESS.pack(own_port, peer_port, own.ljust(16, b"\0"), peer.ljust(16, b"\0")) + _COOKIE)
-        self._netlink.send(_HEADER.pack(_HEADER.size + len(query), _SOCK_DIAG_BY_FAMILY, _REQUEST, 1, 0) + query)
+        self._sequence = (self._sequence + 1) & 0xffffffff
+        self._netlink.send(_HEADER.pack(_HEADER.size + len(query), _SOCK_DIAG_BY_FAMILY, _REQUEST, self._sequence, 0)
+                           + query)
         answer = self._netlink.recv(4096)
+        while _HEADER.unpack_from(answer)[3] != self._sequence:     # a late one, to a query that was given up
+            answer = self._netlink.recv(4096)
         if _HEADER.unpack_from(answer)[1] == _NLMSG_ERROR:
             number = -struct.unpack_from("=i", answer, _HEADER.size)[0]
             if number == errno.ENOENT:

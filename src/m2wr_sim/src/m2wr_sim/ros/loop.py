@@ -109,6 +109,10 @@ class Loop:
         """Let :meth:`wait_until` look at its condition again; called from any thread."""
         self._put(_Request(_nothing))
 
+    def stopping(self):
+        """Tell whether the loop is to end."""
+        return self._stopping()
+
     def _put(self, request):
         self._requests.put(request)
         self._arrived.set()

@@ -11,6 +11,8 @@ from m2wr_sim.errors import LockstepError
 
 log = logging.getLogger(__name__)
 
+_EARLY_PATIENCE = 1.0           # s of wall time for messages that may have been sent before anybody heard them
+
 TurnRequest = namedtuple("TurnRequest", "tick now_ns since_ns news")
 """What a controller is told: number of the tick, time, since when it takes part, and {topic: new messages}."""
 
@@ -49,24 +51,28 @@ class Inbox:
         """Hold back what this sender sends until :meth:`admit`."""
         self._senders.add(sender)
 
-    def release(self, sender):
-        """Treat the sender as a stranger from now on; what was held back is dropped."""
+    def release(self, sender, passing=False):
+        """Treat the sender as a stranger from now on; of what was held back the newest passes, or none."""
         with self._lock:
             self._senders.discard(sender)
-            for slot in self._slots:
-                slot.held.pop(sender, None)
+            self._let_go(sender, self._slots, passing)
 
     def hold_topic(self, topic, sender=None):
         """Hold back what comes on a topic, by one sender or anybody, under the name :attr:`ANYBODY`."""
         self._answers[topic] = sender
 
-    def release_topic(self, topic):
-        """Hold back no more what comes on a topic, and drop what was held back."""
+    def release_topic(self, topic, passing=False):
+        """Hold back no more what comes on a topic; of what was held back the newest passes, or none."""
         with self._lock:
-            del self._answers[topic]
-            for slot in self._slots:
-                if slot.topic == topic:
-                    slot.held.pop(self.ANYBODY, None)
+            self._answers.pop(topic, None)
+            self._let_go(self.ANYBODY, [slot for slot in self._slots if slot.topic == topic], passing)
+
+    @staticmethod
+    def _let_go(key, slots, passing):
+        for slot in slots:
+            held = slot.held.pop(key, None)
+            if held and passing:
+                slot.newest = held[-1]
 
     def open(self, topic, callback):
         """Return a new slot; it counts for :meth:`has` once :meth:`settle` was called."""
@@ -86,10 +92,12 @@ class Inbox:
             return {slot.topic for slot in self._slots}
 
     def settle(self):
-        """Note that all slots there are now are connected to everybody who sends."""
+        """Note that all slots there are now are connected to everybody who sends; returns the topics that were not."""
         with self._lock:
+            fresh = {slot.topic for slot in self._slots if not slot.wired}
             for slot in self._slots:
                 slot.wired = True
+        return fresh
 
     def arrive(self, slot, sender, message):
         """Take a message from the network."""
@@ -108,6 +116,12 @@ class Inbox:
         with self._lock:
             return all(len(slot.held.get(sender, ())) >= count
                        for slot in self._slots if slot.topic == topic and slot.wired)
+
+    def held(self, topic, sender):
+        """Return how many messages are held back in the slot of a topic that has the fewest; 0 where there is none."""
+        with self._lock:
+            return min([len(slot.held.get(sender, ())) for slot in self._slots if slot.topic == topic and slot.wired],
+                       default=0)
 
     def admit(self, topic, sender, count):
         """Let the first ``count`` messages pass."""
@@ -147,6 +161,7 @@ class Member:
 
     def __init__(self, name, since_ns, seen):
         self.name, self.since_ns, self.seen, self.last = name, since_ns, dict(seen), None
+        self.fresh = set()          # topics that were not heard all the time since its previous answer
 
     def last_words(self):
         """Say what it said last."""
@@ -172,7 +187,7 @@ class Reply:
 
     def __init__(self, trigger, topic, sender=None, once=False):
         self.trigger, self.topic, self.sender, self.once = trigger, topic, sender, once
-        self.seen, self.done = 0, False
+        self.seen, self.done, self.warned = 0, False, False
 
     def __str__(self):
         return "%s -> %s%s%s" % (self.trigger, self.topic, " by " + self.sender if self.sender else "",
@@ -226,6 +241,12 @@ class Conductor:
         if name in self.lost:
             self.lost.remove(name)
 
+    def connected(self):
+        """Note that everybody is connected to what the simulation hears now."""
+        fresh = self._inbox.settle()
+        for member in self.members:
+            member.fresh |= fresh
+
     def collect_replies(self, now_ns):
         """Wait for what is owed in return for messages published so far."""
         for reply in self._replies:
@@ -238,12 +259,27 @@ class Conductor:
                 self._silent("%s: no answer on %s%s to %s at %.3f s within %g s of wall time"
                              % (reply, reply.topic, " by " + reply.sender if reply.sender else "", reply.trigger,
                                 now_ns * 1e-9, self._patience))
-                self._inbox.release_topic(reply.topic)
                 reply.done = True
+                self._release(reply, False)
                 continue
-            self._inbox.admit(reply.topic, Inbox.ANYBODY, due)
+            self._admit_replies(reply, due, now_ns)
             reply.answered(published)
+            if reply.done:
+                self._release(reply, True)
             self._settle()
+
+    def _admit_replies(self, reply, due, now_ns):
+        """Let all pass that is here: one too many would otherwise stand for the next reply, for good."""
+        here = self._inbox.held(reply.topic, Inbox.ANYBODY)
+        if here > due and not reply.once and not reply.warned:
+            reply.warned = True
+            log.warning("lockstep: %s: %d messages on %s at %.3f s where %d were due; the newest counts, and when it "
+                        "does depends on how fast they come. Said once.", reply, here, reply.topic, now_ns * 1e-9, due)
+        self._inbox.admit(reply.topic, Inbox.ANYBODY, due if reply.once else max(here, due))
+
+    def _release(self, reply, passing):
+        if all(other.done for other in self._replies if other.topic == reply.topic):
+            self._inbox.release_topic(reply.topic, passing)
 
     def tick(self, now_ns):
         """Let every controller take its turn, in order.
@@ -258,7 +294,7 @@ class Conductor:
             for member in self.members:
                 member.since_ns = 0         # the old time and its stamps are gone
         self._last_ns = now_ns
-        early, own = [], []
+        early, own, leavers = [], [], []
         for member in list(self.members):
             answer = self._turn(member, now_ns)
             if answer is None:
@@ -271,9 +307,12 @@ class Conductor:
                 self.over = member.name
             if answer.over or answer.leave:
                 self.members.remove(member)
+                leavers.append(member.name)
         # what somebody published before its turn was asked for in the turn of another, which came before all commands
         for topic, name, count in early + own:
             self._inbox.admit(topic, name, count)
+        for name in leavers:                # what they send from now on nobody counts
+            self._inbox.release(name, passing=True)
 
     def _turn(self, member, now_ns):
         """Return a controller's answer when all it has published is here; None if it is left out from now on."""
@@ -289,13 +328,30 @@ class Conductor:
         except TurnFailed as error:
             return self._lose(member, "controller %s failed in %s (%s); %s"
                               % (member.name, where, error, member.last_words()))
+        published = []
         for topic, before, within in answer.published:
+            before = self._heard_before(member, topic, before, within)
             if not self._wait(lambda: self._inbox.has(topic, member.name, before + within), self._patience):
                 return self._lose(member, "controller %s says in %s that it has published %d messages on %s, which "
                                   "have not come within %g s of wall time"
                                   % (member.name, where, before + within, topic, self._patience))
+            published.append((topic, before, within))
+        member.fresh.clear()
         member.last = (self.ticks, now_ns, answer.note)
-        return answer
+        return answer._replace(published=tuple(published))
+
+    def _heard_before(self, member, topic, before, within):
+        """Return how many of the messages from before the turn are held back.
+
+        What was sent before the connection was made, or before the sender was held back, is not: such messages are
+        waited for briefly only, and only where there can be any.
+        """
+        if not before or not (member.last is None or topic in member.fresh):
+            return before
+        patience = min(_EARLY_PATIENCE, self._patience)
+        if self._wait(lambda: self._inbox.has(topic, member.name, before + within), patience):
+            return before
+        return min(before, max(0, self._inbox.held(topic, member.name) - within))
 
     def _lose(self, member, sentence):
         self.members.remove(member)

@@ -1,0 +1,84 @@
+"""The controller's turns as far as they need no master."""
+import threading
+
+import rospy
+import pytest
+
+from m2wr_lockstep import controller
+from m2wr_lockstep.controller import Controller
+from m2wr_lockstep.srv import TurnRequest
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """What the controller warns of."""
+    lines = []
+    monkeypatch.setattr(rospy, "logwarn", lambda words, *values: lines.append(words % values))
+    return lines
+
+
+def request(tick):
+    return TurnRequest(tick, rospy.Time(tick), rospy.Time(0), [], [])
+
+
+def test_two_turns_never_run_at_once():
+    made, entered, going_on, running, most = Controller(), threading.Event(), threading.Event(), [], []
+
+    def turn(_):
+        running.append(None)
+        most.append(len(running))
+        entered.set()
+        going_on.wait(20.0)
+        running.pop()
+
+    made._turn = turn
+    asking = [threading.Thread(target=made._serve, args=(request(tick),)) for tick in (1, 2)]
+    asking[0].start()
+    assert entered.wait(20.0)
+    asking[1].start()
+    asking[1].join(0.3)             # time enough to get in where nothing holds it back
+    going_on.set()
+    for thread in asking:
+        thread.join(20.0)
+    assert most == [1, 1]
+
+
+def test_that_nobody_asks_for_turns_is_said(said, monkeypatch):
+    monkeypatch.setattr(controller, "REMINDER", 0.01)
+    made = Controller()
+    waiting = threading.Thread(target=made._wait_for_the_end)
+    waiting.start()
+    waiting.join(0.5)
+    made._ended.set()
+    waiting.join(20.0)
+    assert not waiting.is_alive() and "nobody has asked for a turn in 0.01 s" in said[0]
+    assert 2 <= len(said) <= 8      # less and less often
+
+
+def test_that_messages_were_dropped_is_said(said, monkeypatch):
+    monkeypatch.setattr(controller, "REMINDER", 0.01)
+    made = Controller()
+    made._last, made._inputs.dropped = 1, 7
+    waiting = threading.Thread(target=made._wait_for_the_end)
+    waiting.start()
+    waiting.join(0.3)
+    made._ended.set()
+    waiting.join(20.0)
+    assert len(said) == 1 and "7 messages were dropped" in said[0]
+
+
+def test_the_messages_of_a_turn_are_those_of_who_asks():
+    made, seen = Controller(), []
+    made._turn = lambda now: None
+    made._inputs.add("/tf", seen.append)
+    asked = request(1)
+    asked.topics, asked.counts = ["/tf"], [1]
+    asked._connection_header = {"callerid": "/gazebo"}
+    turn = threading.Thread(target=made._serve, args=(asked,))
+    turn.start()
+    made._inputs.receive("/tf", "of another", "/robot_state_publisher")
+    turn.join(0.3)
+    assert turn.is_alive() and seen == []
+    made._inputs.receive("/tf", "of the simulator", "/gazebo")
+    turn.join(20.0)
+    assert seen == ["of another", "of the simulator"]
