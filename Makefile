@@ -1,12 +1,12 @@
 # Every target is one script in tools/; `make help` lists them. Variables given on the command line reach the scripts.
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test lint clean
+.PHONY: help setup build demo demo-mapping test lint clean
 .NOTPARALLEL:
 
 export DEMO_ARGS TEST_JOBS TEST_TIMEOUT TEST_PACKAGES
 
 help:  ## list the targets and the variables they take
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
 	@echo
 	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
 	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=1  tests run side by side"
@@ -20,6 +20,9 @@ build:  ## build every package with catkin-tools into devel/
 
 demo: setup  ## drive the robot to its goal with no window; ends by itself, exit 0 when the goal was reached
 	@tools/demo.sh
+
+demo-mapping: setup  ## map the world while Bug 2 drives in it; how well the map agrees with the world, and a picture
+	@tools/demo_mapping.sh
 
 test: setup  ## run every test of every package and print one summary; JUnit XML in test_results/
 	@tools/test.sh

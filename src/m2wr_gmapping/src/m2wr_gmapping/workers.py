@@ -1,14 +1,15 @@
 """Spreading a kernel over ranges of particles."""
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 PIECES = 4      # per thread: small enough that nobody waits long for one whose core is busy
 
 
 class Workers:
-    """A fixed number of threads that share particles; results do not depend on how many there are."""
+    """A fixed number of threads that share particles, 0: one a core; results do not depend on how many there are."""
 
     def __init__(self, threads):
-        self._threads = max(1, int(threads))
+        self._threads = int(threads) or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
 
     def run(self, work, count):

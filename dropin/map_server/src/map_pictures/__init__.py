@@ -1,0 +1,1 @@
+"""Saved maps: reading their files, publishing them."""

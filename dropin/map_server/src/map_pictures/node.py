@@ -1,0 +1,64 @@
+"""``map_server``: a saved map as a latched topic and a service."""
+import sys
+
+import rospy
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from nav_msgs.srv import GetMap
+
+from m2wr_gmapping.ros.convert import ArrayGrid, ArrayMapAnswer, pose_message
+from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
+
+USAGE = "usage: map_server MAP.yaml\n       map_server IMAGE RESOLUTION\n"
+
+
+def load(words):
+    """Return the SavedMap that the command line asks for; raises MapError."""
+    if len(words) == 1:
+        return read_map(words[0])
+    try:
+        resolution = float(words[1])
+    except ValueError:
+        resolution = 0.0
+    if not resolution > 0.0:
+        raise MapError("resolution {!r}: expected a number above 0".format(words[1]))
+    return SavedMap(cells(*read_picture(words[0])), resolution, (0.0, 0.0, 0.0))
+
+
+def message_of(saved, frame):
+    """Return the map as a message."""
+    message = ArrayGrid()
+    message.header.frame_id = frame
+    message.header.stamp = message.info.map_load_time = rospy.Time.now()
+    message.info.resolution = saved.resolution
+    message.info.height, message.info.width = saved.data.shape
+    message.info.origin = pose_message(saved.origin)
+    message.data = saved.data.ravel()
+    return message
+
+
+def main():
+    """Entry point of the executable; returns the exit code."""
+    words = rospy.myargv(sys.argv)[1:]
+    if len(words) not in (1, 2):
+        sys.stderr.write(USAGE)
+        return 2
+    try:
+        saved = load(words)
+    except MapError as error:
+        sys.stderr.write("map_server: %s\n" % error)
+        return 1
+    try:
+        rospy.init_node("map_server")
+        while not rospy.is_shutdown() and not rospy.get_time() and not rospy.rostime.is_wallclock():
+            rospy.rostime.wallsleep(0.01)       # simulated time has not begun
+    except rospy.ROSException:
+        return 1
+    message = message_of(saved, rospy.get_param("~frame_id", "map"))
+    rospy.loginfo("read a map of %d x %d cells of %.3f m", message.info.width, message.info.height, saved.resolution)
+    topic = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+    info = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+    rospy.Service("static_map", GetMap, lambda _: ArrayMapAnswer(message))
+    topic.publish(message)
+    info.publish(message.info)
+    rospy.spin()
+    return 0

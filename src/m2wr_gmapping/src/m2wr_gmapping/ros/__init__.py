@@ -1,0 +1,1 @@
+"""The edges to ROS: the live node and the map saver."""

@@ -1,0 +1,198 @@
+"""Scans on their way in: each waits until the transform of its laser is known, none holds up the one who brings it."""
+import threading
+import time
+from collections import deque
+
+import rospy
+import tf2_ros
+
+BUFFER = 60.0               # time that transforms are kept [s]
+JUMP = 1.0                  # a stamp that much older than the last one is a jump back in time [s]
+LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
+WAIT_WARNING = 5.0          # wall time after which a scan that waits is worth a word [s]
+
+
+def parts(transform):
+    """Translation and quaternion x, y, z, w of a TransformStamped."""
+    t, r = transform.transform.translation, transform.transform.rotation
+    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
+
+
+class Intake:
+    """Queue of scans and buffer of transforms; callbacks put in, one worker takes out.
+
+    Parameters
+    ----------
+    odom_frame : str
+    limit : int
+        Scans that may wait; the oldest is dropped first.
+
+    Attributes
+    ----------
+    generation : int
+        Goes up whenever time has jumped back; what was taken out before belongs to another run.
+    arrived, dropped : int
+        Scans that came; scans that went because too many waited or because no transform can come any more.
+    """
+
+    def __init__(self, odom_frame, limit):
+        self._odom, self._limit = odom_frame, limit
+        self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
+        self._news = threading.Condition()
+        self._waiting = deque()
+        self._frames = set()
+        self._clock = self._clock_before = rospy.Time(0)
+        self._left_over_until = 0.0
+        self._newest_stamp = None
+        self._blocked_since = None
+        self._closed = False
+        self.generation = 0
+        self.arrived = self.dropped = 0
+
+    # ---- called by ROS
+
+    def on_transforms(self, message, static=False):
+        """Take a TFMessage in."""
+        self._look_at_clock()
+        for transform in message.transforms:
+            transform.header.frame_id = transform.header.frame_id.lstrip("/")
+            transform.child_frame_id = transform.child_frame_id.lstrip("/")
+            self._frames.update((transform.header.frame_id, transform.child_frame_id))
+            try:
+                if static:
+                    self._buffer.set_transform_static(transform, "tf")
+                else:
+                    self._buffer.set_transform(transform, "tf")
+            except tf2_ros.TransformException as error:
+                rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (
+                    transform.header.frame_id, transform.child_frame_id, error))
+        with self._news:
+            if self._waiting:
+                self._news.notify()
+
+    def on_scan(self, scan):
+        """Take a LaserScan in."""
+        self._look_at_clock()
+        stamp = scan.header.stamp
+        with self._news:
+            self.arrived += 1
+            if self._is_left_over(stamp):
+                self.dropped += 1
+                return
+            newest = self._newest_stamp
+            if newest is not None and (newest - stamp).to_sec() > JUMP:
+                self._jumped("the scans' stamps have jumped back from %.3f to %.3f" % (
+                    newest.to_sec(), stamp.to_sec()))
+            elif newest is not None and stamp <= newest:
+                self.dropped += 1
+                rospy.logwarn_throttle(5.0, "scan at %.3f dropped: it comes after one at %.3f" % (
+                    stamp.to_sec(), newest.to_sec()))
+                return
+            self._newest_stamp = stamp
+            self._waiting.append(scan)
+            if len(self._waiting) > self._limit:
+                self._waiting.popleft()
+                self.dropped += 1
+                rospy.logwarn_throttle(5.0, "%d scans wait, which is the most: the oldest are dropped (%d of %d so far)"
+                                       % (self._limit, self.dropped, self.arrived))
+            self._news.notify()
+
+    def _is_left_over(self, stamp):
+        """Whether a scan was under way when the clock jumped back; it would look like the future for a long time."""
+        return (time.monotonic() < self._left_over_until and (stamp - self._clock).to_sec() > JUMP
+                and abs((stamp - self._clock_before).to_sec()) < LEFT_OVER)
+
+    def _look_at_clock(self):
+        if rospy.rostime.is_wallclock():
+            return
+        now = rospy.Time.now()
+        with self._news:
+            if now < self._clock and now.to_sec():
+                self._clock_before, self._left_over_until = self._clock, time.monotonic() + LEFT_OVER
+                self._jumped("the clock has jumped back from %.3f to %.3f" % (self._clock.to_sec(), now.to_sec()))
+            self._clock = now
+
+    def _jumped(self, what):
+        self.generation += 1
+        self.dropped += len(self._waiting)
+        self._waiting.clear()
+        self._buffer.clear()
+        self._newest_stamp = self._blocked_since = None
+        rospy.logwarn("%s: transforms and waiting scans are forgotten and the map begins anew", what)
+
+    # ---- called by the worker
+
+    def next(self):
+        """Wait for a scan whose transform is known.
+
+        Returns
+        -------
+        (LaserScan, ((3,), (4,)), int) or None
+            The scan, translation and quaternion of its laser in the odometry's frame, the generation; None after
+            ``close``.
+        """
+        with self._news:
+            while not self._closed:
+                found = self._ready()
+                if found is not None:
+                    self._blocked_since = None
+                    return found
+                self._complain()
+                self._news.wait(1.0)
+        return None
+
+    def _ready(self):
+        for index, scan in enumerate(self._waiting):
+            try:
+                found = self._buffer.lookup_transform_core(self._odom, scan.header.frame_id.lstrip("/"),
+                                                           scan.header.stamp)
+            except tf2_ros.TransformException:
+                continue
+            self.dropped += index                   # for those before, transforms have never been there
+            for _ in range(index + 1):
+                self._waiting.popleft()
+            return scan, parts(found), self.generation
+        return None
+
+    def _complain(self):
+        if not self._waiting:
+            self._blocked_since = None
+            return
+        if self._blocked_since is None:
+            self._blocked_since = time.monotonic()
+        if time.monotonic() - self._blocked_since > WAIT_WARNING:
+            scan = self._waiting[0]
+            rospy.logwarn_throttle(WAIT_WARNING, "%d scans wait for %s" % (
+                len(self._waiting), self.missing(self._odom, scan.header.frame_id, scan.header.stamp)))
+
+    def missing(self, target, source, stamp):
+        """Return a sentence on the transform that is missing."""
+        source = source.lstrip("/")
+        try:
+            self._buffer.lookup_transform_core(target, source, stamp)
+            why = "it has come meanwhile"
+        except tf2_ros.TransformException as error:
+            why = str(error)
+        return "the transform %s -> %s at %.3f: %s. Frames known: %s" % (
+            target, source, stamp.to_sec(), why, ", ".join(sorted(self._frames)) or "none, nothing came on /tf")
+
+    def mount(self, base, scan):
+        """Return translation and quaternion of a scan's laser in the base frame, or None."""
+        source = scan.header.frame_id.lstrip("/")
+        for stamp in (scan.header.stamp, rospy.Time(0)):
+            try:
+                return parts(self._buffer.lookup_transform_core(base, source, stamp))
+            except tf2_ros.TransformException:
+                continue
+        return None
+
+    @property
+    def waiting(self):
+        """Number of scans that wait."""
+        return len(self._waiting)
+
+    def close(self):
+        """Let ``next`` return None."""
+        with self._news:
+            self._closed = True
+            self._news.notify_all()

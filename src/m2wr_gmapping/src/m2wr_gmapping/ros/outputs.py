@@ -1,0 +1,237 @@
+"""What the node publishes, each on a thread that holds up no scan: map, transform, diagnostics."""
+import threading
+import time
+
+import numpy as np
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
+from nav_msgs.srv import GetMap
+from std_msgs.msg import Float64
+from tf2_msgs.msg import TFMessage
+
+from m2wr_gmapping.replay.statistics import peak_memory_mib
+from m2wr_gmapping.resampling import normalise
+from m2wr_gmapping.ros.convert import ArrayMapAnswer, covariance36, grid_message, pose_message
+from m2wr_gmapping.se2 import compose, inverse
+from m2wr_gmapping.spread import covariance
+
+DIAGNOSTICS_PERIOD = 1.0    # [s], wall
+LATE = 0.5                  # share of waiting scans above which the node is late
+
+
+class MapOutput:
+    """Makes and publishes the map on a thread of its own; of requests that come meanwhile the newest is kept.
+
+    Attributes
+    ----------
+    made : int
+        Maps published.
+    last_ms : float
+        Wall time of the last one [ms].
+    """
+
+    def __init__(self, frame):
+        self._frame = frame
+        self._map = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+        self._info = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._entropy = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
+        self._path = rospy.Publisher("~path", Path, queue_size=1, latch=True)
+        self._news = threading.Condition()
+        self._request, self._closed = None, False
+        self.newest = None
+        self.made, self.last_ms = 0, 0.0
+        self._thread = threading.Thread(target=self._work, name="map", daemon=True)
+        self._thread.start()
+        self._service = rospy.Service("dynamic_map", GetMap, self._answer)
+
+    def ask(self, mapper):
+        """Ask for the map as it is known now; between two scans."""
+        path, readings = mapper.map_request()
+        with self._news:
+            self._request = mapper, path, readings, list(mapper.stamps), mapper.entropy
+            self._news.notify()
+
+    def forget(self):
+        """Drop what has been asked for."""
+        with self._news:
+            self._request = None
+
+    def _work(self):
+        while True:
+            with self._news:
+                while self._request is None and not self._closed:
+                    self._news.wait()
+                if self._closed:
+                    return
+                request, self._request = self._request, None
+            try:
+                self._publish(*request)
+            except rospy.ROSException:
+                return                              # ROS has shut down
+            except Exception as error:              # the next map may be better; the node lives on
+                rospy.logerr_throttle(5.0, "the map could not be made: %s: %s" % (type(error).__name__, error))
+
+    def _publish(self, mapper, path, readings, stamps, entropy):
+        began = time.perf_counter()
+        grid = mapper.map_of(path, readings)
+        message = grid_message(grid, self._frame, rospy.Time.now())
+        self.newest = grid, message
+        self._map.publish(message)
+        self._info.publish(message.info)
+        if entropy > 0.0:
+            self._entropy.publish(Float64(entropy))
+        self._path.publish(self._path_message(mapper.base_poses(path), stamps, message.header))
+        self.made += 1
+        self.last_ms = 1e3 * (time.perf_counter() - began)
+
+    def _path_message(self, poses, stamps, header):
+        message = Path(header=header)
+        for pose, stamp in zip(poses, stamps):
+            entry = PoseStamped(pose=pose_message(pose))
+            entry.header.frame_id, entry.header.stamp = self._frame, rospy.Time.from_sec(stamp)
+            message.poses.append(entry)
+        return message
+
+    def _answer(self, _):
+        if self.newest is None:
+            raise rospy.ServiceException("there is no map yet: no scan has been processed")
+        return ArrayMapAnswer(self.newest[1])
+
+    def close(self):
+        """End the thread; returns when the map in hand is done."""
+        with self._news:
+            self._closed = True
+            self._news.notify()
+        self._thread.join()
+
+
+class TransformOutput:
+    """Publishes map -> odom in ROS time, the identity before the first scan."""
+
+    def __init__(self, config):
+        self._parent, self._child = config["map_frame"].lstrip("/"), config["odom_frame"].lstrip("/")
+        self.period, self.delay = config["transform_publish_period"], config["tf_delay"]
+        self._lock = threading.Lock()
+        self._pose = np.zeros(3)
+        self._publisher = rospy.Publisher("/tf", TFMessage, queue_size=100)
+        threading.Thread(target=self._work, name="transform", daemon=True).start()
+
+    def set(self, map_from_odom):
+        """Publish another transform (3,) from now on."""
+        with self._lock:
+            self._pose = np.asarray(map_from_odom, float)
+
+    def _work(self):
+        due = None
+        while not rospy.is_shutdown():
+            period = self.period
+            try:
+                if period <= 0.0:
+                    rospy.rostime.wallsleep(0.2)
+                    continue
+                now = rospy.get_time()
+                if due is None or due > now + period:           # the first one, or time has jumped back
+                    due = now
+                if now < due:
+                    rospy.sleep(due - now)
+                    continue
+                self._send(rospy.Time.from_sec(now + self.delay))
+                due = due + period if due + period > now else now + period
+            except rospy.ROSTimeMovedBackwardsException:
+                due = None
+            except (rospy.ROSInterruptException, rospy.ROSException):
+                return
+
+    def _send(self, stamp):
+        with self._lock:
+            pose = self._pose
+        message = TransformStamped(child_frame_id=self._child)
+        message.header.frame_id, message.header.stamp = self._parent, stamp
+        placed = pose_message(pose)
+        message.transform.rotation = placed.orientation
+        message.transform.translation.x, message.transform.translation.y = placed.position.x, placed.position.y
+        self._publisher.publish(TFMessage([message]))
+
+
+class PoseOutput:
+    """Publishes the best pose of the base with every scan that gave one, and the particles when they have changed."""
+
+    def __init__(self, frame):
+        self._frame = frame
+        self._pose = rospy.Publisher("~pose", PoseWithCovarianceStamped, queue_size=10, latch=True)
+        self._particles = rospy.Publisher("~particles", PoseArray, queue_size=1, latch=True)
+
+    def publish(self, mapper, update, stamp):
+        """Publish what one scan has brought."""
+        particles = mapper.filter
+        weights = normalise(particles.log_weights, mapper.config["ogain"] * len(particles.poses))
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id, message.header.stamp = self._frame, stamp
+        message.pose.pose = pose_message(mapper.base_poses(update.pose))
+        message.pose.covariance = covariance36(covariance(particles.poses, weights, particles.best))
+        self._pose.publish(message)
+        if update.processed:
+            message = PoseArray()
+            message.header.frame_id, message.header.stamp = self._frame, stamp
+            back = inverse(mapper.laser.base_from_sensor)
+            message.poses = [pose_message(pose) for pose in compose(particles.poses, back)]
+            self._particles.publish(message)
+
+
+class Diagnostics:
+    """Counts, times and memory on ``/diagnostics``, once a second of wall time.
+
+    Parameters
+    ----------
+    intake : Intake
+    counts : callable
+        Returns (mapper or None, scans refused, wall times of the last scans [ms]).
+    maps : MapOutput
+    limit : int
+        Scans that may wait.
+    """
+
+    def __init__(self, intake, counts, maps, limit):
+        self._intake, self._counts, self._maps, self._limit = intake, counts, maps, limit
+        self._dropped = 0
+        self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+        threading.Thread(target=self._work, name="diagnostics", daemon=True).start()
+
+    def _work(self):
+        while not rospy.is_shutdown():
+            try:
+                self._publisher.publish(self._message())
+            except rospy.ROSException:
+                return
+            rospy.rostime.wallsleep(DIAGNOSTICS_PERIOD)
+
+    def _message(self):
+        mapper, refused, times = self._counts()
+        intake = self._intake
+        new, self._dropped = intake.dropped - self._dropped, intake.dropped
+        values = [("scans", intake.arrived), ("waiting", intake.waiting), ("dropped", intake.dropped),
+                  ("refused", refused), ("time jumps", intake.generation), ("maps", self._maps.made),
+                  ("last map [ms]", "%.1f" % self._maps.last_ms), ("peak memory [MiB]", peak_memory_mib())]
+        status = DiagnosticStatus(name="%s: mapping" % rospy.get_name().lstrip("/"), hardware_id="slam_gmapping",
+                                  level=DiagnosticStatus.OK, message="mapping")
+        if mapper is None:
+            status.message = "waiting for the first scan"
+        else:
+            values += [("processed", mapper.processed), ("tracked", mapper.tracked),
+                       ("particles", mapper.config["particles"])]
+            if mapper.filter is not None:
+                values += [("effective particles", "%.1f" % mapper.filter.n_eff),
+                           ("resamplings", mapper.filter.resamplings)]
+            values += sorted(mapper.info().items())
+        if times:
+            values += [("mean time of a scan [ms]", "%.2f" % np.mean(times)), ("longest [ms]", "%.2f" % max(times))]
+        if new > 0:
+            status.level, status.message = DiagnosticStatus.WARN, "%d scans dropped in the last second" % new
+        elif intake.waiting > LATE * self._limit:
+            status.level, status.message = DiagnosticStatus.WARN, "%d scans wait" % intake.waiting
+        status.values = [KeyValue(key, str(value)) for key, value in values]
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = rospy.Time.now()
+        return message

@@ -1,0 +1,55 @@
+"""The parameters that may change while the node runs, for ``dynamic_reconfigure``."""
+from dataclasses import replace
+from types import SimpleNamespace
+
+import rospy
+
+from m2wr_gmapping.config import PARAMETERS
+
+try:
+    from dynamic_reconfigure.server import Server
+except ImportError:                 # an optional package: all of it can be set before the start as well
+    Server = None
+
+# name: (least, greatest) as a slider needs them
+CHANGEABLE = {"throttle_scans": (1, 100), "map_update_interval": (0.0, 60.0), "transform_publish_period": (0.0, 1.0),
+              "minimumScore": (0.0, 1000.0), "linearUpdate": (0.0, 10.0),
+              "angularUpdate": (0.0, 3.15), "temporalUpdate": (-1.0, 60.0)}
+
+
+def description(config):
+    """Return what dynamic_reconfigure's generator would make of :data:`CHANGEABLE`."""
+    kinds = {name: "int" if isinstance(PARAMETERS[name].default, int) else "double" for name in CHANGEABLE}
+    group = {"name": "Default", "type": "", "state": True, "cstate": "true", "id": 0, "parent": 0, "groups": [],
+             "parameters": [{"name": name, "type": kinds[name], "level": 1, "edit_method": "",
+                             "description": PARAMETERS[name].meaning} for name in CHANGEABLE]}
+    limits = {name: (min(low, config[name]), max(high, config[name])) for name, (low, high) in CHANGEABLE.items()}
+    return SimpleNamespace(config_description=group, defaults={name: config[name] for name in CHANGEABLE},
+                           min={name: low for name, (low, _) in limits.items()},
+                           max={name: high for name, (_, high) in limits.items()})
+
+
+def changed(config, values):
+    """Return a GmappingConfig with other values of :data:`CHANGEABLE`."""
+    merged = config.as_dict()
+    merged.update((name, type(merged[name])(values[name])) for name in CHANGEABLE if name in values)
+    return replace(config, values=tuple(merged.items()))
+
+
+def make_reconfigure(config, take):
+    """Serve ``~set_parameters``; ``take(config)`` gets every new configuration. None where the package is missing."""
+    if Server is None:
+        rospy.loginfo("the Python package dynamic_reconfigure is not installed: there is no ~set_parameters")
+        return None
+    state = {"config": config}
+
+    def change(values, _):
+        state["config"] = changed(state["config"], values)
+        take(state["config"])
+        return values
+
+    # the server would read its first values from ~ as they are written there, an integer for a float
+    for name in CHANGEABLE:
+        if rospy.has_param("~" + name):
+            rospy.set_param("~" + name, config[name])
+    return Server(description(config), change)

@@ -1,0 +1,105 @@
+"""Compares maps with the world they were made in: a saved one, or all that come on the topic ``map``."""
+import argparse
+import os
+import sys
+import threading
+
+import numpy as np
+import rospy
+import yaml
+from nav_msgs.msg import OccupancyGrid
+from PIL import Image
+
+from m2wr_sim.errors import SimError, WorldError
+from m2wr_sim.model.model_folders import ModelFolders
+from m2wr_sim.model.sdf import load_world
+from m2wr_sim.report.map_agreement import LASER_HEIGHT, Truth, compare, format_agreement, picture
+from m2wr_sim.ros.node import package_folder
+from m2wr_sim.ros.params import find_world
+
+SCALE = 3           # pixels a cell
+
+
+def read_saved(path):
+    """Return data (H, W) int8, resolution and origin (2,) of a map_saver YAML file; raises WorldError."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            values = yaml.safe_load(stream)
+        image = os.path.join(os.path.dirname(os.path.abspath(path)), values["image"])
+        with Image.open(image) as opened:
+            grey = np.asarray(opened.convert("L"))[::-1]
+        resolution, origin = float(values["resolution"]), np.array(values["origin"][:2], float)
+    except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise WorldError("%s: no map that can be read (%s); expected a YAML file of map_saver" % (path, error))
+    return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
+
+
+def read_truth(world, height):
+    """Return the Truth of a world file or name; raises WorldError."""
+    share = package_folder()
+    return Truth(load_world(find_world(world, os.path.join(share, "worlds")),
+                            resolve_model=ModelFolders([os.path.join(share, "models")])), height)
+
+
+def save_picture(path, data, resolution, origin, truth):
+    """Draw the map over the truth into a file."""
+    Image.fromarray(np.ascontiguousarray(picture(data, resolution, origin, truth).repeat(SCALE, 0).repeat(SCALE, 1))
+                    ).save(path)
+
+
+class LiveComparison:
+    """Compares the newest map whenever one comes, and says how it was at the end."""
+
+    def __init__(self, truth):
+        self._truth, self._newest, self._news = truth, None, threading.Event()
+        self._line = None
+        rospy.on_shutdown(self._news.set)
+        rospy.Subscriber("map", OccupancyGrid, self._take, queue_size=1)
+
+    def _take(self, message):
+        self._newest = message
+        self._news.set()
+
+    def run(self):
+        """Compare until ROS ends; returns the exit code."""
+        while not rospy.is_shutdown():
+            self._news.wait()
+            self._news.clear()
+            message, self._newest = self._newest, None
+            if message is not None:
+                info = message.info
+                data = np.array(message.data, np.int8).reshape(info.height, info.width)
+                self._line = format_agreement(compare(
+                    data, info.resolution, np.array([info.origin.position.x, info.origin.position.y]), self._truth))
+                rospy.loginfo("map against world: %s", self._line)
+        print("the last map against its world: %s" % (self._line or "there was none"))
+        return 0
+
+
+def main(argv=None):
+    """Entry point; returns the exit code: 0, 1 where something cannot be read, 3 below ``--least``."""
+    parser = argparse.ArgumentParser(prog="compare_map", description=__doc__)
+    add = parser.add_argument
+    add("map", nargs="?", metavar="MAP.yaml", help="map as map_saver writes it, in the frame of the world")
+    add("world", help="world file, or a name from m2wr_sim/worlds")
+    add("--live", action="store_true", help="no file: every map on the topic map, until ROS ends")
+    add("--height", type=float, default=LASER_HEIGHT, help="of the laser above the floor [m] (%(default)s)")
+    add("--picture", metavar="FILE.png", help="draw the map over the world")
+    add("--least", type=float, default=0.0, help="exit code 3 if less than this share of wall cells is right")
+    options = parser.parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
+    if options.live == (options.map is not None):
+        parser.error("expected either MAP.yaml or --live")
+    try:
+        truth = read_truth(options.world, options.height)
+        if options.live:
+            rospy.init_node("compare_map", disable_rostime=True)
+            return LiveComparison(truth).run()
+        data, resolution, origin = read_saved(options.map)
+    except (SimError, rospy.ROSException) as error:
+        sys.stderr.write("compare_map: %s\n" % error)
+        return 1
+    found = compare(data, resolution, origin, truth)
+    print(format_agreement(found))
+    if options.picture:
+        save_picture(options.picture, data, resolution, origin, truth)
+    return 0 if found.on_walls >= options.least else 3

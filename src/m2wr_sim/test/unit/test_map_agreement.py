@@ -1,0 +1,67 @@
+"""A map against its world: a perfect map agrees, a shifted or doubled one does not."""
+import numpy as np
+import pytest
+
+from m2wr_sim.errors import WorldError
+from m2wr_sim.model.sdf import load_world
+from m2wr_sim.report.map_agreement import INSIDE, OUTSIDE, WALL, Truth, compare, format_agreement, picture
+
+WORLD = """<sdf version="1.6"><world name="w"><model name="box"><static>true</static><pose>1 0.5 0.5 0 0 0</pose>
+<link name="l"><collision name="c"><geometry><box><size>2 1 1</size></box></geometry></collision></link></model>
+</world></sdf>"""
+CELL, ORIGIN, SHAPE = 0.1, np.array([-1.0, -1.0]), (30, 40)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return Truth(load_world(WORLD))
+
+
+def perfect(truth):
+    drawn = truth.drawn(SHAPE, CELL, ORIGIN)
+    return np.where(drawn == WALL, 100, np.where(drawn == INSIDE, -1, 0)).astype(np.int8)
+
+
+def test_the_truth_has_walls_where_the_box_ends(truth):
+    drawn = truth.drawn(SHAPE, CELL, ORIGIN)
+    assert (drawn[10, 10:30] == WALL).all() and (drawn[20, 10:30] == WALL).all()
+    assert (drawn[11:20, 11:30] == INSIDE).all()
+    assert (drawn[:10] == OUTSIDE).all() and (drawn[:, :10] == OUTSIDE).all()
+
+
+def test_a_perfect_map_agrees(truth):
+    found = compare(perfect(truth), CELL, ORIGIN, truth)
+    assert (found.on_walls, found.truly_free, found.found, found.doubled) == (1.0, 1.0, 1.0, 0)
+    assert found.farthest <= 0.5 * CELL + 1e-9
+
+
+def test_a_map_that_is_three_cells_off_does_not(truth):
+    found = compare(np.roll(perfect(truth), 3, axis=0), CELL, ORIGIN, truth)
+    assert found.on_walls < 0.5 and found.truly_free < 0.97
+    assert found.farthest == pytest.approx(3 * CELL, abs=0.6 * CELL)
+
+
+def test_a_wall_drawn_twice_is_counted(truth):
+    data = perfect(truth)
+    data[6, 12:28] = 100
+    found = compare(data, CELL, ORIGIN, truth)
+    assert found.doubled == 16
+    assert "doubled 16" in format_agreement(found)
+
+
+def test_walls_that_were_seen_and_not_drawn_are_missed(truth):
+    data = perfect(truth)
+    data[10, :] = 0
+    assert 0.5 < compare(data, CELL, ORIGIN, truth).found < 0.95
+
+
+def test_the_picture_shows_a_wrong_wall_in_red(truth):
+    data = perfect(truth)
+    data[3, 20] = 100
+    colours = picture(data, CELL, ORIGIN, truth)
+    assert ((colours == (230, 30, 30)).all(axis=2)).sum() == 1
+
+
+def test_a_world_with_nothing_at_the_lasers_height_is_refused():
+    with pytest.raises(WorldError, match="nothing at the height of the laser"):
+        Truth(load_world(WORLD), height=2.0)

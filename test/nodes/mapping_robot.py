@@ -1,0 +1,180 @@
+"""The rest of the world for a mapping node: time, transforms and scans, from a bag or from plane geometry."""
+import math
+import os
+import sys
+
+import numpy as np
+import rosbag
+import rospy
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts"))
+import plane_geometry  # noqa: E402
+from sim_probe import Recorder, Running, data_path, program, wait_until, yaw_of  # noqa: E402
+
+#: The laser of m2wr in the frame link_chassis [m].
+LASER_X = plane_geometry.LASER_X
+#: A room of 8 x 6 m with two boxes in it, for scans made here: nothing in it looks like anything else.
+ROOM = [plane_geometry.Rectangle(*row) for row in (
+    (0.0, 3.1, 0.0, 8.4, 0.2), (0.0, -3.1, 0.0, 8.4, 0.2), (4.1, 0.0, 0.0, 0.2, 6.4), (-4.1, 0.0, 0.0, 0.2, 6.4),
+    (2.0, 1.5, 0.4, 1.0, 0.6), (-2.2, -1.2, -0.3, 0.8, 1.2))]
+
+
+def transform(parent, child, stamp, x=0.0, y=0.0, z=0.0, quaternion=(0.0, 0.0, 0.0, 1.0)):
+    """Return a TransformStamped."""
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id, message.header.stamp = parent, stamp
+    place, turn = message.transform.translation, message.transform.rotation
+    place.x, place.y, place.z = x, y, z
+    turn.x, turn.y, turn.z, turn.w = quaternion
+    return message
+
+
+def about_z(angle):
+    """Return the quaternion x, y, z, w of a turn about z."""
+    return (0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle))
+
+
+class Robot:
+    """Publishes /clock, /tf, /tf_static and scans; :attr:`now` is the time [s]."""
+
+    def __init__(self, scan_topic="/scan", start=10.0):
+        self.now = start
+        self.clock = rospy.Publisher("/clock", Clock, queue_size=100)
+        self.tf = rospy.Publisher("/tf", TFMessage, queue_size=1000)
+        self.static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
+        self.scans = rospy.Publisher(scan_topic, LaserScan, queue_size=1000)
+
+    def tell_time(self, now=None):
+        """Publish the time, another one if given."""
+        self.now = self.now if now is None else now
+        self.clock.publish(Clock(rospy.Time.from_sec(self.now)))
+
+    def mount(self, quaternion=(0.0, 0.0, 0.0, 1.0), x=LASER_X, y=0.0, frame="sensor_laser"):
+        """Say how the laser sits on link_chassis."""
+        self.static.publish(TFMessage([transform("link_chassis", frame, rospy.Time(0), x, y, 0.05, quaternion)]))
+
+    def stand(self, pose, stamp=None):
+        """Publish the odometry's transform for a pose (x, y, yaw) of link_chassis."""
+        stamp = rospy.Time.from_sec(self.now) if stamp is None else stamp
+        self.tf.publish(TFMessage([transform("odom", "link_chassis", stamp, pose[0], pose[1], 0.0, about_z(pose[2]))]))
+
+    def scan(self, ranges, angle_min=-math.pi / 2, increment=math.pi / 180, frame="sensor_laser", range_max=10.0):
+        """Publish a scan taken now; returns it."""
+        message = LaserScan(angle_min=angle_min, angle_max=angle_min + increment * (len(ranges) - 1),
+                            angle_increment=increment, range_min=0.1, range_max=range_max,
+                            ranges=np.asarray(ranges, float).tolist())
+        message.header.frame_id, message.header.stamp = frame, rospy.Time.from_sec(self.now)
+        self.scans.publish(message)
+        return message
+
+    def look(self, pose, count=181, angle_min=-math.pi / 2, increment=math.pi / 180, upside_down=False,
+             mount=(LASER_X, 0.0, 0.0)):
+        """Publish what a laser sees in :data:`ROOM`; the robot stands at ``pose``, the laser at ``mount`` on it."""
+        origin = (pose[0] + math.cos(pose[2]) * mount[0] - math.sin(pose[2]) * mount[1],
+                  pose[1] + math.sin(pose[2]) * mount[0] + math.cos(pose[2]) * mount[1])
+        angles = angle_min + increment * np.arange(count)
+        directions = pose[2] + mount[2] + (-angles if upside_down else angles)
+        return self.scan(plane_geometry.ray_distances(origin, directions, ROOM), angle_min, increment)
+
+    def tick(self, pose, seconds=0.1, **laser):
+        """Let time pass, then stand at a pose and look; returns the scan."""
+        self.tell_time(self.now + seconds)
+        self.stand(pose)
+        return self.look(pose, **laser)
+
+
+class Mapping(Running):
+    """A mapping node in a process of its own, in step with a :class:`Robot`.
+
+    Parameters
+    ----------
+    robot : Robot
+    words : sequence of str
+        Command line, for instance ``_particles:=10``.
+    package, name : str
+        The executable.
+    """
+
+    def __init__(self, robot, words=(), package="m2wr_gmapping", name="slam_gmapping"):
+        self.robot = robot
+        super().__init__([program(package, name), "_base_frame:=link_chassis"] + list(words))
+        self.poses = Recorder("/slam_gmapping/pose", PoseWithCovarianceStamped)
+
+    def __enter__(self):
+        super().__enter__()
+        self.wait_for_text("ready, listening to")
+        robot = self.robot
+        for publisher, topic in ((robot.tf, "tf"), (robot.static, "tf_static"), (robot.scans, "scans"),
+                                 (robot.clock, "the clock")):
+            wait_until(lambda publisher=publisher: publisher.get_num_connections() > 0, "a listener to %s" % topic)
+        self.poses.connected()
+        robot.tell_time()
+        return self
+
+    def __exit__(self, *arguments):
+        self.poses.close()
+        super().__exit__(*arguments)
+        wait_until(lambda: self.robot.scans.get_num_connections() == 0, "the end of the mapping node")
+
+    def wait_for_pose(self, stamp):
+        """Wait until the scan of a stamp has been taken; returns its pose message."""
+        def found(messages):
+            matching = [message for message in messages if message.header.stamp == stamp]
+            return matching[-1] if matching else None
+        return self.poses.wait(found, "the pose for the scan at %.3f" % stamp.to_sec())
+
+    def drive(self, poses, **laser):
+        """Let the robot look around at each pose; returns the last pose message."""
+        answer = None
+        for pose in poses:
+            answer = self.wait_for_pose(self.robot.tick(pose, **laser).header.stamp)
+        return answer
+
+    def play(self, name):
+        """Play a bag of test/data in step with the node; returns the scans' stamps that were answered [s]."""
+        robot, waiting, answered = self.robot, None, []
+        with rosbag.Bag(data_path(name + ".bag")) as bag:
+            messages = list(bag.read_messages(["/tf", "/m2wr/laser/scan"]))
+        begin = robot.now + 1.0
+        shift = rospy.Duration.from_sec(begin - messages[0][2].to_sec())
+        first_transform = min(m.transforms[0].header.stamp for topic, m, _ in messages if topic == "/tf") + shift
+        for topic, message, stamp in messages:
+            if topic == "/tf":
+                for entry in message.transforms:
+                    entry.header.stamp += shift
+                robot.tell_time((stamp + shift).to_sec())
+                robot.tf.publish(message)
+                continue
+            if waiting is not None:
+                answered.append(self.wait_for_pose(waiting).header.stamp.to_sec())
+            message.header.stamp += shift
+            robot.tell_time((stamp + shift).to_sec())
+            robot.scans.publish(message)
+            waiting = message.header.stamp if message.header.stamp >= first_transform else None
+        if waiting is not None:
+            answered.append(self.wait_for_pose(waiting).header.stamp.to_sec())
+        return answered
+
+
+def xyt(message):
+    """Return x, y, yaw of a message with a pose."""
+    pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+    return np.array([pose.position.x, pose.position.y, yaw_of(pose.orientation)])
+
+
+def walls_apart(grid, rectangles):
+    """Return the distances (N,) [m] of the occupied cells of a map to the nearest side of the rectangles."""
+    info = grid.info
+    rows, columns = np.nonzero(np.asarray(grid.data, np.int8).reshape(info.height, info.width) == 100)
+    points = np.stack((columns, rows), -1) * info.resolution + (info.origin.position.x, info.origin.position.y)
+    nearest = np.full(len(points), math.inf)
+    for rectangle in rectangles:
+        local = np.abs(plane_geometry.into_frame(points, rectangle.x, rectangle.y, rectangle.yaw))
+        out = local - np.array((rectangle.length, rectangle.width)) / 2.0
+        apart = np.hypot(*np.maximum(out, 0.0).T) + np.minimum(out.max(axis=1), 0.0)
+        nearest = np.minimum(nearest, np.abs(apart))
+    return nearest
