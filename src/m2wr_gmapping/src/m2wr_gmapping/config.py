@@ -69,7 +69,7 @@ PARAMETERS = {
     "track_between": _p(True, "", 0, 1, "also match the scans between two processed ones, one pose each"),
     "loop_closing": _p(True, "", 0, 1, "search old parts of the map and bend the trajectory where they are met again"),
     "seed": _p(0, "", 0, 2**63 - 1, "seed of all random numbers"),
-    "threads": _p(0, "", 0, 256, "threads that share the particles; 0: one a core"),
+    "threads": _p(1, "", 0, 256, "threads that share the particles; 0: one a core"),
 }
 # public name -> field, where the public one is no good name inside
 FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "rot_rot"}
