@@ -19,33 +19,19 @@ import math
 
 import numpy as np
 
+from m2wr_sim.sensors.base_kernels import atan, atan_unit, kernel
+
 MESH = 4
 ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP, IGNORED = 3, 7, 8, 9, 10, 12
 KIND, OWNER, TREE = 12, 14, 15
-AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and _atan together
+AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and atan together
 FEW_BEAMS = 8           # below, an interval costs more than it saves
 EDGE = 1e-10            # of an edge's length, by which triangles overlap: no beam slips between two of them
 GRAZING = 1e-12         # rad; a beam as flat as this on a triangle does not meet it: its neighbours decide
 STACK = 512             # a tree of 21 levels, three runs of beams for each of two children
 
-try:
-    from numba import njit
-except ImportError:
-    njit = None
 
-
-def _kernel(function):
-    """Compile with numba where there is one; leave NaN and infinity their meaning."""
-    if njit is None:
-        return function
-    options = dict(nogil=True, error_model='numpy', fastmath={'contract', 'nsz', 'arcp'})
-    try:
-        return njit(cache=True, **options)(function)
-    except RuntimeError:    # no folder that could hold the cache
-        return njit(**options)(function)
-
-
-@_kernel
+@kernel
 def _sensor_in_shape(b, x, y, z, w):
     """Return transpose(b) * rotation(x, y, z, w), row-major: it takes the sensor's axes to the shape's."""
     norm = x * x + y * y + z * z + w * w
@@ -62,34 +48,20 @@ def _sensor_in_shape(b, x, y, z, w):
             b[2] * r[2] + b[5] * r[5] + b[8] * r[8])
 
 
-@_kernel
-def _atan_unit(x):
-    """Arc tangent for |x| <= 1 to 1.1e-5 rad (Abramowitz and Stegun, 4.4.47)."""
-    q = x * x
-    return x * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351))))
-
-
-@_kernel
-def _atan(slope):
-    if abs(slope) <= 1.0:
-        return _atan_unit(slope)
-    return math.copysign(0.5 * math.pi, slope) - _atan_unit(1.0 / slope)
-
-
-@_kernel
+@kernel
 def _azimuth(y, x):
     """Angle of (x, y) in [-pi, pi] to 1.1e-5 rad."""
     flat, steep = abs(x), abs(y)
     if steep > flat:
-        angle = 0.5 * math.pi - _atan_unit(flat / steep)
+        angle = 0.5 * math.pi - atan_unit(flat / steep)
     else:
-        angle = _atan_unit(steep / flat) if flat > 0.0 else 0.0
+        angle = atan_unit(steep / flat) if flat > 0.0 else 0.0
     if x < 0.0:
         angle = math.pi - angle
     return -angle if y < 0.0 else angle
 
 
-@_kernel
+@kernel
 def _span(low, high, turn, frame, first, last):
     """Return the half-open range of beams in [first, last) whose azimuth is in [low, high] plus ``turn`` turns."""
     shift = 2.0 * math.pi * turn - frame[ANGLE_MIN]
@@ -101,7 +73,7 @@ def _span(low, high, turn, frame, first, last):
     return int(math.ceil(one)), int(math.floor(two)) + 1
 
 
-@_kernel
+@kernel
 def _turns(low, high, frame, n):
     """Return the full turns, first and last, by which an interval must be shifted to lie among the beams."""
     least, most = frame[ANGLE_MIN], frame[ANGLE_MIN] + frame[ANGLE_STEP] * (n - 1)
@@ -110,7 +82,7 @@ def _turns(low, high, frame, n):
     return (int(math.ceil((least - high) / (2.0 * math.pi))), int(math.floor((most - low) / (2.0 * math.pi))))
 
 
-@_kernel
+@kernel
 def _box_bounds(box, a, p, flat, up):
     """Return the least distance of a box and its extreme azimuths; infinity where the row of beams misses it.
 
@@ -134,12 +106,12 @@ def _box_bounds(box, a, p, flat, up):
     gap, gap_z = max(out - deep, 0.0), max(abs(z) - thick, 0.0)
     near = math.sqrt(gap * gap + gap_z * gap_z) * (1.0 - 1e-9)
     if flat > 1e-6 and gap > 1e-6 * out:
-        half, middle = _atan(wide / gap) + AZIMUTH_MARGIN, _azimuth(y, x)
+        half, middle = atan(wide / gap) + AZIMUTH_MARGIN, _azimuth(y, x)
         return near, middle - half, middle + half
     return near, -np.inf, np.inf
 
 
-@_kernel
+@kernel
 def _triangle_bounds(v, a, o, flat, up):
     """Return whether a row of beams can meet a triangle, and its extreme azimuths; -inf, inf if it lies around."""
     x, y = np.empty(3), np.empty(3)
@@ -169,7 +141,7 @@ def _triangle_bounds(v, a, o, flat, up):
     return True, middle + low - AZIMUTH_MARGIN, middle + high + AZIMUTH_MARGIN
 
 
-@_kernel
+@kernel
 def _meet(v, a, o, flat, up, cosine, sine, nearest, ranges, hits, row):
     """Lower the ranges of a run of beams to a triangle; Moeller and Trumbore's test, sums of constants taken out."""
     sx, sy, sz = o[0] - v[0], o[1] - v[1], o[2] - v[2]
@@ -197,7 +169,7 @@ def _meet(v, a, o, flat, up, cosine, sine, nearest, ranges, hits, row):
                 hits[i] = row
 
 
-@_kernel
+@kernel
 def _leaf(triangles, first_triangle, last_triangle, first, last, bounded, row, start, ranges, hits, beams, frame, a, o,
           flat, up):
     """Cast a run of beams of one row on the triangles of a leaf; ``start`` is the row's first reading."""
@@ -221,7 +193,7 @@ def _leaf(triangles, first_triangle, last_triangle, first, last, bounded, row, s
             turn += 1
 
 
-@_kernel
+@kernel
 def _cast_tree(tree, nodes, triangles, row, start, ranges, hits, beams, frame, a, p, o, flat, up, stack):
     """Cast one row of beams on one mesh."""
     n = beams.shape[1]
@@ -260,7 +232,7 @@ def _cast_tree(tree, nodes, triangles, row, start, ranges, hits, beams, frame, a
                 depth += 1
 
 
-@_kernel
+@kernel
 def cast_meshes(ranges, hits, beams, rows, frame, spheres, shapes, order, found, nodes, triangles, trees):
     """Lower ranges, after ``ray_kernels.cast_rays``, to the meshes among the first ``found`` rows of ``order``.
 

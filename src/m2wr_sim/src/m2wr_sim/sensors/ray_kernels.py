@@ -25,36 +25,20 @@ import math
 
 import numpy as np
 
+from m2wr_sim.sensors.base_kernels import HAVE_NUMBA, atan, atan_unit, kernel  # noqa: F401
+
 BOX, SPHERE, CYLINDER, PLANE, MESH = 0, 1, 2, 3, 4
 POSITION, ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP = 0, 3, 7, 8, 9, 10
 COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
 HALF, KIND, RETRO, OWNER, TREE, SHAPE_SIZE = 9, 12, 13, 14, 15, 16
 RINGS = 64              # classes of distance for the near-to-far order
-AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and _atan together
+AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and atan together
 TINY = 1e-12            # a direction component below this counts as this: moves a hit by at most 1e-12 of its range
 FEW_BEAMS = 8           # below, an interval costs more than it saves
 CROWD = 100             # shapes within reach from which on most stand behind others, and asking first saves time
 
-try:
-    from numba import njit
-except ImportError:
-    njit = None
 
-HAVE_NUMBA = njit is not None
-
-
-def _kernel(function):
-    """Compile with numba where there is one; leave NaN and infinity their meaning, poses and ranges may hold both."""
-    if njit is None:
-        return function
-    options = dict(nogil=True, error_model='numpy', fastmath={'contract', 'nsz', 'arcp'})
-    try:
-        return njit(cache=True, **options)(function)
-    except RuntimeError:    # no folder that could hold the cache
-        return njit(**options)(function)
-
-
-@_kernel
+@kernel
 def rotation(x, y, z, w):
     """Return the row-major rotation matrix of a quaternion of any length; all zeros give the identity.
 
@@ -69,7 +53,7 @@ def rotation(x, y, z, w):
             s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y))
 
 
-@_kernel
+@kernel
 def _product(b, sensor):
     """Return transpose(b) * sensor for two row-major rotations, row-major."""
     return (b[0] * sensor[0] + b[3] * sensor[3] + b[6] * sensor[6],
@@ -83,7 +67,7 @@ def _product(b, sensor):
             b[2] * sensor[2] + b[5] * sensor[5] + b[8] * sensor[8])
 
 
-@_kernel
+@kernel
 def write_poses(spheres, shapes, rows, positions, quaternions):
     """Move shapes: write centre and rotation of each of ``rows`` (n,) from world poses (n, 3) and (n, 4)."""
     for k in range(rows.shape[0]):
@@ -102,34 +86,20 @@ def write_poses(spheres, shapes, rows, positions, quaternions):
                     spheres[axis, row] += matrix[3 * axis] * x + matrix[3 * axis + 1] * y + matrix[3 * axis + 2] * z
 
 
-@_kernel
-def _atan_unit(x):
-    """Arc tangent for |x| <= 1 to 1.1e-5 rad (Abramowitz and Stegun, 4.4.47)."""
-    q = x * x
-    return x * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351))))
-
-
-@_kernel
-def _atan(slope):
-    if abs(slope) <= 1.0:
-        return _atan_unit(slope)
-    return math.copysign(0.5 * math.pi, slope) - _atan_unit(1.0 / slope)
-
-
-@_kernel
+@kernel
 def _azimuth(y, x):
     """Angle of (x, y) in [-pi, pi] to 1.1e-5 rad; a tenth of the cost of atan2."""
     flat, steep = abs(x), abs(y)
     if steep > flat:
-        angle = 0.5 * math.pi - _atan_unit(flat / steep)
+        angle = 0.5 * math.pi - atan_unit(flat / steep)
     else:
-        angle = _atan_unit(steep / flat)
+        angle = atan_unit(steep / flat)
     if x < 0.0:
         angle = math.pi - angle
     return -angle if y < 0.0 else angle
 
 
-@_kernel
+@kernel
 def _ahead(beams, rows, frame, sensor):
     """Return the direction in world that no beam turns away from; zeros where the beams look all around."""
     half = 0.5 * frame[ANGLE_STEP] * (beams.shape[1] - 1)
@@ -142,7 +112,7 @@ def _ahead(beams, rows, frame, sensor):
     return sensor[0] * x + sensor[1] * y, sensor[3] * x + sensor[4] * y, sensor[6] * x + sensor[7] * y
 
 
-@_kernel
+@kernel
 def _near_to_far(order, frame, spheres, ahead):
     """Write to ``order[0]`` the rows within reach by growing distance (in ``RINGS`` classes); return their number."""
     count = min(int(frame[COUNT]), order.shape[1])
@@ -171,7 +141,7 @@ def _near_to_far(order, frame, spheres, ahead):
     return found
 
 
-@_kernel
+@kernel
 def _box_interval(px, py, u, v, w):
     """Return extreme azimuths of a box's corners relative to its centre's; -inf, inf if it lies all around.
 
@@ -188,7 +158,7 @@ def _box_interval(px, py, u, v, w):
             across, along = xu + sv * xv + sw * xw, du + sv * dv + sw * dw
             first, second = across / (square + along), -across / (square - along)
             low, high = min(low, min(first, second)), max(high, max(first, second))
-        return _atan(low), _atan(high)
+        return atan(low), atan(high)
     if not square > 1e-12:
         return -np.inf, np.inf
     for corner in range(4):
@@ -201,17 +171,17 @@ def _box_interval(px, py, u, v, w):
     return -np.inf, np.inf
 
 
-@_kernel
+@kernel
 def _disc_interval(px, py, radius):
     """Return the extreme azimuths of a disc in the scan plane relative to its centre's; -inf, inf if it lies around."""
     left = px * px + py * py - radius * radius
     if not left > 1e-12:
         return -np.inf, np.inf
-    half = _atan(radius / math.sqrt(left))
+    half = atan(radius / math.sqrt(left))
     return -half, half
 
 
-@_kernel
+@kernel
 def _beam_span(low, high, turn, frame, count):
     """Return the half-open range of beams whose azimuth lies in [low, high] shifted by ``turn`` full turns."""
     shift = 2.0 * math.pi * turn - frame[ANGLE_MIN]
@@ -223,7 +193,7 @@ def _beam_span(low, high, turn, frame, count):
     return int(math.ceil(first)), int(math.floor(last)) + 1
 
 
-@_kernel
+@kernel
 def _slab(direction, origin, half):
     """Return where a ray enters and leaves |x| <= half along one axis."""
     inverse = 1.0 / (TINY if abs(direction) < TINY else direction)      # NaN stays NaN
@@ -231,7 +201,7 @@ def _slab(direction, origin, half):
     return (one if one < two else two), (two if one < two else one)
 
 
-@_kernel
+@kernel
 def _first_hit(enter, leave, nearest):
     """Return the first of entry and exit beyond ``nearest``; infinity where the shape is missed."""
     t = enter if enter > nearest else leave
@@ -239,7 +209,7 @@ def _first_hit(enter, leave, nearest):
     return t if t > nearest else np.inf
 
 
-@_kernel
+@kernel
 def _box_range(c, s, x, y, z, half, nearest):
     """Range to a box; ``x, y, z`` hold direction coefficients (of c, of s, constant) and origin in the box's axes."""
     enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
@@ -252,7 +222,7 @@ def _box_range(c, s, x, y, z, half, nearest):
     return _first_hit(enter, leave, nearest)
 
 
-@_kernel
+@kernel
 def _tall_box_range(c, s, x, y, half, nearest):
     """Range to a box that no beam can pass above or below."""
     enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
@@ -262,7 +232,7 @@ def _tall_box_range(c, s, x, y, half, nearest):
     return _first_hit(enter, leave, nearest)
 
 
-@_kernel
+@kernel
 def _tube(c, s, x, y, radius):
     """Return where a ray enters and leaves the infinite cylinder about z; entry beyond exit where it misses."""
     dx, dy = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2]
@@ -274,7 +244,7 @@ def _tube(c, s, x, y, radius):
     return (-b - root) * inverse, ((-b + root) * inverse if left >= 0.0 else -np.inf)
 
 
-@_kernel
+@kernel
 def _cylinder_range(c, s, x, y, z, half, nearest):
     enter, leave = _tube(c, s, x, y, half[0])
     enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
@@ -283,14 +253,14 @@ def _cylinder_range(c, s, x, y, z, half, nearest):
     return _first_hit(enter, leave, nearest)
 
 
-@_kernel
+@kernel
 def _tall_cylinder_range(c, s, x, y, half, nearest):
     """Range to a cylinder that no beam can pass above or below."""
     enter, leave = _tube(c, s, x, y, half[0])
     return _first_hit(enter, leave, nearest)
 
 
-@_kernel
+@kernel
 def _sphere_range(c, s, x, y, z, half, nearest):
     dx, dy, dz = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2], z[0] * c + z[1] * s + z[2]
     b = -(x[3] * dx + y[3] * dy + z[3] * dz)
@@ -300,7 +270,7 @@ def _sphere_range(c, s, x, y, z, half, nearest):
     return _first_hit(b - root, (b + root if left >= 0.0 else -np.inf), nearest)
 
 
-@_kernel
+@kernel
 def _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest):
     """Lower ``out`` to the range of one shape for a run of beams of one row; the arrays are of one length."""
     if kind == BOX and tall:
@@ -330,7 +300,7 @@ def _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest):
             out[i] = t if t < out[i] else out[i]
 
 
-@_kernel
+@kernel
 def _cast_run(row, tall, out, hits, scratch, cosine, sine, x, y, z, half, kind, nearest):
     """Sweep one shape over a run of beams; where hits are asked for, note its row at the beams it is now first on."""
     if hits.size == 0:
@@ -344,7 +314,7 @@ def _cast_run(row, tall, out, hits, scratch, cosine, sine, x, y, z, half, kind, 
             out[i], hits[i] = found[i], row
 
 
-@_kernel
+@kernel
 def _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, shapes):
     """Cast every beam on a plane unless it is farther than any of a row's beams can get."""
     n = beams.shape[1]
@@ -361,7 +331,7 @@ def _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
                   x, x, x, x[:3], PLANE, frame[RANGE_MIN])
 
 
-@_kernel
+@kernel
 def _interval(kind, px, py, a, half, radius):
     """Return the extreme azimuths of a shape in the sensor's frame; -inf, inf if it lies all around."""
     if kind == BOX:
@@ -379,7 +349,7 @@ def _interval(kind, px, py, a, half, radius):
     return -np.inf, np.inf
 
 
-@_kernel
+@kernel
 def _nearest_point(kind, o, half):
     """Return the distance from a point ``o`` in the shape's axes to the shape; 0 inside."""
     if kind == SPHERE:
@@ -392,7 +362,7 @@ def _nearest_point(kind, o, half):
     return math.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@_kernel
+@kernel
 def _turns(low, high, frame, n):
     """Return the full turns, first and last, by which an interval must be shifted to lie among the beams."""
     least, most = frame[ANGLE_MIN], frame[ANGLE_MIN] + frame[ANGLE_STEP] * (n - 1)
@@ -401,7 +371,7 @@ def _turns(low, high, frame, n):
     return (int(math.ceil((least - high) / (2.0 * math.pi))), int(math.floor((most - low) / (2.0 * math.pi))))
 
 
-@_kernel
+@kernel
 def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, radius, shapes):
     """Cast the beams that can meet a box, sphere or cylinder and do not end before it."""
     n, b = beams.shape[1], shapes[row]
@@ -450,7 +420,7 @@ def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
                           beams[0, first:last], beams[1, first:last], x, y, z, half, kind, frame[RANGE_MIN])
 
 
-@_kernel
+@kernel
 def _asks_first(found, beams, rows, frame):
     """Whether it pays to ask for each shape if it is hidden, and the azimuths allow it: within half a turn each way."""
     most = frame[ANGLE_MIN] + frame[ANGLE_STEP] * (beams.shape[1] - 1)
@@ -462,7 +432,7 @@ def _asks_first(found, beams, rows, frame):
     return True
 
 
-@_kernel
+@kernel
 def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_angle):
     """Whether every beam that could meet a box, sphere or cylinder ends before it."""
     if shape[KIND] != SPHERE:       # seen from above an upright pillar is far narrower than its sphere
@@ -475,7 +445,7 @@ def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_ang
     left = flat - radius * radius
     if not left > 1e-6:
         return False
-    half, middle = _atan(radius / math.sqrt(left)) + AZIMUTH_MARGIN, _azimuth(py, px)
+    half, middle = atan(radius / math.sqrt(left)) + AZIMUTH_MARGIN, _azimuth(py, px)
     if not (middle - half > -math.pi and middle + half < math.pi):
         return False
     begin = int(math.ceil(max((middle - half - frame[ANGLE_MIN]) * beams_per_angle - 1e-6, 0.0)))
@@ -488,7 +458,7 @@ def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_ang
     return True
 
 
-@_kernel
+@kernel
 def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     """Cast all beams; see the module for the layouts.
 

@@ -3,24 +3,10 @@ import math
 
 import numpy as np
 
-try:
-    from numba import njit
-except ImportError:
-    njit = None
+from m2wr_sim.sensors.base_kernels import kernel
 
 
-def _kernel(function):
-    """Compile with numba where there is one; leave NaN and infinity their meaning."""
-    if njit is None:
-        return function
-    options = dict(nogil=True, error_model='numpy', fastmath={'contract', 'nsz', 'arcp'})
-    try:
-        return njit(cache=True, **options)(function)
-    except RuntimeError:    # no folder that could hold the cache
-        return njit(**options)(function)
-
-
-@_kernel
+@kernel
 def finish_ranges(out, ranges, normals, settings):
     """Turn distances into scan values: +inf from the longest range on; noise on the rest, kept within the limits.
 
