@@ -46,7 +46,8 @@ install_noetic_packages() {
     fi
     command -v rosdep >/dev/null || as_root apt-get -q install -y python3-rosdep
     as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y python3-venv python3-dev python3-catkin-tools \
-        python3-catkin-lint python3-flake8 python3-pytest python3-pytest-timeout build-essential libode-dev shellcheck
+        python3-catkin-lint python3-flake8 python3-pytest python3-pytest-timeout python3-pytest-xdist build-essential \
+        libode-dev shellcheck
     [ -d /etc/ros/rosdep/sources.list.d ] || as_root rosdep init
     rosdep update --rosdistro noetic
     # shellcheck disable=SC2046
