@@ -121,6 +121,7 @@ class GazeboRosLaunch(unittest.TestCase):
             with self.run_server(world) as run:
                 self.assertEqual(self.models_of(run), ["ground_plane"])
                 run.wait_for_text(words)
+                run.wait_for_text('empty.world" is ready')      # and no word of the other's being so
                 self.assertEqual(self.end(run), 0, run.text)
 
     # ---- commands ----------------------------------------------------------------------------------------------

@@ -23,8 +23,6 @@ NODE = (            # parameters of the simulation, what its one message must sa
     (["_world:=no_such_name"], ["no_such_name", "cannot be read", "m2wr_sim/worlds"]),
     (["_world:=" + data_path("bad")], [data_path("bad")]),
     (["_world:=" + data_path("bad", "malformed.world")], ["malformed.world:5", "include"]),
-    (["_world:=" + data_path("bad", "unknown_geometry.world")],
-     ["unknown_geometry.world:9", "tomb", "stone", "pyramid", "expected", "box"]),
     (["_world:=" + data_path("bad", "broken.urdf")], ["broken.urdf"]),
     (["_real_time_factor:=-1"], ["~real_time_factor", "-1", "expected", "at least 0"]),
     (["_wheel_convention:=melodic"], ["~wheel_convention", "melodic", "noetic, kinetic, rep103"]),

@@ -18,8 +18,9 @@ REFUSED = [
     ("no_links.urdf", "robot[no_links]", "expected at least one <link>"),
     ("unparsable.xacro", "unparsable.xacro", "expected"),
     ("malformed.world", "malformed.world:5", "mismatch"),
-    ("unknown_geometry.world", "collision[stone]", "expected"),
 ]
+BAD_PARTS = ("model://ground_plane", "etc/passwd", 'unknown geometry "pyramid"', "<geometry> is missing", "gone.stl",
+             "mass is -1", 'child "hand" is no link', "attribute filename is missing")
 
 
 def refusal(name):
@@ -41,6 +42,17 @@ def test_bad_file_is_refused_with_place_and_expectation(name, place, expectation
     assert place in message
     assert expectation in message
     assert "\n" not in message
+
+
+def test_a_bad_part_of_a_world_is_named_and_the_rest_loads():
+    path = os.path.join(FOLDER, "bad_parts.world")
+    world = load_world(path)
+    assert [model.name for model in world.models] == ["tomb", "wall", "arm", "good"]
+    for words in BAD_PARTS:
+        note, = [note for note in world.notes if words in note]
+        assert note.startswith(path + ":") and "left out" in note, note
+    note, = [note for note in world.notes if not any(words in note for words in BAD_PARTS)]
+    assert 'pose is "4 0 0.5"; expected six numbers' in note and world.models[1].pose[0] == (4.0, 0.0, 0.5)
 
 
 def test_every_bad_file_is_used_by_a_test():

@@ -118,10 +118,22 @@ MASSLESS = """<sdf version="1.6"><world name="w"><model name="ghost"><link name=
 <collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model></world></sdf>"""
 
 
-@pytest.mark.parametrize("mass", ["0", "-2", "nan", "1e999"])
-def test_a_world_with_a_body_without_mass_is_refused_by_name(mass):
-    with pytest.raises(SimError, match="mass"):
-        Sim(load_world(MASSLESS % mass))
+@pytest.mark.parametrize("mass", ["0", "-2"])
+def test_a_body_without_mass_in_a_world_is_named_and_left_out(mass):
+    world = load_world(MASSLESS % mass)
+    note, = world.notes
+    assert "model[ghost]" in note and "mass is %s" % mass in note and "left out" in note
+    with Sim(world) as sim:
+        sim.step(None, 0.01)
+        assert not sim.simulator.models
+
+
+@pytest.mark.parametrize("mass", ["nan", "1e999", "heavy"])
+def test_a_mass_that_is_no_number_is_named_and_that_of_sdf_taken(mass):
+    world = load_world(MASSLESS % mass)
+    note, = world.notes
+    assert 'mass is "%s"; expected a finite number; 1 is taken' % mass in note
+    assert world.models[0].links[0].inertial.mass == 1.0
 
 
 @pytest.mark.parametrize("step_ms", [1, 5])

@@ -3,7 +3,6 @@ import math
 
 import pytest
 
-from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Noise, RayScan
 from m2wr_sim.model.urdf import load_urdf
@@ -122,9 +121,18 @@ def test_joint_tags():
                         "<springStiffness>3</springStiffness><springReference>0.5</springReference>"
                         "<implicitSpringDamper>true</implicitSpringDamper><fudgeFactor>0.5</fudgeFactor>", "j"))
     axis = model.joints[0].axis
-    assert (axis.stop_erp, axis.stop_cfm, axis.spring_stiffness, axis.spring_reference) == (0.9, 0.01, 3.0, 0.5)
-    note, = model.notes
-    assert "<fudgeFactor>" in note and 'joint "j"' in note
+    assert (axis.stop_erp, axis.stop_cfm, axis.spring_stiffness, axis.spring_reference, axis.fudge_factor) == (
+        0.9, 0.01, 3.0, 0.5, 0.5)
+    remark, = model.remarks
+    assert model.notes == () and "<provideFeedback>" in remark and "<implicitSpringDamper>" in remark
+
+
+def test_blobs_for_viewers_are_named_in_one_quiet_line():
+    model = robot(link("a"), block("<visual><material/></visual><light name='l'/><projector/>", "a"),
+                  block("<enable_wind>true</enable_wind>"))
+    remark, = model.remarks
+    assert model.notes == () and all("<%s> in a <gazebo> block (line " % tag in remark
+                                     for tag in ("visual", "light", "projector", "enable_wind"))
 
 
 def test_switches_that_keep_a_fixed_joint():
@@ -206,16 +214,19 @@ def test_unknown_noise_is_told_and_left_out():
     assert '"pink"' in notes[0] and "gaussian" in notes[0]
 
 
-@pytest.mark.parametrize("body, words", [
-    ("<ray><scan><horizontal><samples>0</samples></horizontal></scan></ray>", "at least 1"),
-    ("<ray><range><max>inf</max></range></ray>", "finite number"),
-    ("<ray><range><min>-1</min></range></ray>", "zero or a positive number"),
-    ("<update_rate>fast</update_rate>", "finite number"),
-    ("<plugin name='p'/>", "filename"),
+@pytest.mark.parametrize("body, words, taken", [
+    ("<ray><scan><horizontal><samples>0</samples></horizontal></scan></ray>", "at least 1", "640 is taken"),
+    ("<ray><scan><horizontal><samples>1e9</samples></horizontal></scan></ray>", "at most 1000000", "one row of 640"),
+    ("<ray><scan><vertical><resolution>0</resolution></vertical></scan></ray>", "a positive number", "1 is taken"),
+    ("<ray><range><max>inf</max></range></ray>", "finite number", "0 is taken"),
+    ("<ray><range><min>-1</min></range></ray>", "zero or a positive number", "0 is taken"),
+    ("<update_rate>fast</update_rate>", "finite number", "0 is taken"),
+    ("<plugin name='p'/>", "filename", "this plugin is left out"),
 ])
-def test_bad_sensors_are_refused(body, words):
-    with pytest.raises(ModelError, match=words):
-        sensor_of(body)
+def test_bad_values_of_sensors_are_told_and_have_their_defaults(body, words, taken):
+    sensor, (note,) = sensor_of(body)
+    assert words in note and taken in note and "r.urdf:5" in note
+    assert sensor.ray == RayScan() and sensor.update_rate == 0.0 and sensor.plugins == ()
 
 
 def test_other_sensors_keep_name_rate_and_plugins():
@@ -253,7 +264,16 @@ def test_tags_nobody_reads_are_told_with_the_place_that_is_read(tag, instead):
 
 @pytest.mark.parametrize("text, words", [
     ("<mu1>slippery</mu1>", "mu1"), ("<turnGravityOff>perhaps</turnGravityOff>", "true or false"),
-    ("<fdir1>1 0</fdir1>", "3 numbers"), ("<maxContacts>2.5</maxContacts>", "whole")])
-def test_bad_values_are_refused_with_line(text, words):
-    with pytest.raises(ModelError, match="r.urdf:3.*" + words):
-        robot(link("a", collision()), block(text, "a"))
+    ("<fdir1>1 0</fdir1>", "3 numbers"), ("<maxContacts>2.5</maxContacts>", "whole"),
+    ("<dampingFactor>much</dampingFactor>", "dampingFactor"), ("<sensor type='ray'/>", "attribute name")])
+def test_bad_values_are_told_with_line_and_have_their_defaults(text, words):
+    model, plain = robot(link("a", collision()), block(text, "a")), robot(link("a", collision()))
+    note, = model.notes
+    assert words in note and "r.urdf:3" in note and ("is taken" in note or "left out" in note)
+    assert model.links == plain.links
+
+
+@pytest.mark.parametrize("text", ["<static>perhaps</static>", "<plugin name='p'/>"])
+def test_bad_values_of_the_model_are_told(text):
+    model = robot(link("a"), block(text))
+    assert len(model.notes) == 1 and not model.static and model.plugins == ()

@@ -3,9 +3,8 @@ import time
 
 import pytest
 
-from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model import safe_xml
-from m2wr_sim.model.safe_xml import XmlError, child_bool, child_float, child_int, child_vector, parse_pose, parse_xml
+from m2wr_sim.model.safe_xml import XmlError, parse_bool, parse_float, parse_int, parse_vector, parse_xml
 
 LAUGHS = """<?xml version="1.0"?>
 <!DOCTYPE robot [
@@ -36,7 +35,7 @@ def test_entity_declarations_are_refused_and_named(text):
 
 def test_outer_document_type_is_not_fetched():
     root = parse_xml('<!DOCTYPE r SYSTEM "file:///nonexistent/never.dtd"><r><x>1</x></r>', "a.sdf")
-    assert child_float(root, "x", 0.0) == 1.0
+    assert root.findtext("x") == "1"
 
 
 @pytest.mark.parametrize("text, line", [("<a>\n<b>\n</a>", 3), ("", None), ("no xml", 1), ("<a/><b/>", 1),
@@ -71,40 +70,25 @@ def test_place_names_file_line_and_path_with_names():
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "one", "1_0", "1 2"])
 def test_bad_numbers_are_refused_with_the_text_found(text):
-    root = parse_xml("<r>\n<mass>{}</mass></r>".format(text), "a.sdf")
-    message = message_of(child_float, root, "mass", 0.0)
+    mass, = parse_xml("<r>\n<mass>{}</mass></r>".format(text), "a.sdf")
+    message = message_of(parse_float, mass, mass.text, "mass")
     assert message == 'a.sdf:2: <r/mass>: mass is "{}"; expected a finite number'.format(text)
 
 
-def test_values_of_children():
-    root = parse_xml("<r><f> 2.5 </f><i>50.0</i><t>TRUE</t><n>0</n><v>1 2\n3</v><empty/></r>", "a")
-    assert child_float(root, "f", 0.0) == 2.5
-    assert child_int(root, "i", 0) == 50
-    assert child_bool(root, "t", False) is True and child_bool(root, "n", True) is False
-    assert child_vector(root, "v", 3, None) == (1.0, 2.0, 3.0)
-    assert child_float(root, "empty", 7.0) == 7.0 and child_float(root, "missing", 8.0) == 8.0
-    assert child_float(None, "f", 9.0) == 9.0
+def test_values_of_texts():
+    root = parse_xml("<r/>", "a")
+    assert parse_float(root, " 2.5 ") == 2.5 and parse_float(root, "inf", "x", True) == float("inf")
+    assert parse_int(root, "50.0") == 50 and parse_vector(root, "1 2\n3", 3) == (1.0, 2.0, 3.0)
+    assert parse_bool(root, "TRUE") is True and parse_bool(root, " 0 ") is False
 
 
 @pytest.mark.parametrize("call, text, expected", [
-    (lambda r: child_int(r, "x", 0), "1.5", "a whole number"),
-    (lambda r: child_int(r, "x", 0, 1), "0", "a whole number of at least 1"),
-    (lambda r: child_bool(r, "x", True), "maybe", "true or false"),
-    (lambda r: child_vector(r, "x", 3, None), "1 2", "3 numbers"),
-    (lambda r: safe_xml.child_positive(r, "x"), "-1", "a positive number"),
-])
+    (parse_int, "1.5", "a whole number"),
+    (lambda *given: parse_int(*given, "x", 1), "0", "a whole number of at least 1"),
+    (parse_bool, "maybe", "true or false"), (lambda *given: parse_vector(*given, 3), "1 2", "3 numbers")])
 def test_other_bad_values_name_what_was_expected(call, text, expected):
-    message = message_of(call, parse_xml("<r><x>{}</x></r>".format(text), "a"))
-    assert message.startswith("a:1: <r/x>: ") and message.endswith("expected " + expected)
-
-
-def test_pose_text():
-    root = parse_xml("<pose/>", "a")
-    assert parse_pose(root, "  ") == IDENTITY
-    position, (x, y, z, w) = parse_pose(root, "1 2 3 0 0 3.141592653589793")
-    assert position == (1.0, 2.0, 3.0)
-    assert abs(z) == pytest.approx(1.0) and (x, y, w) == pytest.approx((0.0, 0.0, 0.0))
-    assert "six numbers" in message_of(parse_pose, root, "1 2 3")
+    message = message_of(call, parse_xml("<r/>", "a"), text)
+    assert message.startswith("a:1: <r>: ") and message.endswith("expected " + expected)
 
 
 def test_deep_nesting_is_refused_in_small_and_large_documents():

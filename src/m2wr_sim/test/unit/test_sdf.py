@@ -32,6 +32,17 @@ def refusal(*parts, **options):
     return str(caught.value)
 
 
+GOOD = '<model name="good"><static>true</static><link name="link"/></model>'
+
+
+def told(*parts, **options):
+    """Return a world with bad parts and a good model behind them, and the one note about it; the good one must load."""
+    loaded = world(*(parts + (GOOD,)), **options)
+    assert loaded.models[-1].name == "good"
+    note, = loaded.notes
+    return loaded, note
+
+
 def static(name, body=LINK, pose=""):
     return '<model name="{}"><static>true</static>{}{}</model>'.format(name, pose, body)
 
@@ -189,8 +200,11 @@ def test_empty_frame_attribute_is_ignored_and_unknown_one_told():
     assert '"nowhere"' in note and "a.world:4" in note
 
 
-def test_poses_in_a_ring_are_refused():
-    assert "ring" in refusal(static("m", pose='<pose relative_to="n"/>'), static("n", pose='<pose relative_to="m"/>'))
+def test_poses_in_a_ring_are_told_and_the_first_is_put_where_it_says():
+    loaded, note = told(static("m", pose='<pose relative_to="n">1 0 0 0 0 0</pose>'),
+                        static("n", pose='<pose relative_to="m">2 0 0 0 0 0</pose>'))
+    assert "form a ring (m -> n -> m)" in note and "a.world:3" in note and "the enclosing frame" in note
+    assert [found.pose[0][0] for found in loaded.models] == [1.0, 3.0, 0.0]
 
 
 def test_nested_models_are_flattened_with_scoped_names():
@@ -215,8 +229,10 @@ def test_nested_models_are_flattened_with_scoped_names():
     assert found.links[2].sensors[0].plugins[0].reference == "arm::upper"
 
 
-def test_models_nested_too_deep_are_refused():
-    assert "nested deeper" in refusal("".join('<model name="m">' for _ in range(40)) + LINK + "</model>" * 40)
+def test_models_nested_too_deep_are_left_out():
+    loaded, note = told("".join('<model name="m">' + LINK for _ in range(40)) + "</model>" * 40)
+    assert "nested deeper than 32" in note and "this model is left out" in note
+    assert len(loaded.models[0].links) == 32
 
 
 def test_repeated_names_are_skipped_and_told():
@@ -276,20 +292,23 @@ def test_missing_model_is_told_with_the_folders_searched_and_the_rest_loads(fold
 
 
 @pytest.mark.parametrize("uri", ["model://../../etc", "model://post/../../x.sdf", "file:///tmp/../etc/x.sdf"])
-def test_paths_that_leave_the_folder_are_refused(folders, uri):
-    assert '".."' in refusal(include(uri), resolve_model=folders)
+def test_includes_whose_paths_leave_the_folder_are_left_out(folders, uri):
+    loaded, note = told(include(uri), resolve_model=folders)
+    assert '".."' in note and "this include is left out" in note and uri in note and len(loaded.models) == 1
 
 
-def test_config_that_points_outside_is_refused(folders):
+def test_a_config_that_points_outside_costs_its_include(folders):
     folders.add("bad", "<sdf/>", '<model><sdf version="1.6">../post/model.sdf</sdf></model>')
-    assert '".."' in refusal(include("model://bad"), resolve_model=folders)
+    assert '".."' in told(include("model://bad"), resolve_model=folders)[1]
 
 
-def test_includes_in_a_ring_are_refused(folders):
+def test_a_ring_of_includes_is_left_out_where_it_closes(folders):
     nested = '<sdf version="1.6"><model name="{0}">{1}<include><uri>model://{2}</uri></include></model></sdf>'
     folders.add("one", nested.format("one", LINK, "two"))
     folders.add("two", nested.format("two", LINK, "one"))
-    assert "includes itself" in refusal(include("model://one"), resolve_model=folders)
+    loaded, note = told(include("model://one"), resolve_model=folders)
+    assert "model://one includes itself" in note and "two/model.sdf" in note and "this include is left out" in note
+    assert [link.name for link in loaded.models[0].links] == ["link", "two::link"]
 
 
 def test_include_inside_a_model_is_nested_and_takes_the_outer_static(folders):
@@ -302,9 +321,15 @@ def test_include_inside_a_model_is_nested_and_takes_the_outer_static(folders):
                                                                    ("p2::link", (2.0, 0.0, 0.0))]
 
 
-def test_malformed_included_file_is_named(folders):
-    folders.add("broken", "<sdf>\n<model>")
-    assert "broken/model.sdf:2: not well-formed" in refusal(include("model://broken"), resolve_model=folders)
+@pytest.mark.parametrize("text, words", [
+    ("<sdf>\n<model>", "broken/model.sdf:2: not well-formed"), ("<robot/>", "expected <sdf>"),
+    ('<sdf version="1.6"><model name="m"><link name="l"><inertial><mass>-1</mass></inertial></link></model></sdf>',
+     "mass is -1"), ('<sdf version="1.6"><model/></sdf>', "attribute name is missing")])
+def test_an_included_file_that_cannot_be_used_is_told_once_and_left_out(folders, text, words):
+    folders.add("broken", text)
+    twice = include("model://broken") + "\n" + include("model://broken", "<name>other</name>")
+    loaded, note = told(twice, resolve_model=folders)
+    assert words in note and "this include is left out" in note and len(loaded.models) == 1
 
 
 def test_database_form_of_spawning(folders):
@@ -343,42 +368,136 @@ def collision(geometry):
     return static("m", '<link name="l">\n<collision name="c"><geometry>' + geometry + "</geometry></collision></link>")
 
 
-@pytest.mark.parametrize("parts, words", [
-    ((collision("<pyramid/>"),), ('unknown geometry "pyramid"', "box, cylinder, sphere, plane", "model[m]", ":4:")),
-    ((collision("<box/>"),), ("<size> is missing",)),
-    ((collision("<box><size>1 1</size></box>"),), ("3 numbers",)),
-    ((collision("<box><size>1 0 1</size></box>"),), ("three positive numbers",)),
-    ((collision("<sphere><radius>nan</radius></sphere>"),), ('radius is "nan"', "finite")),
-    ((collision("<cylinder><radius>1</radius></cylinder>"),), ("<length> is missing",)),
-    ((collision("<plane><normal>0 0 0</normal></plane>"),), ("no length",)),
-    ((static("m", '<link name="l"><collision name="c"/></link>'),), ("<geometry> is missing",)),
-    ((static("m", '<link name="l"><collision>{}</collision></link>'.format(BOX)),), ("attribute name is missing",)),
-    ((static("m", pose="<pose>1 2 3</pose>"),), ("six numbers",)),
-    (('<model name="m"><link name="l"><inertial><mass>-1</mass></inertial></link></model>',),
-     ("positive mass", "link[l]")),
-    (('<model name="m"><link name="l"><inertial><mass>0</mass></inertial></link></model>',), ("positive mass",)),
-    (('<model name="m"><link name="l"><inertial><inertia><ixx>0</ixx></inertia></inertial></link></model>',),
-     ("not positive definite",)),
-    (('<model name="m"><link name="a"/>' + joint() + "</model>",),
-     ('child "b" is no link', "one of a")),
-    (('<model name="m">{}{}</model>'.format(TURNED, joint(kind="rubber")),), ('joint type is "rubber"',)),
-    (('<model name="m">{}{}</model>'.format(TURNED, joint("<axis><xyz>0 0 0</xyz></axis>")),), ("no length",)),
-    (('<include><name>x</name></include>',), ("<uri> is missing",)),
-    (("<physics type='ode'><max_step_size>0</max_step_size></physics>",), ("max_step_size is 0", "positive")),
-    (("<state world_name='w'><sim_time>12</sim_time></state>",), ("seconds and nanoseconds",)),
-    (("<plugin name='x'/>",), ("filename",)),
-])
-def test_bad_worlds_are_refused_with_file_line_element_and_expectation(parts, words):
-    message = refusal(*parts)
-    assert message.startswith("a.world:") and "; expected " in message and "/world[w]" in message
+BAD_SHAPES = [
+    (collision("<pyramid/>"), ('unknown geometry "pyramid"', "box, cylinder, sphere, plane", "model[m]", ":4:")),
+    (collision("<box/>"), ("<size> is missing",)),
+    (collision("<box><size>1 1</size></box>"), ("3 numbers",)),
+    (collision("<box><size>1 0 1</size></box>"), ("three positive numbers",)),
+    (collision("<sphere><radius>nan</radius></sphere>"), ('radius is "nan"', "finite")),
+    (collision("<cylinder><radius>1</radius></cylinder>"), ("<length> is missing",)),
+    (collision("<plane><normal>0 0 0</normal></plane>"), ("no length",)),
+    (static("m", '<link name="l"><collision name="c"/></link>'), ("<geometry> is missing",)),
+    (static("m", '<link name="l"><collision>{}</collision></link>'.format(BOX)), ("attribute name is missing",)),
+]
+
+
+@pytest.mark.parametrize("part, words", BAD_SHAPES)
+def test_a_collision_that_cannot_be_made_is_left_out(part, words):
+    loaded, note = told(part)
+    assert note.startswith("a.world:") and "; expected " in note and "/world[w]/model[m]" in note
+    assert note.endswith("; this collision is left out.")
+    assert loaded.models[0].name == "m" and loaded.models[0].links[0].collisions == ()
     for word in words:
-        assert word in message
+        assert word in note
+
+
+def test_the_rest_of_a_link_stays_where_a_collision_or_visual_is_left_out():
+    loaded, note = told(static("m", '<link name="l"><visual name="v"><geometry/></visual><visual name="w"/>'
+                               '<collision name="c">{}</collision></link>'.format(BOX)))
+    link, = loaded.models[0].links
+    assert "visual[w]" in note and "this visual is left out" in note and len(link.collisions) == 1
+
+
+@pytest.mark.parametrize("body, words", [
+    ("<inertial><mass>-1</mass></inertial>", ("mass is -1", "a positive mass", "link[l]")),
+    ("<inertial><mass>0</mass></inertial>", ("mass is 0", "a positive mass")),
+    ("<inertial><inertia><ixx>0</ixx></inertia></inertial>", ("not positive definite",))])
+def test_a_moving_model_that_is_no_physical_body_is_left_out(body, words):
+    bad = '<model name="m">{}<link name="l">{}</link></model>'
+    loaded, note = told(bad.format("", body))
+    assert len(loaded.models) == 1 and "this model is left out" in note and "model[m]" in note
+    assert all(word in note for word in words)
+    assert len(world(bad.format("<static>1</static>", body)).models) == 1       # what never moves needs no mass
+    with pytest.raises(ModelError, match=words[0]):
+        load_sdf_models("<sdf version='1.6'>" + bad.format("", body) + "</sdf>")
+
+
+@pytest.mark.parametrize("text, words", [
+    ('<link name="a"/>' + joint(), ('child "b" is no link', "one of a")),
+    ('<link name="b"/>' + joint(), ('parent "a" is no link', "one of b or world")),
+    (TURNED + joint(kind="rubber"), ('joint type is "rubber"', "revolute, prismatic")),
+    (TURNED + joint("<axis><xyz>0 0 0</xyz></axis>"), ("no length", "a direction")),
+    (TURNED + '<joint name="j" type="fixed"><child>b</child></joint>', ("<parent> is missing",)),
+    (TURNED + '<joint name="j" type="fixed"><parent>a</parent><child>world</child></joint>', ("child is the world",)),
+    (TURNED + '<joint name="j" type="fixed"><parent>a</parent><child>a</child></joint>', ('both "a"',)),
+    (TURNED + '<joint type="fixed"><parent>a</parent><child>b</child></joint>', ("attribute name is missing",))])
+def test_a_joint_that_cannot_be_made_is_left_out_as_in_gazebo(text, words):
+    loaded, note = told('<model name="m">{}</model>'.format(text))
+    assert loaded.models[0].joints == () and loaded.models[0].links
+    assert note.endswith("; this joint is left out.") and "model[m]" in note
+    assert all(word in note for word in words)
+
+
+def test_a_joint_to_a_nested_model_that_was_left_out_goes_with_it():
+    body = ('<link name="base"/><model name="arm"><link name="upper"><inertial><mass>0</mass></inertial></link></model>'
+            '<joint name="shoulder" type="fixed"><parent>base</parent><child>arm::upper</child></joint>')
+    loaded = world('<model name="m">' + body + "</model>")
+    assert [link.name for link in loaded.models[0].links] == ["base"] and loaded.models[0].joints == ()
+    assert ["this model" in note or "this joint" in note for note in loaded.notes] == [True, True]
+
+
+@pytest.mark.parametrize("part, words", [
+    ('<include><name>x</name></include>', ("<uri> is missing", "this include")),
+    ("<plugin name='x'/>", ("attribute filename", "this plugin")),
+    ('<light type="point"/>', ("attribute name", "this light")),
+    ("<model/>", ("attribute name", "this model")),
+    ("<frame/>", ("attribute name", "this frame"))])
+def test_what_lacks_what_it_cannot_be_without_is_left_out(part, words):
+    loaded, note = told(part)
+    assert len(loaded.models) == 1 and note.startswith("a.world:3: <sdf/world[w]/") and "; expected " in note
+    assert all(word in note for word in words)
+
+
+@pytest.mark.parametrize("body, words", [
+    ("<plugin name='x'/>", "this plugin"), ("<plugin filename='libx.so'/>", "attribute name is missing"),
+    ("<link/>", "this link"), ("<joint type='fixed'/>", "this joint")])
+def test_in_a_model_only_the_bad_part_is_left_out(body, words):
+    loaded, note = told(static("m", LINK + body))
+    assert words in note and len(loaded.models[0].links) == 1
+    assert [plugin.name for plugin in loaded.models[0].plugins] == (["libx.so"] if "libx" in body else [])
+
+
+def test_a_sensor_without_a_type_or_name_is_left_out():
+    for attributes, words in (("name='s'", "attribute type"), ("type='ray'", "attribute name")):
+        loaded, note = told(static("m", "<link name='l'><sensor {}/></link>".format(attributes)))
+        assert words in note and "this sensor is left out" in note and loaded.models[0].links[0].sensors == ()
+
+
+@pytest.mark.parametrize("part, words, value, expected", [
+    ("<physics type='ode'><max_step_size>0</max_step_size></physics>", ("max_step_size is 0", "positive", "0.001 is"),
+     lambda loaded: loaded.physics.max_step_size, 0.001),
+    ("<physics type='ode'><ode><solver><iters>many</iters></solver></ode></physics>",
+     ('iters is "many"', "50 is taken"), lambda loaded: loaded.physics.iters, 50),
+    ("<gravity>0 0</gravity>", ("3 numbers", "0 0 -9.8 is taken"), lambda loaded: loaded.physics.gravity, (0, 0, -9.8)),
+    ("<state world_name='w'><sim_time>12</sim_time></state>", ("seconds and nanoseconds", "0 is taken"),
+     lambda loaded: loaded.state.sim_time_ns, 0),
+    (static("m", LINK, "<pose>1 2 3</pose>"), ("six numbers", "missing ones are taken as 0"),
+     lambda loaded: loaded.models[0].pose, ((1.0, 2.0, 3.0), IDENTITY[1])),
+    (static("m", LINK, "<pose>1 2 3 0 0 0 7</pose>"), ("six numbers", "first 6 are taken"),
+     lambda loaded: loaded.models[0].pose[0], (1.0, 2.0, 3.0)),
+    (static("m", LINK, "<pose>1 b 3 0 0 0</pose>"), ('pose is "b"', "zeros"),
+     lambda loaded: loaded.models[0].pose, IDENTITY),
+    (static("m", LINK.replace("</geometry>", "</geometry><surface><friction><ode><mu>slippery</mu></ode></friction>"
+                              "</surface>")), ('mu is "slippery"', "1 is taken"),
+     lambda loaded: loaded.models[0].links[0].collisions[0].surface, Surface())])
+def test_a_value_that_is_none_has_its_default_and_is_told(part, words, value, expected):
+    loaded, note = told(part)
+    assert value(loaded) == expected
+    assert note.startswith("a.world:") and "; expected " in note
+    assert all(word in note for word in words)
+
+
+def test_a_robot_that_lacks_nothing_but_a_part_is_spawned_with_the_message():
+    found = model(LINK + "<joint name='j' type='fixed'><parent>link</parent><child>gone</child></joint>"
+                  "<plugin name='p'/>")
+    assert [link.name for link in found.links] == ["link"] and found.joints == found.plugins == ()
+    assert ["left out" in note for note in found.notes] == [True, True]
 
 
 @pytest.mark.parametrize("text, words", [
     ("<sdf version='1.6'>", "a.world:1: not well-formed"),
     ("<robot name='r'/>", "root element is <robot>.*expected <sdf>"),
-    ("<sdf version='1.6'/>", "0 <world> elements.*expected one"),
+    ("<sdf version='1.6'/>", "no <world>.*expected one"),
     ("<!DOCTYPE sdf [<!ENTITY a 'b'>]><sdf/>", "entity"),
 ])
 def test_documents_that_are_no_world_are_refused(text, words):
@@ -392,8 +511,8 @@ def test_missing_world_file_is_named(tmp_path):
 
 
 def test_models_for_spawning_are_refused_as_models():
-    with pytest.raises(ModelError, match='unknown geometry "x"'):
-        load_sdf_models("<sdf version='1.6'>{}</sdf>".format(collision("<x/>")))
+    with pytest.raises(ModelError, match="attribute name is missing"):
+        load_sdf_models("<sdf version='1.6'><model/></sdf>")
     with pytest.raises(ModelError, match="no model is in it"):
         load_sdf_models("<sdf version='1.6'/>")
 
@@ -410,7 +529,10 @@ def test_what_is_not_read_is_told_once_with_its_line():
     loaded = world("<scene/><gui/><audio/><wind/><spherical_coordinates/><actor name='a'/>",
                    static("m", LINK + "<gripper name='g'/>"), static("n", LINK + "<gripper name='g'/>"))
     assert [("<actor>" in note, "<gripper>" in note, note.startswith("a.world:")) for note in loaded.notes] == [
-        (True, False, True), (False, True, True)]
+        (False, True, True), (True, False, True)]
+    remark, = loaded.remarks
+    assert remark.startswith("a.world: without effect") and remark.count("(line 3)") == 5
+    assert "<scene> in <world> (line 3)" in remark
 
 
 def test_blocks_that_gazebo_saves_by_default_are_not_told():

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.plugin_spec import read_plugin, tag_value
-from m2wr_sim.model.safe_xml import fail, line_of, parse_float, parse_int, parse_vector, shorten
+from m2wr_sim.model.safe_xml import XmlError, fail, line_of, parse_float, parse_int, parse_vector, shorten
+from m2wr_sim.model.sdf_node import Node, shown
 from m2wr_sim.model.sdf_sensor import read_sensor
 from m2wr_sim.model.sdf_shapes import read_surface
 
@@ -16,12 +17,13 @@ _COLLISION_TAGS = frozenset(_SURFACE_TAGS) | {"fdir1", "maxContacts", "laserRetr
 _LINK_TAGS = frozenset(("turnGravityOff", "dampingFactor", "selfCollide", "gravity", "self_collide", "kinematic",
                         "velocity_decay"))
 _LINK_BLOBS = frozenset(("sensor", "collision", "material"))
-_LINK_SILENT = frozenset(("canonicalBody", "visual", "light", "projector", "audio_sink", "enable_wind"))
+_LINK_QUIET = frozenset(("canonicalBody", "visual", "light", "projector", "audio_sink", "audio_source", "enable_wind"))
 _AXIS_TAGS = {"stopErp": "stop_erp", "stopCfm": "stop_cfm", "springStiffness": "spring_stiffness",
-              "springReference": "spring_reference"}
+              "springReference": "spring_reference", "fudgeFactor": "fudge_factor"}
 _JOINT_TAGS = frozenset(_AXIS_TAGS) | {"disableFixedJointLumping", "preserveFixedJoint"}
-_JOINT_SILENT = frozenset(("provideFeedback", "cfmDamping", "implicitSpringDamper"))
+_JOINT_QUIET = frozenset(("provideFeedback", "cfmDamping", "implicitSpringDamper"))
 _MODEL_TAGS = frozenset(("static", "plugin", "self_collide", "allow_auto_disable"))
+_MODEL_QUIET = frozenset(("enable_wind", "canonicalBody"))
 _INSTEAD = {
     "mu": "<mu1> and <mu2> are read", "plugin": "a plugin is read inside a <sensor>, or in a <gazebo> block without "
     "reference", "pose": "the joint's <origin> places a link", "inertial": "the URDF link's <inertial> is read",
@@ -74,26 +76,38 @@ class GazeboTags:
                 notes.add('{}: <gazebo reference="{}"> names no link or joint of the robot and has no effect (links: '
                           '{}; joints: {}).'.format(line_of(block), reference, ", ".join(sorted(links)),
                                                     ", ".join(sorted(joints)) or "none"))
-        self._note_unread(joints)
+        self._note_unread()
 
-    def _note_unread(self, joints):
+    def _note_unread(self):
         both = set(self._links) & set(self._joints)
         for name, elements in self._links.items():
-            known = _COLLISION_TAGS | _LINK_TAGS | _LINK_BLOBS | _LINK_SILENT
-            self._unread(elements, known | (_JOINT_TAGS | _JOINT_SILENT if name in both else frozenset()),
+            joint_tags, joint_quiet = (_JOINT_TAGS, _JOINT_QUIET) if name in both else (frozenset(), frozenset())
+            self._unread(elements, _COLLISION_TAGS | _LINK_TAGS | _LINK_BLOBS | joint_tags, _LINK_QUIET | joint_quiet,
                          'link "{}"'.format(name))
         for name, elements in self._joints.items():
             if name not in both:
-                self._unread(elements, _JOINT_TAGS | _JOINT_SILENT, 'joint "{}"'.format(name))
-        self._unread(self._model, _MODEL_TAGS | {"enable_wind"}, "the model")
+                self._unread(elements, _JOINT_TAGS, _JOINT_QUIET, 'joint "{}"'.format(name))
+        self._unread(self._model, _MODEL_TAGS, _MODEL_QUIET, "the model")
 
-    def _unread(self, elements, known, owner):
+    def _unread(self, elements, known, quiet, owner):
         for element in elements:
-            if element.tag not in known:
-                instead = _INSTEAD.get(element.tag)
-                self._notes.add("{}: <{}> in a <gazebo> block of {} is not read{}.".format(
-                    line_of(element), element.tag, owner, "; " + instead if instead else ""),
-                    ("gazebo", element.tag, owner.split(" ")[0]))
+            if element.tag in known:
+                continue
+            if element.tag in quiet:
+                self._notes.remark(element, "a <gazebo> block")
+                continue
+            instead = _INSTEAD.get(element.tag)
+            self._notes.add("{}: <{}> in a <gazebo> block of {} is not read{}.".format(
+                line_of(element), element.tag, owner, "; " + instead if instead else ""),
+                ("gazebo", element.tag, owner.split(" ")[0]))
+
+    def _value(self, element, parse, default):
+        """Return ``parse(element)``; where the tag holds no such value that is told, and the default taken."""
+        try:
+            return parse(element)
+        except XmlError as error:
+            self._notes.add("{}; {} is taken.".format(error, shown(default)))
+            return default
 
     def _last(self, elements, tag):
         """Return the last element of a tag (later blocks win), or None."""
@@ -105,18 +119,20 @@ class GazeboTags:
     def model_switch(self, tag, default):
         """Return a model-level truth value such as ``static``."""
         element = self._last(self._model, tag)
-        return default if element is None else tag_bool(element)
+        return default if element is None else self._value(element, tag_bool, default)
 
     def model_plugins(self):
-        """Return the PluginSpecs of the model, in document order."""
-        return tuple(read_plugin(element) for element in self._model if element.tag == "plugin")
+        """Return the PluginSpecs of the model, in document order; what cannot be read is left out (noted)."""
+        found = (self._notes.attempt("this plugin", read_plugin, element, None, self._notes)
+                 for element in self._model if element.tag == "plugin")
+        return tuple(plugin for plugin in found if plugin is not None)
 
     # -- joints -------------------------------------------------------------------------------------------------
 
     def joint_switch(self, joint, tag):
         """Return a joint-level truth value, False where it is not given."""
         element = self._last(self._joints.get(joint, ()), tag)
-        return False if element is None else tag_bool(element)
+        return False if element is None else self._value(element, tag_bool, False)
 
     def joint_axis(self, joint, axis):
         """Return an Axis with what the joint's tags tell of stops and springs put in."""
@@ -124,7 +140,7 @@ class GazeboTags:
         for tag, name in _AXIS_TAGS.items():
             element = self._last(elements, tag)
             if element is not None:
-                axis = replace(axis, **{name: tag_float(element)})
+                axis = replace(axis, **{name: self._value(element, tag_float, getattr(axis, name))})
         return axis
 
     # -- links --------------------------------------------------------------------------------------------------
@@ -165,18 +181,23 @@ class GazeboTags:
     def _apply(self, collision, element):
         tag = element.tag
         if tag == "maxContacts":
-            return replace(collision, max_contacts=parse_int(element, tag_value(element), tag, 0))
+            return replace(collision, max_contacts=self._value(
+                element, lambda given: parse_int(given, tag_value(given), tag, 0), collision.max_contacts))
         if tag == "laserRetro":
-            return replace(collision, laser_retro=tag_float(element))
+            return replace(collision, laser_retro=self._value(element, tag_float, collision.laser_retro))
         if tag == "collision":
-            self._notes.unread(element, ("surface", "max_contacts", "laser_retro"))
-            surface = read_surface(element.find("surface"), self._notes, collision.surface)
-            return replace(collision, surface=surface)
-        if tag == "fdir1":
-            surface = replace(collision.surface, fdir1=parse_vector(element, tag_value(element), 3, tag))
-        else:
-            surface = replace(collision.surface, **{_SURFACE_TAGS[tag]: tag_float(element)})
-        return replace(collision, surface=surface)
+            node = Node(element, self._notes, "collision")
+            surface = read_surface(node.child("surface"), collision.surface)
+            collision = replace(collision, surface=surface,
+                                max_contacts=node.whole("max_contacts", collision.max_contacts, 0),
+                                laser_retro=node.number("laser_retro", collision.laser_retro))
+            node.attribute("name")
+            node.done()
+            return collision
+        name = "fdir1" if tag == "fdir1" else _SURFACE_TAGS[tag]
+        parse = (lambda given: parse_vector(given, tag_value(given), 3, tag)) if tag == "fdir1" else tag_float
+        value = self._value(element, parse, getattr(collision.surface, name))
+        return replace(collision, surface=replace(collision.surface, **{name: value}))
 
     def material(self, visual, carrier, sources):
         """Return the Gazebo material name that reaches a Visual, or None; the rule is that of collisions."""
@@ -190,19 +211,24 @@ class GazeboTags:
     def link_values(self, sources):
         """Return the keyword arguments of Link that the tags of these links set; later ones win."""
         values = {}
+
+        def take(name, element, parse, default):
+            values[name] = self._value(element, parse, values.get(name, default))
+
         for element in (element for source in sources for element in self._links.get(source, ())):
             if element.tag == "turnGravityOff":
-                values["gravity"] = not tag_bool(element)
+                take("gravity", element, lambda given: not tag_bool(given), True)
             elif element.tag in ("gravity", "kinematic"):
-                values[element.tag] = tag_bool(element)
+                take(element.tag, element, tag_bool, element.tag == "gravity")
             elif element.tag in ("selfCollide", "self_collide"):
-                values["self_collide"] = tag_bool(element)
+                take("self_collide", element, tag_bool, False)
             elif element.tag == "dampingFactor":
-                values["linear_damping"] = values["angular_damping"] = tag_float(element)
+                take("linear_damping", element, tag_float, 0.0)
+                take("angular_damping", element, tag_float, 0.0)
             elif element.tag == "velocity_decay":
                 for child, name in (("linear", "linear_damping"), ("angular", "angular_damping")):
                     if element.find(child) is not None:
-                        values[name] = tag_float(element.find(child))
+                        take(name, element.find(child), tag_float, 0.0)
         return values
 
     def sensors(self, carrier, lumped):
@@ -223,7 +249,9 @@ class GazeboTags:
             for element in self._links.get(source, ()):
                 if element.tag != "sensor":
                     continue
-                sensor = read_sensor(element, carrier, self._notes)
+                sensor = self._notes.attempt("this sensor", read_sensor, Node(element, self._notes), carrier)
+                if sensor is None:
+                    continue
                 pose = element.find("pose")
                 relative = None if pose is None else pose.get("relative_to") or pose.get("frame")
                 if relative:

@@ -66,6 +66,8 @@ def read_mesh_file(path):
         raise XmlError("{}: cannot be read: {}; expected a mesh file".format(
             shorten(path, 300), getattr(error, "strerror", None) or error)) from None
     parts = _checked(path, _read_collada(content, path) if kind == ".dae" else _read_plain(content, path, kind[1:]))
+    if status.st_size > _SLOW_BYTES:
+        log.info("%s: %d triangles", path, sum(len(part.triangles) for part in parts))
     _files[key] = parts
     while len(_files) > _KEPT_FILES:
         _files.popitem(last=False)

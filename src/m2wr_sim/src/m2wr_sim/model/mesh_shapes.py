@@ -7,10 +7,9 @@ import os
 import numpy as np
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.mesh_files import MAX_TRIANGLES, read_mesh_file
+from m2wr_sim.model.mesh_files import FARTHEST_VERTEX, MAX_TRIANGLES, read_mesh_file
 from m2wr_sim.model.mesh_polyline import extrude
-from m2wr_sim.model.safe_xml import (XmlError, child_bool, child_int, child_positive, child_text, child_vector, fail,
-                                     file_of, parse_vector, place)
+from m2wr_sim.model.safe_xml import XmlError, fail, file_of, parse_vector, place
 from m2wr_sim.model.types import Heightmap, Mesh
 
 _DEFAULT_SAMPLING = 2       # SDF's
@@ -36,31 +35,29 @@ class MeshReader:
 
     # ---- elements ----------------------------------------------------------------------------------------------
 
-    def mesh(self, element):
-        """Read ``<mesh>`` of SDF; returns a Mesh, or None where it has to be left out (noted).
+    def mesh(self, node):
+        """Read ``<mesh>`` of SDF, a Node; returns a Mesh, or None where it has to be left out (noted).
 
         Raises
         ------
         XmlError
             If the element itself is malformed.
         """
-        self._notes.unread(element, ("uri", "scale", "submesh"), ("filename",))
-        uri = child_text(element, "uri") or child_text(element, "filename")
+        uri = node.text("uri") or node.text("filename")
         if not uri:
-            fail(element, "<uri> is missing or empty", "the file of the mesh there")
-        scale = child_vector(element, "scale", 3, (1.0, 1.0, 1.0))
+            node.fail("<uri> is missing or empty", "the file of the mesh there")
+        scale, submesh = node.strict_vector("scale", 3, (1.0, 1.0, 1.0)), node.child("submesh")
         if 0.0 in scale:
-            fail(element.find("scale"), "scale is {:g} {:g} {:g}".format(*scale), "three numbers that are not 0")
-        submesh = element.find("submesh")
-        name = None if submesh is None else child_text(submesh, "name")
-        return self._mesh(element, uri, scale, name, child_bool(submesh, "center", False) if name else False)
+            fail(node.child("scale").element, "scale is {:g} {:g} {:g}".format(*scale), "three numbers that are not 0")
+        name, centred = submesh.text("name") or None, submesh.flag("center", False)
+        return self._mesh(node.element, uri, scale, name, bool(name) and centred)
 
     def urdf_mesh(self, element, filename, scale):
         """Return the Mesh of a URDF ``<mesh>``, or None where it has to be left out (noted)."""
         return self._mesh(element, filename, tuple(float(value) for value in scale or (1.0, 1.0, 1.0)), None, False)
 
-    def heightmap(self, element):
-        """Read ``<heightmap>``; returns a Heightmap, or None where it has to be left out (noted).
+    def heightmap(self, node):
+        """Read ``<heightmap>``, a Node; returns a Heightmap, or None where it has to be left out (noted).
 
         The brightest pixel stands as high as ``<size>`` says, black at 0; between pixels heights are interpolated, so
         that each pixel gives ``<sampling>`` samples a side.
@@ -70,14 +67,14 @@ class MeshReader:
         XmlError
             If the element itself is malformed.
         """
-        self._notes.unread(element, ("uri", "size", "pos", "sampling"), ("texture", "blend", "use_terrain_paging"))
-        uri = child_text(element, "uri")
+        uri, element = node.text("uri"), node.element
         if not uri:
-            fail(element, "<uri> is missing or empty", "the picture with the heights there")
-        size, position = child_vector(element, "size", 3, (1.0, 1.0, 1.0)), child_vector(element, "pos", 3, (0.0,) * 3)
-        if min(size[0], size[1]) <= 0.0:
-            fail(element.find("size"), "size is {:g} {:g} {:g}".format(*size), "a positive extent in x and y")
-        sampling = child_int(element, "sampling", _DEFAULT_SAMPLING, 1)
+            node.fail("<uri> is missing or empty", "the picture with the heights there")
+        size, position = node.strict_vector("size", 3, (1.0, 1.0, 1.0)), node.vector("pos", 3, (0.0,) * 3)
+        if min(size[0], size[1]) <= 0.0 or max(abs(value) for value in size) > FARTHEST_VERTEX:
+            fail(node.child("size").element, "size is {:g} {:g} {:g}".format(*size),
+                 "a positive extent in x and y, of at most {:g} m".format(FARTHEST_VERTEX))
+        sampling = node.whole("sampling", _DEFAULT_SAMPLING, 1)
         try:
             path = self._find(uri, element)
             levels = _read_levels(path)
@@ -95,7 +92,7 @@ class MeshReader:
                 place(element), uri, wanted, MAX_TRIANGLES, sampling))
         return Heightmap(_sampled(heights, sampling), (size[0], size[1]), position, path)
 
-    def polyline(self, elements):
+    def polyline(self, nodes):
         """Read the ``<polyline>`` elements of one geometry, which make one body; returns a Mesh.
 
         Raises
@@ -104,20 +101,22 @@ class MeshReader:
             If an outline has fewer than three corners or the height is not positive.
         """
         outlines = []
-        for element in elements:
-            self._notes.unread(element, ("point", "height"))
-            corners = [parse_vector(point, point.text, 2, "point") for point in element.findall("point")]
+        for node in nodes:
+            corners = [parse_vector(point.element, point.own_text(), 2, "point") for point in node.children("point")]
             if len(corners) > 1 and corners[0] == corners[-1]:
                 corners.pop()
             if len(corners) < 3:
-                fail(element, "there are {} different <point> elements".format(len(corners)), "at least three")
+                node.fail("there are {} different <point> elements".format(len(corners)), "at least three")
             outlines.append(corners)
-        if elements[0].find("height") is None:
-            fail(elements[0], "<height> is missing", "a positive number there")
-        vertices, triangles = extrude(outlines, child_positive(elements[0], "height"))
+            node.text("height")         # that of the first counts for all
+        height = nodes[0].positive("height")
+        if max(height, max(abs(value) for corners in outlines for corner in corners for value in corner)) \
+                > FARTHEST_VERTEX:
+            nodes[0].fail("a corner lies beyond {:g} m".format(FARTHEST_VERTEX), "corners within that")
+        vertices, triangles = extrude(outlines, height)
         if not len(triangles):
-            fail(elements[0], "the outline encloses no area", "corners that are not all on one line")
-        return Mesh(vertices, triangles, place(elements[0]))
+            nodes[0].fail("the outline encloses no area", "corners that are not all on one line")
+        return Mesh(vertices, triangles, nodes[0].place)
 
     # ---- files -------------------------------------------------------------------------------------------------
 
@@ -140,6 +139,9 @@ class MeshReader:
             used = vertices[triangles.ravel()]
             vertices = vertices - 0.5 * (used.min(axis=0) + used.max(axis=0))
         vertices = np.ascontiguousarray(vertices * scale)
+        if not np.all(np.abs(vertices) <= FARTHEST_VERTEX):
+            return self._leave_out(element, "mesh {}: scaled by {:g} {:g} {:g} it reaches beyond {:g} m".format(
+                uri, *scale, FARTHEST_VERTEX))
         if np.prod(np.sign(scale)) < 0.0:       # a mirror turns the faces inside out
             triangles = triangles[:, ::-1]
         return Mesh(vertices, np.ascontiguousarray(triangles, dtype=np.int32), path)

@@ -1,7 +1,11 @@
-"""What was read but not used: one sentence a subject, so that nothing is ignored in silence."""
+"""What was read but not used: one sentence a subject, so that nothing is ignored in silence.
+
+Three degrees: a *fault* made something be left out, a *note* is worth a warning, a *remark* names what belongs to
+viewers or other programs and is gathered into one quiet sentence.
+"""
 from lxml import etree
 
-from m2wr_sim.model.safe_xml import line_of
+from m2wr_sim.model.safe_xml import XmlError, file_of
 
 
 class Notes:
@@ -10,6 +14,8 @@ class Notes:
     def __init__(self):
         self._subjects = set()
         self._sentences = []
+        self._faults = []
+        self._quiet = {}
 
     def add(self, sentence, subject=None):
         """Add a sentence unless its ``subject`` (by default the sentence itself) was told before."""
@@ -18,23 +24,48 @@ class Notes:
             self._subjects.add(key)
             self._sentences.append(sentence)
 
-    def unread(self, element, read, silent=()):
-        """Note every child of ``element`` that is neither in ``read`` nor in ``silent``, once for each tag.
+    def remark(self, element, holder):
+        """Note that ``element``, which stands in a ``holder`` (``<world>``), has no part in the simulation."""
+        name = etree.QName(element).localname
+        if (holder, name) not in self._quiet:
+            self._quiet[holder, name] = (file_of(element), element.sourceline)
+
+    def attempt(self, part, function, *arguments, subject=None):
+        """Call ``function(*arguments)`` to read a part; where that cannot be read, it is left out and told.
 
         Parameters
         ----------
-        element : lxml element
-            Its own tag and the child's tag make up the subject.
-        read, silent : containers of str
-            Tags that are used, and tags that have no part in the simulation (colours, window layout, ...).
+        part : str
+            What is left out then: ``this collision``.
+        subject : hashable, optional
+            See :meth:`add`.
+
+        Returns
+        -------
+        object or None
+            What the function returns; None where it raised an XmlError.
         """
-        for child in element:
-            tag = child.tag
-            if tag in read or tag in silent:
-                continue
-            parent, name = etree.QName(element).localname, etree.QName(child).localname
-            self.add("{}: <{}> in <{}> is not read.".format(line_of(child), name, parent), ("unread", parent, tag))
+        try:
+            return function(*arguments)
+        except XmlError as error:
+            self._faults.append(error)
+            self.add("{}; {} is left out.".format(error, part), subject)
+            return None
 
     def sentences(self):
         """Return the sentences in the order they came, as a tuple."""
         return tuple(self._sentences)
+
+    def faults(self):
+        """Return the errors of the parts that were left out, as a tuple."""
+        return tuple(self._faults)
+
+    def remarks(self):
+        """Return the one quiet sentence about what has no part in the simulation, as a tuple; empty without any."""
+        if not self._quiet:
+            return ()
+        files = {}
+        for (holder, name), (file, line) in self._quiet.items():
+            files.setdefault(file, []).append("<{}> in {} (line {})".format(name, holder, line))
+        return ("; ".join("{}: without effect on the simulation: {}".format(file, ", ".join(told))
+                          for file, told in files.items()) + ".",)

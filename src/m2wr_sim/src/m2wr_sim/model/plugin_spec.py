@@ -1,7 +1,7 @@
 """A ``<plugin>`` element of SDF or of a URDF ``<gazebo>`` block -> PluginSpec."""
 from lxml import etree
 
-from m2wr_sim.model.safe_xml import fail, line_of
+from m2wr_sim.model.safe_xml import fail, line_of, place
 from m2wr_sim.model.types import PluginSpec
 
 
@@ -21,7 +21,7 @@ def _parameters(element, prefix=""):
             yield from _parameters(child, tag + "/")
 
 
-def read_plugin(element, reference=None):
+def read_plugin(element, reference=None, notes=None):
     """Read one ``<plugin name= filename=>``.
 
     Parameters
@@ -30,6 +30,8 @@ def read_plugin(element, reference=None):
         The plugin; its children become (tag, text) pairs, deeper ones under ``tag/tag``.
     reference : str or None
         Link that a sensor plugin belongs to.
+    notes : Notes or None
+        Told where the plugin has no name, which Gazebo asks for.
 
     Returns
     -------
@@ -43,6 +45,11 @@ def read_plugin(element, reference=None):
     filename = (element.get("filename") or "").strip()
     if not filename:
         fail(element, "attribute filename is missing or empty", "the library's file name, e.g. libgazebo_ros_laser.so")
-    name = (element.get("name") or "").strip() or filename
+    name = (element.get("name") or "").strip()
+    if not name:
+        name = filename
+        if notes is not None:
+            notes.add("{}: attribute name is missing or empty; expected a name; {} is taken.".format(
+                place(element), filename))
     return PluginSpec(name=name, filename=filename, parameters=tuple(_parameters(element)), reference=reference,
                       where='{}: plugin "{}" ({})'.format(line_of(element), name, filename))

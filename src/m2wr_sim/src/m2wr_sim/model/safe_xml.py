@@ -10,7 +10,6 @@ from xml.parsers import expat
 from lxml import etree
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy
 
 MAX_BYTES = 256 * 1024 * 1024      # large enough for worlds saved with inline meshes, small enough for a laptop
 _HUGE_BYTES = 8 * 1024 * 1024      # libxml2 needs its "huge" switch from 10 MB on; below it the depth limit stays
@@ -83,7 +82,7 @@ def parse_xml(text, source):
     """
     encoding = "utf-8" if isinstance(text, str) else None
     data = text.encode("utf-8", "replace") if isinstance(text, str) else bytes(text)
-    if not data.strip():
+    if not data or data.isspace():
         raise XmlError("{}: the document is empty; expected XML".format(source))
     if len(data) > MAX_BYTES:
         raise XmlError("{}: the document has {} MB; expected at most {} MB".format(
@@ -212,59 +211,3 @@ def parse_int(element, text, what="value", lowest=None):
         fail(element, '{} is "{}"'.format(what, shorten(text)),
              "a whole number" + ("" if lowest is None else " of at least {}".format(lowest)))
     return int(value)
-
-
-def parse_pose(element, text):
-    """Return a pose from ``x y z roll pitch yaw`` [m, rad]; empty text gives the identity, as in SDF."""
-    if not text.strip():
-        return IDENTITY
-    words = text.split()
-    if len(words) != 6:
-        fail(element, 'pose is "{}"'.format(shorten(text)), "six numbers: x y z roll pitch yaw")
-    numbers = tuple(parse_float(element, word, "pose") for word in words)
-    return numbers[:3], quaternion_from_rpy(*numbers[3:])
-
-
-# -- values from child elements ------------------------------------------------------------------------------------
-
-def child_text(parent, tag):
-    """Return the stripped text of the first child ``tag``, or None where it is missing or ``parent`` is None."""
-    child = None if parent is None else parent.find(tag)
-    return None if child is None else (child.text or "").strip()
-
-
-def _from_child(parent, tag, default, parse, *extra):
-    text = child_text(parent, tag)
-    return default if not text else parse(parent.find(tag), text, tag, *extra)
-
-
-def child_float(parent, tag, default, allow_infinite=False):
-    """Return the number in child ``tag``, or ``default`` where it is missing or empty."""
-    return _from_child(parent, tag, default, parse_float, allow_infinite)
-
-
-def child_int(parent, tag, default, lowest=None):
-    """Return the whole number in child ``tag``, or ``default`` where it is missing or empty."""
-    return _from_child(parent, tag, default, parse_int, lowest)
-
-
-def child_bool(parent, tag, default):
-    """Return the truth value in child ``tag``, or ``default`` where it is missing or empty."""
-    return _from_child(parent, tag, default, parse_bool)
-
-
-def child_vector(parent, tag, count, default):
-    """Return the tuple of ``count`` numbers in child ``tag``, or ``default`` where it is missing or empty."""
-    text = child_text(parent, tag)
-    return default if not text else parse_vector(parent.find(tag), text, count, tag)
-
-
-def child_positive(parent, tag):
-    """Return the positive number in child ``tag``, which must be there."""
-    text = child_text(parent, tag)
-    if text is None:
-        fail(parent, "<{}> is missing".format(tag), "a positive number there")
-    value = parse_float(parent.find(tag), text, tag)
-    if value <= 0.0:
-        fail(parent.find(tag), "{} is {}".format(tag, text), "a positive number")
-    return value

@@ -1,23 +1,25 @@
 """SDF files: worlds for the simulator to load, and models for spawning.
 
-Reads SDF 1.4 to 1.7.  What has no part in the simulation (colours, scene, window layout, sound) is passed over;
-whatever else is not read is named in the ``notes``.
+Reads SDF 1.4 to 1.7.  What cannot be used is left out in its smallest part (a collision, a joint, a model, an include)
+and named in the ``notes`` with file, line, element and what was expected; so is whatever is not read.  What has no part
+in the simulation (colours, scene, window layout, sound) is gathered in one quiet sentence, the ``remarks``.
 """
+import logging
 from dataclasses import replace
 
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.plugin_spec import read_plugin
-from m2wr_sim.model.safe_xml import errors_as, fail, line_of, parse_xml, read_file, required_name
+from m2wr_sim.model.safe_xml import errors_as, fail, parse_xml, read_file
 from m2wr_sim.model.sdf_frames import Frames, raw_pose
 from m2wr_sim.model.sdf_light import read_light
-from m2wr_sim.model.sdf_model import SdfContext, check_root, read_include, read_model
+from m2wr_sim.model.sdf_model import SdfContext, add_frames, check_root, read_include, read_model, read_plugins
+from m2wr_sim.model.sdf_node import Node
 from m2wr_sim.model.sdf_physics import read_physics, read_state
 from m2wr_sim.model.types import World
 
-_WORLD_READ = frozenset(("model", "include", "light", "physics", "gravity", "plugin", "state", "frame"))
-_WORLD_SILENT = frozenset(("scene", "gui", "audio", "wind", "atmosphere", "magnetic_field", "spherical_coordinates",
-                           "road"))
+log = logging.getLogger(__name__)
+
+_SLOW_BYTES = 4 * 1024 * 1024       # from here on it is said that a document is being read
 
 
 class _Contents:
@@ -28,55 +30,70 @@ class _Contents:
         self.models = {}
         self.lights = {}
 
-    def add_model(self, model, element):
+    def add_model(self, model, node, relative_to):
         if not model.links:
-            self._notes.add('{}: model "{}" has no link; it is skipped.'.format(line_of(element), model.name))
+            self._notes.add('{}: model "{}" has no link; it is skipped.'.format(node.line, model.name))
         elif model.name in self.models:
             self._notes.add('{}: a model "{}" is there already; this one is skipped (name it otherwise).'.format(
-                line_of(element), model.name))
+                node.line, model.name))
         else:
-            self.models[model.name] = (model, element)
+            self.models[model.name] = (model, node, relative_to)
 
-    def add_light(self, light, element):
+    def add_light(self, light, node):
         if light.name in self.lights:
-            self._notes.add('{}: a light "{}" is there already; this one is skipped.'.format(
-                line_of(element), light.name))
+            self._notes.add('{}: a light "{}" is there already; this one is skipped.'.format(node.line, light.name))
         self.lights.setdefault(light.name, light)
 
     def read(self, parent, context):
-        """Read every model, include and light that stands directly in ``parent``."""
-        for child in parent:
-            if child.tag == "model":
-                self.add_model(read_model(child, context), child)
-            elif child.tag == "light":
-                self.add_light(read_light(child, self._notes), child)
-            elif child.tag == "include":
+        """Read every model, include and light that stands directly in ``parent``, a Node."""
+        nodes = {tag: iter(parent.children(tag)) for tag in ("model", "include", "light")}
+        for tag in parent.tags():
+            if tag not in nodes:
+                continue
+            child = next(nodes[tag])
+            relative_to = raw_pose(child)[1]
+            if tag == "include":
                 model, lights = read_include(child, context)
-                if model is not None:
-                    self.add_model(model, child)
-                for light in lights:
+            elif tag == "model":
+                model, lights = self._notes.attempt("this model", read_model, child, context), ()
+            else:
+                model, lights = None, (self._notes.attempt("this light", read_light, child),)
+            if model is not None:
+                self.add_model(model, child, relative_to)
+            elif tag != "light" or lights[0] is None:
+                child.pass_over()
+            for light in lights:
+                if light is not None:
                     self.add_light(light, child)
 
-    def placed(self, parent, notes):
+    def placed(self, parent):
         """Return the models in load order, with poses relative to other models or frames brought to the world."""
-        frames = Frames(notes, roots=("world",))
-        for name, (model, element) in self.models.items():
-            frames.add(name, model.pose, raw_pose(element)[1], element)
-        for element in parent.findall("frame"):
-            pose, relative_to = raw_pose(element)
-            frames.add(required_name(element), pose, relative_to or element.get("attached_to") or None, element)
-        return tuple(replace(model, pose=frames.resolve(name)) for name, (model, _) in self.models.items())
+        frames = Frames(self._notes, roots=("world",))
+        for name, (model, node, relative_to) in self.models.items():
+            frames.add(name, model.pose, relative_to, node)
+        add_frames(parent, frames)
+        frames.settle()
+        return tuple(replace(model, pose=frames.resolve(name)) for name, (model, _, _) in self.models.items())
 
 
 def _is_text(path_or_text):
     return isinstance(path_or_text, bytes) or "<" in path_or_text
 
 
-def _world_element(root):
+def _world_element(root, notes):
     worlds = root.findall("world")
-    if len(worlds) != 1:
-        fail(root, "the file has {} <world> elements".format(len(worlds)), "one <world>")
+    if not worlds:
+        fail(root, "the file has no <world>", "one <world>")
+    if len(worlds) > 1:
+        notes.add("{}: the file has {} worlds; the first is taken.".format(Node(worlds[1], notes).line, len(worlds)))
     return worlds[0]
+
+
+def _parse(text, source):
+    """Return the root element; long documents are announced, since they take a while."""
+    if len(text) > _SLOW_BYTES:
+        log.info("reading %s (%d MB)", source, len(text) // 2 ** 20)
+    return parse_xml(text, source)
 
 
 def load_world(path_or_text, source=None, resolve_model=None):
@@ -100,8 +117,8 @@ def load_world(path_or_text, source=None, resolve_model=None):
     Raises
     ------
     WorldError
-        If the file is missing or malformed, or an element in it (or in an included file) cannot be used; the message
-        names file, line, element and what was expected.
+        If the file is missing, is no XML, or holds no world; the message names file, line and what was expected.
+        Everything else that is wrong costs only its own part of the world: see the ``notes``.
     """
     with errors_as(WorldError):
         if _is_text(path_or_text):
@@ -110,27 +127,26 @@ def load_world(path_or_text, source=None, resolve_model=None):
             source = source or path_or_text
             text = read_file(path_or_text)
         notes = Notes()
-        root = parse_xml(text, source)
+        root = _parse(text, source)
         check_root(root, notes)
-        element = _world_element(root)
-        return _read_world(element, SdfContext(notes, resolve_model))
+        return _read_world(Node(_world_element(root, notes), notes), SdfContext(notes, resolve_model))
 
 
-def _read_world(element, context):
+def _read_world(node, context):
     notes = context.notes
-    notes.unread(element, _WORLD_READ, _WORLD_SILENT)
     contents = _Contents(notes)
-    contents.read(element, context)
-    state = element.find("state")
-    if state is not None:
-        for name in state.findall("deletions/name"):
-            contents.models.pop((name.text or "").strip(), None)
-        for insertions in state.findall("insertions"):
+    contents.read(node, context)
+    stored = node.children("state")
+    if stored:
+        for deletions in stored[0].children("deletions"):
+            for name in deletions.children("name"):
+                contents.models.pop(name.own_text(), None)
+        for insertions in stored[0].children("insertions"):
             contents.read(insertions, context)
-    return World(name=(element.get("name") or "").strip() or "default", models=contents.placed(element, notes),
-                 physics=read_physics(element, notes), lights=tuple(contents.lights.values()),
-                 plugins=tuple(read_plugin(child) for child in element.findall("plugin")),
-                 state=read_state(element, notes), notes=notes.sentences())
+    world = World(name=node.attribute("name") or "default", models=contents.placed(node), physics=read_physics(node),
+                  lights=tuple(contents.lights.values()), plugins=tuple(read_plugins(node)), state=read_state(node))
+    node.done()
+    return replace(world, notes=notes.sentences(), remarks=notes.remarks())
 
 
 def load_sdf_models(text, source="model_xml", resolve_model=None):
@@ -151,7 +167,7 @@ def load_sdf_models(text, source="model_xml", resolve_model=None):
     return models
 
 
-def load_sdf(text, source="model_xml", resolve_model=None):
+def load_sdf(text, source="model_xml", resolve_model=None, most_parts=None):
     """Load the models and lights of an SDF document, for spawning.
 
     Parameters
@@ -160,6 +176,8 @@ def load_sdf(text, source="model_xml", resolve_model=None):
         ``<sdf>`` with models in it, or with a world that holds or includes them.
     source, resolve_model
         As for :func:`load_world`.
+    most_parts : int or None
+        Most links and collisions, together; a model that goes beyond is left out.
 
     Returns
     -------
@@ -170,17 +188,20 @@ def load_sdf(text, source="model_xml", resolve_model=None):
     Raises
     ------
     ModelError
-        If the document is malformed, holds neither model nor light, or an element in it cannot be used.
+        If the document is malformed, or holds neither model nor light that can be used.
     """
     with errors_as(ModelError):
         notes = Notes()
-        root = parse_xml(text, source)
+        root = _parse(text, source)
         check_root(root, notes)
-        contents, context = _Contents(notes), SdfContext(notes, resolve_model)
-        parent = root.find("world") if root.find("world") is not None else root
+        contents, context = _Contents(notes), SdfContext(notes, resolve_model, most_parts=most_parts)
+        parent = Node(root.find("world") if root.find("world") is not None else root, notes)
         contents.read(parent, context)
-        models = contents.placed(parent, notes)
+        models = contents.placed(parent)
         if not models and not contents.lights:
+            if len(notes.faults()) == 1:
+                raise notes.faults()[0]
             details = " ".join(notes.sentences())
             fail(root, "no model is in it" + (" ({})".format(details) if details else ""), "a <model> with a link")
-        return [replace(model, notes=notes.sentences()) for model in models], list(contents.lights.values())
+        return ([replace(model, notes=notes.sentences(), remarks=notes.remarks()) for model in models],
+                list(contents.lights.values()))

@@ -1,32 +1,27 @@
 """``<model>`` and ``<include>`` of SDF -> Model; nested models are flattened into their outermost one."""
+import logging
 import os
 from dataclasses import dataclass, field, replace
 from typing import Any, Callable, Dict, Optional, Tuple
 
-from m2wr_sim.geometry import compose
+from m2wr_sim.geometry import compose, invert
 from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.model_folders import NEWEST_SDF, parse_version
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
-from m2wr_sim.model.safe_xml import (child_bool, child_float, child_text, fail, line_of, parse_bool, parse_xml, path_of,
-                                     place, read_file, required_name)
+from m2wr_sim.model.safe_xml import XmlError, fail, line_of, parse_xml, path_of, read_file
 from m2wr_sim.model.sdf_frames import Frames, raw_pose
 from m2wr_sim.model.sdf_joint import read_joint
 from m2wr_sim.model.sdf_light import read_light
+from m2wr_sim.model.sdf_node import Node
 from m2wr_sim.model.sdf_sensor import read_sensor
 from m2wr_sim.model.sdf_shapes import inertial_doubt, inertial_fault, read_collision, read_inertial, read_visual
 from m2wr_sim.model.types import Heightmap, Link, Model, Plane
 
-MAX_NESTING = 32
+log = logging.getLogger(__name__)
 
-_MODEL_READ = frozenset(("pose", "static", "self_collide", "allow_auto_disable", "plugin", "link", "joint", "model",
-                         "include", "frame"))
-_MODEL_SILENT = frozenset(("enable_wind", "description", "author"))
-_LINK_READ = frozenset(("pose", "inertial", "collision", "visual", "sensor", "gravity", "self_collide", "kinematic",
-                        "velocity_decay"))
-_LINK_SILENT = frozenset(("enable_wind", "light", "audio_sink", "audio_source", "must_be_base_link", "projector",
-                          "battery", "particle_emitter"))
-_INCLUDE_READ = frozenset(("uri", "name", "pose", "static", "plugin"))
+MAX_NESTING = 32
+_PROGRESS = 10000       # links between two lines about how far reading has come
 
 
 @dataclass
@@ -36,9 +31,28 @@ class SdfContext:
     notes: Notes
     resolve_model: Optional[Callable[[str], Optional[str]]] = None
     including: Tuple[str, ...] = ()
-    roots: Dict[str, Any] = field(default_factory=dict)     # file -> parsed root, each file is parsed once
-    models: Dict[Any, Model] = field(default_factory=dict)  # (file, static) -> model as the file has it
+    roots: Dict[str, Any] = field(default_factory=dict)     # file -> parsed root or its XmlError, each is parsed once
+    models: Dict[Any, Any] = field(default_factory=dict)    # (file, static) -> model as the file has it, or XmlError
     nesting: int = 0
+    most_parts: Optional[int] = None                        # links and collisions together; None: any number
+    links: int = 0
+    parts: int = 0
+
+    def count(self, node, collisions):
+        """Count a link that was read, and say now and then how many.
+
+        Raises
+        ------
+        XmlError
+            If there are more links and collisions than wanted.
+        """
+        self.links += 1
+        self.parts += 1 + collisions
+        if self.links % _PROGRESS == 0:
+            log.info("%d links read so far", self.links)
+        if self.most_parts is not None and self.parts > self.most_parts:
+            node.fail("up to here there are {} links and collisions".format(self.parts),
+                      "at most {}".format(self.most_parts))
 
 
 def version_of(element):
@@ -55,47 +69,61 @@ def check_root(root, notes):
             line_of(root), root.get("version"), *NEWEST_SDF))
 
 
-def _read_shapes(element, tag, reader, frames, link_name, notes):
+def _read_shapes(node, tag, reader, frames, link_name):
+    """Return the collisions or visuals of a link; ``reader(node, pose)`` reads one, or says that it is left out."""
     shapes, names = [], set()
-    for child in element.findall(tag):
-        shape = reader(child, frames.pose_in(child, link_name), notes)
+    for child in node.children(tag):
+        shape = node.notes.attempt("this " + tag, reader, child, frames.pose_in(child, link_name))
         if shape is None:
-            continue
-        if shape.name in names:
-            notes.add("{}: the link has another {} of this name; the first is kept.".format(place(child), tag))
-            continue
-        names.add(shape.name)
-        shapes.append(shape)
+            child.pass_over()
+        elif shape.name in names:
+            child.pass_over()
+            node.notes.add("{}: the link has another {} of this name; the first is kept.".format(child.place, tag))
+        else:
+            names.add(shape.name)
+            shapes.append(shape)
     return tuple(shapes)
 
 
-def _read_link(element, frames, static, self_collide, notes, files):
-    name = required_name(element)
-    notes.unread(element, _LINK_READ, _LINK_SILENT)
-    inertial_element = element.find("inertial")
-    decay = element.find("velocity_decay")
-    inertial_pose = None if inertial_element is None else frames.pose_in(inertial_element, name)
-    inertial = read_inertial(inertial_element, inertial_pose)
-    if not static:
-        fault = inertial_fault(inertial)
-        if fault is not None:
-            fail(element if inertial_element is None else inertial_element, fault[0], fault[1])
-        doubt = inertial_doubt(inertial)
-        if doubt is not None:
-            notes.add("{}: {}.".format(place(inertial_element), doubt))
-    collisions = _read_shapes(element, "collision", lambda *arguments: read_collision(*arguments, files), frames, name,
-                              notes)
+def _inertial(node, name, frames, static):
+    """Return the Inertial of a link; XmlError where a moving one would be no physical body."""
+    inertial_node = node.child("inertial")
+    inertial = read_inertial(inertial_node, frames.pose_in(inertial_node, name) if inertial_node else None)
+    if static:
+        return inertial
+    fault = inertial_fault(inertial)
+    if fault is not None:
+        fail(inertial_node.element if inertial_node else node.element, *fault)
+    doubt = inertial_doubt(inertial)
+    if doubt is not None:
+        node.notes.add("{}: {}.".format(inertial_node.place, doubt))
+    return inertial
+
+
+def _read_link(node, frames, static, self_collide, files):
+    """Read one ``<link>``; XmlError only where mass or inertia are none that a body can have."""
+    name, notes, decay = node.name(), node.notes, node.child("velocity_decay")
+    inertial = _inertial(node, name, frames, static)
+    collisions = _read_shapes(node, "collision", lambda *arguments: read_collision(*arguments, files), frames, name)
     if not static and any(isinstance(collision.geometry, (Plane, Heightmap)) for collision in collisions):
         notes.add("{}: a plane or heightmap in a model that is not static stays where the model is loaded.".format(
-            place(element)))
-    return Link(
+            node.place))
+    sensors = []
+    for child in node.children("sensor"):
+        sensor = notes.attempt("this sensor", read_sensor, child, name, lambda found: frames.pose_in(found, name))
+        if sensor is None:
+            child.pass_over()
+        else:
+            sensors.append(sensor)
+    raw_pose(node)      # its place is in the frames already
+    link = Link(
         name=name, pose=frames.resolve(name), inertial=inertial, collisions=collisions,
-        visuals=_read_shapes(element, "visual", read_visual, frames, name, notes),
-        sensors=tuple(read_sensor(child, name, notes, lambda sensor: frames.pose_in(sensor, name))
-                      for child in element.findall("sensor")),
-        gravity=child_bool(element, "gravity", True), self_collide=child_bool(element, "self_collide", self_collide),
-        kinematic=child_bool(element, "kinematic", False),
-        linear_damping=child_float(decay, "linear", 0.0), angular_damping=child_float(decay, "angular", 0.0))
+        visuals=_read_shapes(node, "visual", read_visual, frames, name), sensors=tuple(sensors),
+        gravity=node.flag("gravity", True), self_collide=node.flag("self_collide", self_collide),
+        kinematic=node.flag("kinematic", False),
+        linear_damping=decay.number("linear", 0.0), angular_damping=decay.number("angular", 0.0))
+    node.done()
+    return link
 
 
 def _scoped(prefix, model, model_from_nested):
@@ -112,67 +140,108 @@ def _scoped(prefix, model, model_from_nested):
     return links, joints, [prefix] + [scope(name) for name in model.nested]
 
 
-def _named_once(elements, kind, notes):
-    """Yield (name, element), leaving out later elements of a name already used (noted)."""
-    names = set()
-    for element in elements:
-        name = required_name(element)
-        if name in names:
+def _named_once(nodes, kind, notes):
+    """Return [(name, node)], leaving out those without a name and later ones of a name already used (noted)."""
+    found = {}
+    for node in nodes:
+        name = notes.attempt("this " + kind, node.name)
+        if name in found:
             notes.add('{}: there is another {} "{}" in <{}>; this one is skipped.'.format(
-                line_of(element), kind, name, path_of(element.getparent())))
-            continue
-        names.add(name)
-        yield name, element
-
-
-def _nested_models(element, context, static):
-    """Return [(Model, element, relative_to)] of the models inside a model, both inline and included."""
-    found, names = [], set()
-    for child in element:
-        if child.tag == "model":
-            model, relative_to = read_model(child, context, static), raw_pose(child)[1]
-        elif child.tag == "include":
-            model, relative_to = read_include(child, context, static)[0], raw_pose(child)[1]
+                node.line, kind, name, path_of(node.element.getparent())))
+        if name is None or name in found:
+            node.pass_over()
         else:
+            found[name] = node
+    return list(found.items())
+
+
+def _nested_models(node, context, static):
+    """Return [(Model, node, relative_to)] of the models inside a model, both inline and included."""
+    found, names, notes = [], set(), context.notes
+    models, includes = iter(node.children("model")), iter(node.children("include"))
+    for tag in node.tags():
+        if tag not in ("model", "include"):
             continue
+        child = next(models if tag == "model" else includes)
+        relative_to, stands_still = raw_pose(child)[1], child.flag("static", False)
+        if tag == "model":
+            model = notes.attempt("this model", read_model, child, context, static)
+        else:
+            model = read_include(child, context, static)[0]
         if model is None:
+            child.pass_over()
             continue
-        if not static and child_bool(child, "static", False):
-            context.notes.add('{}: nested model "{}" is static, but its outermost model is not; it is taken as '
-                              'moving.'.format(line_of(child), model.name))
+        if not static and stands_still:
+            notes.add('{}: nested model "{}" is static, but its outermost model is not; it is taken as '
+                      'moving.'.format(child.line, model.name))
         if model.name in names:
-            context.notes.add('{}: there is another nested model "{}"; this one is skipped.'.format(
-                line_of(child), model.name))
+            notes.add('{}: there is another nested model "{}"; this one is skipped.'.format(child.line, model.name))
             continue
         names.add(model.name)
         found.append((model, child, relative_to))
     return found
 
 
-def _frames_of(element, link_elements, nested, notes):
+def _frames_of(node, link_nodes, joint_nodes, nested):
     """Return the Frames of a model: links, joints, ``<frame>`` elements, nested models and their links."""
-    frames = Frames(notes)
-    for name, child in link_elements:
+    frames = Frames(node.notes)
+    for name, child in link_nodes:
         frames.add(name, *raw_pose(child), child)
     for model, child, relative_to in nested:
         frames.add(model.name, model.pose, relative_to, child)
         for link in model.links:
             frames.add(model.name + "::" + link.name, link.pose, model.name, child)
-    for child in element.findall("joint"):
+    add_frames(node, frames)
+    for name, child in joint_nodes:
         pose, relative_to = raw_pose(child)
-        frames.add(required_name(child), pose, relative_to or child_text(child, "child"), child)
-    for child in element.findall("frame"):
-        pose, relative_to = raw_pose(child)
-        frames.add(required_name(child), pose, relative_to or child.get("attached_to") or None, child)
+        relative_to = relative_to or child.text("child") or child.child("child").text("link")
+        if frames.knows(relative_to):       # otherwise there will be no such joint, which is told then
+            frames.add(name, pose, relative_to, child)
+    frames.settle()
     return frames
 
 
-def read_model(element, context, static=None):
+def add_frames(node, frames):
+    """Add the ``<frame>`` elements of a model or world."""
+    for name, child in _named_once(node.children("frame"), "frame", node.notes):
+        pose, relative_to = raw_pose(child)
+        frames.add(name, pose, relative_to or child.attribute("attached_to") or None, child)
+
+
+def read_plugins(node):
+    """Return the PluginSpecs of the ``<plugin>`` elements in a node; those that cannot be read are left out (noted)."""
+    found = []
+    for child in node.children("plugin"):
+        found.append(node.notes.attempt("this plugin", read_plugin, child.element, None, node.notes))
+        child.pass_over()
+    return [plugin for plugin in found if plugin is not None]
+
+
+def _joints(joint_nodes, links, frames, version, notes):
+    """Return the Joints that can be made; the others are left out (noted), as in Gazebo."""
+    poses, joints = {link.name: link.pose for link in links}, []
+    for _, child in joint_nodes:
+        joint = notes.attempt("this joint", read_joint, child, poses, frames, version)
+        if joint is None:
+            child.pass_over()
+        else:
+            joints.append(joint)
+    return joints
+
+
+def _put_down(node, pose, name, frames):
+    """Return the model's pose, where what ``<pose>`` places is another frame of it (SDF 1.8)."""
+    if not name:
+        return pose
+    return compose(pose, invert(frames.resolve(name, node)))
+
+
+def read_model(node, context, static=None):
     """Read one ``<model>``.
 
     Parameters
     ----------
-    element : lxml element
+    node : Node
     context : SdfContext
         Receives notes; finds included models.
     static : bool or None
@@ -186,59 +255,109 @@ def read_model(element, context, static=None):
     Raises
     ------
     XmlError
-        Where a name, number, geometry, inertia or joint is unusable, or models are nested too deep.
+        Where it has no name, a link that moves has no physical inertia, or models are nested too deep.  Whatever else
+        is unusable is left out of the model, and told.
     """
-    name, notes = required_name(element), context.notes
+    name, notes = node.name(), context.notes
     if context.nesting >= MAX_NESTING:
-        fail(element, "models are nested deeper than {}".format(MAX_NESTING), "fewer levels")
-    notes.unread(element, _MODEL_READ, _MODEL_SILENT)
-    if static is None:
-        static = child_bool(element, "static", False)
+        node.fail("models are nested deeper than {}".format(MAX_NESTING), "fewer levels")
+    own_static = node.flag("static", False)
+    static = own_static if static is None else static
     context.nesting += 1
-    nested = _nested_models(element, context, static)
+    nested = _nested_models(node, context, static)
     context.nesting -= 1
-    link_elements = list(_named_once(element.findall("link"), "link", notes))
-    frames = _frames_of(element, link_elements, nested, notes)
-    self_collide = child_bool(element, "self_collide", False)
+    link_nodes = _named_once(node.children("link"), "link", notes)
+    joint_nodes = _named_once(node.children("joint"), "joint", notes)
+    frames = _frames_of(node, link_nodes, joint_nodes, nested)
+    self_collide = node.flag("self_collide", False)
     files = MeshReader(notes, context.resolve_model)
-    links = [_read_link(child, frames, static, self_collide, notes, files) for _, child in link_elements]
-    joints, plugins, nested_names = [], [read_plugin(child) for child in element.findall("plugin")], []
+    links = []
+    for _, child in link_nodes:
+        links.append(_read_link(child, frames, static, self_collide, files))
+        context.count(child, len(links[-1].collisions))
+    plugins, joints, nested_names = read_plugins(node), [], []
     for model, _, _ in nested:
         more_links, more_joints, more_names = _scoped(model.name, model, frames.resolve(model.name))
         links, joints, nested_names = links + more_links, joints + more_joints, nested_names + more_names
         plugins.extend(model.plugins)
-    poses = {link.name: link.pose for link in links}
-    for _, child in _named_once(element.findall("joint"), "joint", notes):
-        joint = read_joint(child, poses, frames, version_of(child), notes)
-        if joint is not None:
-            joints.append(joint)
-    return Model(name=name, links=tuple(links), joints=tuple(joints), pose=raw_pose(element)[0], static=static,
-                 plugins=tuple(plugins), nested=tuple(nested_names),
-                 allow_auto_disable=child_bool(element, "allow_auto_disable", True))
+    joints += _joints(joint_nodes, links, frames, version_of(node.element), notes)
+    _tell_canonical(node, links)
+    pose = _put_down(node, raw_pose(node)[0], node.attribute("placement_frame"), frames)
+    model = Model(name=name, links=tuple(links), joints=tuple(joints), pose=pose, static=static,
+                  plugins=tuple(plugins), nested=tuple(nested_names),
+                  allow_auto_disable=node.flag("allow_auto_disable", True))
+    node.done()
+    return model
 
 
-def _find_included(element, context):
-    """Return (path, root) of the file an include names, or None where it is not on this machine (noted)."""
-    uri = child_text(element, "uri")
+def _tell_canonical(node, links):
+    canonical = node.attribute("canonical_link")
+    if canonical and links and canonical != links[0].name:
+        node.notes.add('{}: attribute canonical_link of <model> is "{}"; the first link, "{}", stands for the model '
+                       'here.'.format(node.line, canonical, links[0].name))
+
+
+def _find_included(node, context):
+    """Return (path, root element) of the file an include names, or None where it is not on this machine (noted)."""
+    uri = node.text("uri")
     if not uri:
-        fail(element, "<uri> is missing or empty", "model://NAME there")
+        node.fail("<uri> is missing or empty", "model://NAME there")
     path = None if context.resolve_model is None else context.resolve_model(uri)
     if path is None:
         context.notes.add("{}: {} was not found (searched: {}; nothing is downloaded); it is left out.".format(
-            line_of(element), uri, context.resolve_model or "no folders"))
+            node.line, uri, context.resolve_model or "no folders"))
         return None
     path = os.path.realpath(path)
     if path in context.including:
-        fail(element, "{} includes itself ({})".format(uri, " -> ".join(context.including + (path,))),
-             "includes that do not form a ring")
+        node.fail("{} includes itself ({})".format(uri, " -> ".join(context.including + (path,))),
+                  "includes that do not form a ring")
     if path not in context.roots:
-        context.roots[path] = parse_xml(read_file(path), path)
-        check_root(context.roots[path], context.notes)
-    return path, context.roots[path]
+        try:
+            context.roots[path] = parse_xml(read_file(path), path)
+            check_root(context.roots[path], context.notes)
+        except XmlError as error:
+            context.roots[path] = error
+    return path, _or_raise(context.roots[path])
 
 
-def read_include(element, context, static=None):
+def _or_raise(found):
+    if isinstance(found, XmlError):
+        raise found
+    return found
+
+
+def _included_model(element, path, static, context):
+    """Return the model in an included file; each file is read once for each ``static``.
+
+    Raises
+    ------
+    XmlError
+        If it cannot be made, the same for every include of it.
+    """
+    key = (path, static)
+    if key not in context.models:
+        outer, context.including = context.including, context.including + (path,)
+        nesting, context.nesting = context.nesting, context.nesting + 1
+        try:
+            context.models[key] = read_model(Node(element, context.notes), context, static)
+        except XmlError as error:
+            context.models[key] = error
+        context.nesting, context.including = nesting, outer
+    return _or_raise(context.models[key])
+
+
+def read_include(node, context, static=None):
     """Read one ``<include>``: the named model with the include's own name, pose, static and plugins.
+
+    An include that cannot be used, because its file is malformed, leaves its folder or includes itself, is left out
+    and told.
+
+    Parameters
+    ----------
+    node : Node
+    context : SdfContext
+    static : bool or None
+        As for :func:`read_model`.
 
     Returns
     -------
@@ -246,37 +365,46 @@ def read_include(element, context, static=None):
         None where the file holds a light, or nothing of use, or is not on this machine (both noted).
     lights : tuple of Light
         The light that the file holds, if any.
-
-    Raises
-    ------
-    XmlError
-        If the file is malformed or includes itself.
     """
-    context.notes.unread(element, _INCLUDE_READ)
-    found = _find_included(element, context)
+    found = context.notes.attempt("this include", _read_include, node, context, static,
+                                  subject=("include", node.text("uri")) if node.text("uri") else None)
+    if found is None:
+        node.pass_over()
+        return None, ()
+    node.done()
+    return found
+
+
+def _read_include(node, context, static):
+    found = _find_included(node, context)
+    plugins = read_plugins(node)
+    name, own_static, placed = node.text("name") or None, node.flag("static", None), node.text("placement_frame")
+    pose = raw_pose(node)[0]
+    _tell_merge(node)
     if found is None:
         return None, ()
     path, root = found
-    name = child_text(element, "name") or None
-    lights = root.findall("light")
-    model_element = root.find("model")
+    lights, model_element = root.findall("light"), root.find("model")
     if model_element is None:
         if not lights:
             context.notes.add("{}: {} ({}) holds neither <model> nor <light>; it is left out.".format(
-                line_of(element), child_text(element, "uri"), path))
-        found = tuple(read_light(light, context.notes) for light in lights[:1])
-        return None, tuple(replace(light, name=name or light.name) for light in found)
-    static_text = child_text(element, "static")
-    if static is None and static_text:
-        static = parse_bool(element.find("static"), static_text, "static")
-    key = (path, static)
-    if key not in context.models:
-        outer, context.including = context.including, context.including + (path,)
-        context.nesting += 1
-        context.models[key] = read_model(model_element, context, static)
-        context.nesting -= 1
-        context.including = outer
-    model = context.models[key]
-    pose = model.pose if element.find("pose") is None else raw_pose(element)[0]
-    return replace(model, name=name or model.name, pose=pose, plugins=model.plugins + tuple(
-        read_plugin(child) for child in element.findall("plugin"))), ()
+                node.line, node.text("uri"), path))
+        read = [read_light(Node(light, context.notes)) for light in lights[:1]]
+        return None, tuple(replace(light, name=name or light.name) for light in read)
+    try:
+        model = _included_model(model_element, path, own_static if static is None else static, context)
+    except XmlError as error:
+        raise XmlError("{} (in {}: {})".format(error, node.line, node.text("uri"))) from None
+    if node.has("pose"):
+        frames = {link.name: link.pose for link in model.links}
+        if placed and placed not in frames:
+            context.notes.add('{}: placement_frame "{}" is no link of {}; the model\'s own frame is placed.'.format(
+                node.line, placed, model.name))
+        model = replace(model, pose=compose(pose, invert(frames[placed])) if placed in frames else pose)
+    return replace(model, name=name or model.name, plugins=model.plugins + tuple(plugins)), ()
+
+
+def _tell_merge(node):
+    if node.attribute("merge").lower() in ("true", "1"):
+        node.notes.add("{}: attribute merge of <include> is not read; what is included keeps a model of its own, its "
+                       "links are NAME::LINK.".format(node.line), ("attribute", "include", "merge"))

@@ -1,125 +1,109 @@
 """``<physics>`` and ``<state>`` of an SDF world -> Physics, WorldState."""
-from dataclasses import replace
-
-from m2wr_sim.model.safe_xml import (child_float, child_int, child_positive, child_text, child_vector, fail, line_of,
-                                     parse_int, parse_vector, required_name)
+from m2wr_sim.model.safe_xml import fail, parse_int, parse_vector
 from m2wr_sim.model.sdf_frames import raw_pose
 from m2wr_sim.model.types import ModelStateEntry, Physics, WorldState
 
-_PHYSICS_READ = frozenset(("max_step_size", "real_time_update_rate", "gravity", "max_contacts", "ode"))
-_PHYSICS_SILENT = frozenset(("real_time_factor", "bullet", "simbody", "dart", "magnetic_field"))
-_SOLVER_READ = frozenset(("type", "iters", "precon_iters", "sor"))
-_SOLVER_SILENT = frozenset(("min_step_size", "use_dynamic_moi_rescaling", "friction_model", "island_threads",
-                            "thread_position_correction"))
-_CONSTRAINTS_READ = frozenset(("cfm", "erp", "contact_max_correcting_vel", "contact_surface_layer"))
 _SOLVERS = ("quick", "world")
 
 
-def _profile(world, notes):
-    """Return the ``<physics>`` element in force: the one marked default, else the first."""
-    profiles = world.findall("physics")
+def _profile(world):
+    """Return the ``<physics>`` in force, a Node: the one marked default, else the first; false where there is none."""
+    profiles = world.children("physics")
     if not profiles:
-        return None
-    chosen = next((profile for profile in profiles if (profile.get("default") or "").strip().lower() in ("true", "1")),
+        return world.child("physics")
+    chosen = next((profile for profile in profiles if profile.attribute("default").lower() in ("true", "1")),
                   profiles[0])
     if len(profiles) > 1:
-        notes.add("{}: the world has {} physics profiles; this one is used.".format(line_of(chosen), len(profiles)))
-    kind = (chosen.get("type") or "ode").strip()
+        world.notes.add("{}: the world has {} physics profiles; this one is used.".format(chosen.line, len(profiles)))
+        for profile in profiles:
+            if profile is not chosen:
+                profile.pass_over()
+    kind = chosen.attribute("type") or "ode"
     if kind != "ode":
-        notes.add('{}: physics type "{}" is not available; ode is used.'.format(line_of(chosen), kind))
+        world.notes.add('{}: physics type "{}" is not available; ode is used.'.format(chosen.line, kind))
     return chosen
 
 
-def read_physics(world, notes):
+def read_physics(world):
     """Read the physics of a world.
 
     Parameters
     ----------
-    world : lxml element
+    world : Node
         The ``<world>``; its own ``<gravity>`` wins over the one inside ``<physics>`` of files up to 1.5.
-    notes : Notes
 
     Returns
     -------
     Physics
-
-    Raises
-    ------
-    XmlError
-        If a number is unusable, e.g. a step size that is not positive.
+        A number that is unusable, e.g. a step size that is not positive, is noted and has its default.
     """
-    element, base = _profile(world, notes), Physics()
-    gravity = child_vector(element, "gravity", 3, base.gravity)
-    gravity = child_vector(world, "gravity", 3, gravity)
-    if element is None:
-        return replace(base, gravity=gravity)
-    notes.unread(element, _PHYSICS_READ, _PHYSICS_SILENT)
-    solver, constraints = element.find("ode/solver"), element.find("ode/constraints")
-    if solver is not None:
-        notes.unread(solver, _SOLVER_READ, _SOLVER_SILENT)
-    if constraints is not None:
-        notes.unread(constraints, _CONSTRAINTS_READ)
-    step = base.max_step_size if not child_text(element, "max_step_size") else child_positive(element, "max_step_size")
-    kind = child_text(solver, "type") or base.solver
+    node, base = _profile(world), Physics()
+    solver, constraints = node.child("ode").child("solver"), node.child("ode").child("constraints")
+    kind = solver.text("type") or base.solver
     if kind not in _SOLVERS:
-        notes.add('{}: solver type "{}" is unknown (expected one of {}); {} is used.'.format(
-            line_of(solver.find("type")), kind, ", ".join(_SOLVERS), base.solver))
+        world.notes.add('{}: solver type "{}" is unknown (expected one of {}); {} is used.'.format(
+            solver.child("type").line, kind, ", ".join(_SOLVERS), base.solver))
         kind = base.solver
-    return Physics(
-        max_step_size=step, gravity=gravity, solver=kind,
-        real_time_update_rate=child_float(element, "real_time_update_rate", base.real_time_update_rate),
-        max_contacts=child_int(element, "max_contacts", base.max_contacts, 0),
-        iters=child_int(solver, "iters", base.iters, 1), precon_iters=child_int(solver, "precon_iters", 0, 0),
-        sor=child_float(solver, "sor", base.sor), cfm=child_float(constraints, "cfm", base.cfm),
-        erp=child_float(constraints, "erp", base.erp),
-        contact_max_correcting_vel=child_float(constraints, "contact_max_correcting_vel",
-                                               base.contact_max_correcting_vel),
-        contact_surface_layer=child_float(constraints, "contact_surface_layer", base.contact_surface_layer))
+    physics = Physics(
+        max_step_size=node.positive("max_step_size", base.max_step_size), solver=kind,
+        gravity=world.vector("gravity", 3, node.vector("gravity", 3, base.gravity)),
+        real_time_update_rate=node.number("real_time_update_rate", base.real_time_update_rate),
+        max_contacts=node.whole("max_contacts", base.max_contacts, 0),
+        iters=solver.whole("iters", base.iters, 1), precon_iters=solver.whole("precon_iters", 0, 0),
+        sor=solver.number("sor", base.sor), cfm=constraints.number("cfm", base.cfm),
+        erp=constraints.number("erp", base.erp),
+        contact_max_correcting_vel=constraints.number("contact_max_correcting_vel", base.contact_max_correcting_vel),
+        contact_surface_layer=constraints.number("contact_surface_layer", base.contact_surface_layer))
+    node.done()
+    return physics
 
 
-def _sim_time_ns(state):
+def _sim_time_ns(element, text, what):
     """Return ``<sim_time>seconds nanoseconds</sim_time>`` as integer nanoseconds."""
-    text = child_text(state, "sim_time")
-    if not text:
-        return 0
-    element, words = state.find("sim_time"), text.split()
+    words = text.split()
     if len(words) != 2:
-        fail(element, 'sim_time is "{}"'.format(text), "two whole numbers: seconds and nanoseconds")
-    seconds, nanoseconds = (parse_int(element, word, "sim_time", 0) for word in words)
+        fail(element, '{} is "{}"'.format(what, text), "two whole numbers: seconds and nanoseconds")
+    seconds, nanoseconds = (parse_int(element, word, what, 0) for word in words)
     return seconds * 10 ** 9 + nanoseconds
 
 
-def _link_states(element, prefix=""):
-    for link in element.findall("link"):
-        pose = None if link.find("pose") is None else raw_pose(link)[0]
-        text = child_text(link, "velocity")
-        velocity = None
-        if text:
-            numbers = parse_vector(link.find("velocity"), text, 6, "velocity")
-            velocity = (numbers[:3], numbers[3:])
-        yield prefix + required_name(link), pose, velocity
-    for model in element.findall("model"):
-        yield from _link_states(model, prefix + required_name(model) + "::")
+def _velocity(element, text, what):
+    numbers = parse_vector(element, text, 6, what)
+    return numbers[:3], numbers[3:]
 
 
-def _model_state(element, notes):
-    scale = child_vector(element, "scale", 3, (1.0, 1.0, 1.0))
+def _link_states(node, prefix=""):
+    for link in node.children("link"):
+        name = node.notes.attempt("this stored state", link.name)
+        if name is not None:
+            yield (prefix + name, raw_pose(link)[0] if link.has("pose") else None,
+                   link.value("velocity", None, _velocity))
+    for model in node.children("model"):
+        name = node.notes.attempt("this stored state", model.name)
+        if name is not None:
+            raw_pose(model), model.text("scale")        # its links' poses are all given in the world
+            yield from _link_states(model, prefix + name + "::")
+
+
+def _model_state(node):
+    scale = node.vector("scale", 3, (1.0, 1.0, 1.0))
     if any(abs(value - 1.0) > 1e-9 for value in scale):
-        notes.add("{}: the scale of a stored state is not applied; sizes are the model's own.".format(
-            line_of(element.find("scale"))))
-    return ModelStateEntry(name=required_name(element), pose=None if element.find("pose") is None
-                           else raw_pose(element)[0], links=tuple(_link_states(element)))
+        node.notes.add("{}: the scale of a stored state is not applied; sizes are the model's own.".format(
+            node.child("scale").line))
+    return ModelStateEntry(name=node.name(), pose=raw_pose(node)[0] if node.has("pose") else None,
+                           links=tuple(_link_states(node)))
 
 
-def read_state(world, notes):
+def read_state(world):
     """Read the first ``<state>`` of a world, or return None; later ones have no effect and are noted."""
-    states = world.findall("state")
+    states = world.children("state")
     if not states:
         return None
     if len(states) > 1:
-        notes.add("{}: the world has {} states; only the first is used.".format(line_of(states[0]), len(states)))
+        world.notes.add("{}: the world has {} states; only the first is used.".format(states[0].line, len(states)))
+        for other in states[1:]:
+            other.pass_over()
     state = states[0]
-    notes.unread(state, ("sim_time", "model", "insertions", "deletions"), ("wall_time", "real_time", "iterations",
-                                                                           "light", "joint"))
-    return WorldState(sim_time_ns=_sim_time_ns(state),
-                      models=tuple(_model_state(child, notes) for child in state.findall("model")))
+    entries = [world.notes.attempt("this stored state", _model_state, child) for child in state.children("model")]
+    return WorldState(sim_time_ns=state.value("sim_time", 0, _sim_time_ns),
+                      models=tuple(entry for entry in entries if entry is not None))

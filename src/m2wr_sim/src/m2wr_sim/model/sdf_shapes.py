@@ -1,56 +1,47 @@
 """``<geometry>``, ``<surface>``, ``<collision>``, ``<visual>`` and ``<inertial>`` of SDF -> plain records."""
 import math
+from functools import lru_cache
 
 import numpy as np
 
-from m2wr_sim.model.safe_xml import (child_bool, child_float, child_int, child_positive, child_text, child_vector, fail,
-                                     parse_vector, place, required_name)
+from m2wr_sim.model.safe_xml import fail
 from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Plane, Sphere, Surface, Visual
 
 READABLE = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline")
 KNOWN_UNUSED = ("image", "capsule", "ellipsoid")
 FROM_FILES = ("mesh", "heightmap", "polyline")
 
-_OTHER_ENGINES = frozenset(("bullet", "simbody", "dart"))
+
+def _box(node):
+    return Box(node.extent("size", 3))
 
 
-def _box(element):
-    text = child_text(element, "size")
-    if text is None:
-        fail(element, "<size> is missing", "three positive numbers there")
-    size = parse_vector(element.find("size"), text, 3, "size")
-    if min(size) <= 0.0:
-        fail(element.find("size"), 'size is "{}"'.format(text), "three positive numbers")
-    return Box(size)
+def _cylinder(node):
+    return Cylinder(node.positive("radius"), node.positive("length"))
 
 
-def _cylinder(element):
-    return Cylinder(child_positive(element, "radius"), child_positive(element, "length"))
+def _sphere(node):
+    return Sphere(node.positive("radius"))
 
 
-def _sphere(element):
-    return Sphere(child_positive(element, "radius"))
-
-
-def _plane(element):
-    normal = child_vector(element, "normal", 3, (0.0, 0.0, 1.0))
+def _plane(node):
+    normal = node.vector("normal", 3, (0.0, 0.0, 1.0))
     length = math.sqrt(sum(value * value for value in normal))
     if length < 1e-9:
-        fail(element.find("normal"), "normal has no length", "a direction such as 0 0 1")
-    return Plane(tuple(value / length for value in normal), child_vector(element, "size", 2, (1.0, 1.0)))
+        fail(node.child("normal").element, "normal has no length", "a direction such as 0 0 1")
+    return Plane(tuple(value / length for value in normal), node.vector("size", 2, (1.0, 1.0)))
 
 
 _READERS = {"box": _box, "cylinder": _cylinder, "sphere": _sphere, "plane": _plane}
 
 
-def read_geometry(parent, notes, files=None):
+def read_geometry(parent, files=None):
     """Read the ``<geometry>`` of a collision or visual.
 
     Parameters
     ----------
-    parent : lxml element
+    parent : Node
         ``<collision>`` or ``<visual>``.
-    notes : Notes
     files : MeshReader or None
         Reads meshes, heightmaps and polylines; None for visuals, of which only plain shapes are kept.
 
@@ -65,116 +56,130 @@ def read_geometry(parent, notes, files=None):
     XmlError
         If there is no geometry, if it is none that SDF knows, or if a size is not positive.
     """
-    geometry = parent.find("geometry")
+    geometry = parent.child("geometry")
     expected = "one of {}".format(", ".join(READABLE))
-    if geometry is None:
-        fail(parent, "<geometry> is missing", expected + " in it")
-    shapes = [child for child in geometry if child.tag != "empty"]
-    if not shapes:
+    if not geometry:
+        parent.fail("<geometry> is missing", expected + " in it")
+    tags = [tag for tag in geometry.tags() if tag != "empty"]
+    geometry.child("empty").pass_over()
+    if not tags:
         return None
-    shape = shapes[0]
-    if shape.tag in _READERS:
-        return _READERS[shape.tag](shape)
-    if shape.tag in FROM_FILES:
-        if files is None:
-            return None
-        return files.polyline([child for child in shapes if child.tag == "polyline"]) if shape.tag == "polyline" \
-            else getattr(files, shape.tag)(shape)
-    if shape.tag not in KNOWN_UNUSED:
-        fail(shape, 'unknown geometry "{}"'.format(shape.tag), expected)
-    uri = child_text(shape, "uri")
-    notes.add("{}: geometry {}{} is not supported; this {} is left out.".format(
-        place(shape), shape.tag, " " + uri if uri else "", parent.tag))
+    tag = tags[0]
+    if tag not in READABLE and tag not in KNOWN_UNUSED:
+        fail(geometry.child(tag).element, 'unknown geometry "{}"'.format(tag), expected)
+    if tag == "polyline":
+        outlines = geometry.children(tag)
+        return _unopened(outlines) if files is None else files.polyline(outlines)
+    shape = geometry.child(tag)
+    if tag in _READERS:
+        return _READERS[tag](shape)
+    if tag in FROM_FILES:
+        return _unopened([shape]) if files is None else getattr(files, tag)(shape)
+    uri = shape.text("uri")
+    shape.pass_over()
+    parent.notes.add("{}: geometry {}{} is not supported; this {} is left out.".format(
+        shape.place, tag, " " + uri if uri else "", parent.tag))
     return None
 
 
-def read_surface(element, notes, base=Surface()):
-    """Read ``<surface>`` over the values of ``base``; None returns ``base``."""
-    if element is None:
+def _unopened(shapes):
+    """Pass over shapes of a visual that only a viewer would need."""
+    for shape in shapes:
+        shape.pass_over()
+
+
+def _torsion(node):
+    """Tell friction against spinning on the spot where Gazebo would have any: without a patch it does nothing."""
+    if not node:
+        return
+    patch, radius = node.number("patch_radius", 0.0), node.number("surface_radius", 0.0)
+    given = patch if node.flag("use_patch_radius", True) else radius
+    if node.number("coefficient", 1.0) != 0.0 and given > 0.0:
+        node.notes.add("{}: <torsional> in <friction> is not read; turning on the spot meets no friction of its "
+                       "own.".format(node.line), ("unread", "friction", "torsional"))
+
+
+def read_surface(node, base=Surface()):
+    """Read ``<surface>``, a Node, over the values of ``base``; a missing one returns ``base``."""
+    if not node:
         return base
-    notes.unread(element, ("friction", "contact", "bounce"), ("soft_contact",))
-    friction, contact, bounce = element.find("friction"), element.find("contact"), element.find("bounce")
-    ode, contact_ode = element.find("friction/ode"), element.find("contact/ode")
-    if friction is not None:
-        idle = child_float(friction.find("torsional"), "patch_radius", 0.0) == 0.0     # without a patch it does nothing
-        notes.unread(friction, ("ode",), _OTHER_ENGINES | {"torsional"} if idle else _OTHER_ENGINES)
-    if contact is not None:
-        notes.unread(contact, ("ode", "collide_bitmask", "collide_without_contact"),
-                     _OTHER_ENGINES | {"collide_without_contact_bitmask", "category_bitmask", "poissons_ratio",
-                                       "elastic_modulus"})
+    friction, contact, bounce = node.child("friction"), node.child("contact"), node.child("bounce")
+    ode, contact_ode = friction.child("ode"), contact.child("ode")
+    _torsion(friction.child("torsional"))
+    if contact.number("elastic_modulus", 0.0) > 0.0:
+        node.notes.add("{}: <elastic_modulus> in <contact> is not read; <kp> and <kd> say how stiff it is.".format(
+            contact.child("elastic_modulus").line), ("unread", "contact", "elastic_modulus"))
     return Surface(
-        mu=child_float(ode, "mu", base.mu), mu2=child_float(ode, "mu2", base.mu2),
-        fdir1=child_vector(ode, "fdir1", 3, base.fdir1),
-        slip1=child_float(ode, "slip1", base.slip1), slip2=child_float(ode, "slip2", base.slip2),
-        restitution=child_float(bounce, "restitution_coefficient", base.restitution),
-        restitution_threshold=child_float(bounce, "threshold", base.restitution_threshold),
-        kp=child_float(contact_ode, "kp", base.kp), kd=child_float(contact_ode, "kd", base.kd),
-        max_vel=child_float(contact_ode, "max_vel", base.max_vel),
-        min_depth=child_float(contact_ode, "min_depth", base.min_depth),
+        mu=ode.number("mu", base.mu), mu2=ode.number("mu2", base.mu2), fdir1=ode.vector("fdir1", 3, base.fdir1),
+        slip1=ode.number("slip1", base.slip1), slip2=ode.number("slip2", base.slip2),
+        restitution=bounce.number("restitution_coefficient", base.restitution),
+        restitution_threshold=bounce.number("threshold", base.restitution_threshold),
+        kp=contact_ode.number("kp", base.kp), kd=contact_ode.number("kd", base.kd),
+        max_vel=contact_ode.number("max_vel", base.max_vel),
+        min_depth=contact_ode.number("min_depth", base.min_depth),
         collide_bitmask=_bitmask(contact, base.collide_bitmask),
-        collide_without_contact=child_bool(contact, "collide_without_contact", base.collide_without_contact))
+        collide_without_contact=contact.flag("collide_without_contact", base.collide_without_contact))
 
 
 def _bitmask(contact, default):
-    text = child_text(contact, "collide_bitmask")
-    if not text:
-        return default
-    try:
-        value = int(text, 0)
-    except ValueError:
-        value = -1
-    if not 0 <= value <= 0xffffffff:
-        fail(contact.find("collide_bitmask"), 'collide_bitmask is "{}"'.format(text), "a whole number, e.g. 65535")
-    return value
+    def parse(element, text, what):
+        try:
+            value = int(text, 0)
+        except ValueError:
+            value = -1
+        if not 0 <= value <= 0xffffffff:
+            fail(element, '{} is "{}"'.format(what, text), "a whole number, e.g. 65535")
+        return value
+    return contact.value("collide_bitmask", default, parse)
 
 
-def read_collision(element, pose, notes, files=None):
+def read_collision(node, pose, files=None):
     """Read ``<collision>``; ``pose`` is its pose in the link frame.  None where its geometry has no counterpart.
 
     ``files`` is the :class:`~m2wr_sim.model.mesh_shapes.MeshReader` of the document.
-    """
-    name = required_name(element)
-    notes.unread(element, ("pose", "geometry", "surface", "laser_retro", "max_contacts"))
-    geometry = read_geometry(element, notes, files)
-    if geometry is None:
-        return None
-    return Collision(name=name, geometry=geometry, pose=pose, surface=read_surface(element.find("surface"), notes),
-                     laser_retro=child_float(element, "laser_retro", 0.0),
-                     max_contacts=child_int(element, "max_contacts", 10, 0))
-
-
-def read_visual(element, pose, notes):
-    """Read ``<visual>``; ``pose`` is its pose in the link frame.  None where its geometry has no counterpart."""
-    name = required_name(element)
-    geometry = read_geometry(element, notes)
-    if geometry is None:
-        return None
-    material = element.find("material")
-    text = child_text(material, "diffuse") or child_text(material, "ambient")
-    rgba = None
-    if text:
-        colour = material.find("diffuse") if child_text(material, "diffuse") else material.find("ambient")
-        rgba = parse_vector(colour, text, len(text.split()) if len(text.split()) in (3, 4) else 4, colour.tag)
-        rgba = rgba if len(rgba) == 4 else rgba + (1.0,)
-    return Visual(name=name, geometry=geometry, pose=pose, rgba=rgba, material=child_text(material, "script/name"))
-
-
-def read_inertial(element, pose):
-    """Read ``<inertial>`` (None: mass 1, unit tensor); ``pose`` is the centre of mass frame in the link frame.
 
     Raises
     ------
     XmlError
-        If the mass is negative or a number is not finite.
+        If it has no name or no usable geometry.
     """
-    if element is None:
+    name = node.name()
+    surface = read_surface(node.child("surface"))
+    retro, contacts = node.number("laser_retro", 0.0), node.whole("max_contacts", 10, 0)
+    geometry = read_geometry(node, files)
+    return None if geometry is None else Collision(name=name, geometry=geometry, pose=pose, surface=surface,
+                                                   laser_retro=retro, max_contacts=contacts)
+
+
+def read_visual(node, pose):
+    """Read ``<visual>``; ``pose`` is its pose in the link frame.  None where its geometry is not drawn here.
+
+    Raises
+    ------
+    XmlError
+        If it has no name or no usable geometry.
+    """
+    name, geometry, material = node.name(), read_geometry(node), node.child("material")
+    rgba, script = None, material.child("script").text("name")
+    for tag in ("ambient", "diffuse"):          # diffuse wins
+        count = 3 if len((material.text(tag) or "").split()) == 3 else 4
+        rgba = material.vector(tag, count, None) or rgba
+    if geometry is None:
+        return None
+    rgba = None if rgba is None else rgba + (1.0,) * (4 - len(rgba))
+    return Visual(name=name, geometry=geometry, pose=pose, rgba=rgba, material=script)
+
+
+def read_inertial(node, pose):
+    """Read ``<inertial>`` (a missing one: mass 1, unit tensor); ``pose`` is the centre of mass frame in the link frame.
+
+    Mass and tensor come as they are: see :func:`inertial_fault`.
+    """
+    if not node:
         return Inertial()
-    mass, tensor = child_float(element, "mass", 1.0), element.find("inertia")
-    if mass < 0.0:
-        fail(element.find("mass"), "mass is {:g}".format(mass), "a positive mass in kg")
+    tensor = node.child("inertia")
     unit = (("ixx", 1.0), ("ixy", 0.0), ("ixz", 0.0), ("iyy", 1.0), ("iyz", 0.0), ("izz", 1.0))
-    inertia = tuple(child_float(tensor, key, default) for key, default in unit)
-    return Inertial(mass, pose, inertia)
+    return Inertial(node.number("mass", 1.0), pose, tuple(tensor.number(key, default) for key, default in unit))
 
 
 def inertia_matrix(inertial):
@@ -183,11 +188,17 @@ def inertia_matrix(inertial):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+@lru_cache(maxsize=4096)
+def _moments(tensor):
+    xx, xy, xz, yy, yz, zz = tensor
+    return tuple(np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])))
+
+
 def inertial_fault(inertial):
     """Return what makes an inertial unusable for a moving body as (found, expected), or None if it is usable."""
     if inertial.mass <= 0.0:
         return "mass is {:g}".format(inertial.mass), "a positive mass in kg"
-    if np.linalg.eigvalsh(inertia_matrix(inertial))[0] <= 0.0:
+    if _moments(tuple(inertial.inertia))[0] <= 0.0:
         return ("the inertia tensor (ixx ixy ixz iyy iyz izz = {}) is not positive definite".format(
             " ".join("{:g}".format(value) for value in inertial.inertia)),
             "three positive principal moments")
@@ -196,7 +207,7 @@ def inertial_fault(inertial):
 
 def inertial_doubt(inertial):
     """Return a sentence part if no real body has this tensor (triangle inequality broken), else None."""
-    low, middle, high = np.linalg.eigvalsh(inertia_matrix(inertial))
+    low, middle, high = _moments(tuple(inertial.inertia))
     if high > (low + middle) * (1.0 + 1e-6):
         return "principal moments {:g}, {:g}, {:g}: the largest exceeds the sum of the others, which no real body " \
                "can have".format(low, middle, high)

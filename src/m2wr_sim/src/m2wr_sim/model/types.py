@@ -144,6 +144,8 @@ class Noise:
     bias_mean: float = 0.0
     bias_stddev: float = 0.0
     precision: float = 0.0
+    dynamic_bias_stddev: float = 0.0            # of a bias that wanders; 0: it stands still
+    dynamic_bias_correlation_time: float = 0.0  # s after which the wandering bias has forgotten itself
 
 
 @dataclass(frozen=True)
@@ -201,7 +203,8 @@ class Link:
 class Axis:
     """One degree of freedom: direction in the joint frame, damping [N m s/rad], friction [N m], limits, spring.
 
-    ``spring_stiffness`` [N m/rad or N/m] pulls towards the position ``spring_reference`` [rad or m].
+    ``spring_stiffness`` [N m/rad or N/m] pulls towards the position ``spring_reference`` [rad or m].  ``fudge_factor``,
+    from 0 to 1, tones a motor down that pushes off a stop; None leaves it to the solver, whose own is 1.
     """
 
     xyz: Vector = (0.0, 0.0, 1.0)
@@ -215,6 +218,7 @@ class Axis:
     stop_cfm: float = 0.0
     spring_stiffness: float = 0.0
     spring_reference: float = 0.0
+    fudge_factor: Optional[float] = None
 
 
 @dataclass(frozen=True)
@@ -275,6 +279,7 @@ class Model:
     lumped: Tuple[Tuple[str, str, Pose], ...] = ()
     allow_auto_disable: bool = True
     notes: Tuple[str, ...] = ()                      # what was read but not used, one sentence each
+    remarks: Tuple[str, ...] = ()                    # what belongs to viewers and others, at most one sentence
 
 
 @dataclass(frozen=True)
@@ -340,3 +345,4 @@ class World:
     plugins: Tuple[PluginSpec, ...] = ()
     state: Optional[WorldState] = None
     notes: Tuple[str, ...] = field(default=())
+    remarks: Tuple[str, ...] = ()

@@ -3,6 +3,7 @@
 The document is checked (:mod:`urdf_checks`), read (:mod:`urdf_reader`), its fixed joints are merged away
 (:mod:`lumping`), and the ``<gazebo>`` blocks (:mod:`gazebo_tags`) are applied to what is left.
 """
+import math
 from dataclasses import replace
 
 from m2wr_sim.errors import ModelError
@@ -11,7 +12,7 @@ from m2wr_sim.model.gazebo_tags import GazeboTags
 from m2wr_sim.model.lumping import WORLD, children_of, depth_first, lump, part_names
 from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.safe_xml import XmlError, errors_as, fail, line_of, parse_xml
+from m2wr_sim.model.safe_xml import errors_as, fail, line_of, parse_xml, place
 from m2wr_sim.model.sdf_shapes import inertial_fault
 from m2wr_sim.model.types import Collision, Joint, Link, Model, Visual
 from m2wr_sim.model.urdf_checks import attribute_numbers, check_urdf
@@ -28,11 +29,34 @@ def _drop_massless(bodies, connections, order, root, elements, notes):
             continue
         subtree = list(depth_first(name, children))
         dropped.update(subtree)
-        notes.add('{}: link "{}" has no mass and is dropped, as in Gazebo{}; give it an <inertial>.'.format(
-            line_of(elements[name]), name,
-            ", and with it " + ", ".join(subtree[1:]) if len(subtree) > 1 else ""))
+        with_it = ", and with it " + ", ".join(subtree[1:]) if len(subtree) > 1 else ""
+        if inertial is not None and inertial.mass < 0.0:
+            mass = _negative_mass(elements, [name])     # None where only merged links make it negative
+            notes.add('{}: mass is {:g}; expected a positive mass in kg; link "{}" is dropped, as in Gazebo{}.'.format(
+                place(elements[name] if mass is None else mass), inertial.mass, name, with_it))
+        else:
+            notes.add('{}: link "{}" has no mass and is dropped, as in Gazebo{}; give it an <inertial>.'.format(
+                line_of(elements[name]), name, with_it))
     connections[:] = [connection for connection in connections if connection.child not in dropped]
     return [name for name in order if name not in dropped and not (name == WORLD and name == root)]
+
+
+def _negative_mass(elements, names):
+    """Return the first ``<mass>`` below 0 of these links, or None."""
+    for mass in (elements[name].find("inertial/mass") for name in names):
+        if mass is not None and float(mass.get("value")) < 0.0:
+            return mass
+    return None
+
+
+def _refuse_nothing(root, elements):
+    """Raise XmlError: no link is left of the robot."""
+    negative = _negative_mass(elements, elements)
+    if negative is not None:
+        fail(negative, "mass is {}, so nothing is left of the robot".format(negative.get("value")),
+             "a positive mass in kg")
+    fail(root, "no link has mass, so nothing is left of the robot", "a root link with <inertial>, or one that a link "
+         "with <inertial> is fixed to")
 
 
 def _link(body, pose, element, tags):
@@ -52,18 +76,19 @@ def _link(body, pose, element, tags):
                 **dict({"self_collide": tags.model_switch("self_collide", False)}, **tags.link_values(sources)))
 
 
-def _offset(plugin, tag):
+def _offset(plugin, tag, notes):
     text = plugin.find(tag)
     try:
         numbers = tuple(float(word) for word in text.split()) if text else (0.0, 0.0, 0.0)
     except ValueError:
         numbers = ()
-    if len(numbers) != 3:
-        raise XmlError('{}: {} is "{}"; expected three numbers'.format(plugin.where, tag, text))
+    if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
+        notes.add('{}: {} is "{}"; expected three numbers; 0 0 0 is taken.'.format(plugin.where, tag, text))
+        return (0.0, 0.0, 0.0)
     return numbers
 
 
-def _retarget(plugin, lumped):
+def _retarget(plugin, lumped, notes):
     """Return a model plugin whose ``bodyName`` or ``frameName`` names a lumped link, pointed at the carrying link.
 
     The lumped link's pose in the carrier goes in front of what ``xyzOffset`` and ``rpyOffset`` [m, rad] say.
@@ -72,7 +97,7 @@ def _retarget(plugin, lumped):
         if plugin.find(tag) not in lumped:
             continue
         carrier, carrier_from_lumped = lumped[plugin.find(tag)]
-        own = (_offset(plugin, "xyzOffset"), quaternion_from_rpy(*_offset(plugin, "rpyOffset")))
+        own = (_offset(plugin, "xyzOffset", notes), quaternion_from_rpy(*_offset(plugin, "rpyOffset", notes)))
         position, orientation = compose(carrier_from_lumped, own)
         kept = tuple((name, carrier if name == tag else text) for name, text in plugin.parameters
                      if name not in ("xyzOffset", "rpyOffset"))
@@ -168,13 +193,13 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
         order = lump(bodies, connections, root_link)
         order = _drop_massless(bodies, connections, order, root_link, elements, notes)
         if not order:
-            fail(root, "no link has mass, so nothing is left of the robot", "a root link with <inertial>, or one that "
-                 "a link with <inertial> is fixed to")
+            _refuse_nothing(root, elements)
         poses = _link_poses(order, connections)
         lumped = {name: (body, pose) for body in order for name, pose in bodies[body].lumped}
         links = tuple(_link(bodies[name], poses[name], elements[name], tags) for name in order)
-        return Model(name=model_name or root.get("name"), links=links, joints=_joints(connections, order, notes),
-                     pose=_origin(root.find("origin")), static=tags.model_switch("static", False),
-                     plugins=tuple(_retarget(plugin, lumped) for plugin in tags.model_plugins()),
-                     lumped=tuple((name, body, pose) for name, (body, pose) in lumped.items()),
-                     allow_auto_disable=tags.model_switch("allow_auto_disable", True), notes=notes.sentences())
+        model = Model(name=model_name or root.get("name"), links=links, joints=_joints(connections, order, notes),
+                      pose=_origin(root.find("origin")), static=tags.model_switch("static", False),
+                      plugins=tuple(_retarget(plugin, lumped, notes) for plugin in tags.model_plugins()),
+                      lumped=tuple((name, body, pose) for name, (body, pose) in lumped.items()),
+                      allow_auto_disable=tags.model_switch("allow_auto_disable", True))
+        return replace(model, notes=notes.sentences(), remarks=notes.remarks())

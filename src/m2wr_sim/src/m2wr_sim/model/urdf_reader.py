@@ -15,8 +15,10 @@ from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy
 from m2wr_sim.model.lumping import Body, Connection, Part
 from m2wr_sim.model.safe_xml import XmlError, line_of, place, shorten
 from m2wr_sim.model.sdf_joint import NO_LIMIT, clamp_limit, unit
+from m2wr_sim.model.sdf_node import Node
 from m2wr_sim.model.sdf_shapes import inertial_doubt, read_surface
 from m2wr_sim.model.types import Axis, Box, Cylinder, Inertial, Sphere, Surface
+from m2wr_sim.model.urdf_checks import check_size
 
 NO_MASS = 1e-6                # below it Gazebo takes a mass for zero
 
@@ -101,7 +103,14 @@ def _pose(origin):
 
 
 def _geometry(geometry, element, files):
-    """Return the shape of a URDF geometry; None for the mesh of a visual, and for one that cannot be read (noted)."""
+    """Return the shape of a URDF geometry; None for the mesh of a visual, and for one that cannot be read (noted).
+
+    Raises
+    ------
+    XmlError
+        If it has no extent.
+    """
+    check_size(element.find("geometry")[0])
     if isinstance(geometry, urdf_model.Box):
         return Box(tuple(geometry.size))
     if isinstance(geometry, urdf_model.Cylinder):
@@ -124,7 +133,9 @@ def _own_surface(element, honoured, notes):
         return Surface()
     notes.add("{}: <surface> in a URDF collision: mu, mu2, slip1 and slip2 are applied here, while Gazebo itself reads "
               "only <mu1> and <mu2> in a <gazebo reference=...> block.".format(line_of(surface)), ("surface", "read"))
-    read = read_surface(surface, notes)
+    node = Node(surface, notes)
+    read = read_surface(node)
+    node.done()
     return Surface(mu=read.mu, mu2=read.mu2, slip1=read.slip1, slip2=read.slip2)
 
 
@@ -138,12 +149,12 @@ def read_body(link, element, colours, honour_surface, notes, files):
         if body.inertial.mass > NO_MASS and inertial_doubt(body.inertial) is not None:
             notes.add("{}: {}.".format(place(element.find("inertial")), inertial_doubt(body.inertial)))
     for part, part_element in zip(link.collisions, element.findall("collision")):
-        geometry = _geometry(part.geometry, part_element, files)
+        geometry = notes.attempt("this collision", _geometry, part.geometry, part_element, files)
         if geometry is not None:
             body.collisions.append(Part(part_element.get("name") or "", link.name, geometry, _pose(part.origin),
                                         _own_surface(part_element, honour_surface, notes)))
     for part, part_element in zip(link.visuals, element.findall("visual")):
-        geometry = _geometry(part.geometry, part_element, files)
+        geometry = notes.attempt("this visual", _geometry, part.geometry, part_element, files)
         if geometry is not None:
             body.visuals.append(Part(part_element.get("name") or "", link.name, geometry, _pose(part.origin),
                                      rgba=_colour(part.material, colours)))

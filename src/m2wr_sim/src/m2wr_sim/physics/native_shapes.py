@@ -170,6 +170,20 @@ def _data_of(kind, library, geometry):
     return data
 
 
+def prepare(geometry):
+    """Build what ODE needs of a Mesh or Heightmap ahead of its geoms; may be called beside the simulation.
+
+    Returns
+    -------
+    object or None
+        To be kept until a geom uses it; None where libode cannot be called, which :func:`mesh_geom` reports.
+    """
+    try:
+        return _data_of(_HeightData if hasattr(geometry, "heights") else _MeshData, _library("meshes"), geometry)
+    except ModelError:
+        return None
+
+
 def mesh_geom(mesh, space, where):
     """Make a triangle mesh in a space.
 

@@ -218,6 +218,8 @@ def _limit_joint(joint, spec):
     if spec.axis.lower > -bound or spec.axis.upper < bound:
         joint.setParam(PARAM_STOP_ERP, spec.axis.stop_erp)
         joint.setParam(PARAM_STOP_CFM, max(spec.axis.stop_cfm, 0.0))
+    if spec.axis.fudge_factor is not None:
+        joint.setParam(PARAMETERS["fudge_factor"], spec.axis.fudge_factor)
 
 
 def link_pose(link):

@@ -64,6 +64,9 @@ class NodeConfig:
         "noetic", "which wheel is left: noetic, kinetic or rep103", _one_of(*CONVENTIONS))
     wheel_conventions: Dict[str, str] = field(default_factory=dict, metadata={
         "help": "the same for single models, by name", "check": None})
+    urdf_surface: str = _parameter(
+        "honour", "<surface> in a collision of a URDF: honour (its mu, mu2, slip1, slip2 count) or gazebo (dropped)",
+        _one_of("honour", "gazebo"))
     command_timeout: float = _parameter(
         0.0, "stop a robot whose commands ceased that long ago [s]; 0: the last command holds", _at_least(0.0))
     enable_ros_network: bool = _parameter(

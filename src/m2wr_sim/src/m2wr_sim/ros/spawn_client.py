@@ -49,7 +49,7 @@ def make_parser():
     return parser
 
 
-def _without_exponent(word):
+def without_exponent(word):
     """Write a negative number such as -1e-05 as argparse knows it; it takes that for an option otherwise."""
     if re.match(r"-(\d+\.?\d*|\.\d+)[eE][+-]?\d{1,3}$", word):
         return format(Decimal(word), "f")
@@ -59,7 +59,7 @@ def _without_exponent(word):
 def parse(argv):
     """Parse the command line; ``-J`` positions become numbers.  Misuse ends the program with code 2."""
     parser = make_parser()
-    arguments = parser.parse_args([_without_exponent(word) for word in argv])
+    arguments = parser.parse_args([without_exponent(word) for word in argv])
     try:
         arguments.joints = [(name, float(position)) for name, position in arguments.joints]
     except ValueError as error:

@@ -1,6 +1,9 @@
 """spawn_urdf_model and spawn_sdf_model: from the text in a request to a model in the world."""
+import gc
 import logging
 import re
+import threading
+from contextlib import contextmanager
 from dataclasses import replace
 
 import rospkg
@@ -11,9 +14,11 @@ from m2wr_sim.api.devices import said_once
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.sdf import load_sdf
-from m2wr_sim.model.types import Light
+from m2wr_sim.model.types import Heightmap, Light, Mesh
 from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.physics import native_shapes
 from m2wr_sim.ros.convert import all_finite, read_pose
+from m2wr_sim.sensors.mesh_tree import tree_of
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +29,65 @@ _PACKAGE = re.compile(r"package://([^/\"'<>\s]+)")
 _BEFORE_ROOT = re.compile(r"(?:\s|\ufeff|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>)*"
                           r"<([A-Za-z_][\w.:-]*)", re.DOTALL)
 _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to scope the link by model name?")
+
+
+_LONG_TEXT = 1000000        # characters; such a text makes so many objects that collecting them would stop the loop
+_MOST_PARTS = 10000         # links and collisions of a model; putting them into the world takes up to half a second
+_MANY_TRIANGLES = 50000     # from here on it is said that a mesh is being prepared
+
+_uncollected = [0]
+_uncollected_lock = threading.Lock()
+
+
+@contextmanager
+def _no_collections(wanted):
+    """Keep Python's garbage collector from walking over what is being read, again and again, with the loop waiting.
+
+    What is read lives as long as its model, and is put aside from all later collections.
+    """
+    if not wanted:
+        yield
+        return
+    with _uncollected_lock:
+        _uncollected[0] += 1
+        gc.disable()
+    try:
+        yield
+    finally:
+        with _uncollected_lock:
+            _uncollected[0] -= 1
+            if not _uncollected[0]:
+                gc.freeze()
+                gc.enable()
+
+
+def _check_size(record, name):
+    """Raise ModelError for a model whose way into the world would stop time for long."""
+    parts = sum(1 + len(link.collisions) for link in getattr(record, "links", ()))
+    if parts > _MOST_PARTS:
+        raise ModelError("\"%s\" has %d links and collisions; expected at most %d in a model that is spawned (a world "
+                         "file may hold more)" % (name, parts, _MOST_PARTS))
+
+
+def prepare(record):
+    """Build what physics and rays need of a model's meshes and heightmaps, beside the simulation.
+
+    Returns
+    -------
+    list
+        To be kept until the model is in the world.
+    """
+    kept = []
+    for link in getattr(record, "links", ()):
+        for collision in link.collisions:
+            shape = collision.geometry
+            if not isinstance(shape, (Mesh, Heightmap)):
+                continue
+            count = len(shape.triangles) if isinstance(shape, Mesh) else 2 * shape.heights.size
+            if count > _MANY_TRIANGLES:
+                log.info("preparing %s (%d triangles)", shape.source, count)
+            kept.append((native_shapes.prepare(shape), tree_of(shape)))
+    return kept
 
 
 def _root_tag(text):
@@ -40,10 +104,13 @@ class Spawner:
     simulator : Simulator
     resolve_model : callable, optional
         From ``NAME`` of a ``model://NAME`` to its folder, or None; for SDF that includes other models.
+    urdf_surface : str
+        ``honour``: a ``<surface>`` inside a URDF collision counts; ``gazebo``: it does not.
     """
 
-    def __init__(self, simulator, resolve_model=None):
+    def __init__(self, simulator, resolve_model=None, urdf_surface="honour"):
         self._simulator, self._resolve_model = simulator, resolve_model
+        self._honour_surface = urdf_surface == "honour"
         self._packages = rospkg.RosPack()
         self.in_loop = lambda function: function()      # runs what touches the world, between two steps
         self._newest = ("", None)       # text and record of the URDF spawned last: robots come in crowds
@@ -72,7 +139,7 @@ class Spawner:
         if text != request.model_xml:
             record = load_urdf(request.model_xml, source="URDF of %s" % request.model_name,
                                model_name=request.model_name, resolve_package=self._package_folder,
-                               resolve_model=self._resolve_model)
+                               honour_collision_surface=self._honour_surface, resolve_model=self._resolve_model)
         return record
 
     def spawn_sdf_model(self, request):
@@ -83,12 +150,12 @@ class Spawner:
         if root not in ("sdf", "gazebo"):
             reason = "the text begins with %s; expected <sdf> or <robot>" % ("<%s>" % root if root else "no element")
             log.error("spawn of \"%s\": %s", request.model_name, reason)
-            return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, reason))
+            return SpawnModelResponse(False, _UNREADABLE)       # to the letter: here Gazebo answers so, too
         return self._spawn(request, lambda: self._only_model(request))
 
     def _only_model(self, request):
         models, lights = load_sdf(request.model_xml, source="SDF of %s" % request.model_name,
-                                  resolve_model=self._resolve_model)
+                                  resolve_model=self._resolve_model, most_parts=_MOST_PARTS)
         found = models or lights
         if len(found) != 1:
             raise ModelError("SDF of %s holds %d %s; expected one" % (
@@ -104,12 +171,18 @@ class Spawner:
             self._simulator.spawn(record, pose, request.model_name, request.robot_namespace)
 
     def _spawn(self, request, load):
-        """Read the text in the caller's thread, so that a long one does not hold up time and other calls."""
+        """Read the text in the caller's thread, so that a long one does not hold up time and other calls.
+
+        So do its meshes become what physics and rays need of them; into the loop goes only what is ready.
+        """
         refusal = self.in_loop(lambda: self._place_of(request)[1])
         if refusal:
             return SpawnModelResponse(False, refusal)
         try:
-            record = load()
+            with _no_collections(len(request.model_xml) > _LONG_TEXT):
+                record = load()
+            _check_size(record, request.model_name)
+            kept = prepare(record)
         except SimError as error:
             log.error("spawn of \"%s\": %s", request.model_name, error)
             return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, error))
@@ -117,7 +190,9 @@ class Spawner:
             raise
         except Exception as error:
             return self._fault(request, error)
-        return self.in_loop(lambda: self._enter(request, record))
+        response = self.in_loop(lambda: self._enter(request, record))
+        del kept
+        return response
 
     def _place_of(self, request):
         """Return the wanted pose in the world, and why it cannot be had: a text for the answer, or None."""

@@ -1,4 +1,5 @@
 """Triangles of meshes and heightmaps -> the trees of :mod:`m2wr_sim.sensors.mesh_kernels`."""
+import weakref
 from collections import namedtuple
 
 import numpy as np
@@ -70,6 +71,23 @@ def _curve(points, extent):
     return place
 
 
+_trees = weakref.WeakKeyDictionary()        # Mesh or Heightmap -> Tree, as long as the former is in use
+
+
+def tree_of(geometry):
+    """Return the tree of a Mesh or Heightmap, built at its first use; may be called beside the simulation.
+
+    Raises
+    ------
+    ValueError
+        As :func:`build_tree`.
+    """
+    tree = _trees.get(geometry)
+    if tree is None:
+        tree = _trees[geometry] = build_tree(geometry)
+    return tree
+
+
 class Forest:
     """The trees of a scene, in one set of arrays; equal shapes share a tree.
 
@@ -93,7 +111,7 @@ class Forest:
         entry = self._entries.get(geometry)
         if entry is None:
             number = next(number for number in range(len(self._numbers) + 1) if number not in self._numbers)
-            entry = self._entries[geometry] = [number, build_tree(geometry), 0]
+            entry = self._entries[geometry] = [number, tree_of(geometry), 0]
             self._numbers[number] = geometry
             self._stale = True
         entry[2] += 1
