@@ -30,6 +30,8 @@ BOX = """
 <sdf version="1.6"><model name="box"><static>true</static><link name="link">
   <collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model></sdf>"""
 
+GROUND = '<sdf version="1.6"><world name="w"><include><uri>model://ground_plane</uri></include></world></sdf>'
+
 
 class Conformance(unittest.TestCase):
     """Every case begins with nothing but the ground, and time running as fast as it can."""
@@ -328,6 +330,28 @@ class Conformance(unittest.TestCase):
         self.simulation.call("unpause_physics")
         self.simulation.run_for(0.1)
         self.assertAlmostEqual(self.pose("puck")[0], 0.0, delta=1e-9)
+
+    def test_a_stream_of_states_moves_a_thing_that_gravity_pulls(self):
+        self.spawn("box", BOX.replace("<static>true</static>", ""), (1.0, 0.0, 0.5, 0.0), "sdf")
+        topic = rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=10)
+        wait_until(lambda: topic.get_num_connections() > 0, "the simulation to listen")
+        for count in range(200):
+            topic.publish(ModelState("box", make_pose(1.0 + 0.01 * count, 0.0, 5.0), Twist(), "world"))
+        wait_until(lambda: abs(self.pose("box")[0] - 2.99) < 1e-6, "the last of many states")
+        topic.unregister()
+        wait_until(lambda: self.pose("box")[2] < 1.0, "the fall afterwards")
+
+    def test_everything_can_be_deleted_and_the_ground_comes_back_by_its_name(self):
+        self.spawn("m2wr", self.urdf)
+        for name in self.simulation.models():
+            self.assertEqual(self.simulation.call("delete_model", name).status_message,
+                             "DeleteModel: successfully deleted model")
+        self.assertEqual(self.simulation.models(), [])
+        self.simulation.run_for(0.5)
+        self.spawn("ground_plane", GROUND, (0.0, 0.0, 0.0, 0.0), "sdf")
+        self.spawn("m2wr", self.urdf)
+        self.simulation.run_for(1.0)
+        self.assertAlmostEqual(self.pose("m2wr")[2], 0.1, delta=1e-3)
 
     def test_a_name_that_is_taken_is_refused_and_nothing_is_renamed(self):
         self.spawn("box", BOX, (1.0, 0.0, 0.5, 0.0), "sdf")

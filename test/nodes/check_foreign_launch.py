@@ -8,12 +8,12 @@ import unittest
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState, LaserScan
+from sensor_msgs.msg import Imu, JointState, LaserScan
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from launch_runs import Launched, foreign_environment  # noqa: E402
-from sim_probe import Recorder, Simulation, run_checks, wait_until, yaw_of  # noqa: E402
+from sim_probe import Recorder, Simulation, data_path, run_checks, wait_until, yaw_of  # noqa: E402
 
 
 class ForeignLaunch(unittest.TestCase):
@@ -80,6 +80,92 @@ class ForeignLaunch(unittest.TestCase):
             self.assertEqual(list(states.next()[0].name), ["shoulder", "elbow"])
             states.close()
 
+    def listen(self, topic, kind):
+        recorder = Recorder(topic, kind).connected()
+        self.addCleanup(recorder.close)
+        return recorder
+
+    def assert_frames(self, *pairs):
+        """Wait until all these (parent, child) have been on /tf."""
+        frames = self.listen("/tf", TFMessage)
+        frames.wait(lambda messages: set(pairs) <= {(entry.header.frame_id, entry.child_frame_id) for message in
+                                                    messages for entry in message.transforms}, "frames %s" % (pairs,))
+
+    def test_warehouse_robot_with_swivelling_casters_a_gpu_laser_and_cameras(self):
+        with self.run_launch("hauler_gazebo", "hauler_world.launch") as run:
+            self.assertEqual(run.wait_for_models("hauler"), ["ground_plane", "shelf_ahead", "parcel", "hauler"])
+            for name, words in (("camera", "renderer"), ("openni_kinect", "renderer"), ("control", "ros_control")):
+                run.wait_for_text("no plugin libgazebo_ros_%s.so here" % name)
+                line, = [line for line in run.text.splitlines() if "libgazebo_ros_%s.so" % name in line]
+                self.assertIn(words, line)
+            scans, odometry = self.listen("/hauler/laser/scan", LaserScan), self.listen("/hauler/odom", Odometry)
+            scan = scans.next(3)[-1]
+            self.assertEqual((len(scan.ranges), scan.header.frame_id), (720, "hokuyo_link"))
+            self.assertAlmostEqual(scan.ranges[360], 4.0 - 0.5 - 0.4, delta=0.06)       # the shelf's face, the mount
+            truth = self.listen("/ground_truth/state", Odometry)
+            self.drive("/hauler/cmd_vel", odometry, 0.8, 0.0, lambda messages: messages[-1].pose.pose.position.x > 1.0,
+                       "a metre ahead by the encoders")
+            at = truth.next()[0].pose.pose.position
+            self.assertAlmostEqual(at.y, 0.0, delta=0.05)
+            self.assertAlmostEqual(scans.next()[-1].ranges[360], 3.6 - at.x, delta=0.3)         # it drives on
+            self.drive("/hauler/cmd_vel", odometry, 0.0, 0.8,
+                       lambda messages: yaw_of(messages[-1].pose.pose.orientation) > 0.5, "a left turn")
+            self.assertGreater(yaw_of(truth.next()[0].pose.pose.orientation), 0.4)
+            joints = self.listen("/joint_states", JointState).next()[0]
+            self.assertEqual([name for name in joints.name if name.endswith("swivel")],
+                             ["front_left_swivel", "front_right_swivel"])
+            self.assertEqual(len(self.listen("/scan", LaserScan).next()[0].ranges), 720)       # relayed
+            self.assert_frames(("map", "odom"), ("odom", "base_footprint"), ("chassis", "left_wheel"),
+                               ("front_left_fork", "front_left_roller"))
+
+    def test_carts_of_sdf_in_the_world_from_a_file_and_by_name(self):
+        with self.run_launch("sdf_cart_gazebo", "carts.launch") as run:
+            self.assertEqual(run.wait_for_models("second", "third")[:2], ["ground_plane", "first"])
+            run.wait_for_text("some_world_plugin")
+            for name, scan in (("first", "/scan"), ("second", "/second/scan"), ("third", "/third/scan")):
+                odometry = self.listen("/%s/odom" % name, Odometry)
+                start = odometry.next()[0].pose.pose.position.x
+                self.drive("/%s/cmd_vel" % name, odometry, 0.5, 0.0, lambda messages: messages[-1].pose.pose.position.x
+                           > start + 0.3, "%s a bit ahead" % name)
+                self.assertEqual(len(self.listen(scan, LaserScan).next()[0].ranges), 181)
+                self.assertAlmostEqual(self.listen("/%s/imu" % name, Imu).next()[0].linear_acceleration.z, 9.8,
+                                       delta=1.0)
+            self.assert_frames(("odom", "chassis"), ("chassis", "left_wheel"))
+
+    def test_two_robots_with_namespaces_and_tf_prefixes(self):
+        with self.run_launch("fleet_bringup", "fleet.launch") as run:
+            run.wait_for_models("Robot1", "Robot2")
+            for number, heading in ((1, 0.0), (2, math.pi)):
+                name, prefix = "/robot%d" % number, "robot%d_tf/" % number
+                odometry = self.listen(name + "/odom", Odometry)
+                first = odometry.next()[0]
+                self.assertEqual((first.header.frame_id, first.child_frame_id),
+                                 (prefix + "odom", prefix + "base_footprint"))
+                self.assertEqual(self.listen(name + "/scan", LaserScan).next()[0].header.frame_id,
+                                 prefix + "base_scan")
+                self.listen(name + "/imu", Imu).next()
+                start, ahead = first.pose.pose.position.x, math.cos(heading)
+                self.drive(name + "/cmd_vel", odometry, 0.2, 0.0, lambda messages: (
+                    messages[-1].pose.pose.position.x - start) * ahead > 0.1, "robot %d ahead" % number)
+            self.assert_frames(*((prefix + parent, prefix + child) for prefix in ("robot1_tf/", "robot2_tf/")
+                                 for parent, child in (("odom", "base_footprint"), ("base_link", "wheel_left_link"))))
+
+    def test_any_of_them_in_one_line(self):
+        robot = data_path("foreign", "hauler_description", "urdf", "hauler.urdf.xacro")
+        world = data_path("foreign", "hauler_gazebo", "worlds", "aisle.world")
+        with self.run_launch("m2wr_sim", "sim.launch", "world:=" + world, "model:=" + robot, "name:=robot", "x:=1",
+                             "y:=-1", "yaw:=1.570796", "model_args:=gpu:=false", "gui:=false") as run:
+            run.wait_for_models("robot")
+            odometry = self.listen("/hauler/odom", Odometry)
+            pose = self.simulation.call("get_model_state", "robot", "").pose
+            self.assertAlmostEqual(pose.position.x, 1.0, delta=0.02)
+            self.assertAlmostEqual(yaw_of(pose.orientation), math.pi / 2.0, delta=0.02)
+            self.drive("/hauler/cmd_vel", odometry, 0.4, 0.0,
+                       lambda messages: messages[-1].twist.twist.linear.x > 0.3, "a robot that drives")
+            wait_until(lambda: self.simulation.call("get_model_state", "robot", "").pose.position.y > -0.9,
+                       "it further on")
+            self.assertEqual(len(self.listen("/hauler/laser/scan", LaserScan).next()[0].ranges), 720)
+
     def test_lines_of_the_years_before_noetic(self):
         with self.run_launch("old_robot", "old_robot.launch") as run:
             self.assertEqual(run.wait_for_models("old")[:3], ["ground_plane", "corner", "old"])
@@ -87,6 +173,7 @@ class ForeignLaunch(unittest.TestCase):
             run.wait_for_models("post")
             self.assertAlmostEqual(self.simulation.call("get_model_state", "post", "").pose.position.x, 2.0, delta=0.01)
             self.assertIn("there is no display", run.text)
+            self.assertIn("Finished loading Gazebo ROS API Plugin.", run.text)
             self.assertNotIn("Traceback", run.text)
 
 

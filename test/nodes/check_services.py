@@ -99,6 +99,21 @@ class Services(unittest.TestCase):
         self.assertEqual(xyz(state.pose.position), (1.0, 2.0, 3.0))
         publisher.unregister()
 
+    def test_what_no_world_survives_is_refused_with_the_limit(self):
+        self.spawn_puck(afloat=False)
+        self.spawn_swing()
+        now, forever = rospy.Time(), rospy.Duration(-1)
+        known = self.simulation.call("get_physics_properties").gravity
+        for answer in (
+                self.simulation.call("apply_body_wrench", "puck::body", "", Point(),
+                                     Wrench(Vector3(1e300, 0.0, 0.0), Vector3()), now, forever),
+                self.simulation.call("set_joint_properties", "hinge", ODEJointProperties(fmax=[1e300], vel=[1e300])),
+                self.set_physics(gravity=Vector3(0.0, 0.0, -1e300))):
+            self.assertIs(answer.success, False)
+            self.assertIn("expected at most", answer.status_message)
+        self.simulation.run_for(0.2)
+        self.assertEqual(self.simulation.call("get_physics_properties").gravity, known)
+
     # ---- joints ------------------------------------------------------------------------------------------------
 
     def spawn_swing(self):

@@ -77,6 +77,17 @@ class Spawn(unittest.TestCase):
                       self.refusal("m2wr", data_text("bad", "unknown_package.urdf")))
         self.assertEqual(self.simulation.models(), ["ground_plane"])
 
+    def test_text_that_is_neither_is_answered_with_gazebos_bytes_and_the_log_has_the_reason(self):
+        self.log.clear()
+        for text in ("", "hello", "<html/>"):
+            answer = self.simulation.spawn("bad", text, kind="sdf")
+            self.assertEqual((answer.success, answer.status_message), (False, UNREADABLE))
+        self.log.wait(lambda messages: any("begins with <html>; expected <sdf>" in m.msg for m in messages), "a reason")
+
+    def test_the_service_for_sdf_takes_a_urdf(self):
+        self.assertEqual(self.simulation.spawn("m2wr", self.urdf, kind="sdf").status_message, SPAWNED)
+        self.assertIn("/odom", self.topics())
+
     def test_bad_descriptions_are_refused_with_element_and_expectation(self):
         for name, words in (("no_links.urdf", ("robot", "at least one <link>")),
                             ("limit_without_effort.urdf", ("shoulder", "effort", "expected")),

@@ -7,6 +7,7 @@ import unittest
 
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
+from gazebo_msgs.srv import GetModelState
 from geometry_msgs.msg import Pose, Twist, Vector3
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
@@ -85,11 +86,16 @@ class State(unittest.TestCase):
             self.assertIn("not finite", text)
         self.assertEqual(self.get("m2wr").pose, before.pose)
 
-    def test_header_counts_the_answers_for_each_model(self):
-        first = [self.get("m2wr").header.seq for _ in range(3)]
-        other = [self.get("ground_plane", "m2wr").header for _ in range(3)]
-        self.assertEqual([number - first[0] for number in first], [0, 1, 2])
-        self.assertEqual([header.seq - other[0].seq for header in other], [0, 1, 2])
+    def test_header_counts_the_calls_for_each_model_from_one(self):
+        for name in ("counted", "apart"):
+            self.assertTrue(self.simulation.spawn(name, data_text("crate.sdf"), kind="sdf").success)
+        persistent = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState, persistent=True)
+        self.addCleanup(persistent.close)       # the same count whatever the connection
+        self.assertEqual([self.get("counted").header.seq for _ in range(3)], [1, 2, 3])
+        self.assertEqual([persistent("apart", "").header.seq for _ in range(2)], [1, 2])
+        self.assertEqual(persistent("counted", "nowhere").success, False)
+        self.assertEqual([persistent("counted", "").header.seq, self.get("apart").header.seq], [5, 3])
+        other = [self.get("ground_plane", "m2wr").header]
         self.assertEqual(other[0].frame_id, "m2wr")
         self.assertAlmostEqual(other[0].stamp.to_sec(), self.simulation.time(), delta=1e-6)
 
@@ -216,7 +222,8 @@ class State(unittest.TestCase):
         answer = self.simulation.call("set_model_configuration", "m2wr", "", ["joint_left_wheel"], [])
         self.assertEqual((answer.success, answer.status_message), (
             False, "SetModelConfiguration: joint name and position list have different lengths"))
-        self.assertFalse(self.configure("m2wr", joint_left_wheel=math.nan)[0])
+        for position in (math.nan, 1e300):
+            self.assertFalse(self.configure("m2wr", joint_left_wheel=position)[0])
         states = Recorder("/joint_states", JointState).connected()
         # unknown joints are passed over; angles are cumulative, not wrapped
         self.assertEqual(self.configure("m2wr", joint_left_wheel=7.5, joint_right_wheel=-0.25, no_such_joint=1.0),

@@ -42,7 +42,10 @@ class Launched(Running):
         def there():
             if self.process.poll() is not None:
                 raise AssertionError("%s ended; it said\n%s" % (self.arguments, self.text))
-            models = simulation.models()
+            try:
+                models = simulation.models()
+            except rospy.ROSException as error:         # what runs there should say why
+                raise AssertionError("%s: %s; it said\n%s" % (self.arguments, error, self.text))
             return models if set(names) <= set(models) else None
 
         return wait_until(there, "models %s from %s" % (", ".join(names), self.arguments))

@@ -260,7 +260,7 @@ def test_lateral_and_other_turning_commands_are_ignored(make):
 
 
 @pytest.mark.parametrize("linear, angular", [
-    (float("nan"), 0.0), (0.0, float("nan")), (float("inf"), 0.0), (0.0, float("-inf"))])
+    (float("nan"), 0.0), (0.0, float("nan")), (float("inf"), 0.0), (0.0, float("-inf")), (1e5, 0.0), (0.0, -1e300)])
 def test_a_command_that_is_not_finite_is_refused_and_the_last_one_stays(make, caplog, linear, angular):
     rig = make(step_ms=5).send(0.3, 0.0).run(1.0)
     for _ in range(120):                    # twelve seconds of them

@@ -28,8 +28,13 @@ class Trace(Plugin):
     def configure(self, spec, ctx):
         self._ctx = ctx
         self._port = ctx.advertise("/trace", str)
-        ctx.subscribe("/orders", str, lambda message: self.calls.append(("order", message)))
+        ctx.subscribe("/orders", str, self._order)
         self._note("configure", ctx.now_ns)
+
+    def _order(self, message):
+        self.calls.append(("order", message))
+        if "order" in self.fails_in:
+            raise RuntimeError("broken in order")
 
     def next_before(self, now_ns):
         if "next_before" in self.fails_in:
@@ -333,6 +338,23 @@ def test_the_stored_state_sets_time_poses_and_speeds_and_a_reset_leaves_it(make_
     assert rig.simulator.now_ns == 0 and rig.run(0.01).ports.clock_ns[-1] == MS
 
 
+def test_what_the_engine_cannot_take_of_a_world_is_left_out_and_named(make_rig, build, caplog):
+    feather = build.one_link("feather", Box((0.1,) * 3), at(), static=False, mass=1e-30)
+    state = WorldState(0, (ModelStateEntry("crate", at(1e300)), ModelStateEntry("ball", None, (
+        ("link", None, ((1e300, 0.0, 0.0), (0.0, 0.0, 0.0))),))))
+    far = build.one_link("far", Box((0.1,) * 3), at())
+    far = replace(far, links=(replace(far.links[0], pose=at(1e300)),))
+    rig = make_rig(world=World(models=(feather, far, build.box("crate", 0, 0, 0.25, static=False),
+                                       build.sphere("ball", 5, 0, 0.25, static=False)), state=state,
+                               remarks=("a.world: quiet",)))
+    assert list(rig.simulator.models) == ["crate", "ball"]
+    errors = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+    assert ['"feather" is left out' in errors[0], "far::link" in errors[1] and '"far" is left out' in errors[1],
+            '"crate"' in errors[2], "velocity" in errors[3]] == [True] * 4
+    rig.run(0.01)
+    assert rig.pose("crate")[0][:2] == pytest.approx((0.0, 0.0))
+
+
 # -- resets -------------------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("rewound", [False, True])
@@ -408,6 +430,17 @@ def test_a_plugin_that_raises_is_named_and_switched_off(traced, m2wr, caplog, pl
     assert rig.simulator.now_ns == 20 * MS
     rig.simulator.delete("crate")
     assert [name for name, _ in calls].count("close") == 1      # closed once, not again
+
+
+def test_a_plugin_that_raises_over_a_message_is_named_and_switched_off(traced, caplog):
+    rig, calls = traced(fails_in=["order"])
+    rig.run(0.01)
+    rig.ports.send("/orders", "fire")
+    rig.run(0.01)
+    message, = errors(caplog)
+    assert "crate: plugin t (trace.so) failed and is switched off" in message and "broken in order" in caplog.text
+    assert rig.simulator.now_ns == 20 * MS and not rig.ports.subscriptions["/orders"].open
+    assert calls[-2:] == [("order", "fire"), ("close", 0)]
 
 
 def test_a_plugin_that_cannot_start_is_named_and_the_model_stays(traced, caplog):

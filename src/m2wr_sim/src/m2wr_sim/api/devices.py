@@ -83,7 +83,7 @@ class DirectLaser(Laser):
         return self.enabled
 
     def after_step(self, now_ns):
-        if self._awake and self._schedule.due(now_ns):
+        if self.awake and self._schedule.due(now_ns):
             self.measure_now(now_ns)
             for callback in self.callbacks:
                 callback(self.scan)

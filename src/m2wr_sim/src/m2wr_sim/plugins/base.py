@@ -46,11 +46,46 @@ class Plugin(abc.ABC):
     def after_step(self, now_ns):
         """Act on the state at ``now_ns``."""
 
+    def period_ns(self):
+        """Return the simulated time [ns] between two messages, 0 for one a step; NEVER if it has no rhythm."""
+        return getattr(getattr(self, "_schedule", None), "period_ns", NEVER)
+
     def reset(self, now_ns, rewound):
         """Forget the past; ``rewound`` tells that simulated time has gone back to zero."""
 
     def close(self):
         """Let go of everything outside; called before the model disappears."""
+
+
+class LazySensor(Plugin):
+    """A sensor that reads only while somebody listens, and begins anew whenever somebody comes.
+
+    A subclass says who listens (:meth:`wanted`), what beginning anew means (:meth:`wake`) and when it reads next; its
+    ``after_step`` does nothing unless it is ``awake``.
+    """
+
+    awake = False
+
+    @abc.abstractmethod
+    def wanted(self):
+        """Tell whether anybody listens."""
+
+    @abc.abstractmethod
+    def wake(self, now_ns):
+        """Forget what was before nobody listened."""
+
+    @abc.abstractmethod
+    def next_reading(self, now_ns):
+        """Return the time [ns], later than ``now_ns``, of the next reading."""
+
+    def next_after(self, now_ns):
+        if not self.wanted():
+            self.awake = False
+            return NEVER
+        if not self.awake:
+            self.awake = True
+            self.wake(now_ns)
+        return self.next_reading(now_ns)
 
 
 class PluginReader:

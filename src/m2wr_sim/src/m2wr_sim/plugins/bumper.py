@@ -4,11 +4,11 @@ from geometry_msgs.msg import Vector3, Wrench
 
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import rotate_inverse
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.base import LazySensor
 from m2wr_sim.runtime.schedule import SensorSchedule
 
 
-class Bumper(Plugin):
+class Bumper(LazySensor):
     """One state for each pair of collisions that touched since the message before; none where nothing did.
 
     The first name of a state is always the sensor's own collision.  Positions and normals (into the own collision) are
@@ -32,20 +32,19 @@ class Bumper(Plugin):
                             ", ".join(missing) or "no <collision>", ", ".join(ctx.sensor_collisions) or "none")
         self._port = ctx.advertise(topic, ContactsState, namespace=namespace)
         self._watch = self._physics.watch_contacts([ctx.collision_name(name) for name in wanted])
-        self._awake = False
 
-    def next_after(self, now_ns):
-        if not self._port.wanted():
-            self._awake = False
-            return NEVER
-        if not self._awake:
-            self._awake = True
-            self._schedule.restart()
-            self._watch.drain()
+    def wanted(self):
+        return self._port.wanted()
+
+    def wake(self, now_ns):
+        self._schedule.restart()
+        self._watch.drain()
+
+    def next_reading(self, now_ns):
         return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
     def after_step(self, now_ns):
-        if not self._awake or not self._schedule.due(now_ns):
+        if not self.awake or not self._schedule.due(now_ns):
             return
         message = ContactsState()
         message.header.stamp, message.header.frame_id = self._ctx.moment(now_ns), self._frame

@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 from m2wr_sim.control.diff_drive import EncoderOdometry, is_swapped, ramp, wheel_speeds
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
+from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import Plugin
 from m2wr_sim.runtime.schedule import StrictSchedule
 
@@ -86,15 +87,15 @@ class DiffDrive(Plugin):
         self.command(message.linear.x, message.angular.z)
 
     def command(self, linear, angular):
-        """Take a velocity command [m/s, rad/s] that is to hold from the next tick on; refuse what is not finite."""
-        if math.isfinite(linear) and math.isfinite(angular):
+        """Take a velocity command [m/s, rad/s] that is to hold from the next tick on; refuse what no robot survives."""
+        if abs(linear) <= FASTEST and abs(angular) <= FASTEST:      # false for what is no number, too
             self._command, self._command_ns = (linear, angular), None       # next_before, which follows, tells the time
             return
         if self._refused_ns is None or self._last_ns - self._refused_ns >= _REFUSAL_PAUSE_NS:
             self._refused_ns = self._last_ns
             self._ctx.log.warning("%s: refused a velocity command with linear.x = %s, angular.z = %s; expected finite "
-                                  "numbers. The last valid command (%g m/s, %g rad/s) stays.",
-                                  self._ctx.model_name, linear, angular, *self._command)
+                                  "numbers of at most %g m/s and rad/s. The last valid command (%g m/s, %g rad/s) "
+                                  "stays.", self._ctx.model_name, linear, angular, FASTEST, *self._command)
 
     def next_before(self, now_ns):
         if self._command_ns is None:

@@ -1,19 +1,12 @@
 """libgazebo_ros_force.so: a wrench from a topic, applied to a link in every step."""
-import numpy as np
 from geometry_msgs.msg import Wrench
 
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.runtime.limits import strongest
 
 _REFUSAL_PAUSE_NS = 5000000000
 _NONE = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-
-def strongest(inertial, step):
-    """Return the force [N] and the torque [N m] that bring a body from rest to ``FASTEST`` in one step [s]."""
-    xx, xy, xz, yy, yz, zz = inertial.inertia
-    least = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))[0]
-    return FASTEST * inertial.mass / step, FASTEST * max(float(least), 0.0) / step
 
 
 class Force(Plugin):

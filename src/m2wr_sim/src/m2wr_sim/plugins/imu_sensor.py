@@ -3,7 +3,7 @@ from sensor_msgs.msg import Imu
 
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import multiply, quaternion_from_rpy
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.base import LazySensor
 from m2wr_sim.plugins.imu import imu_message
 from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule
 from m2wr_sim.sensors.imu import ImuSensor
@@ -11,7 +11,7 @@ from m2wr_sim.sensors.imu import ImuSensor
 _WORLD = (0.0, 0.0, 0.0, 1.0)
 
 
-class SensorImu(Plugin):
+class SensorImu(LazySensor):
     """Reads only while somebody listens; the first message comes a period after that.
 
     Two rates count, as in Gazebo: the sensor's own says when it reads, ``updateRateHZ`` which readings are sent.
@@ -38,22 +38,21 @@ class SensorImu(Plugin):
         except ValueError as error:
             raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
         self._port = ctx.advertise(topic, Imu)
-        self._awake = False
 
-    def next_after(self, now_ns):
-        if not self._port.wanted():
-            self._awake = False
-            return NEVER
-        if not self._awake:
-            self._awake = True
-            self._imu.start(self._physics.link_state(self._ctx.sensor_link), now_ns)
-            self._sensed.restart()
-            self._sensed.due(now_ns)                    # a period begins
-            self._sent.restart(now_ns)
+    def wanted(self):
+        return self._port.wanted()
+
+    def wake(self, now_ns):
+        self._imu.start(self._physics.link_state(self._ctx.sensor_link), now_ns)
+        self._sensed.restart()
+        self._sensed.due(now_ns)                        # a period begins
+        self._sent.restart(now_ns)
+
+    def next_reading(self, now_ns):
         return self._sensed.next_due(now_ns, self._ctx.step_ns)
 
     def after_step(self, now_ns):
-        if not self._awake or not self._sensed.due(now_ns):
+        if not self.awake or not self._sensed.due(now_ns):
             return
         state = self._physics.link_state(self._ctx.sensor_link)
         orientation, rates, acceleration = self._imu.read(state, now_ns, self._physics.settings.gravity)
@@ -69,7 +68,7 @@ class SensorImu(Plugin):
                                        self._sigma ** 2))
 
     def reset(self, now_ns, rewound):
-        self._awake = False                             # the next step starts from where things are now
+        self.awake = False                              # the next step starts from where things are now
         if rewound:
             self._imu.reset(self._ctx.rng("noise"))
             self._rng = self._ctx.rng("message noise")

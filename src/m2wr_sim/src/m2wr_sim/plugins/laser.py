@@ -6,7 +6,7 @@ from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import compose
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.base import LazySensor
 from m2wr_sim.runtime.schedule import SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
 
@@ -19,7 +19,7 @@ def told_limit(limit):
     return limit if limit <= _LARGEST else math.inf
 
 
-class Laser(Plugin):
+class Laser(LazySensor):
     """Casts rays only while somebody listens; the first scan comes with the next step."""
 
     def configure(self, spec, ctx):
@@ -40,7 +40,6 @@ class Laser(Plugin):
         named = spec.text("topicName", "/world")
         topic = "" if spec.spec.find("topicName") == "" else named     # an empty element means no topic at all
         self._port = ctx.advertise(topic, LaserScan, namespace=namespace) if topic else None
-        self._awake = False
         self._message = LaserScan()
         header = self._message
         header.header.frame_id = ctx.frame(spec.text("frameName", "/world"), namespace)
@@ -58,17 +57,14 @@ class Laser(Plugin):
         self._ctx.refresh_scene()
         return self._laser.cast(self._ctx.scene, pose)
 
-    def next_after(self, now_ns):
-        if not self.wanted():
-            self._awake = False
-            return NEVER
-        if not self._awake:
-            self._awake = True
-            self._schedule.restart()
+    def wake(self, now_ns):
+        self._schedule.restart()
+
+    def next_reading(self, now_ns):
         return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
     def after_step(self, now_ns):
-        if not self._awake or not self._schedule.due(now_ns):
+        if not self.awake or not self._schedule.due(now_ns):
             return
         ranges, intensities = self.measure()
         message = self._message

@@ -7,13 +7,13 @@ from sensor_msgs.msg import Range
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.types import Noise
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.base import LazySensor
 from m2wr_sim.plugins.laser import told_limit
 from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
 
 
-class RangeFinder(Plugin):
+class RangeFinder(LazySensor):
     """Casts rays only while somebody listens; the plugin's own noise counts, the sensor's does not, as in Gazebo."""
 
     def configure(self, spec, ctx):
@@ -40,22 +40,21 @@ class RangeFinder(Plugin):
         self._message.min_range = told_limit(self._rays.range_min)
         self._message.max_range = told_limit(self._rays.range_max)
         self._port = ctx.advertise(topic, Range, namespace=namespace) if topic else None
-        self._awake = False
 
-    def next_after(self, now_ns):
-        if self._port is None or not self._port.wanted():
-            self._awake = False
-            return NEVER
-        if not self._awake:
-            self._awake = True
-            self._sensed.restart()
+    def wanted(self):
+        return self._port is not None and self._port.wanted()
+
+    def wake(self, now_ns):
+        self._sensed.restart()
+
+    def next_reading(self, now_ns):
         step_ns = self._ctx.step_ns
         if not self._sensed.period_ns:
             return max(now_ns + step_ns, self._sent.next_due(step_ns))
         return self._sensed.next_due(now_ns, step_ns)
 
     def after_step(self, now_ns):
-        if not self._awake or not self._sensed.due(now_ns) or not self._sent.due(now_ns):
+        if not self.awake or not self._sensed.due(now_ns) or not self._sent.due(now_ns):
             return
         pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
         self._ctx.refresh_scene()

@@ -66,8 +66,12 @@ class JointApi:
             return ApplyJointEffortResponse(False, "ApplyJointEffort: joint not found")
         if not all_finite((request.effort,)):
             return ApplyJointEffortResponse(False, "ApplyJointEffort: effort is not finite")
-        self._forces.push_joint(*found, effort=request.effort, start_ns=request.start_time.to_nsec(),
-                                duration_ns=request.duration.to_nsec())
+        try:
+            self._forces.push_joint(*found, effort=request.effort, start_ns=request.start_time.to_nsec(),
+                                    duration_ns=request.duration.to_nsec())
+        except ModelError as error:
+            log.error("apply_joint_effort: %s", error)
+            return ApplyJointEffortResponse(False, "ApplyJointEffort: %s" % error)
         return ApplyJointEffortResponse(True, "ApplyJointEffort: effort set")
 
     def clear_joint_forces(self, request):

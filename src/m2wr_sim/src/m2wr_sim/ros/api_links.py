@@ -151,7 +151,11 @@ class LinkApi:
         else:
             record = next(link for link in model.record.links if link.name == name)
             force, torque = wrench_in_world(pose, record.inertial.pose[0], frame, *wrench)
-        self._forces.push_link(model, name, force, torque, request.start_time.to_nsec(), request.duration.to_nsec())
+        try:
+            self._forces.push_link(model, name, force, torque, request.start_time.to_nsec(), request.duration.to_nsec())
+        except ModelError as error:
+            log.error("apply_body_wrench: %s", error)
+            return ApplyBodyWrenchResponse(False, "ApplyBodyWrench: %s" % error)
         return ApplyBodyWrenchResponse(True, "")
 
     def clear_body_wrenches(self, request):

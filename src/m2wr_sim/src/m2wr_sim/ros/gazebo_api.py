@@ -13,6 +13,7 @@ from gazebo_msgs.srv import (DeleteModelResponse, GetModelPropertiesResponse, Ge
 from std_srvs.srv import EmptyResponse
 
 from m2wr_sim.errors import ModelError, NotFoundError
+from m2wr_sim.physics.engine import FARTHEST
 from m2wr_sim.ros.api_joints import JointApi
 from m2wr_sim.ros.api_lights import LightApi
 from m2wr_sim.ros.api_links import LinkApi
@@ -28,6 +29,12 @@ log = logging.getLogger(__name__)
 
 _DRAIN = 0.2            # s of wall time between the last message of the old time and the clock's jump back to zero
 _NO_SCOPED_FRAME = ("reference relative_entity_name not found, did you forget to scope the body by model name?")
+
+
+class _CountedState(GetModelStateResponse):
+    """A response that keeps the ``header.seq`` it is given; rospy writes the number of the call into all others."""
+
+    _has_header = False
 
 
 class GazeboApi:
@@ -63,6 +70,7 @@ class GazeboApi:
         self._commands = [
             rospy.Subscriber("~set_model_state", ModelState, self._on_message, self._put_model, queue_size=10),
             rospy.Subscriber("~set_link_state", LinkState, self._on_message, self._links.put_link, queue_size=10)]
+        log.info("Finished loading Gazebo ROS API Plugin.")         # people and scripts wait for this line
         self._reconfigure = make_reconfigure(simulator, loop, self._physics)
 
     def _call(self, function):
@@ -95,20 +103,20 @@ class GazeboApi:
     # ---- models ------------------------------------------------------------------------------------------------
 
     def get_model_state(self, request):
-        """Answer get_model_state; ``header.seq`` counts the answers for each model from 1."""
-        response = GetModelStateResponse()
+        """Answer get_model_state; ``header.seq`` counts the calls for each model from 1."""
+        response = _CountedState()
         if request.model_name not in self._simulator.models:
             response.status_message = "GetModelState: model does not exist"
-            return response
-        try:
-            state = self._simulator.model_state(request.model_name, request.relative_entity_name)
-        except NotFoundError:
-            response.status_message = "GetModelState: " + _NO_SCOPED_FRAME
             return response
         self._sequence[request.model_name] = self._sequence.get(request.model_name, 0) + 1
         response.header.seq = self._sequence[request.model_name]
         response.header.stamp = stamp_of(self._simulator.now_ns)
         response.header.frame_id = request.relative_entity_name
+        try:
+            state = self._simulator.model_state(request.model_name, request.relative_entity_name)
+        except NotFoundError:
+            response.status_message = "GetModelState: " + _NO_SCOPED_FRAME
+            return response
         write_pose(response.pose, state.position, state.orientation)
         for vector, values in ((response.twist.linear, state.linear), (response.twist.angular, state.angular)):
             vector.x, vector.y, vector.z = values
@@ -149,7 +157,13 @@ class GazeboApi:
                 False, "SetModelConfiguration: joint name and position list have different lengths")
         if not all_finite(request.joint_positions):
             return SetModelConfigurationResponse(False, "SetModelConfiguration: a joint position is not finite")
-        self._simulator.set_joint_positions(request.model_name, dict(zip(request.joint_names, request.joint_positions)))
+        wanted = dict(zip(request.joint_names, request.joint_positions))
+        for joint in self._simulator.models[request.model_name].record.joints:
+            position = min(joint.axis.upper, max(joint.axis.lower, wanted.get(joint.name, 0.0)))
+            if joint.name in wanted and abs(position) > FARTHEST:
+                return SetModelConfigurationResponse(False, "SetModelConfiguration: position %g of joint %s; expected "
+                                                     "at most %g rad or m" % (position, joint.name, FARTHEST))
+        self._simulator.set_joint_positions(request.model_name, wanted)
         return SetModelConfigurationResponse(True, "SetModelConfiguration: success")
 
     def delete_model(self, request):

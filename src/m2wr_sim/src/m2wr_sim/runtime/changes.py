@@ -1,10 +1,15 @@
 """Changes to a running world beyond moving things: links, joints and the physics itself."""
+import logging
 import math
 from dataclasses import replace
 
 from m2wr_sim.errors import ModelError, ParameterError
 from m2wr_sim.geometry import IDENTITY, compose, cross, normalise_quaternion, rotate, rotate_inverse
 from m2wr_sim.physics.engine import FARTHEST, FASTEST, settings_from_physics
+from m2wr_sim.runtime.limits import (GREATEST_GRAVITY, GREATEST_INERTIA, GREATEST_MOTOR, HEAVIEST, solver_stops,
+                                     strongest_damping)
+
+log = logging.getLogger(__name__)
 
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1         # s
 
@@ -37,11 +42,17 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
     Raises
     ------
     ModelError
-        If mass and inertia are to act and are not those of a physical body.
+        If mass and inertia are to act and are not those of a physical body, or more than the solver can take.
     """
     link = model.handle.links[name]
     if solve:
+        if not (inertial.mass <= HEAVIEST and all(abs(value) <= GREATEST_INERTIA for value in inertial.inertia)):
+            raise ModelError("link %s::%s: mass %g kg with inertia %s; expected at most %g kg and %g kg m^2" % (
+                model.name, name, inertial.mass, list(inertial.inertia), HEAVIEST, GREATEST_INERTIA))
         simulator.engine.set_link_inertial(link, inertial)
+        model.kept_inertials.pop(name, None)
+    else:
+        model.kept_inertials.setdefault(name, model.link_record(name).inertial)
     simulator.engine.set_link_gravity(link, gravity)
     model.record = replace(model.record, links=tuple(
         replace(record, gravity=gravity, inertial=inertial) if record.name == name else record
@@ -51,19 +62,40 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
 def set_joint_properties(simulator, model, name, axis_changes, parameters):
     """Change fields of a joint's Axis and parameters of its solver (``engine.JOINT_PARAMETERS``).
 
+    Damping that would drive the joint instead of braking it, because it acts as a force found before each step, is cut
+    to what stops the joint within a few steps.
+
     Raises
     ------
     ModelError
-        If a number is not finite.
+        If a number is not finite, or would throw the joint.
     """
+    where = "%s::%s" % (model.name, name)
     for key, value in list(axis_changes.items()) + list(parameters.items()):
         if not math.isfinite(value):
-            raise ModelError("joint %s::%s: %s is %g; expected a finite number" % (model.name, name, key, value))
-    axis = replace(model.joint_record(name).axis, **axis_changes)
+            raise ModelError("joint %s: %s is %g; expected a finite number" % (where, key, value))
+    for key, most in (("rate", FASTEST), ("max_force", GREATEST_MOTOR)):
+        if abs(parameters.get(key, 0.0)) > most:
+            raise ModelError("joint %s: %s is %g; expected at most %g" % (where, key, parameters[key], most))
+    joint = model.joint_record(name)
+    axis, number = replace(joint.axis, **axis_changes), model.handle.joints.get(name)
+    if number is not None and joint.kind in ("revolute", "prismatic"):
+        step = simulator.step_ns * 1e-9
+        stops = {key: parameters[key] for key in ("lower", "upper") if key in parameters}
+        parameters = dict(parameters, **solver_stops(where, joint, simulator.engine.joint_angle(number), step, stops))
+        axis = _stable_damping(where, model, joint, axis, step) if "damping" in axis_changes else axis
+        simulator.engine.change_joint(number, axis, parameters)
     model.record = replace(model.record, joints=tuple(
         replace(record, axis=axis) if record.name == name else record for record in model.record.joints))
-    if name in model.handle.joints:
-        simulator.engine.change_joint(model.handle.joints[name], axis, parameters)
+
+
+def _stable_damping(where, model, joint, axis, step):
+    most = strongest_damping(model, joint, step)
+    if abs(axis.damping) <= most:
+        return axis
+    log.warning("joint %s: damping %g is taken as %g, which halves a free joint's rate in each step of %g ms",
+                where, axis.damping, most, 1e3 * step)
+    return replace(axis, damping=most)
 
 
 def wrench_as_gazebo(link_pose, frame, point, force, torque):
@@ -111,7 +143,7 @@ def set_physics(simulator, physics):
     Raises
     ------
     ParameterError
-        If a number is not finite, or the step is not one the engine can take.
+        If a number is not finite, or gravity or the step are not what the engine can take.
     """
     numbers = {"gravity": physics.gravity, "max_update_rate": (physics.real_time_update_rate,),
                "erp": (physics.erp,), "cfm": (physics.cfm,), "sor_pgs_w": (physics.sor,),
@@ -120,6 +152,9 @@ def set_physics(simulator, physics):
     for name, values in numbers.items():
         if not all(math.isfinite(value) for value in values):
             raise ParameterError("%s is %s; expected finite numbers" % (name, " ".join(map(str, values))))
+    if max(map(abs, physics.gravity)) > GREATEST_GRAVITY:
+        raise ParameterError("gravity is %s; expected at most %g m/s^2"
+                             % (" ".join(map(str, physics.gravity)), GREATEST_GRAVITY))
     if not SHORTEST_STEP <= physics.max_step_size <= LONGEST_STEP:
         raise ParameterError("time_step is %g s; expected %g to %g s"
                              % (physics.max_step_size, SHORTEST_STEP, LONGEST_STEP))

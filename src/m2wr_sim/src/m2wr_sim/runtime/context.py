@@ -104,13 +104,18 @@ class ModelContext(PluginContext):
         return port
 
     def subscribe(self, topic, message_class, callback, namespace=None):
-        self._open.append(self._ports.subscribe(topic, message_class, callback, namespace or ""))
+        self._open.append(self._ports.subscribe(
+            topic, message_class, lambda message: self._simulator.hand_over(self, callback, message), namespace or ""))
 
     def serve(self, name, service_class, handler, namespace=None):
         self._open.append(self._ports.serve(name, service_class, handler, namespace or ""))
 
     def send_transform(self, stamp, parent, child, position, orientation):
         self._ports.transform(stamp, parent, child, position, orientation)
+
+    def topics(self):
+        """Return the names of the topics that the plugin publishes on, as far as the ports have names."""
+        return [port.topic for port in self._open if hasattr(port, "topic")]
 
     def close(self):
         """Close every port the plugin opened."""

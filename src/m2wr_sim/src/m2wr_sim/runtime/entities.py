@@ -33,6 +33,7 @@ class LiveModel:
         self.name = handle.name
         self.plugins = []
         self.sight = None               # SceneRows of what moves
+        self.kept_inertials = {}        # link -> Inertial that still acts where the record tells another
         self._root = record.links[0]
         self._root_offset = invert(self._root.pose)
 
@@ -40,6 +41,14 @@ class LiveModel:
     def root(self):
         """The engine's number of the first link, whose frame and velocity stand for the model."""
         return self.handle.links[self._root.name]
+
+    def link_record(self, name):
+        """Return the record of a link."""
+        return next(link for link in self.record.links if link.name == name)
+
+    def acting_inertial(self, name):
+        """Return the Inertial with which a link moves."""
+        return self.kept_inertials.get(name) or self.link_record(name).inertial
 
     def joint_record(self, name):
         """Return the record of a joint."""
@@ -84,11 +93,11 @@ class LiveModel:
         else:
             change = ((0.0, 0.0, 0.0), tuple(math.sin(0.5 * by) * axis) + (math.cos(0.5 * by),))
         world_change = compose(compose(joint_pose, change), invert(joint_pose))
-        for link in (self.handle.links[name] for name in self._beyond(joint.child)):
+        for link in (self.handle.links[name] for name in self.links_beyond(joint.child)):
             engine.set_link_pose(link, compose(world_change, engine.link_pose(link)))
         engine.set_joint_angle(number, position)
 
-    def _beyond(self, link):
+    def links_beyond(self, link):
         """Return the names of a link and of all links that hang on it."""
         found, waiting = [], [link]
         while waiting:

@@ -1,0 +1,187 @@
+"""What a world survives: closed forms of the limits, and that no finite request of a service tears it apart."""
+import math
+
+import pytest
+import rospy
+from gazebo_msgs import srv
+from gazebo_msgs.msg import ODEJointProperties
+from geometry_msgs.msg import Point, Vector3, Wrench
+
+from conftest import at
+from m2wr_sim.errors import ModelError
+from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_sim.model.types import Axis, Box, Collision, Inertial, Joint, Link, Model
+from m2wr_sim.physics.engine import FASTEST
+from m2wr_sim.ros.api_joints import JointApi
+from m2wr_sim.ros.api_links import LinkApi
+from m2wr_sim.ros.api_physics import PhysicsApi
+from m2wr_sim.runtime.entities import LiveModel
+from m2wr_sim.runtime.forces import Forces
+from m2wr_sim.runtime.limits import solver_stops, strongest, strongest_damping, strongest_effort
+
+STEP = 0.001
+HUGE = (1e300, -1e300, 1e12, -1e7)
+
+
+def arm(kind="revolute", parent="base", turn=(0.0, 0.0, 0.0, 1.0), **axis):
+    """Return a model of a base and an arm of 2 kg with 0.1, 0.2 and 0.4 kg m^2 on a joint along the arm's z."""
+    base = Link("base", inertial=Inertial(5.0, inertia=(1.0, 0.0, 0.0, 1.0, 0.0, 0.5)),
+                collisions=(Collision("c", Box((0.4, 0.4, 0.2))),))
+    link = Link("arm", ((0.0, 0.0, 0.3), turn), inertial=Inertial(2.0, inertia=(0.1, 0.0, 0.0, 0.2, 0.0, 0.4)))
+    return Model("crane", (base, link), (Joint("joint", kind, parent, "arm", axis=Axis(**axis)),), pose=at(z=0.1))
+
+
+def live(model):
+    return LiveModel(model, type("Handle", (), {"name": model.name, "links": {}, "joints": {}})(), model.pose)
+
+
+@pytest.fixture
+def apis(make_rig):
+    """Return a rig with a crane on the ground, and the services on links, joints and physics."""
+    def make(kind="revolute", as_gazebo=True):
+        rig = make_rig(arm(kind))
+        forces = Forces(rig.simulator)
+        rig.simulator.add_observer(forces, "forces")
+        return rig, LinkApi(rig.simulator, forces, as_gazebo), JointApi(rig.simulator, forces), PhysicsApi(
+            rig.simulator, lambda factor: None)
+    return make
+
+
+def survives(rig, seconds=0.3):
+    """Run, and look whether everything is still a number and nobody was switched off."""
+    observers = list(rig.simulator.observers)
+    rig.run(seconds)
+    for model in rig.simulator.models.values():
+        for link in model.handle.links.values():
+            state = rig.engine.link_state(link)
+            assert all(math.isfinite(value) for part in state for value in part)
+            assert max(map(abs, state.linear_velocity + state.angular_velocity)) < 1e6
+    assert rig.simulator.observers == observers
+    return True
+
+
+def test_force_and_torque_to_the_greatest_speed_in_one_step():
+    inertial = Inertial(2.0, inertia=(0.3, 0.1, 0.0, 0.3, 0.0, 0.5))        # least principal moment: 0.2
+    assert strongest(inertial, STEP) == pytest.approx((FASTEST * 2.0 / STEP, FASTEST * 0.2 / STEP))
+
+
+@pytest.mark.parametrize("kind, expected", [("revolute", 0.4), ("prismatic", 2.0)])
+def test_an_effort_is_measured_by_the_lighter_side(kind, expected):
+    model = live(arm(kind))
+    assert strongest_effort(model, model.joint_record("joint"), STEP) == pytest.approx(FASTEST * expected / STEP)
+
+
+def test_a_link_with_next_to_no_mass_between_two_joints_does_not_count_alone():
+    model = arm()
+    dummy = Link("dummy", inertial=Inertial(1e-5, inertia=(1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-9)))
+    joints = (Joint("yaw", "revolute", "base", "dummy"), Joint("pitch", "revolute", "dummy", "arm"))
+    model = live(Model("crane", model.links + (dummy,), joints))
+    for name, sides in (("yaw", (0.4, 0.5)), ("pitch", (0.4, 0.5))):
+        joint = model.joint_record(name)
+        assert strongest_effort(model, joint, STEP) == pytest.approx(FASTEST * 0.4 / STEP)
+        assert strongest_damping(model, joint, STEP) == pytest.approx(0.5 / STEP / sum(1.0 / side for side in sides))
+
+
+@pytest.mark.parametrize("kind, parent, turn, expected", [
+    ("revolute", "world", (0.0, 0.0, 0.0), 0.4), ("revolute", "base", (0.0, 0.0, 0.0), 1.0 / (1 / 0.4 + 1 / 0.5)),
+    # the joint's axis is fixed to the arm: laid down, it is the base's y, and still the arm's own z
+    ("revolute", "base", (0.5 * math.pi, 0.0, 0.0), 1.0 / (1 / 0.4 + 1 / 1.0)),
+    ("prismatic", "base", (0.0, 0.0, 0.0), 1.0 / (1 / 2.0 + 1 / 5.0)), ("prismatic", "world", (0.0, 0.0, 0.0), 2.0)])
+def test_damping_that_halves_the_rate_of_both_links_in_series(kind, parent, turn, expected):
+    model = live(arm(kind, parent, quaternion_from_rpy(*turn)))
+    assert strongest_damping(model, model.joint_record("joint"), STEP) == pytest.approx(0.5 * expected / STEP)
+
+
+@pytest.mark.parametrize("stops, taken", [
+    ({"lower": -1e16, "upper": 1e16}, {"lower": -math.inf, "upper": math.inf}), ({"lower": -1.0}, {"lower": -1.0}),
+    ({"upper": math.pi}, {"upper": math.inf}), ({}, {})])
+def test_a_hinge_has_no_stops_beyond_half_a_turn(stops, taken):
+    joint = arm().joints[0]
+    assert solver_stops("x", joint, 0.5, STEP, stops) == taken
+    assert solver_stops("x", joint, 0.5 + 20.0 * math.pi, STEP, stops) == taken     # angles count whole turns
+
+
+@pytest.mark.parametrize("kind, stops", [("revolute", {"lower": 5.0}), ("revolute", {"upper": -1e300}),
+                                         ("prismatic", {"lower": 10.1}), ("prismatic", {"upper": -1e6})])
+def test_a_stop_that_would_throw_the_joint_is_refused(kind, stops):
+    with pytest.raises(ModelError, match="expected at most"):
+        solver_stops("crane::joint", arm(kind).joints[0], 0.0, STEP, stops)
+
+
+@pytest.mark.parametrize("value", HUGE)
+@pytest.mark.parametrize("as_gazebo", [True, False])
+def test_no_wrench_tears_the_world_apart(apis, value, as_gazebo):
+    rig, links, _, _ = apis(as_gazebo=as_gazebo)
+    for force, torque, point in (((value, 0, 0), (0, 0, 0), (0, 0, 0)), ((0, 0, 0), (0, value, 0), (0, 0, 0)),
+                                 ((1, 0, 0), (0, 0, 0), (0, value, 0))):
+        for frame in ("", "crane::base"):
+            wrench = Wrench(Vector3(*force), Vector3(*torque))
+            answer = links.apply_body_wrench(srv.ApplyBodyWrenchRequest(
+                "crane::arm", frame, Point(*point), wrench, rospy.Time(), rospy.Duration(-1)))
+            if abs(value) > 1e8:
+                assert not answer.success and "expected at most 2e+07 N and 1e+06 N m" in answer.status_message
+    assert survives(rig)
+
+
+def test_a_wrench_is_measured_by_the_mass_that_moves_not_by_one_that_is_only_stored(apis):
+    rig, links, _, _ = apis()
+    assert links.set_link_properties(srv.SetLinkPropertiesRequest(link_name="crane::arm", mass=-1.0)).success
+    push = srv.ApplyBodyWrenchRequest("crane::arm", "", Point(), Wrench(Vector3(1e7, 0, 0), Vector3()), rospy.Time(),
+                                      rospy.Duration(-1))
+    assert links.apply_body_wrench(push).success and survives(rig, 1.0)
+
+
+def test_a_wrench_ends_when_its_link_has_become_too_fast(apis, caplog):
+    rig, links, _, _ = apis()
+    push = srv.ApplyBodyWrenchRequest("crane::base", "", Point(), Wrench(Vector3(0, 0, 1e6), Vector3()), rospy.Time(),
+                                      rospy.Duration(-1))
+    assert links.apply_body_wrench(push).success and survives(rig, 1.0)
+    assert caplog.text.count("on crane::base ends: it moves at") == 1
+
+
+@pytest.mark.parametrize("value", HUGE)
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_no_effort_tears_the_world_apart(apis, value, kind, caplog):
+    rig, _, joints, _ = apis(kind)
+    answer = joints.apply_joint_effort(srv.ApplyJointEffortRequest("joint", value, rospy.Time(), rospy.Duration(-1)))
+    assert answer.success is (abs(value) < 1e8 and kind == "prismatic") and survives(rig)
+    assert ("expected at most" in answer.status_message) is not answer.success
+    assert ("crane::joint ends" in caplog.text) is answer.success
+
+
+@pytest.mark.parametrize("value", HUGE + (-1.0, 5e-324))
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_no_number_of_a_joint_tears_the_world_apart(apis, value, kind):
+    rig, _, joints, _ = apis(kind)
+    for fields in [{name: [value]} for name in ODEJointProperties.__slots__] + [{"fmax": [abs(value)], "vel": [value]}]:
+        joints.set_joint_properties(srv.SetJointPropertiesRequest("joint", ODEJointProperties(**fields)))
+        assert survives(rig, 0.1)
+
+
+def test_damping_beyond_what_a_step_takes_brakes_hard_and_is_told(apis, caplog):
+    rig, _, joints, _ = apis()
+    rig.engine.set_joint_motor(rig.simulator.models["crane"].handle.joints["joint"], 5.0, 1e4)
+    rig.run(0.1)
+    rig.engine.set_joint_motor(rig.simulator.models["crane"].handle.joints["joint"], 0.0, 0.0)
+    answer = joints.set_joint_properties(srv.SetJointPropertiesRequest("joint", ODEJointProperties(damping=[1e9])))
+    assert answer.success and "damping 1e+09 is taken as" in caplog.text
+    rates = [rig.run(0.001).rate("joint", "crane") for _ in range(30)]
+    assert rates[0] == pytest.approx(2.5, rel=0.05) and 0.0 <= min(rates) and max(rates[10:]) < 0.2    # never drives
+
+
+@pytest.mark.parametrize("fields", [dict(mass=1e300), dict(ixx=1e300), dict(ixy=1e300), dict(izz=1e30), dict(mass=0.0),
+                                    dict(mass=-1.0), dict(iyy=-1.0)])
+def test_masses_that_nothing_can_move_with_are_refused_where_they_act(apis, fields):
+    rig, links, _, _ = apis(as_gazebo=False)
+    values = dict(dict(mass=2.0, ixx=0.1, iyy=0.2, izz=0.4), **fields)
+    answer = links.set_link_properties(srv.SetLinkPropertiesRequest(link_name="crane::arm", **values))
+    assert not answer.success and "expected" in answer.status_message and survives(rig)
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1.1e4])
+def test_gravity_beyond_what_the_world_survives_is_refused(apis, value):
+    rig, _, _, physics = apis()
+    now = physics.get_physics_properties(None)
+    request = srv.SetPhysicsPropertiesRequest(now.time_step, now.max_update_rate, Vector3(0, 0, value), now.ode_config)
+    answer = physics.set_physics_properties(request)
+    assert not answer.success and "expected at most 10000 m/s^2" in answer.status_message and survives(rig)
