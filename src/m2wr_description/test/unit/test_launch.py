@@ -1,6 +1,7 @@
 """The launch files, loaded as roslaunch loads them but with no master and nothing started."""
 import os
 import re
+import shlex
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -56,7 +57,9 @@ class TestLook:
     def test_nodes_and_parameters(self, name):
         nodes, params = load(name)
         assert {node.name: (node.package, node.type) for node in nodes.values()} == {
-            each: (each, each) for each in ('joint_state_publisher', 'robot_state_publisher', 'rviz')}
+            'joint_state_publisher': ('joint_state_publisher',) * 2,
+            'robot_state_publisher': ('robot_state_publisher',) * 2, 'rviz': ('m2wr_view', 'rviz_window')}
+        assert not nodes['rviz'].required       # without a display all the rest is still of use
         assert params['/use_sim_time'] is False
         assert '<robot name="m2wr"' in params['/robot_description']
 
@@ -66,9 +69,13 @@ class TestLook:
 
     def test_rviz_configuration_exists_and_can_be_chosen(self, name):
         nodes, _ = load(name)
-        assert os.path.isfile(words(nodes['rviz']).split()[-1])
+        assert os.path.isfile(shlex.split(nodes['rviz'].args)[-1])
         nodes, _ = load(name, 'config:=/other.rviz')
-        assert words(nodes['rviz']) == '-d /other.rviz'
+        assert shlex.split(nodes['rviz'].args) == ['-d', '/other.rviz']
+
+    def test_a_virtual_display_can_be_had(self, name):
+        nodes, params = load(name, 'rviz:=false', 'virtual_display:=true', 'screenshots:=/p')
+        assert (nodes['virtual_display'].package, params['/virtual_display/out']) == ('m2wr_view', '/p')
 
 
 @pytest.mark.parametrize('name, frame, topics', [

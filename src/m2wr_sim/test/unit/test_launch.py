@@ -91,6 +91,25 @@ def test_rviz_comes_with_a_display_or_when_asked_for(monkeypatch):
     assert "rviz" not in load("bug2.launch", "gui:=false")[0]
 
 
+@pytest.mark.parametrize("name", ["bug2.launch", "mapping.launch", "sim.launch", "robots.launch"])
+def test_rviz_on_a_virtual_display_is_one_argument(name):
+    nodes, params = load(name, "virtual_display:=true", "screenshots:=/p", "screenshot_period:=3")
+    assert "rviz" not in nodes and nodes["virtual_display"].package == "m2wr_view"
+    assert not nodes["virtual_display"].required
+    assert (params["/virtual_display/out"], params["/virtual_display/period"]) == ("/p", 3.0)
+    assert os.path.isfile(params["/virtual_display/config"])
+    assert "virtual_display" not in load(name)[0]
+
+
+@pytest.mark.parametrize("name, model, frame", [("bug2.launch", "m2wr", "odom"), ("mapping.launch", "m2wr", "odom"),
+                                                ("robots.launch", "robot1", "world")])
+def test_where_rviz_is_a_robot_can_be_placed(name, model, frame):
+    assert "place_robot" not in load(name, "gui:=false")[0]
+    nodes, params = load(name, "gui:=true")
+    assert "place_robot" in nodes and "rviz" in nodes
+    assert (params["/place_robot/model"], params["/place_robot/frame"]) == (model, frame)
+
+
 ROBOTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "data", "robots")
 
 

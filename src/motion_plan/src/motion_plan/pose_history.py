@@ -1,7 +1,12 @@
 """The last second of poses, so that a scan is placed where the robot was when it was taken."""
+import math
 from collections import deque
 
 from motion_plan.angles import wrap_angle
+
+#: No robot of ours gets farther than this between two poses: a length [m], and so much more a second [m/s].
+JUMP_DISTANCE = 0.3
+JUMP_SPEED = 3.0
 
 
 class PoseHistory:
@@ -23,6 +28,13 @@ class PoseHistory:
         if self._poses and stamp == self._poses[-1][0]:
             self._poses.pop()
         self._poses.append((stamp, pose))
+
+    def is_jump(self, stamp, pose):
+        """Tell whether the robot must have been put to ``pose`` at ``stamp`` [s], for it cannot have driven there."""
+        if not self._poses or stamp < self._poses[-1][0]:
+            return False
+        before, (x, y, _) = self._poses[-1]
+        return math.hypot(pose[0] - x, pose[1] - y) > JUMP_DISTANCE + JUMP_SPEED * (stamp - before)
 
     def clear(self):
         """Forget all poses."""

@@ -1,6 +1,7 @@
 """The node bug2: puts the robot at the start, switches the two behaviours, tells what it does."""
 import json
 import math
+import threading
 import time
 
 import rospy
@@ -10,14 +11,19 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
+from visualization_msgs.msg import MarkerArray
 
 from motion_plan.bug2 import STATE_DESCRIPTIONS, Bug2, State
-from motion_plan.ros_support import (NodeError, Senses, choose_rhythm, optional_number, required_number, run_node,
-                                     wait_for_clock, wait_while)
+from motion_plan.ros_bug2_markers import Bug2Markers
+from motion_plan.ros_diagnostics import Diagnostics, Report
+from motion_plan.ros_poses import PoseError, planar_in
+from motion_plan.ros_support import (SCAN_TOPIC, NodeError, Senses, choose_rhythm, optional_number, required_number,
+                                     run_node, wait_for_clock, wait_while)
 
 LAUNCH_FILE = 'bug2.launch'
 SWITCHES = ('/go_to_point_switch', '/wall_follower_switch')
 SET_MODEL_STATE = '/gazebo/set_model_state'
+GOAL_TOPIC = '/move_base_simple/goal'
 STATUS_PERIOD = 0.5
 #: Wall seconds that the last latched messages get to leave before the node exits.
 FAREWELL_SECONDS = 0.5
@@ -34,10 +40,21 @@ class Bug2Publishers:
         self._hit = rhythm.publisher('bug2/hit_point', PointStamped, queue_size=10, latch=True)
         self._leave = rhythm.publisher('bug2/leave_point', PointStamped, queue_size=10, latch=True)
         self._line = rhythm.publisher('bug2/m_line', Path, queue_size=1, latch=True)
+        self._markers = rhythm.publisher('bug2/markers', MarkerArray, queue_size=1, latch=True)
+        self._shown = Bug2Markers()
+
+    def begin(self):
+        """A run begins anew: nothing of the one before is shown."""
+        self._shown.begin()
+
+    def markers(self, bug, frame_id, base_frame):
+        """Publish everything that rviz is to show of Bug 2."""
+        self._markers.publish(self._shown.message(bug, frame_id, base_frame))
 
     def state(self, bug, frame_id, stamp):
         """Publish a new state, with the point at which it was entered."""
         self._state.publish(String(data=bug.state.value))
+        self._shown.note(bug)
         for publisher, point, state in ((self._hit, bug.hit_point, State.WALL_FOLLOWING),
                                         (self._leave, bug.leave_point, State.GO_TO_POINT)):
             if point is not None and bug.state is state:
@@ -70,7 +87,10 @@ class Bug2Publishers:
 
 
 class Bug2Node:
-    """Reads the parameters, waits for the services, then takes a turn of `Bug2` at 20 Hz."""
+    """Reads the parameters, waits for the services, then takes a turn of `Bug2` at 20 Hz.
+
+    A new goal, or being put elsewhere, begins a new run of `Bug2` from where the robot is.
+    """
 
     def __init__(self):
         start = (required_number('initial_x', 'x of the start in metres', LAUNCH_FILE),
@@ -87,10 +107,25 @@ class Bug2Node:
         self._rhythm = choose_rhythm()
         self._publishers = Bug2Publishers(self._rhythm)
         self._senses = Senses(self._rhythm, remember=True)
+        Diagnostics('bug2', self._senses, self._report, ('/odom', SCAN_TOPIC))
         self._switched, self._began = None, False
+        self._start = start             # where a reset of the simulation puts the robot again
+        self._asked, self._asked_lock = None, threading.Lock()
+        self._renew = False
+        # not by the rhythm: a click belongs to no turn, and waiting for tf must hold up none
+        rospy.Subscriber(GOAL_TOPIC, PoseStamped, self.clbk_goal, queue_size=1)
         rospy.on_shutdown(self._leave_nothing_driving)
         self._told_line = None
         self._next_status = 0.0
+
+    def _report(self):
+        bug, pose = self.bug, self._senses.pose
+        values = {'state': bug.state.value, 'reason': bug.reason or 'none', 'leave rule': bug.leave_rule,
+                  'goal': '(%.2f, %.2f)' % tuple(bug.goal)}
+        if pose is not None:
+            values['distance to goal [m]'] = '%.2f' % bug.distance_to_goal(pose)
+            values['distance to line [m]'] = '%.2f' % bug.distance_to_line(pose)
+        return Report(self._began and not bug.finished, values, bug.state.value if self._began else 'waiting')
 
     def spin(self):
         """Put the robot at its start and drive it; return the exit code."""
@@ -100,7 +135,7 @@ class Bug2Node:
         self._place_robot()
         if not self._rhythm.lockstep:       # there messages come with the turns
             wait_while(self._senses_nothing, self._missing_topics)
-            self.change_state(State.GO_TO_POINT)
+            self._begin()
         code = self._rhythm.spin(self._turn, self._time_reset)
         if code is not None and not rospy.is_shutdown():
             time.sleep(FAREWELL_SECONDS)
@@ -111,9 +146,14 @@ class Bug2Node:
         rospy.loginfo('state changed: %s%s', STATE_DESCRIPTIONS[state],
                       ' (%s)' % self.bug.reason if self.bug.reason else '')
         self._publishers.state(self.bug, self._senses.frame_id, rospy.get_rostime())
+        self._publishers.markers(self.bug, self._senses.frame_id, self._senses.base_frame)
         self._next_status = 0.0
         self._began = True
         self._switch_behaviours()
+
+    def _begin(self):
+        self._senses.jumped = False         # to the start, by this node itself
+        self.change_state(State.GO_TO_POINT)
 
     def distance_to_line(self, point):
         """Return the distance [m] of (x, y) from the line through start and goal."""
@@ -123,8 +163,8 @@ class Bug2Node:
         if not self._began:
             if self._senses_nothing():
                 return None
-            self.change_state(State.GO_TO_POINT)
-        code = self._decide(now)
+            self._begin()
+        code = self._decide(now) if self._take_news() else None
         if self._rhythm.lockstep:
             self._rhythm.note = self.bug.state.value
             if code is not None:
@@ -156,6 +196,7 @@ class Bug2Node:
     def _tell(self, now, pose):
         if self._told_line != self.bug.line_start:
             self._publishers.m_line(self.bug, self._senses.frame_id, rospy.get_rostime())
+            self._publishers.markers(self.bug, self._senses.frame_id, self._senses.base_frame)
             self._told_line = self.bug.line_start
         if now >= self._next_status:
             self._next_status = now + STATUS_PERIOD
@@ -181,7 +222,10 @@ class Bug2Node:
         state = self.bug.state
         # at the goal go_to_point stays on, as in the report: it holds the robot with zero commands
         wanted = {State.WALL_FOLLOWING: (False, True), State.GOAL_UNREACHABLE: (False, False)}.get(state, (True, False))
-        for service, value in zip(SWITCHES, wanted):
+        calls = list(zip(SWITCHES, wanted))
+        if self._renew:
+            calls.insert(0, (SWITCHES[0], False))
+        for service, value in calls:
             try:
                 rospy.ServiceProxy(service, SetBool)(value)
             except (rospy.ServiceException, rospy.ROSException) as error:
@@ -189,7 +233,7 @@ class Bug2Node:
                     rospy.logwarn_throttle(2.0, 'bug2: service %s (%s) failed, trying again: %s'
                                            % (service, value, error))
                 return
-        self._switched = state
+        self._switched, self._renew = state, False
 
     def _leave_nothing_driving(self):
         """Nobody would watch the way any more: switch off what this node had switched on."""
@@ -242,7 +286,56 @@ class Bug2Node:
     def _time_reset(self):
         self._senses.forget()
         self._next_status = 0.0
+        if self.bug.start != self._start and self.bug.goal != self._start:
+            self.bug = Bug2(self._start, self.bug.goal, self.bug.leave_rule)
         self.bug.restart()
+        self._told_line = None
+        self._publishers.begin()
+        self.change_state(State.GO_TO_POINT)
+
+    # ---- another goal, another place ------------------------------------------------------------------------
+
+    def clbk_goal(self, msg):
+        """Keep a goal for the next turn, in the odometry frame; refuse one that makes no sense."""
+        try:
+            x, y, _ = planar_in(self._senses.frame_id, msg.header.frame_id, msg.pose)
+        except PoseError as error:
+            rospy.logwarn('bug2: the goal from %s is refused: %s; still heading for (%.2f, %.2f)', GOAL_TOPIC, error,
+                          *self.bug.goal)
+            return
+        with self._asked_lock:
+            self._asked = (x, y)
+
+    def _take_news(self):
+        """Begin anew where a goal was given or the robot was put elsewhere; False while no scan has come from there."""
+        with self._senses.lock:
+            pose, jumped = self._senses.pose, self._senses.jumped
+            if pose is None:
+                return True
+            if jumped and not self._senses.scan_since_jump:
+                return False
+            self._senses.jumped = False
+        with self._asked_lock:
+            goal, self._asked = self._asked, None
+        if goal is not None:
+            self._begin_anew(pose, goal, 'new goal (%.2f, %.2f)' % goal)
+        elif jumped:
+            self._begin_anew(pose, self.bug.goal, 'the robot was put elsewhere')
+        return True
+
+    def _begin_anew(self, pose, goal, why):
+        """Lay the m-line from ``pose`` to ``goal`` and head for it."""
+        try:
+            bug = Bug2(pose[:2], goal, self.bug.leave_rule)
+            if goal != self.bug.goal:       # go_to_point reads it when it is switched on
+                rospy.set_param('des_pos_x', goal[0])
+                rospy.set_param('des_pos_y', goal[1])
+        except (ValueError, OSError, rospy.ROSException) as error:
+            rospy.logwarn('bug2: %s: %s; going on as before', why, error)
+            return
+        self.bug, bug.reason = bug, why
+        self._renew, self._switched, self._told_line = True, None, None
+        self._publishers.begin()
         self.change_state(State.GO_TO_POINT)
 
 

@@ -5,8 +5,9 @@ from geometry_msgs.msg import Twist
 from motion_plan.go_to_point import GoToPoint
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import READING_LASER_BOUNDS, SECTOR_NAMES
-from motion_plan.ros_support import (Rhythm, Senses, Switchable, choose_rhythm, required_number, run_node,
-                                     wait_for_clock)
+from motion_plan.ros_diagnostics import Diagnostics, Report
+from motion_plan.ros_support import (SCAN_TOPIC, NodeError, Rhythm, Senses, Switchable, choose_rhythm, required_number,
+                                     run_node, wait_for_clock)
 from motion_plan.wall_follower import WallFollower
 from motion_plan.wall_guard import WallGuard
 
@@ -33,16 +34,33 @@ class GoToPointNode:
     """Publishes the commands of `GoToPoint` while switched on by /go_to_point_switch."""
 
     def __init__(self):
-        goal = (required_number('des_pos_x', 'x of the goal in metres', 'behaviors.launch'),
-                required_number('des_pos_y', 'y of the goal in metres', 'behaviors.launch'))
-        self.behaviour = GoToPoint(goal)
+        self.behaviour = GoToPoint(self._goal())
         self._rhythm = choose_rhythm()
         self._senses = Senses(self._rhythm, scan=False)
         self._switch = Switchable(self._rhythm, '/go_to_point_switch', self._switched)
+        Diagnostics('go_to_point', self._senses, self._report, ('/odom',), lambda: self._switch.command)
+
+    def _report(self):
+        return Report(self._switch.active, {'state': self.behaviour.state.name.lower(),
+                                            'goal': '(%.2f, %.2f)' % tuple(self.behaviour.goal)}, 'switched off')
+
+    @staticmethod
+    def _goal():
+        return (required_number('des_pos_x', 'x of the goal in metres', 'behaviors.launch'),
+                required_number('des_pos_y', 'y of the goal in metres', 'behaviors.launch'))
 
     def _switched(self, on):
-        if on:
-            self.behaviour.restart()
+        """Begin anew, with the goal as the parameters have it by now."""
+        if not on:
+            return
+        try:
+            goal = self._goal()
+            if goal != self.behaviour.goal:
+                rospy.loginfo('go_to_point: the goal is now (%.2f, %.2f)', *goal)
+            self.behaviour.goal = goal
+        except (NodeError, OSError, rospy.ROSException) as error:
+            rospy.logwarn('go_to_point: %s; keeping the goal (%.2f, %.2f)', error, *self.behaviour.goal)
+        self.behaviour.restart()
 
     def spin(self):
         """Run the loop."""
@@ -76,6 +94,12 @@ class WallFollowerNode:
         self._senses = Senses(self._rhythm, odom=self._guard is not None, remember=self._guard is not None,
                               on_regions=self.behaviour.take_action)
         self._switch = Switchable(self._rhythm, '/wall_follower_switch', self._switched)
+        Diagnostics('wall_follower', self._senses, self._report,
+                    (SCAN_TOPIC,) if self._guard is None else ('/odom', SCAN_TOPIC), lambda: self._switch.command)
+
+    def _report(self):
+        return Report(self._switch.active, {'state': self.behaviour.state.name.lower(),
+                                            'guard': 'off' if self._guard is None else 'on'}, 'switched off')
 
     def _switched(self, on):
         with self._senses.lock:

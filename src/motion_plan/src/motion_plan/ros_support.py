@@ -228,6 +228,11 @@ class Senses:
         Sector minima of the newest valid scan.
     surroundings : Surroundings
         Filled when ``remember`` is true and odometry is there.
+    frame_id, base_frame : str
+        Frames of the newest odometry: its own, and that of the robot.
+    jumped, scan_since_jump : bool
+        Whether the robot has been put elsewhere since somebody last set ``jumped`` to False, and whether a scan has
+        come from there.
     """
 
     def __init__(self, rhythm, odom=True, scan=True, remember=False, bounds=None, on_regions=None):
@@ -236,6 +241,7 @@ class Senses:
         self.reader = RegionReader(bounds) if bounds else RegionReader()
         self.history = PoseHistory()
         self._remember, self._on_regions = remember, on_regions
+        self.counts = {'/odom': 0, SCAN_TOPIC: 0}      # of what was taken, for diagnostics
         self.forget()
         if odom:
             rhythm.subscribe('/odom', Odometry, self.clbk_odom)
@@ -246,7 +252,8 @@ class Senses:
         """Drop everything received so far, and refuse messages stamped before ``not_before`` [s]."""
         with self.lock:
             self.pose = self.speed = self.regions = None
-            self.frame_id = 'odom'
+            self.frame_id, self.base_frame = 'odom', 'link_chassis'
+            self.jumped, self.scan_since_jump = False, True
             self.odom_time = self.scan_time = self.scan_stamp = None
             self._not_before = not_before
             self.history.clear()
@@ -264,7 +271,14 @@ class Senses:
             if 0.0 < stamp < self._not_before:
                 return
             self.pose, self.speed, self.odom_time = pose, speed, rospy.get_time()
+            self.counts['/odom'] += 1
             self.frame_id = msg.header.frame_id or 'odom'
+            self.base_frame = msg.child_frame_id or 'link_chassis'
+            if self.history.is_jump(stamp, pose):
+                # between the two places the robot never was: no scan may be put there
+                self.history.clear()
+                self._not_before = stamp
+                self.jumped, self.scan_since_jump = True, False
             self.history.add(stamp, pose)
 
     def clbk_laser(self, msg):
@@ -281,6 +295,8 @@ class Senses:
             if 0.0 < stamp < self._not_before:
                 return
             self.regions, self.scan_time, self.scan_stamp = regions, rospy.get_time(), stamp
+            self.counts[SCAN_TOPIC] += 1
+            self.scan_since_jump = True
             pose = self.history.at(stamp) if self._remember else None
             if pose is not None:
                 self.surroundings.update(msg.ranges, msg.angle_min, msg.angle_increment, pose)
@@ -316,7 +332,7 @@ class Switchable:
     """
 
     def __init__(self, rhythm, service, on_switch):
-        self.active = False
+        self.active, self.command = False, (0.0, 0.0)
         self._lock = threading.Lock()
         self._on_switch = on_switch
         self._publisher = rhythm.publisher('/cmd_vel', Twist)
@@ -340,6 +356,7 @@ class Switchable:
         msg.linear.x, msg.angular.z = command
         with self._lock:
             if self.active:
+                self.command = command
                 self._publisher.publish(msg)
 
     def _shut_down(self):

@@ -3,6 +3,7 @@ import math
 
 import pytest
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
 
 from motion_plan import ros_support
 
@@ -54,3 +55,44 @@ def test_odometry_becomes_plain_values():
 def test_odometry_with_nan_is_refused(msg):
     with pytest.raises(ValueError, match='finite'):
         ros_support.planar_pose(msg)
+
+
+class Unheard:
+    """A rhythm that subscribes to nothing."""
+
+    @staticmethod
+    def subscribe(topic, message_class, callback):
+        pass
+
+
+def scan_at(stamp):
+    msg = LaserScan(angle_min=-math.pi / 2, angle_max=math.pi / 2, angle_increment=math.pi / 719, range_max=10.0,
+                    ranges=[3.0] * 720)
+    msg.header.stamp = ros_support.rospy.Time.from_sec(stamp)
+    return msg
+
+
+def odometry_at(stamp, x):
+    msg = odometry(x=x, yaw=0.0)
+    msg.header.stamp, msg.header.frame_id, msg.child_frame_id = ros_support.rospy.Time.from_sec(stamp), 'odom', 'base'
+    return msg
+
+
+def test_a_robot_that_was_put_elsewhere_is_noticed_and_scans_from_before_are_left_out(monkeypatch):
+    monkeypatch.setattr(ros_support.rospy, 'get_time', lambda: 2.0)
+    senses = ros_support.Senses(Unheard(), remember=True)
+    for stamp, x in ((1.0, 0.0), (1.05, 0.02)):
+        senses.clbk_odom(odometry_at(stamp, x))
+    senses.clbk_laser(scan_at(1.04))
+    assert not senses.jumped and senses.base_frame == 'base'
+    senses.clbk_odom(odometry_at(1.1, 4.0))
+    assert senses.jumped and not senses.scan_since_jump
+    before = senses.scan_stamp
+    senses.clbk_laser(scan_at(1.08))            # taken at the old place, came late
+    assert senses.scan_stamp == before and not senses.scan_since_jump
+    senses.clbk_laser(scan_at(1.12))
+    assert senses.scan_since_jump
+    senses.clbk_odom(odometry_at(1.15, 4.02))
+    assert senses.jumped                        # until somebody has taken note
+    senses.forget()
+    assert not senses.jumped and senses.scan_since_jump

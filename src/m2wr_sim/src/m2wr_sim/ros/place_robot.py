@@ -1,0 +1,71 @@
+"""Puts a robot where rviz's tool "2D Pose Estimate" points: at the same height, upright, at rest."""
+import math
+
+import rospy
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import GetModelState, SetModelState
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from motion_plan.ros_poses import PoseError, planar_in
+
+_TOPIC = "initialpose"
+_SERVICE_PATIENCE = 5.0     # s of wall time
+
+
+def placed(model, pose, height):
+    """Return the ModelState of a model at (x, y, yaw) in world, upright and at rest."""
+    state = ModelState(model_name=model, reference_frame="world")
+    state.pose.position.x, state.pose.position.y, state.pose.position.z = pose[0], pose[1], height
+    state.pose.orientation.z, state.pose.orientation.w = math.sin(pose[2] / 2.0), math.cos(pose[2] / 2.0)
+    return state
+
+
+class PlaceRobot:
+    """The node.
+
+    Parameters
+    ----------
+    model : str
+        Name of the robot in the simulation.
+    frame : str
+        tf frame whose axes are those of the world.
+    transform : callable
+        As :func:`motion_plan.ros_poses.look_up`.
+    """
+
+    def __init__(self, model, frame, get_state, set_state, **transform):
+        self._model, self._frame, self._transform = model, frame, transform
+        self._get_state, self._set_state = get_state, set_state
+
+    def take(self, message):
+        """Place the robot; says what it has done, or why not."""
+        try:
+            pose = planar_in(self._frame, message.header.frame_id, message.pose.pose, **self._transform)
+            now = self._get_state(self._model, "")
+            if not now.success:
+                raise PoseError(now.status_message)
+            answer = self._set_state(placed(self._model, pose, now.pose.position.z))
+            if not answer.success:
+                raise PoseError(answer.status_message)
+        except (PoseError, rospy.ServiceException, rospy.ROSException) as error:
+            rospy.logwarn("place_robot: the pose from %s is refused: %s; model \"%s\" stays where it is",
+                          rospy.resolve_name(_TOPIC), error, self._model)
+            return
+        rospy.loginfo("place_robot: model \"%s\" is at (%.2f, %.2f), heading %.2f rad", self._model, *pose)
+
+
+def main():
+    """Entry point; returns the exit code."""
+    rospy.init_node("place_robot", disable_rostime=True)
+    services = []
+    for name, kind in (("/gazebo/get_model_state", GetModelState), ("/gazebo/set_model_state", SetModelState)):
+        while not rospy.is_shutdown():
+            try:
+                rospy.wait_for_service(name, _SERVICE_PATIENCE)
+                break
+            except rospy.ROSException:
+                rospy.logwarn("place_robot: still waiting for the service %s", name)
+        services.append(rospy.ServiceProxy(name, kind))
+    node = PlaceRobot(str(rospy.get_param("~model", "m2wr")), str(rospy.get_param("~frame", "odom")), *services)
+    rospy.Subscriber(_TOPIC, PoseWithCovarianceStamped, node.take, queue_size=1)
+    rospy.spin()
+    return 0

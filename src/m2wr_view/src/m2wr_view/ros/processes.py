@@ -1,0 +1,200 @@
+"""Xvfb and rviz as processes of ours: they end with us however we end, and say why when they end by themselves."""
+import os
+import re
+import select
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+
+from m2wr_view.errors import ViewError
+from m2wr_view.framebuffer import read_xwd
+
+START_PATIENCE = 20.0       # s of wall time for Xvfb to come up
+_STOP_PATIENCE = 2.0        # s of wall time to end on SIGTERM
+_LAST_LINES = 3             # of what a process has said, for messages
+_SAME_TRIES = 5             # looks at the screen until two agree: rviz may be drawing
+_KILLED_BY = "signal %d"
+_COLOUR = re.compile("\x1b\\[[0-9;]*m")
+
+
+def find_program(name, package):
+    """Return the path of a program; ViewError saying which package has it if it is not installed."""
+    found = shutil.which(name)
+    if found is None:
+        raise ViewError("there is no program %s; install it (apt install %s)" % (name, package))
+    return found
+
+
+class Child:
+    """A process that gets no Ctrl-C of ours and is told to end when we are gone, even by SIGKILL.
+
+    Parameters
+    ----------
+    words : list of str
+        The command.
+    log : str
+        File for what it says.
+    environment : dict
+    pass_fds : tuple of int
+    """
+
+    def __init__(self, words, log, environment, pass_fds=()):
+        self._log = log
+        tie = shutil.which("setpriv")
+        with open(log, "wb") as stream:
+            self._process = subprocess.Popen(
+                ([tie, "--pdeathsig", "TERM"] if tie else []) + words, stdin=subprocess.DEVNULL, stdout=stream,
+                stderr=stream, env=environment, start_new_session=True, pass_fds=pass_fds)
+
+    @property
+    def pid(self):
+        """Its process id."""
+        return self._process.pid
+
+    def alive(self):
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def end(self):
+        """Return how it ended, with the last lines that it said."""
+        code = self._process.poll()
+        how = _KILLED_BY % -code if code is not None and code < 0 else "code %s" % code
+        try:
+            with open(self._log, "r", errors="replace") as stream:
+                said = _COLOUR.sub("", stream.read())
+            lines = [line.strip() for line in said.splitlines() if line.strip()][-_LAST_LINES:]
+        except OSError:
+            lines = []
+        return how + (": " + " / ".join(lines) if lines else "")
+
+    def stop(self):
+        """End it; returns when it has ended."""
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            if not self.alive():
+                return
+            self._process.send_signal(number)
+            try:
+                self._process.wait(_STOP_PATIENCE)
+            except subprocess.TimeoutExpired:
+                continue
+
+
+class Xvfb:
+    """A display without a screen, with a number that nobody else has.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height [pixels].
+
+    Raises
+    ------
+    ViewError
+        If Xvfb is missing or does not come up.
+    """
+
+    def __init__(self, size):
+        program = find_program("Xvfb", "xvfb")
+        self._folder = tempfile.mkdtemp(prefix="m2wr_display_")
+        reader, writer = os.pipe()
+        try:
+            # Xvfb itself looks for a free number; a number chosen here could be taken a moment later
+            self._child = Child([program, "-displayfd", str(writer), "-screen", "0", "%dx%dx24" % size, "-nolisten",
+                                 "tcp", "-nocursor", "-fbdir", self._folder], self.path("Xvfb.log"), dict(os.environ),
+                                (writer,))
+            os.close(writer)
+            writer = None
+            self.name = ":" + self._read_number(reader)
+        except (OSError, ViewError) as error:
+            if hasattr(self, "_child"):
+                self._child.stop()
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise ViewError("Xvfb does not start: %s" % error)
+        finally:
+            os.close(reader)
+            if writer is not None:
+                os.close(writer)
+
+    def _read_number(self, reader):
+        """Return the number that Xvfb writes when it is ready to be used."""
+        text, deadline = b"", time.monotonic() + START_PATIENCE
+        while not text.endswith(b"\n"):
+            if time.monotonic() > deadline:
+                raise ViewError("it is not ready after %g s" % START_PATIENCE)
+            if not select.select([reader], [], [], 0.1)[0]:
+                continue
+            piece = os.read(reader, 32)
+            if not piece:
+                self._child.stop()
+                raise ViewError("it ended with %s" % self._child.end())
+            text += piece
+        return text.decode().strip()
+
+    def path(self, name):
+        """Return the path of a file in the display's own folder, which goes with it."""
+        return os.path.join(self._folder, name)
+
+    def alive(self):
+        """Whether the display is there."""
+        return self._child.alive()
+
+    def end(self):
+        """Return how Xvfb ended."""
+        return self._child.end()
+
+    def picture(self):
+        """Return what is on the screen, as an RGB picture; ViewError if it cannot be read."""
+        path, data = self.path("Xvfb_screen0"), None
+        try:
+            for _ in range(_SAME_TRIES):
+                with open(path, "rb") as stream:
+                    before, data = data, stream.read()
+                if data == before:
+                    break
+        except OSError as error:
+            raise ViewError("screen of display %s: %s" % (self.name, error.strerror))
+        return read_xwd(data, "of display " + self.name)
+
+    def stop(self):
+        """End the display and remove its folder."""
+        self._child.stop()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def start_rviz(display, config_text, node_name):
+    """Start rviz on a virtual display.
+
+    Parameters
+    ----------
+    display : Xvfb
+    config_text : str
+        Configuration.
+    node_name : str
+        Name of its node, without namespace.
+
+    Returns
+    -------
+    Child
+
+    Raises
+    ------
+    ViewError
+        If it is missing or cannot be started.
+    """
+    program, config = find_program("rviz", "rviz"), display.path("view.rviz")
+    # no graphics card is asked for: what is drawn is the same everywhere
+    environment = dict(os.environ, DISPLAY=display.name, LIBGL_ALWAYS_SOFTWARE="1", QT_QPA_PLATFORM="xcb")
+    environment.pop("WAYLAND_DISPLAY", None)
+    runtime = display.path("runtime")
+    environment.setdefault("XDG_RUNTIME_DIR", runtime)
+    try:
+        os.makedirs(runtime, mode=0o700, exist_ok=True)
+        with open(config, "w", encoding="utf-8") as stream:
+            stream.write(config_text)
+        # drawing takes much time without a graphics card, and the robot is not to wait for its picture
+        words = ["nice", "-n", "5", program, "-d", config, "--fullscreen", "__name:=" + node_name]
+        return Child(words, display.path("rviz.log"), environment)
+    except OSError as error:
+        raise ViewError("rviz does not start: %s" % error)

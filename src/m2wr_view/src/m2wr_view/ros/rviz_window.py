@@ -1,0 +1,72 @@
+"""rviz in a window, as a node that ends no run: without a display it says so, and when rviz crashes, how."""
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
+_PATIENCE = 10.0            # s for a display to answer; one at the other end of a broken line never does
+# in a process of its own, because Xlib waits for ever
+_TRY_DISPLAY = "import ctypes, sys; sys.exit(0 if ctypes.CDLL('libX11.so.6').XOpenDisplay(None) else 3)"
+_CURE = "the run goes on without a window (virtual_display:=true saves pictures of rviz without a display)"
+
+
+def say(text):
+    """Print a line for the user."""
+    sys.stderr.write("rviz: %s\n" % text)
+    sys.stderr.flush()
+
+
+def display_problem(environment, run=subprocess.call):
+    """Return why no window can be opened, or None.
+
+    Parameters
+    ----------
+    environment : mapping
+        Of the process.
+    run : callable
+        As subprocess.call.
+    """
+    name = environment.get("DISPLAY")
+    if not name:
+        return "there is no display (DISPLAY is not set)"
+    try:
+        code = run([sys.executable, "-c", _TRY_DISPLAY], env=dict(environment), timeout=_PATIENCE,
+                   stderr=subprocess.DEVNULL)
+    except subprocess.TimeoutExpired:
+        return "display %s (DISPLAY) has not answered within %g s" % (name, _PATIENCE)
+    # any other code: Xlib could not be asked, so rviz has to find out
+    return "display %s (DISPLAY) cannot be opened" % name if code == 3 else None
+
+
+def main(words=None):
+    """Entry point; returns 0 whatever becomes of rviz."""
+    words = sys.argv[1:] if words is None else words
+    if "-h" in words or "--help" in words:
+        sys.stdout.write("usage: rviz_window [OPTION OF RVIZ ...]\n\n%s\n" % __doc__)
+        return 0
+    problem = display_problem(os.environ)
+    program = shutil.which("rviz")
+    if problem is None and program is None:
+        problem = "there is no program rviz (apt install rviz)"
+    if problem is not None:
+        say("%s; %s" % (problem, _CURE))
+        return 0
+    told = []
+    for number in (signal.SIGINT, signal.SIGTERM):      # roslaunch tells the whole group, so rviz hears it as well
+        signal.signal(number, lambda received, _: told.append(received))
+    child = subprocess.Popen([program] + words)
+    signal_sent = False
+    while True:
+        try:
+            code = child.wait(0.5 if not signal_sent else 5.0)
+            break
+        except subprocess.TimeoutExpired:
+            if signal_sent:
+                child.kill()
+            elif told:
+                child.terminate()
+                signal_sent = True
+    if code and not told:
+        say("ended with %s; the run goes on" % ("signal %d" % -code if code < 0 else "code %d" % code))
+    return 0

@@ -1,0 +1,128 @@
+"""Take a picture of rviz on its virtual display, or of a display that one looks at."""
+import argparse
+import os
+import shutil
+import sys
+import threading
+
+import rosgraph
+import rospy
+from PIL import features
+from std_srvs.srv import Trigger
+
+from m2wr_view.errors import ViewError
+from m2wr_view.screenshots import png_file
+from m2wr_view.writers import write_whole
+
+_ANSWER = 45.0              # s; rviz may have to start first
+_NODE = "virtual_display"
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="screenshot", description=__doc__ + "  Asks the node virtual_display where there is one, else it takes "
+        "the display of DISPLAY. Prints the path of the picture.")
+    parser.add_argument("--out", metavar="FILE.png", help="where the picture goes (default: the node's folder, or "
+                        "screenshot.png here)")
+    parser.add_argument("--service", help="name of the service, where there are several virtual displays")
+    parser.add_argument("--display", help="take this X display, for instance :0, and ask nobody")
+    return parser
+
+
+def find_service(state, wanted=None):
+    """Return the name of the service to ask, or None.
+
+    Parameters
+    ----------
+    state : list
+        Services of a master: ``[[name, [node]], ...]``.
+    wanted : str, optional
+        The name that the user gave.
+
+    Raises
+    ------
+    ViewError
+        If there are several, or not the one that is wanted.
+    """
+    found = sorted(name for name, nodes in state if name.endswith("/screenshot") and name.count("/") >= 2)
+    if wanted is not None:
+        name = "/" + wanted.strip("/")
+        if name not in [entry[0] for entry in state]:
+            raise ViewError("there is no service %s; of this kind there are: %s" % (name, ", ".join(found) or "none"))
+        return name
+    if len(found) > 1:
+        raise ViewError("there are several virtual displays; choose with --service: %s" % ", ".join(found))
+    return found[0] if found else None
+
+
+def services():
+    """Return the services that the master knows; nothing where there is no master."""
+    try:
+        return rosgraph.Master("/screenshot").getSystemState()[2]
+    except (rosgraph.MasterException, OSError):
+        return []
+
+
+def ask(name):
+    """Return the path of the picture that a service has saved; ViewError if it has not."""
+    answer = []
+
+    def call():
+        try:
+            rospy.wait_for_service(name, timeout=5.0)
+            answer.append(rospy.ServiceProxy(name, Trigger)())
+        except (rospy.ROSException, rospy.ServiceException) as error:
+            answer.append(error)
+
+    thread = threading.Thread(target=call, daemon=True)     # rospy's calls have no deadline of their own
+    thread.start()
+    thread.join(_ANSWER)
+    if not answer:
+        raise ViewError("service %s has not answered within %g s" % (name, _ANSWER))
+    if isinstance(answer[0], Exception):
+        raise ViewError("service %s: %s" % (name, answer[0]))
+    if not answer[0].success:
+        raise ViewError("service %s: %s" % (name, answer[0].message))
+    return answer[0].message
+
+
+def grab(display):
+    """Return the picture on an X display; ViewError if that cannot be had."""
+    if not features.check("xcb"):
+        raise ViewError("this Pillow cannot read X displays; expected one with XCB (7.1 or newer)")
+    from PIL import ImageGrab       # an older Pillow refuses the import itself
+    try:
+        return ImageGrab.grab(xdisplay=display).convert("RGB")
+    except OSError as error:
+        raise ViewError("display %s: %s" % (display, error))
+
+
+def take(options, environment, ask_service=ask, known=services):
+    """Return the path of a new picture; ViewError if there is none to be had."""
+    name = None if options.display else find_service(known(), options.service)
+    if name is not None:
+        path = ask_service(name)
+        if options.out is None:
+            return path
+        try:
+            shutil.copyfile(path, options.out)
+        except OSError as error:
+            raise ViewError("picture %s: %s; it is at %s" % (options.out, error.strerror, path))
+        return os.path.abspath(options.out)
+    display = options.display or environment.get("DISPLAY")
+    if not display:
+        raise ViewError("no node %s runs (start with virtual_display:=true) and DISPLAY is not set" % _NODE)
+    path = os.path.abspath(options.out or "screenshot.png")
+    write_whole(path, png_file(grab(display)))
+    return path
+
+
+def main(argv=None):
+    """Entry point; 0 with a picture, 1 without, 2 for wrong usage."""
+    options = _parser().parse_args(rospy.myargv(sys.argv if argv is None else ["screenshot"] + argv)[1:])
+    try:
+        print(take(options, os.environ))
+    except ViewError as error:
+        sys.stderr.write("screenshot: %s\n" % error)
+        return 1
+    return 0

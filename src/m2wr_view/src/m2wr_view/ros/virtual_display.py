@@ -1,0 +1,251 @@
+"""rviz on a virtual display, with software rendering: saves screenshots by itself and when asked."""
+import logging
+import math
+import os
+import signal
+import threading
+import time
+from dataclasses import dataclass
+
+import rosgraph
+import rospy
+from std_msgs.msg import String
+from std_srvs.srv import Trigger, TriggerResponse
+
+from m2wr_view.errors import ViewError
+from m2wr_view.ros.processes import Xvfb, start_rviz
+from m2wr_view.rviz_config import VIEWS, for_pictures
+from m2wr_view.screenshots import Screenshots
+
+log = logging.getLogger("rosout.m2wr_view")
+
+_LOOP = 0.05                # s of wall time between two looks at what there is to do
+_DRAW_TIME = 2.0            # s from rviz being there to its first good picture
+_STATE_DELAY = 1.0          # s from a change of state to its picture: rviz must have drawn it
+_READY_PATIENCE = 30.0      # s for rviz to come up, before that is said and before a request is refused
+_RESTARTS = 3               # of an rviz that ends by itself, each soon after its start
+_SOON = 120.0               # s
+_QUIET = 30.0               # s between two lines on pictures that cannot be written
+_GREATEST = 4000            # pixels
+
+
+@dataclass(frozen=True)
+class DisplayConfig:
+    """Parameters of the node; times in seconds of wall time."""
+
+    config: str             # rviz configuration file
+    out: str                # folder of the pictures; empty: only those that are asked for, in the folder screenshots
+    period: float           # s between two pictures; 0: none of these
+    size: tuple             # pixels
+    frame_rate: float       # Hz
+    view: str               # one of VIEWS
+    follow: str             # frame that the camera keeps above
+    distance: float         # m
+    state_topic: str        # std_msgs/String; empty: no pictures of changes
+
+
+def _number(get, name, default, least, most):
+    value = get("~" + name, default)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) \
+            or not least <= value <= most:
+        raise ViewError("parameter ~%s is %r; expected a number from %g to %g" % (name, value, least, most))
+    return float(value)
+
+
+def read_parameters(get):
+    """Return a :class:`DisplayConfig`.
+
+    Parameters
+    ----------
+    get : callable
+        ``get(name, default)`` of private parameters.
+
+    Raises
+    ------
+    ViewError
+        Naming the parameter that cannot be used.
+    """
+    size = get("~size", [1280, 720])
+    if not isinstance(size, (list, tuple)) or len(size) != 2 or not all(
+            isinstance(side, int) and not isinstance(side, bool) and 100 <= side <= _GREATEST for side in size):
+        raise ViewError("parameter ~size is %r; expected [width, height] from 100 to %d pixels" % (size, _GREATEST))
+    view = get("~view", "orbit")
+    if view not in VIEWS:
+        raise ViewError("parameter ~view is %r; expected one of %s" % (view, ", ".join(VIEWS)))
+    config = str(get("~config", ""))
+    if not config:
+        raise ViewError("parameter ~config is not set; expected the path of an rviz configuration")
+    # roslaunch starts nodes elsewhere but leaves the user's folder here
+    out = os.path.join(os.environ.get("PWD", "."), os.path.expanduser(str(get("~out", "screenshots"))))
+    return DisplayConfig(config, out, _number(get, "period", 10.0, 0.0, 86400.0), tuple(size),
+                         _number(get, "frame_rate", 10.0, 1.0, 60.0), view, str(get("~follow", "")).strip("/"),
+                         _number(get, "distance", 10.0, 0.1, 1000.0), str(get("~state_topic", "bug2/state")))
+
+
+class VirtualDisplay:
+    """The node: a display, rviz on it, pictures of it."""
+
+    def __init__(self):
+        self._signals, self._lock = [], threading.Lock()
+        self._display = self._rviz = self._shots = None
+        self._text, self._restarts, self._born, self._stale = "", 0, 0.0, None
+        self._drawn_from = None         # monotonic time [s] from which rviz shows what there is
+        self._ready = threading.Event()
+        self._states, self._next_period, self._complained = [], None, -math.inf
+
+    def run(self):
+        """Run; returns the exit code, which is 0 also where no picture can be had: no run is to end for that."""
+        rospy.init_node("virtual_display", disable_signals=True, disable_rostime=True)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda received, _: self._signals.append(received))
+        try:
+            self._config = read_parameters(rospy.get_param)
+        except ViewError as error:
+            rospy.logfatal("virtual display: %s", error)
+            rospy.signal_shutdown("a parameter makes no sense")
+            return 1
+        try:
+            self._start()
+            self._loop()
+        except (ViewError, OSError) as error:
+            rospy.logerr("virtual display: %s. The run goes on without pictures of rviz.", error)
+        finally:
+            self._stop()
+        rospy.signal_shutdown("told to end")
+        return 0
+
+    # ---- beginning and end -----------------------------------------------------------------------------------
+
+    def _start(self):
+        config = self._config
+        with open(config.config, encoding="utf-8") as stream:
+            self._text = for_pictures(stream.read(), config.config, config.size, config.frame_rate, config.view,
+                                      config.follow, config.distance)
+        try:
+            self._shots = Screenshots(config.out)
+        except ViewError as error:
+            rospy.logerr("virtual display: %s. No pictures are saved; the rest goes on.", error)
+        self._display = Xvfb(config.size)
+        rospy.loginfo("virtual display: %s, %d x %d; pictures go to %s", self._display.name, config.size[0],
+                      config.size[1], config.out)
+        self._start_rviz()
+        if config.state_topic:
+            rospy.Subscriber(config.state_topic, String, self._on_state, queue_size=10)
+        rospy.Service("~screenshot", Trigger, self._on_request)
+
+    def _start_rviz(self):
+        self._ready.clear()
+        self._drawn_from, self._born = None, time.monotonic()
+        self._stale = self._rviz_service()      # left behind by one that was killed
+        self._rviz = start_rviz(self._display, self._text, rospy.get_name().rsplit("/", 1)[-1] + "_rviz")
+
+    def _stop(self):
+        with self._lock:
+            if self._ready.is_set() and self._rviz.alive() and self._display.alive():
+                self._shoot("end")
+            for part in (self._rviz, self._display):
+                if part is not None:
+                    part.stop()
+            self._ready.clear()
+            self._rviz = self._display = None
+        if self._shots is not None and self._shots.count:
+            rospy.loginfo("virtual display: %d pictures in %s", self._shots.count, self._shots.folder)
+
+    # ---- what goes on ----------------------------------------------------------------------------------------
+
+    def _loop(self):
+        told = False
+        while not self._signals and not rospy.core.is_shutdown():
+            time.sleep(_LOOP)
+            now = time.monotonic()
+            if not self._display.alive():
+                raise ViewError("display %s has ended with %s" % (self._display.name, self._display.end()))
+            if not self._rviz.alive():
+                self._revive()
+            if not self._ready.is_set():
+                self._look_for_rviz(now)
+                if not told and now - self._born > _READY_PATIENCE:
+                    told = True
+                    rospy.logwarn("virtual display: rviz is not ready after %g s; it may be missing OpenGL "
+                                  "(apt install libgl1-mesa-dri)", _READY_PATIENCE)
+                continue
+            self._take_pictures(now)
+
+    def _revive(self):
+        """Start rviz again; ViewError if it has ended too often."""
+        how = self._rviz.end()
+        self._ready.clear()
+        if time.monotonic() - self._born > _SOON:
+            self._restarts = 0
+        if self._restarts == _RESTARTS:
+            raise ViewError("rviz has ended again, with %s" % how)
+        self._restarts += 1
+        rospy.logwarn("virtual display: starting rviz again (%d of %d times), for it has ended with %s", self._restarts,
+                      _RESTARTS, how)
+        self._start_rviz()
+
+    def _look_for_rviz(self, now):
+        """Find out whether rviz has set up its window and drawn it."""
+        if self._drawn_from is None:
+            if self._rviz_service() in (None, self._stale):
+                return
+            self._drawn_from = now + _DRAW_TIME
+        if now >= self._drawn_from:
+            self._ready.set()
+            if self._next_period is None:
+                self._next_period = now + self._config.period
+                self._states = []
+                with self._lock:
+                    self._shoot("start")
+
+    @staticmethod
+    def _rviz_service():
+        """Return the address of what rviz advertises last, or None."""
+        try:
+            return rosgraph.Master(rospy.get_name()).lookupService(rospy.get_name() + "_rviz/load_config")
+        except (rosgraph.MasterException, OSError):
+            return None
+
+    def _take_pictures(self, now):
+        with self._lock:
+            due = [state for at, state in self._states if at <= now]
+            self._states = [entry for entry in self._states if entry[0] > now]
+            if due:
+                self._shoot(due[-1])
+            if self._config.period and now >= self._next_period:
+                self._next_period = now + self._config.period
+                self._shoot("period")
+
+    def _on_state(self, message):
+        with self._lock:
+            self._states.append((time.monotonic() + _STATE_DELAY, message.data))
+
+    def _on_request(self, _):
+        if not self._ready.wait(_READY_PATIENCE):
+            return TriggerResponse(False, "rviz is not ready")
+        with self._lock:
+            if self._display is None:
+                return TriggerResponse(False, "the display is closing")
+            if not self._rviz.alive():
+                return TriggerResponse(False, "rviz has just ended")
+            if self._shots is None:
+                return TriggerResponse(False, "%s cannot be written to" % self._config.out)
+            path, problem = self._shoot("asked")
+        return TriggerResponse(problem is None, path or problem)
+
+    def _shoot(self, why):
+        """Save a picture; returns its path and None, or None and what went wrong."""
+        if self._shots is None:
+            return None, "no folder"
+        try:
+            return self._shots.save(self._display.picture(), why), None
+        except ViewError as error:
+            if time.monotonic() - self._complained > _QUIET:
+                self._complained = time.monotonic()
+                rospy.logerr("virtual display: %s. The run goes on.", error)
+            return None, str(error)
+
+
+def main():
+    """Entry point; returns the exit code."""
+    return VirtualDisplay().run()

@@ -1,0 +1,85 @@
+"""An rviz configuration for a window, turned into one for pictures: no panels, few frames, camera on the robot."""
+import math
+
+import yaml
+
+from m2wr_view.errors import ViewError
+
+VIEWS = ("orbit", "top", "config")
+#: Slant of the camera [rad], and the side it looks from: behind a robot that heads along x.
+PITCH, YAW = 0.95, math.pi
+NEAR_CLIP = 0.01            # m, as rviz has it
+
+
+def camera(view, frame, distance, height):
+    """Return rviz's settings of a camera that keeps above a frame and does not turn with it.
+
+    Parameters
+    ----------
+    view : str
+        ``orbit``: from behind and above; ``top``: straight down, without perspective.
+    frame : str
+        What it follows.
+    distance : float
+        From the frame [m]; for ``top`` half of what is to be seen from its lower to its upper edge [m].
+    height : int
+        Of the picture [pixels].
+    """
+    if view == "top":
+        return {"Class": "rviz/TopDownOrtho", "Name": "Current View", "Target Frame": frame, "Angle": 0, "X": 0, "Y": 0,
+                "Scale": height / (2.0 * distance), "Near Clip Distance": NEAR_CLIP}
+    return {"Class": "rviz/Orbit", "Name": "Current View", "Target Frame": frame, "Distance": distance,
+            "Focal Point": {"X": 0, "Y": 0, "Z": 0}, "Pitch": PITCH, "Yaw": YAW, "Near Clip Distance": NEAR_CLIP}
+
+
+def read_config(text, origin):
+    """Return the contents of an rviz configuration.
+
+    Raises
+    ------
+    ViewError
+        If the text is none; it names ``origin``.
+    """
+    try:
+        config = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ViewError("rviz configuration %s: %s; expected YAML as rviz writes it"
+                        % (origin, " ".join(str(error).split())))
+    if not isinstance(config, dict) or not isinstance(config.get("Visualization Manager"), dict):
+        raise ViewError("rviz configuration %s: expected \"Visualization Manager\" in it, as rviz writes it" % origin)
+    return config
+
+
+def for_pictures(text, origin, size, frame_rate, view="config", frame="", distance=10.0):
+    """Return an rviz configuration for a display that nobody looks at.
+
+    Parameters
+    ----------
+    text, origin : str
+        The configuration, and where it is from.
+    size : (int, int)
+        Width and height of the display [pixels]; the window fills it.
+    frame_rate : float
+        Pictures that rviz draws a second at most; what the file says, if that is less.
+    view, frame, distance
+        See :func:`camera`; ``config`` or an empty frame: as the file says.
+
+    Raises
+    ------
+    ViewError
+        If the text is no such configuration or the view is unknown.
+    """
+    config = read_config(text, origin)
+    if view not in VIEWS:
+        raise ViewError("view %r: expected one of %s" % (view, ", ".join(VIEWS)))
+    manager = config["Visualization Manager"]
+    options = manager.setdefault("Global Options", {})
+    # a whole number: rviz reads any other as one that is less than zero, and draws nothing
+    options["Frame Rate"] = max(1, int(min(frame_rate, options.get("Frame Rate", frame_rate))))
+    if view != "config" and frame:
+        manager["Views"] = {"Current": camera(view, frame, distance, size[1])}
+    geometry = {"Hide Left Dock": True, "Hide Right Dock": True, "X": 0, "Y": 0, "Width": size[0], "Height": size[1]}
+    for panel in config.get("Panels") or []:
+        geometry[panel.get("Name", "")] = {"collapsed": True}
+    config["Window Geometry"] = geometry
+    return yaml.safe_dump(config, sort_keys=False)

@@ -1,0 +1,141 @@
+"""What the nodes say about themselves on /diagnostics, once a second of wall time and only while somebody listens."""
+import math
+import threading
+from collections import deque, namedtuple
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+PERIOD = 1.0                    # s of wall time
+#: A robot that was told to drive for so long [s of ROS time] and came no farther than that [m, rad] is stuck.
+STUCK_SECONDS, STUCK_DISTANCE, STUCK_TURN = 3.0, 0.02, 0.05
+#: Commands below these [m/s, rad/s] are no wish to drive.
+LEAST_LINEAR, LEAST_ANGULAR = 0.02, 0.05
+STALE = 1.0                     # s of ROS time; older messages are not driven on
+
+Sample = namedtuple('Sample', 'time pose command')
+Report = namedtuple('Report', 'active values rest')
+"""What a node adds: whether it drives, {name: value}, and what is said while it does not drive."""
+
+
+class StuckWatch:
+    """Notices a robot that is told to drive and does not."""
+
+    def __init__(self):
+        self._samples = deque(maxlen=64)
+
+    def add(self, now, pose, command):
+        """Take a look at the time ``now`` [s]: pose (x, y, yaw) and command (linear, angular), None where unknown."""
+        if pose is None or command is None or (self._samples and now < self._samples[-1].time):
+            self._samples.clear()
+        if pose is not None and command is not None:
+            self._samples.append(Sample(now, pose, command))
+
+    def stuck(self):
+        """Tell whether it was told to drive in all of the last seconds, and stayed where it was."""
+        newest = self._samples[-1] if self._samples else None
+        recent = [sample for sample in self._samples if newest.time - sample.time <= STUCK_SECONDS + PERIOD]
+        if not recent or newest.time - recent[0].time < STUCK_SECONDS:
+            return False
+        if any(abs(sample.command[0]) < LEAST_LINEAR and abs(sample.command[1]) < LEAST_ANGULAR for sample in recent):
+            return False
+        return all(math.hypot(sample.pose[0] - newest.pose[0], sample.pose[1] - newest.pose[1]) < STUCK_DISTANCE
+                   and abs(math.remainder(sample.pose[2] - newest.pose[2], 2 * math.pi)) < STUCK_TURN
+                   for sample in recent)
+
+
+class Rates:
+    """Messages a second of ROS time, between two looks."""
+
+    def __init__(self):
+        self._last = None
+
+    def look(self, now, counts):
+        """Return the rate of each count since the last look [Hz]; None where no time has passed."""
+        before, self._last = self._last, (now, dict(counts))
+        if before is None or now <= before[0]:
+            return {name: None for name in counts}
+        return {name: (count - before[1].get(name, 0)) / (now - before[0]) for name, count in counts.items()}
+
+
+def judge(report, ages, stuck, missing):
+    """Return level and message.
+
+    Parameters
+    ----------
+    report : Report
+    ages : dict
+        Age [s] of the newest message by topic, None for none so far.
+    stuck : bool
+    missing : list of str
+        Topics that are needed and have not come.
+    """
+    if not report.active:
+        return DiagnosticStatus.OK, report.rest
+    if missing:
+        return DiagnosticStatus.ERROR, 'nothing has come on %s' % ' and '.join(missing)
+    old = ['%s (%.1f s)' % (topic, age) for topic, age in sorted(ages.items()) if age is not None and age > STALE]
+    if old:
+        return DiagnosticStatus.WARN, 'nothing new on %s: standing still' % ' and '.join(old)
+    if stuck:
+        return DiagnosticStatus.WARN, 'stuck: told to drive, but the robot does not move'
+    return DiagnosticStatus.OK, 'driving'
+
+
+class Diagnostics:
+    """Publishes the state of one node from a thread of its own.
+
+    Parameters
+    ----------
+    name : str
+        Of the node, for the status.
+    senses : motion_plan.ros_support.Senses
+    report : callable
+        Returns a Report; called under ``senses.lock``.
+    needed : sequence of str
+        Topics without which the node cannot work, out of those that ``senses`` counts.
+    command : callable, optional
+        Returns the command (linear, angular) that holds, or None.
+    """
+
+    def __init__(self, name, senses, report, needed, command=None):
+        self._name, self._senses, self._report, self._needed, self._command = name, senses, report, needed, command
+        self._rates, self._watch = Rates(), StuckWatch()
+        self._publisher = rospy.Publisher('/diagnostics', DiagnosticArray, queue_size=2)
+        threading.Thread(target=self._run, name='diagnostics', daemon=True).start()
+
+    def _run(self):
+        while not rospy.is_shutdown():
+            rospy.rostime.wallsleep(PERIOD)
+            if not self._publisher.get_num_connections():
+                continue
+            try:
+                self._publisher.publish(self.look())
+            except rospy.ROSException:
+                return          # shutting down
+
+    def look(self):
+        """Return the message for now."""
+        senses, now = self._senses, rospy.get_time()
+        with senses.lock:
+            report = self._report()
+            times = {topic: senses.odom_time if topic == '/odom' else senses.scan_time for topic in self._needed}
+            counts, pose = {topic: senses.counts[topic] for topic in self._needed}, senses.pose
+        command = self._command() if self._command is not None and report.active else None
+        self._watch.add(now, pose, command)
+        ages = {topic: None if times[topic] is None else max(0.0, now - times[topic]) for topic in self._needed}
+        stuck = self._watch.stuck()
+        level, message = judge(report, ages, stuck, [topic for topic, age in ages.items() if age is None])
+        values = [('active', report.active), ('stuck', stuck)]
+        for topic, rate in sorted(self._rates.look(now, counts).items()):
+            values.append(('%s [Hz]' % topic, 'not known yet' if rate is None else '%.1f' % rate))
+        for topic, age in sorted(ages.items()):
+            values.append(('age of the newest on %s [s]' % topic, 'none has come' if age is None else '%.2f' % age))
+        if command is not None:
+            values.append(('command', '%.2f m/s, %.2f rad/s' % tuple(command)))
+        values += sorted(report.values.items())
+        status = DiagnosticStatus(name='motion_plan: ' + self._name, hardware_id='', level=level, message=message,
+                                  values=[KeyValue(str(key), str(value)) for key, value in values])
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = rospy.get_rostime()
+        return array

@@ -1,0 +1,97 @@
+"""Poses that people click in rviz or publish by hand: checked, and brought into another frame by tf."""
+import math
+import time
+
+import rospy
+
+from motion_plan.angles import wrap_angle, yaw_of_quaternion
+
+#: Wall seconds to wait for a transform: the listener is made anew for each pose, and hears nothing at first.
+TF_PATIENCE = 2.0
+TF_PAUSE = 0.02
+
+
+class PoseError(Exception):
+    """A pose cannot be used; the text is a part of a sentence that says why."""
+
+
+def planar(pose):
+    """Return (x, y, yaw) of a geometry_msgs/Pose; an all-zero quaternion means no rotation.
+
+    Raises
+    ------
+    PoseError
+        If one of the numbers is not finite.
+    """
+    position, q = pose.position, pose.orientation
+    if not all(math.isfinite(value) for value in (position.x, position.y, q.x, q.y, q.z, q.w)):
+        raise PoseError('position (%s, %s), orientation (%s, %s, %s, %s): expected finite numbers'
+                        % (position.x, position.y, q.x, q.y, q.z, q.w))
+    return position.x, position.y, yaw_of_quaternion(q.x, q.y, q.z, q.w)
+
+
+def moved_by(transform, pose):
+    """Return ``pose`` (x, y, yaw) in the frame that ``transform`` (x, y, yaw of its own frame there) leads to."""
+    cos, sin = math.cos(transform[2]), math.sin(transform[2])
+    return (transform[0] + cos * pose[0] - sin * pose[1], transform[1] + sin * pose[0] + cos * pose[1],
+            wrap_angle(transform[2] + pose[2]))
+
+
+def look_up(target, source, patience=TF_PATIENCE):
+    """Return (x, y, yaw) of the frame ``source`` in the frame ``target``, the newest that tf has.
+
+    Listens to tf for this one answer only: a steady listener costs more than the node it would serve.
+
+    Raises
+    ------
+    PoseError
+        If tf does not connect the two within ``patience`` seconds of wall time.
+    """
+    import tf2_ros      # takes longer to import than all the rest, and most runs never ask
+    buffer = tf2_ros.Buffer(debug=False)
+    listener = tf2_ros.TransformListener(buffer)
+    try:
+        deadline = time.monotonic() + patience
+        while True:
+            try:
+                transform = buffer.lookup_transform_core(target, source, rospy.Time(0)).transform
+                turn = transform.rotation
+                return (transform.translation.x, transform.translation.y,
+                        yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w))
+            except tf2_ros.TransformException as error:
+                if time.monotonic() > deadline or rospy.is_shutdown():
+                    raise PoseError('tf does not lead from frame "%s" to "%s" (%s); known frames: %s' % (
+                        source, target, error, ', '.join(sorted(_frames(buffer))) or 'none'))
+            time.sleep(TF_PAUSE)
+    finally:
+        listener.unregister()
+
+
+def _frames(buffer):
+    """Return the names of the frames a buffer has heard of."""
+    return [line.split(':')[0] for line in buffer.all_frames_as_yaml().splitlines()
+            if line.rstrip().endswith(':') and not line.startswith(' ')]
+
+
+def planar_in(frame, header_frame, pose, transform=look_up):
+    """Return (x, y, yaw) of a pose in ``frame``.
+
+    Parameters
+    ----------
+    frame : str
+        Frame that is wanted.
+    header_frame : str
+        Frame of the pose; empty: that is taken to be ``frame``.
+    pose : geometry_msgs/Pose
+    transform : callable
+        As :func:`look_up`.
+
+    Raises
+    ------
+    PoseError
+        If a number is not finite, or the frames are not connected.
+    """
+    here, source = planar(pose), header_frame.lstrip('/')
+    if source in ('', frame.lstrip('/')):
+        return here
+    return moved_by(transform(frame.lstrip('/'), source), here)
