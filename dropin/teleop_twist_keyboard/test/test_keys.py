@@ -52,6 +52,12 @@ def test_the_help_comes_again_after_fifteen_changes():
     assert [number for number, shown in enumerate(said) if shown] == [14, 29]
 
 
+def test_a_question_mark_stops_and_shows_the_help():
+    driver = KeyDriver()
+    driver.press('i')
+    assert driver.press('?') == HELP and driver.command() == (0, 0, 0, 0)
+
+
 def test_release_stops_once():
     driver = KeyDriver()
     assert not driver.release()

@@ -13,6 +13,7 @@ DIRECTIONS = {
 #: key: factors of linear and angular speed
 FACTORS = {'q': (1.1, 1.1), 'z': (0.9, 0.9), 'w': (1.1, 1.0), 'x': (0.9, 1.0), 'e': (1.0, 1.1), 'c': (1.0, 0.9)}
 QUIT = '\x03'       # Ctrl-C, where it comes as a key
+SHOW_HELP = '?'
 _STOPPED = (0, 0, 0, 0)
 _HELP_EVERY = 15    # changes of speed
 
@@ -32,6 +33,7 @@ Keys (the window with this text must have the focus)
    q  z         both speeds 10 % higher, lower
    w  x         linear speed alone
    e  c         turning speed alone
+   ?            stop, and show this again
    any other    stop
    Ctrl-C       stop and quit
 '''
@@ -61,7 +63,7 @@ class KeyDriver:
             return ''
         if key not in FACTORS:
             self._direction = _STOPPED
-            return ''
+            return HELP if key == SHOW_HELP else ''
         linear, angular = FACTORS[key]
         said = []
         if self.speed * linear >= self._limits[0] and linear > 1.0:

@@ -1,4 +1,6 @@
-"""What the simulation says about itself on ``/diagnostics``."""
+"""What the simulation says about itself on ``/diagnostics``.  Nothing is counted in steps, nothing made for nobody."""
+import os
+import resource
 import time
 
 import rospy
@@ -6,19 +8,40 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from m2wr_sim.ros.convert import stamp_of
 
-_PERIOD = 1.0       # s of wall time
+_PERIOD = 1.0           # s of wall time
+_SHARE = 0.9            # of a rate; what stays below is told
+_ENOUGH = 20            # messages that should have come before a rate is judged
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+def _memory_mb():
+    """Return the memory of this process now and at its highest [MB]; None where the system does not tell."""
+    try:
+        with open("/proc/self/statm") as stream:
+            now = int(stream.read().split()[1]) * _PAGE * 1e-6
+    except (OSError, IndexError, ValueError):
+        now = None
+    return now, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1.024e-3
 
 
 class Diagnostics:
-    """Publishes one status a second of wall time; :meth:`turn` is called often and mostly does nothing."""
+    """Publishes two statuses a second of wall time; :meth:`turn` is called often and mostly does nothing.
 
-    def __init__(self, simulator, factor):
-        self._simulator, self._factor = simulator, factor
+    Parameters
+    ----------
+    simulator : Simulator
+    factor : float
+        Real-time factor wanted; 0: as fast as it can.
+    lockstep : Lockstep, optional
+    """
+
+    def __init__(self, simulator, factor, lockstep=None):
+        self._simulator, self._factor, self._lockstep = simulator, factor, lockstep
         self._publisher = simulator.ports.advertise("/diagnostics", DiagnosticArray, 10, "")
-        self._last = (time.monotonic(), simulator.now_ns)
+        self._last = (time.monotonic(), simulator.now_ns, simulator.steps)
         self._run_seconds = self._run_sim_ns = 0
         self._messages, self._seen, self._reported = simulator.engine.solver_messages, 0, set()
-        self._lost = 0
+        self._lost, self._traffic, self._waited = 0, None, 0.0
 
     def set_factor(self, factor):
         """Judge by another real-time factor from now on."""
@@ -30,46 +53,116 @@ class Diagnostics:
         elapsed = wall - self._last[0]
         if not self._report_touches() and elapsed < _PERIOD:
             return
-        advanced_ns = self._simulator.now_ns - self._last[1]
-        self._last = (wall, self._simulator.now_ns)
-        if not self._simulator.paused and advanced_ns >= 0:
+        simulator = self._simulator
+        advanced_ns, steps = simulator.now_ns - self._last[1], simulator.steps - self._last[2]
+        self._last = (wall, simulator.now_ns, simulator.steps)
+        if not simulator.paused and advanced_ns >= 0:
             self._run_seconds += elapsed
             self._run_sim_ns += advanced_ns
-        self._publish(max(0.0, advanced_ns * 1e-9 / max(elapsed, 1e-6)))
+        if not self._publisher.wanted():
+            self._traffic = None            # rates count between two messages
+            return
+        elapsed = max(elapsed, 1e-6)
+        array = DiagnosticArray(status=[self._simulation(elapsed, max(0, advanced_ns), max(0, steps)), self._topics()])
+        array.header.stamp = stamp_of(simulator.now_ns)
+        self._publisher.publish(array)
 
-    def _publish(self, factor):
-        simulator = self._simulator
+    # ---- the simulation ------------------------------------------------------------------------------------------
+
+    def _simulation(self, elapsed, advanced_ns, steps):
+        simulator, factor = self._simulator, advanced_ns * 1e-9 / elapsed
         messages = simulator.engine.solver_messages
         new_messages, self._messages = messages - self._messages, messages
         dropped = simulator.ports.dropped()
         lost = sum(entry.count for entry in dropped)
         new_lost, self._lost = lost - self._lost, lost
-        status = DiagnosticStatus(name="m2wr_sim: simulation", hardware_id="simulation")
-        status.level, status.message = self._judge(factor, new_messages, new_lost)
+        off = simulator.switched_off()
         mean = self._run_sim_ns * 1e-9 / self._run_seconds if self._run_seconds else 0.0
+        now_mb, peak_mb = _memory_mb()
         values = [("simulated time [s]", "%.3f" % (simulator.now_ns * 1e-9)), ("real-time factor", "%.2f" % factor),
                   ("mean real-time factor", "%.2f" % mean),
                   ("wanted real-time factor", "%g" % self._factor if self._factor else "as fast as possible"),
-                  ("step [ms]", "%g" % (simulator.step_ns * 1e-6)), ("solver messages", str(messages)),
-                  ("models", str(len(simulator.models)))]
+                  ("step [ms]", "%g" % (simulator.step_ns * 1e-6)), ("steps", str(simulator.steps)),
+                  ("steps per second", "%.0f" % (steps / elapsed)), ("solver messages", str(messages)),
+                  ("models", str(len(simulator.models))), ("plugins switched off", ", ".join(off) or "none")]
+        if now_mb is not None:
+            values.append(("memory [MB]", "%.0f" % now_mb))
+        values.append(("memory at its highest [MB]", "%.0f" % peak_mb))
+        values += self._lockstep_values(elapsed)
         values += [("touches of " + name, str(count)) for name, count in sorted(simulator.touch_counts.items())]
         values += [("dropped on %s for %s" % (entry.topic, entry.peer or "those that have left"), str(entry.count))
                    for entry in dropped]
-        status.values = [KeyValue(key, value) for key, value in values]
-        array = DiagnosticArray(status=[status])
-        array.header.stamp = stamp_of(simulator.now_ns)
-        self._publisher.publish(array)
+        level, message = self._judge(factor, new_messages, new_lost, off)
+        return DiagnosticStatus(name="m2wr_sim: simulation", hardware_id="simulation", level=level, message=message,
+                                values=[KeyValue(key, value) for key, value in values])
 
-    def _judge(self, factor, new_messages, new_lost):
+    def _lockstep_values(self, elapsed):
+        if self._lockstep is None:
+            return []
+        is_open, ticks, waited, lost, missing = self._lockstep.status()
+        new, self._waited = waited - self._waited, waited
+        return [("lockstep", "time passes" if is_open else "time stands still"), ("lockstep ticks", str(ticks)),
+                ("share of the time in which others had their turns", "%.0f %%" % (100.0 * min(1.0, new / elapsed))),
+                ("lockstep goes on without", ", ".join(lost) or "nobody"),
+                ("lockstep waits for", "; ".join(missing) or "nobody")]
+
+    def _judge(self, factor, new_messages, new_lost, off):
+        if off:
+            return DiagnosticStatus.ERROR, "switched off after a fault: %s" % ", ".join(off)
         if self._simulator.paused:
             return DiagnosticStatus.OK, "paused"
         if new_messages > 10:
             return DiagnosticStatus.WARN, "the solver complains: %d messages in the last second" % new_messages
         if new_lost > 0:
             return DiagnosticStatus.WARN, "subscribers read too slowly: %d messages dropped" % new_lost
-        if self._factor and factor < 0.9 * self._factor:
+        if self._lockstep is not None:
+            is_open, _, _, _, missing = self._lockstep.status()
+            if not is_open:
+                return DiagnosticStatus.WARN, "lockstep: time stands still, waiting for %s" % (
+                    "; ".join(missing) or "everybody to be connected")
+        if self._factor and factor < _SHARE * self._factor:
             return DiagnosticStatus.WARN, "slower than wanted: %.2f instead of %g" % (factor, self._factor)
         return DiagnosticStatus.OK, "running at %.2f times real time" % factor
+
+    # ---- its topics ----------------------------------------------------------------------------------------------
+
+    def _topics(self):
+        """Return the status of what is published: asked and achieved rate in simulated time, by topic."""
+        before, now_ns, traffic = self._traffic, self._simulator.now_ns, self._simulator.ports.traffic()
+        self._traffic = (now_ns, traffic)
+        seconds = (now_ns - before[0]) * 1e-9 if before else 0.0
+        asked, values, slow = self._asked(), [], []
+        for topic, (count, listeners) in sorted(traffic.items()):
+            sent = count - before[1].get(topic, (count,))[0] if before else 0
+            rate = sent / seconds if seconds > 0.0 else None
+            wanted = asked.get(topic)
+            words = ["not sent" if not listeners else "no rate yet" if rate is None else "%.1f Hz" % rate]
+            if wanted:
+                words.append("%.4g Hz asked" % wanted)
+            values.append((topic, ", ".join(words + ["%d subscribers" % listeners])))
+            if wanted and rate is not None and listeners and before[1].get(topic, (0, 0))[1]:
+                # some plugins count a period from the step at which they acted, up to one step late
+                least = _SHARE / (1.0 / wanted + self._simulator.step_ns * 1e-9)
+                if wanted * seconds >= _ENOUGH and rate < least:
+                    slow.append("%s %.1f instead of %.4g Hz" % (topic, rate, wanted))
+        return DiagnosticStatus(
+            name="m2wr_sim: topics", hardware_id="simulation",
+            level=DiagnosticStatus.WARN if slow else DiagnosticStatus.OK,
+            message="below their rates of simulated time: " + ", ".join(slow) if slow else "%d topics" % len(traffic),
+            values=[KeyValue(key, value) for key, value in values])
+
+    def _asked(self):
+        """Return the rate [Hz of simulated time] that descriptions ask for, by topic; none for one message a step."""
+        rates = {}
+        for model in self._simulator.models.values():
+            for plugin, context, _ in model.plugins:
+                period_ns = plugin.period_ns()
+                if period_ns:
+                    rate = 1e9 / max(period_ns, self._simulator.step_ns)    # work is due only when a step ends
+                    rates.update((topic, rate) for topic in context.topics())
+        return rates
+
+    # ---- touches -------------------------------------------------------------------------------------------------
 
     def _report_touches(self):
         """Log the first touch of each pair, so that a bump does not go unseen; return whether there was one."""
