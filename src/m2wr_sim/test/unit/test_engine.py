@@ -271,6 +271,18 @@ def test_joint_damping_slows_exponentially(make_engine):
     assert engine.joint_rate(joint) == pytest.approx(5.0 * math.exp(-0.02 / 0.01 * 0.5), rel=0.01)
 
 
+def test_the_fudge_factor_tones_a_motor_down_that_leaves_a_stop(make_engine):
+    rates = []
+    for factor in (None, 1.0, 0.1):
+        engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0), lower=0.0, upper=0.8,
+                                                           fudge_factor=factor))])
+        joint, = engine.handles[0].joints.values()
+        engine.set_joint_motor(joint, 3.0, 0.01)
+        engine.step(1)
+        rates.append(engine.joint_rate(joint))
+    assert rates[0] == rates[1] > rates[2]
+
+
 def test_joint_friction_stops_at_a_steady_rate(make_engine):
     engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0), friction=0.05))])
     joint = engine.handles[0].joints["joint"]

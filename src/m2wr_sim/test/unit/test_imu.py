@@ -10,7 +10,7 @@ from conftest import at, box
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Noise, PluginSpec, Sensor
 from m2wr_sim.physics.engine import LinkState
-from m2wr_sim.sensors.imu import ImuSensor
+from m2wr_sim.sensors.imu import ImuSensor, WanderingBias
 
 ORIGIN = (0.0, 0.0, 0.0)
 GRAVITY = (0.0, 0.0, -9.8)
@@ -189,3 +189,29 @@ def test_a_turned_unit_reads_gravity_along_its_own_axes():
     state = LinkState(ORIGIN, (0.0, 0.0, 0.0, 1.0), ORIGIN, ORIGIN)
     unit.start(state, 0)
     assert unit.read(state, 1000000, GRAVITY)[2] == pytest.approx((-9.8, 0.0, 0.0))
+
+
+def test_a_wandering_bias_has_the_spread_and_memory_of_its_process():
+    sigma, tau, dt, count = 0.5, 0.2, 0.01, 100000
+    bias, rng = WanderingBias(Noise("gaussian", dynamic_bias_stddev=sigma, dynamic_bias_correlation_time=tau)), \
+        np.random.default_rng(1)
+    values = np.array([bias.advance(dt, rng) for _ in range(count)])
+    assert values.std() == pytest.approx(sigma * math.sqrt(0.5 * tau), rel=0.03)
+    assert np.corrcoef(values[:-20], values[20:])[0, 1] == pytest.approx(math.exp(-20 * dt / tau), abs=0.05)
+    assert abs(values.mean()) < 0.01
+    bias.reset()
+    assert abs(bias.advance(1e-9, rng)) < 1e-3
+
+
+def test_the_same_seed_wanders_the_same_way_again_after_a_reset():
+    noise = Noise("gaussian", dynamic_bias_stddev=0.5, dynamic_bias_correlation_time=1.0)
+    unit = ImuSensor((ORIGIN, (0.0, 0.0, 0.0, 1.0)), (noise,) * 6, np.random.default_rng(3))
+    state = LinkState(ORIGIN, (0.0, 0.0, 0.0, 1.0), ORIGIN, ORIGIN)
+
+    def rates():
+        unit.start(state, 0)
+        return [unit.read(state, step * 10000000, GRAVITY)[1] for step in range(1, 20)]
+
+    first = rates()
+    unit.reset(np.random.default_rng(3))
+    assert rates() == first and len({rate for rate, _, _ in first}) == 19

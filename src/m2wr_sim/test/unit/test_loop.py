@@ -214,6 +214,36 @@ def test_any_step_size_is_taken(make_rig, step_ms):
     assert simulator.now_ns == simulator.steps * step_ms * MS
 
 
+def test_little_work_is_put_off_and_requests_find_it_done(simulator, monkeypatch):
+    owed = []
+    put_off = simulator.advance
+
+    def advance(until_ns, lazily=False):
+        put_off(until_ns, lazily)
+        owed.append(simulator._owed)
+        return simulator.now_ns
+
+    monkeypatch.setattr(simulator, "advance", advance)
+    with Running(simulator) as running:
+        running.wait(lambda: any(owed))
+        assert [running.loop.call(lambda: simulator._owed) for _ in range(20)] == [0] * 20
+
+
+def test_much_work_is_done_evenly(simulator, monkeypatch):
+    """Each look at the processor's clock finds that a batch has taken 1.5 ms; then 0.5 ms; then 1.5 ms again."""
+    spent, owed = iter([0.024 * count for count in range(4)] + [0.072 + 0.008 * count for count in range(4)]
+                       + [0.096 + 0.024 * count for count in range(1000)]), []
+    monkeypatch.setattr("m2wr_sim.ros.loop.time.thread_time", lambda: next(spent))
+    loop = Loop(simulator, 0.0, lambda: len(owed) >= 200, lambda: owed.append(simulator._owed))
+    lazily = []
+    batch = loop._run_batch
+    monkeypatch.setattr(loop, "_run_batch", lambda simulator: (batch(simulator), lazily.append(loop._lazily)))
+    loop.run()
+    first = lazily.index(True)
+    assert first in range(16 * 4, 16 * 7) and lazily[first:].count(True) in range(16, 16 * 5) and not lazily[-1]
+    assert simulator._owed == 0
+
+
 def test_signals_at_the_end_of_a_wait_do_not_make_it_endless():
     """Each handler outlasts what was left of the wait; the queue of Python's C library then waits for ever."""
     loop = Loop(None, 1.0, lambda: False, lambda: None)

@@ -1,4 +1,5 @@
 """The compiled loop against the Python loop: the same numbers to the last bit."""
+import ctypes
 import math
 import random
 
@@ -15,6 +16,7 @@ from m2wr_sim.physics.pyode_engine import PyodeEngine
 pytest.importorskip("numba", reason="the compiled loop needs numba")
 native_ode.publish_symbols()
 native = pytest.importorskip("m2wr_sim.physics.native_engine")
+kernels = pytest.importorskip("m2wr_sim.physics.fence_kernels")
 
 WHEEL = quaternion_from_rpy(0.0, 1.5707, 1.5707)
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -99,6 +101,74 @@ def test_fences_change_no_number(monkeypatch):
         results.append(drive(engine, robots, free, 50, rounds=20))
         engine.close()
     assert results[0][1] and results[0] == results[1]
+
+
+def skittles(engine_class):
+    """Things that fall asleep, side by side and on one another, and a robot that drives into them later."""
+    engine = engine_class(EngineSettings(step_ns=1000000))
+    engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
+    for index in range(8):
+        engine.add_model(solid("post%d" % index, Box((0.2, 0.2, 1.0))), ((9.0, 2.0 * index, 0.5), NO_TURN))
+    handle = engine.add_model(robot(), ((0.0, 0.0, 0.12), NO_TURN), "robot")
+    free = [engine.add_model(solid("can%d" % index, Cylinder(0.06, 0.12), 0.4), ((x, y, z), NO_TURN))
+            for index, (x, y, z) in enumerate(((1.5, 0.05, 0.06), (1.6, -0.1, 0.06), (1.5, 0.05, 0.2), (1.0, 3.0, 0.06),
+                                               (8.82, 0.0, 0.06)))]
+    seen = []
+    for count, speed in ((1300, 0.0), (1500, 12.0), (700, -8.0)):
+        for joint in handle.joints.values():
+            engine.set_joint_motor(joint, speed, 5.0)
+        for _ in range(count // 50):
+            engine.step(50)
+            seen.append([engine.link_state(link) for part in [handle] + free for link in part.links.values()])
+    touches = engine.drain_touches()
+    engine.close()
+    return seen, touches
+
+
+def test_what_sleeps_far_from_all_others_changes_no_number(monkeypatch):
+    results = [skittles(native.NativeEngine)]
+    monkeypatch.setattr(native.NativeEngine, "fences", False)
+    results += [skittles(native.NativeEngine), skittles(PyodeEngine)]
+    seen, touches = results[0]
+    assert results[1] == results[0] and results[2] == results[0]
+    assert any("robot" in touch.first + touch.second and "can" in touch.first + touch.second for touch in touches)
+    resting, end = seen[26], seen[-1]
+    assert resting[-2] == end[-2] and resting[-5] != end[-5]        # one was left alone, one was pushed
+
+
+def test_what_sleeps_is_left_alone_until_somebody_comes_near():
+    engine = native.NativeEngine(EngineSettings(step_ns=1000000))
+    engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
+    for index in range(4):
+        engine.add_model(solid("post%d" % index, Box((0.2, 0.2, 1.0))), ((9.0, 2.0 * index, 0.5), NO_TURN))
+    can = engine.add_model(solid("can", Cylinder(0.06, 0.12), 0.4), ((0.0, 0.0, 0.06), NO_TURN))
+    other = engine.add_model(solid("other", Cylinder(0.06, 0.12), 0.4), ((3.0, 0.0, 0.06), NO_TURN))
+
+    library = ctypes.CDLL(native_ode.library()._name)
+    library.dBodyIsEnabled.argtypes = [ctypes.c_void_p]
+
+    def apart():
+        words, layout = engine._words, native.layout
+        rows = [int(words[layout.H_SPACES]) + index * layout.SPACE_WORDS for index in range(2)]
+        return [bool(kernels.sleeps_apart(words, engine._values, row)) for row in rows]
+
+    def asleep():
+        return [not bool(library.dBodyIsEnabled(engine._handles[engine._links[link]])) for part in (can, other)
+                for link in part.links.values()]
+
+    engine.step(10)
+    assert asleep() == apart() == [False, False]
+    engine.step(2000)
+    assert asleep() == apart() == [True, True]
+    engine.set_link_pose(next(iter(other.links.values())), ((0.15, 0.0, 0.06), NO_TURN))
+    engine.step(2000)
+    assert asleep() == [True, True] and apart() == [False, False]       # near one another, though they do not touch
+    engine.set_link_pose(next(iter(other.links.values())), ((2.0, 0.0, 0.06), NO_TURN))
+    engine.step(2000)
+    assert asleep() == apart() == [True, True]
+    engine.set_link_velocity(next(iter(can.links.values())), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    assert apart() == [False, True]
+    engine.close()
 
 
 def free_flags(engine):

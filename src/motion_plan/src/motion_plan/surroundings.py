@@ -67,7 +67,7 @@ class Surroundings:
             Range that stands for a "too close" reading [m].
         """
         readings = np.array(ranges, dtype=np.float64)
-        readings[readings < range_min] = range_min
+        np.putmask(readings, readings < range_min, range_min)
         self._prepare(len(readings), angle_min, angle_increment)
         if self._pose is not None and math.hypot(pose[0] - self._pose[0], pose[1] - self._pose[1]) > TELEPORT:
             self.points = np.empty((0, 2))
@@ -75,16 +75,18 @@ class Surroundings:
         cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
         laser_x, laser_y = pose[0] + LASER_X * cos_yaw, pose[1] + LASER_X * sin_yaw
         kept = self._unseen(readings, angle_min, angle_increment, laser_x, laser_y, pose[2])
-        near = np.flatnonzero(readings < KEEP_RANGE)
-        local_x, local_y = readings[near] * self._cos[near], readings[near] * self._sin[near]
-        foreign = ~_own_wheels(LASER_X + local_x, np.abs(local_y))
-        local_x, local_y = local_x[foreign], local_y[foreign]
-        seen = np.column_stack((laser_x + cos_yaw * local_x - sin_yaw * local_y,
-                                laser_y + sin_yaw * local_x + cos_yaw * local_y))
-        points = np.concatenate((seen, kept))
-        cells = np.floor(points / CELL).astype(np.int64)
-        first = np.unique(cells[:, 0] * 1000003 + cells[:, 1], return_index=True)[1]
-        self.points = points[first]
+        near = (readings < KEEP_RANGE).nonzero()[0]
+        distance = readings[near]
+        local_x, local_y = distance * self._cos[near], distance * self._sin[near]
+        own = _own_wheels(LASER_X + local_x, np.abs(local_y))
+        if own.any():
+            foreign = ~own
+            local_x, local_y = local_x[foreign], local_y[foreign]
+        points = np.empty((len(local_x) + len(kept), 2))
+        points[:len(local_x), 0] = laser_x + cos_yaw * local_x - sin_yaw * local_y
+        points[:len(local_x), 1] = laser_y + sin_yaw * local_x + cos_yaw * local_y
+        points[len(local_x):] = kept
+        self.points = points[_first_in_cells(np.floor(points / CELL).astype(np.int64))]
 
     def nearest(self, x, y):
         """Return (distance [m], point) of the stored point nearest to x, y; (inf, None) when nothing is stored."""
@@ -114,7 +116,7 @@ class Surroundings:
         blockers : (D,) int64
             Index in ``points`` of what ends the travel, -1 where nothing does.
         """
-        directions = np.atleast_1d(np.asarray(directions, dtype=np.float64))
+        directions = np.array(directions, dtype=np.float64, ndmin=1)
         if len(self.points) == 0:
             return np.full(len(directions), math.inf), np.full(len(directions), -1)
         return _travel(self.points[:, 0] - x, self.points[:, 1] - y, np.cos(directions), np.sin(directions), radius)
@@ -138,7 +140,7 @@ class Surroundings:
         """
         delta_x, delta_y = self.points[:, 0] - x, self.points[:, 1] - y
         # nothing farther away can end a travel of this length; a little more, for the rounding
-        near = np.flatnonzero(delta_x * delta_x + delta_y * delta_y < (distance + radius) ** 2 + 1e-6)
+        near = (delta_x * delta_x + delta_y * delta_y < (distance + radius) ** 2 + 1e-6).nonzero()[0]
         if len(near) == 0:
             return 0, -1
         delta_x, delta_y = delta_x[near], delta_y[near]
@@ -170,13 +172,24 @@ class Surroundings:
         middle = 0.5 * (self._angles[0] + self._angles[-1])
         beam = np.rint((middle + wrap_angle(bearing - middle) - angle_min) / angle_increment).astype(np.int64)
         inside = (beam >= 0) & (beam < len(readings))
-        beam = np.minimum(np.maximum(beam, 1), len(readings) - 2) if len(readings) > 2 else np.zeros_like(beam)
         last = len(readings) - 1
+        beam = np.minimum(np.maximum(beam, 1), last - 1) if last > 1 else np.zeros_like(beam)
+        before, after = (beam - 1, beam + 1) if last > 1 else (beam, np.minimum(beam + 1, last))
         # the least of three beams: a thin post must not be cleared by the beam that passes beside it
-        through = np.fmin(np.fmin(readings[np.maximum(beam - 1, 0)], readings[np.minimum(beam + 1, last)]),
-                          readings[beam])
+        through = np.fmin(np.fmin(readings[before], readings[after]), readings[beam])
         seen = inside & (distance < through + CLEAR_MARGIN)
         return self.points[~seen & (distance < FORGET_DISTANCE)]
+
+
+def _first_in_cells(cells):
+    """Return the row of the first point in each cell, by cells; what np.unique would return, without its ceremony."""
+    number = cells[:, 0] * 1000003 + cells[:, 1]
+    order = number.argsort(kind='stable')
+    number = number[order]
+    new = np.empty(len(number), dtype=bool)
+    new[:1] = True
+    np.not_equal(number[1:], number[:-1], out=new[1:])
+    return order[new]
 
 
 def _own_wheels(x, y):
@@ -188,16 +201,32 @@ def _own_wheels(x, y):
 
 def _travel(delta_x, delta_y, cos_dir, sin_dir, radius):
     """Return what free_travel does, for points relative to the disc and directions by their cosine and sine."""
-    if len(cos_dir) > 1:
-        cos_dir, sin_dir = cos_dir[:, None], sin_dir[:, None]
+    if len(cos_dir) == 1:
+        return _travel_one_way(delta_x, delta_y, cos_dir, sin_dir, radius)
+    cos_dir, sin_dir = cos_dir[:, None], sin_dir[:, None]
     along = cos_dir * delta_x + sin_dir * delta_y
     across = cos_dir * delta_y - sin_dir * delta_x
-    reach = radius * radius - across * across
-    travel = along - np.sqrt(np.maximum(reach, 0.0))
-    travel[(reach <= 0.0) | (along <= 0.0)] = math.inf
+    across *= across
+    reach = np.subtract(radius * radius, across, out=across)
+    away = (reach <= 0.0) | (along <= 0.0)
+    np.maximum(reach, 0.0, out=reach)
+    travel = np.subtract(along, np.sqrt(reach, out=reach), out=along)
+    np.putmask(travel, away, math.inf)
     np.maximum(travel, 0.0, out=travel)
-    travel = travel.reshape(len(cos_dir), -1)
     blockers = travel.argmin(axis=1)
     least = travel[np.arange(len(cos_dir)), blockers]
     blockers[np.isinf(least)] = -1
     return least, blockers
+
+
+def _travel_one_way(delta_x, delta_y, cos_dir, sin_dir, radius):
+    """Return the same for one direction, for which most points need no square root."""
+    along = cos_dir * delta_x + sin_dir * delta_y
+    across = cos_dir * delta_y - sin_dir * delta_x
+    reach = radius * radius - across * across
+    ahead = (~((reach <= 0.0) | (along <= 0.0))).nonzero()[0]
+    if len(ahead) == 0:
+        return np.full(1, math.inf), np.full(1, -1)
+    travel = np.maximum(along[ahead] - np.sqrt(reach[ahead]), 0.0)
+    first = travel.argmin()
+    return travel[first:first + 1], ahead[first:first + 1]

@@ -3,19 +3,21 @@
 Round each body of a model stands a cube, its fence: the sphere that holds the body's geoms, however it turns, and
 :data:`MARGIN` more.  While no static shape but the plane reaches into the fences of a model and no body has moved by
 more than the margin, its geoms are offered to the plane alone, in the order in which libode would do it, so that the
-numbers stay what they are, to the last bit.
+numbers stay what they are, to the last bit.  A model that sleeps where no other can reach it is offered to nothing:
+libode leaves it out of the step, and its contacts with it.
 """
 import numpy as np
 from numba import carray, cfunc, njit, types
 
 from m2wr_sim.physics.step_layout import (
-    FENCE_WORDS, H_ADDRESS, H_BODIES, H_FENCES, H_FOUND, H_PLANE, H_PROBE, H_PROBE_CALLBACK, H_STATIC, HEADER_WORDS,
-    S_BODY_COUNT, S_FIRST_BODY, S_FREE)
+    FENCE_WORDS, H_ADDRESS, H_BODIES, H_BODY_COUNT, H_FENCES, H_FOUND, H_PLANE, H_PROBE, H_PROBE_CALLBACK, H_STATIC,
+    HEADER_WORDS, S_BODY_COUNT, S_FIRST_BODY, S_FREE)
 
 MARGIN = 0.25           # m; a robot that goes 1 m/s looks about four times a second
 
 _handle = types.uintp
 _position = types.ExternalFunction("dBodyGetPosition", types.CPointer(types.float64)(_handle))
+_is_enabled = types.ExternalFunction("dBodyIsEnabled", types.int32(_handle))
 _space_collide2 = types.ExternalFunction("dSpaceCollide2", types.void(_handle, _handle, _handle, _handle))
 _set_lengths = types.ExternalFunction(
     "dGeomBoxSetLengths", types.void(_handle, types.float64, types.float64, types.float64))
@@ -52,3 +54,23 @@ def is_free(words, values, row):
             _space_collide2(words[H_PROBE], words[H_STATIC], words[H_ADDRESS], words[H_PROBE_CALLBACK])
         words[row + S_FREE] = np.uint64(words[H_FOUND] == 0)
     return words[row + S_FREE] != 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sleeps_apart(words, values, row):
+    """Tell whether the model of a row sleeps and the geoms of no other model can touch it, asleep or awake."""
+    first, count = np.int64(words[row + S_FIRST_BODY]), np.int64(words[row + S_BODY_COUNT])
+    bodies, fences = np.int64(words[H_BODIES]), np.int64(words[H_FENCES])
+    for index in range(first, first + count):
+        if _is_enabled(words[bodies + index]):
+            return False
+    for index in range(first, first + count):
+        at, reach = carray(_position(words[bodies + index]), (3,)), values[fences + index * FENCE_WORDS]
+        for other in range(np.int64(words[H_BODY_COUNT])):
+            if first <= other < first + count:
+                continue
+            there = carray(_position(words[bodies + other]), (3,))
+            away = max(abs(at[0] - there[0]), abs(at[1] - there[1]), abs(at[2] - there[2]))
+            if not away > reach + values[fences + other * FENCE_WORDS]:
+                return False
+    return True

@@ -26,6 +26,7 @@ _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES,
              layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_NOW,
              layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
+_LEVEL = 0.9            # of a plane's normal, upwards: far from what steep contacts begin at
 
 
 class NativeEngine(PyodeEngine):
@@ -199,6 +200,8 @@ class NativeEngine(PyodeEngine):
             return
         words[layout.H_PLANE], words[layout.H_PROBE] = planes[0]._id(), self._probe
         words[layout.H_PROBE_CALLBACK] = count_solids.address
+        # what sleeps on level ground is in nobody's list of touches, and who is watched never sleeps
+        words[layout.H_SLEEPERS] = not self._watches and planes[0].getParams()[0][2] > _LEVEL
         statics = self._library.dSpaceGetNumGeoms(self._static_space._id())
         for index, parts in enumerate(self._moving):
             count = self._library.dSpaceGetNumGeoms(parts.space._id())

@@ -9,7 +9,7 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread
-from m2wr_sim.physics.fence_kernels import is_free
+from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
     CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL,
     C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, DAMPED_WORDS, GEOM_WORDS, G_BODY, G_CLASS, G_LINK,
@@ -17,7 +17,7 @@ from m2wr_sim.physics.step_layout import (
     H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
     H_DAMPED_LINK_COUNT, H_FENCED, H_GEOMS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM,
     H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE,
-    H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MAX_FOUND,
+    H_SLEEPERS, H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MAX_FOUND,
     MAX_REPORTS, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE,
     P_BOUNCE_VELOCITY, P_GROUND, P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM,
     P_SOFT_ERP, P_STEEP_MU, P_VALID, REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SPACE_WORDS, S_GEOM_COUNT,
@@ -271,7 +271,7 @@ def run(words, values, steps, dt):
     """
     world, group, data, callback = words[H_WORLD], words[H_GROUP], words[H_ADDRESS], words[H_CALLBACK]
     spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
-    fenced, quick = words[H_FENCED] != 0, words[H_QUICK] != 0
+    fenced, quick, sleepers = words[H_FENCED] != 0, words[H_QUICK] != 0, words[H_SLEEPERS] != 0
     damped = words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
     taken = 0
     while taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]:
@@ -279,16 +279,21 @@ def run(words, values, steps, dt):
         words[H_STEPS] += np.uint64(1)
         if damped:
             _damp(words, values)
+        asked = 0
         for index in range(space_count):
             row = spaces + index * SPACE_WORDS
-            if fenced and words[row + S_GEOM_COUNT] and is_free(words, values, row):
+            free = fenced and words[row + S_GEOM_COUNT] != 0 and is_free(words, values, row)
+            if free and sleepers and words[row + S_MEETS_ITSELF] == 0 and sleeps_apart(words, values, row):
+                continue
+            asked += 1
+            if free:
                 for number in range(np.int64(words[row + S_GEOM_COUNT])):
                     _contacts(words, values, words[H_PLANE], _space_geom(words[row], number))
             else:
                 _space_collide2(words[row], words[H_STATIC], data, callback)
             if words[row + S_MEETS_ITSELF]:
                 _space_collide(words[row], data, words[H_CALLBACK_ITSELF])
-        if space_count > 1:
+        if asked > 1:
             _space_collide(words[H_MOVING], data, callback)
         if quick:
             _world_quick_step(world, dt)

@@ -14,8 +14,12 @@ def set_ros_time(stamp):
     """Make ``stamp`` this node's own ROS time and wake whoever sleeps in it, as a subscription to /clock would."""
     condition = rostime.get_rostime_cond()
     rostime._rostime_current = stamp
-    with condition:
-        condition.notify_all()
+    condition.acquire()
+    try:
+        if condition._waiters:                  # for the most part nobody sleeps, and this is done with every clock
+            condition.notify_all()
+    finally:
+        condition.release()
 
 
 def read_pose(pose):

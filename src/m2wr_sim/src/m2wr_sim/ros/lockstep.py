@@ -10,7 +10,7 @@ from m2wr_lockstep.srv import Turn, TurnRequest as TurnMessage
 
 from m2wr_sim.errors import LockstepError, ParameterError
 from m2wr_sim.ros.convert import stamp_of
-from m2wr_sim.ros.lockstep_gate import SERVICE, Gate, Listener
+from m2wr_sim.ros.lockstep_gate import NOT_WAITED_FOR, SERVICE, Gate, Listener
 from m2wr_sim.ros.lockstep_sockets import Link, UnreadBytes, find_ends
 from m2wr_sim.runtime.turns import Conductor, Reply, TurnAnswer, TurnFailed
 
@@ -135,6 +135,7 @@ class Lockstep:
         self._open, self._look, self._generation = False, None, 0
         self._links, self._shared, self._foreign, self._unread = [], [], [], None
         self._wanted, self._closing, self._failure = threading.Event(), False, None
+        self._missing, self._waited = [], 0.0
         ports.triggers = {reply.trigger for reply in replies}
         ports.before_trigger = self._before_trigger
 
@@ -182,15 +183,23 @@ class Lockstep:
             conductor.collect_replies(now_ns)
         if self._ports.tick_due:
             self._ports.tick_due = False
-            lost = len(conductor.lost)
+            lost, began = len(conductor.lost), time.monotonic()
             conductor.tick(now_ns)
             if len(conductor.lost) != lost:
                 self._outdate()
             self._settle(self._links)
+            self._waited += time.monotonic() - began
             if conductor.over:
                 log.info("lockstep: the run is over, says %s at %.3f s (tick %d): simulated time stands still",
                          conductor.over, now_ns * 1e-9, conductor.ticks)
         return now_ns
+
+    def status(self):
+        """Return what diagnostics tell: ``(open, ticks, seconds waited in ticks, who was lost, what is missing)``."""
+        conductor = self._conductor
+        return (self._open and not conductor.over, conductor.ticks, self._waited, list(conductor.lost),
+                ["nothing any more: %s says that the run is over" % conductor.over] if conductor.over
+                else [] if self._open else list(self._missing))
 
     # ---- who takes part ----------------------------------------------------------------------------------------
 
@@ -211,6 +220,7 @@ class Lockstep:
                 missing = self._look_once()
             except Exception:       # whoever is missing must be looked for again
                 log.exception("lockstep: looking for who takes part failed; it is tried again")
+            self._missing = missing
             if not missing:
                 told = time.monotonic()
             elif opening and time.monotonic() - told > _REMIND:
@@ -276,7 +286,7 @@ class Lockstep:
         """Find the sockets of the listeners."""
         names = {listener.name for listener in self._listeners}
         wanted = [entry for entry in connections
-                  if entry.subscriber in names and entry.publisher not in names and entry.topic != "/rosout"]
+                  if entry.subscriber in names and entry.publisher not in names and entry.topic not in NOT_WAITED_FOR]
         ends = find_ends({entry.ports for entry in wanted if entry.ports})
         self._links = [Link(entry.publisher, entry.subscriber, entry.topic, ends[entry.ports])
                        for entry in wanted if entry.ports in ends]

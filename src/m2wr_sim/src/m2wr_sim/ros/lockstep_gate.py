@@ -9,10 +9,12 @@ import rosgraph
 import rospy
 from rospy.topics import get_topic_manager
 
+from m2wr_sim.ros.lockstep_reminder import Reminder
+
 SERVICE = "lockstep_turn"
 _ANSWER_PATIENCE = 2.0              # s of wall time for a node to tell of its connections
 _PORTS = re.compile(r"connection on port (\d+) to \[.*:(\d+) on socket")
-_NOT_WAITED_FOR = ("/rosout", "/rosout_agg", "/diagnostics")
+NOT_WAITED_FOR = ("/rosout", "/rosout_agg", "/diagnostics")
 
 Listener = namedtuple("Listener", "name topics")
 """A node that must be connected before time begins; ``topics``: those it must subscribe to, at least."""
@@ -34,6 +36,11 @@ class _BriefTransport(Transport):
         return self._connection[1]
 
 
+def _slave(address):
+    """Return the slave API of a node."""
+    return ServerProxy(address, transport=_BriefTransport())
+
+
 class Gate:
     """Looks at the graph; may be used from any thread.
 
@@ -52,6 +59,7 @@ class Gate:
         self._ticking, self._own = ticking, rospy.get_name()
         self._master = rosgraph.Master(self._own)
         self._addresses = {}
+        self._reminder = Reminder(self._own, self._address, _slave)
 
     def look(self, without=()):
         """Return a :class:`Look`; ``without`` are controllers that are not waited for."""
@@ -69,24 +77,29 @@ class Gate:
                    if name not in services.get("%s/%s" % (name, SERVICE), ())]
         if not self._ticking():
             missing.append("a robot with a sensor that makes ticks")
-        connections = []
+        connections, answering = [], set()
         for name in sorted(nodes & registered):
             found = self._connections(name)
             if found is None:
                 missing.append("an answer of the node %s" % name)
+            else:
+                answering.add(name)
             connections += found or []
         for name in sorted(self._unnamed(publishers) - nodes):      # some may be registered and long dead
             found = self._connections(name)
             if found is not None:
                 nodes.add(name)
+                answering.add(name)
                 connections += found
         missing += self._absent_listeners(subscribers) + self._absent_replies(publishers, subscribers, nodes)
-        there = {(entry.publisher, entry.subscriber, entry.topic) for entry in connections}
-        for topic in sorted(set(publishers) & set(subscribers) - set(_NOT_WAITED_FOR)):
+        there, apart = {(entry.publisher, entry.subscriber, entry.topic) for entry in connections}, []
+        for topic in sorted(set(publishers) & set(subscribers) - set(NOT_WAITED_FOR)):
             for publisher in sorted(publishers[topic] & nodes):
                 for subscriber in sorted(subscribers[topic] & nodes):
                     if (publisher, subscriber, topic) not in there:
                         missing.append("%s to be connected to %s on %s" % (subscriber, publisher, topic))
+                        apart.append((publisher, subscriber, topic))
+        self._reminder.note([key for key in apart if answering.issuperset(key[:2])], publishers)
         return Look(missing, connections)
 
     def _unnamed(self, publishers):
@@ -132,12 +145,19 @@ class Gate:
                                         (int(ports.group(2)), int(ports.group(1))) if ports else None))
         return found
 
+    def _address(self, name):
+        """Return the URI of a node's slave API; None if the master does not know it."""
+        try:
+            return self._master.lookupNode(name)
+        except (rosgraph.MasterException, OSError, HTTPException):
+            return None
+
     def _bus_info(self, name):
         for _ in range(2):              # the second time with the address that a restarted node has
             try:
                 address = self._addresses.get(name) or self._master.lookupNode(name)
                 self._addresses[name] = address
-                code, _, table = ServerProxy(address, transport=_BriefTransport()).getBusInfo(self._own)
+                code, _, table = _slave(address).getBusInfo(self._own)
                 return table if code == 1 else None
             except (rosgraph.MasterException, OSError, HTTPException, Fault, socket.timeout):
                 self._addresses.pop(name, None)

@@ -1,4 +1,5 @@
 """The node's loop: one thread owns the world, everybody else asks it."""
+import math
 import queue
 import threading
 import time
@@ -6,6 +7,9 @@ import time
 _BATCH_NS = 10000000        # of simulated time between two looks at the request queue
 _IDLE_WAIT = 0.1            # s, while paused
 _MAX_LAG = 0.1              # s of wall time that may be caught up before the schedule is moved
+_LIGHT = 0.001              # s of processor time that a batch may take on average for the engine to be left behind
+_SAMPLE = 16                # batches over which that is looked at
+_HOUSEKEEPING = 5           # batches between two calls of on_turn then
 
 
 class ShuttingDown(Exception):
@@ -79,7 +83,7 @@ class Loop:
     stopping : callable
         Tells when to end.
     on_turn : callable
-        Called about every 10 ms of simulated time, and while idle, for housekeeping; must be quick.
+        Called about every 10 to 50 ms of simulated time, and while idle, for housekeeping; must be quick.
     lockstep : Lockstep, optional
         Lets time pass in the simulator's place, when it is open.
     """
@@ -89,9 +93,12 @@ class Loop:
         self._lockstep, self._served = lockstep, False
         self._pacer = Pacer(factor)
         self._requests = queue.SimpleQueue()
-        # waited for in the queue's place: a signal at the very end of a SimpleQueue's time-out makes that wait endless
-        self._arrived = threading.Event()
+        # waited for in the queue's place: a signal at the very end of a SimpleQueue's time-out makes that wait endless;
+        # a lock that is free when something has come, for waiting on it is a single call
+        self._arrived = threading.Lock()
+        self._arrived.acquire()
         self._ended = False
+        self._lazily, self._turns, self._spent = False, 0, math.inf     # whether the engine may be behind; see _choose
 
     def set_factor(self, factor):
         """Go on with another real-time factor; to be called in the loop's thread."""
@@ -115,7 +122,10 @@ class Loop:
 
     def _put(self, request):
         self._requests.put(request)
-        self._arrived.set()
+        try:
+            self._arrived.release()
+        except RuntimeError:            # it is free already
+            pass
 
     def wait_until(self, condition, seconds):
         """Serve requests until ``condition()`` holds, at most so many wall seconds; returns whether it does.
@@ -146,6 +156,8 @@ class Loop:
                     self._serve(_IDLE_WAIT)
                 else:
                     self._run_batch(simulator)
+                    if self._lazily and self._turns % _HOUSEKEEPING:
+                        continue
                 self._on_turn()
         except ShuttingDown:
             pass
@@ -154,38 +166,58 @@ class Loop:
             self._refuse_all()
 
     def _run_batch(self, simulator):
+        """Let about 10 ms pass and wait for the clock on the wall."""
+        self._turns += 1
+        if self._turns % _SAMPLE == 0 and self._lockstep is None:
+            self._choose()
+        lazily = self._lazily
         advance = simulator.advance if self._lockstep is None else self._lockstep.advance
         # ends of batches lie on a grid, so that requests do not move moments that depend on them
-        end_ns = max((simulator.now_ns // _BATCH_NS + 1) * _BATCH_NS, simulator.now_ns + simulator.step_ns)
+        step_ns = simulator.step_ns
+        end_ns = max((simulator.now_ns // _BATCH_NS + 1) * _BATCH_NS, simulator.now_ns + step_ns)
         self._served = False
-        while simulator.now_ns < end_ns and simulator.now_ns + simulator.step_ns <= end_ns:
-            advance(end_ns)
+        while simulator.now_ns + step_ns <= end_ns:
+            if lazily:
+                advance(end_ns, True)
+            else:
+                advance(end_ns)
             if self._served or self._requests.qsize():
                 break
         ahead = self._pacer.ahead(simulator.now_ns)
         while ahead > 0.0 and not self._stopping():
-            self._serve(min(ahead, _IDLE_WAIT))
-            if simulator.paused:
-                return
+            if not self._serve(min(ahead, _IDLE_WAIT)) and ahead <= _IDLE_WAIT or simulator.paused:
+                return                  # the time is up; or stands still
             ahead = self._pacer.ahead(simulator.now_ns)
 
+    def _choose(self):
+        """Save work up until something looks at the world if there is little: most of what a short batch of steps costs
+        is to fetch the engine into the processor's caches again.  Much work is done evenly, so that clocks are in time.
+        """
+        spent = time.thread_time()
+        self._lazily, self._spent = 0.0 <= spent - self._spent < _SAMPLE * _LIGHT, spent
+
     def _serve(self, patience):
-        """Answer requests; wait up to ``patience`` seconds for the first."""
+        """Answer requests, waiting up to ``patience`` seconds for the first; returns whether any may have come."""
         if patience > 0.0:
-            self._arrived.wait(patience)
+            arrived = self._arrived.acquire(True, patience)
+        else:
+            arrived = self._arrived.acquire(False)      # before the queue is emptied: what comes later frees it again
+        if not arrived:
+            return False
+        simulator = self._simulator
         try:
-            if self._arrived.is_set():
-                self._arrived.clear()       # before the queue is emptied: what comes later sets it again
             request = self._requests.get_nowait()
-            before_ns = self._simulator.now_ns
+            if self._lazily:
+                simulator.settle()
+            before_ns = simulator.now_ns
             while True:
                 request.run()
                 self._served = True
-                if self._simulator.now_ns < before_ns:
+                if simulator.now_ns < before_ns:
                     self._pacer.restart()
                 request = self._requests.get_nowait()
         except queue.Empty:
-            pass
+            return True
 
     def _refuse_all(self):
         try:

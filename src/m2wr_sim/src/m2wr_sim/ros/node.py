@@ -20,6 +20,7 @@ from visualization_msgs.msg import MarkerArray
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
 from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.types import Physics
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
@@ -85,18 +86,39 @@ def package_folders():
 
 
 def _load_world(config, worlds, folders):
-    """Return the record of the world, or of the one in its place if that cannot be read and one is named."""
+    """Return the record of the world and its name: of the one in its place if it cannot be read and one is named."""
     try:
-        return load_world(find_world(config.world, worlds), resolve_model=folders)
+        return load_world(find_world(config.world, worlds), resolve_model=folders), config.world
     except WorldError as error:
         if not config.fallback_world:
             raise
         log.error("%s; the world \"%s\" is used in its place", error, config.fallback_world)
-        return load_world(find_world(config.fallback_world, worlds), resolve_model=folders)
+        return load_world(find_world(config.fallback_world, worlds), resolve_model=folders), config.fallback_world
+
+
+def _step_of(config, world, name):
+    """Return the physics step [ns]: the parameter's, or the world's if the engine can take that, else the default."""
+    if config.step:
+        return whole_step(config.step, "parameter ~step")
+    try:
+        return whole_step(world.physics.max_step_size, "max_step_size of %s" % name)
+    except WorldError as error:
+        default = Physics().max_step_size
+        log.error("%s; %g s is taken", error, default)
+        return whole_step(default, "the default")
 
 
 def build(config, folder):
-    """Make the simulator of a :class:`~m2wr_sim.ros.params.NodeConfig`; returns it with the real-time factor wanted.
+    """Make the simulator of a :class:`~m2wr_sim.ros.params.NodeConfig`.
+
+    Returns
+    -------
+    simulator : Simulator
+    factor : float
+        Real-time factor wanted; 0: as fast as it can.
+    folders : ModelFolders
+    name : str
+        The world that was really loaded.
 
     Raises
     ------
@@ -104,9 +126,8 @@ def build(config, folder):
         If the world cannot be read or built.
     """
     folders = standard_folders(os.path.join(folder, "models"), os.environ, package_folders)
-    world = _load_world(config, os.path.join(folder, "worlds"), folders)
-    step_ns = whole_step(config.step or world.physics.max_step_size,
-                         "parameter ~step" if config.step else "max_step_size of %s" % config.world)
+    world, name = _load_world(config, os.path.join(folder, "worlds"), folders)
+    step_ns = _step_of(config, world, name)
     engine = make_engine(config.engine, settings_from_physics(world.physics, step_ns, config.solver))
     engine.reseed(config.seed)
     ports = LockstepPorts(config.lockstep_tick) if config.lockstep else RosPorts()
@@ -120,13 +141,13 @@ def build(config, folder):
     if factor is None:
         factor = max(0.0, world.physics.real_time_update_rate * world.physics.max_step_size)
     simulator.physics = replace(simulator.physics, real_time_update_rate=factor * 1e9 / step_ns)
-    return simulator, factor, folders
+    return simulator, factor, folders, name
 
 
 def run(config, stopping):
     """Run the node until ``stopping()`` is true."""
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    simulator, factor, folders = build(config, package_folder())
+    simulator, factor, folders, name = build(config, package_folder())
     try:
         log.info("loading the compiled kernels (the first start after an installation compiles them: some seconds)")
         warm_up(config.engine)
@@ -135,7 +156,8 @@ def run(config, stopping):
         if lockstep is not None:
             lockstep.attach(loop, simulator)
         simulator.ports.answer_through(loop.call)
-        log.info("world \"%s\" is ready: %d models, step %g ms, %s", config.world, len(simulator.models),
+        log.info("world \"%s\" is ready%s: %d models, step %g ms, %s", name,
+                 "" if name == config.world else " in place of \"%s\"" % config.world, len(simulator.models),
                  simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as it can")
         gc.freeze()                             # thousands of lasting objects, which no collection need look at again
         loop.run()
@@ -152,7 +174,7 @@ def _network(config, simulator, factor, folders, stopping, lockstep):
     states = [simulator.ports.advertise("~" + name, kind, 10, "")
               for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
     simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
-    diagnostics, performance = Diagnostics(simulator, factor), Performance(simulator)
+    diagnostics, performance = Diagnostics(simulator, factor, lockstep), Performance(simulator)
     markers, description = _view_topics(simulator, config)
     loop = Loop(simulator, factor, stopping,
                 lambda: (diagnostics.turn(), performance.turn(), markers.turn(), description.turn()), lockstep)
@@ -161,7 +183,8 @@ def _network(config, simulator, factor, folders, stopping, lockstep):
         loop.set_factor(new)
         diagnostics.set_factor(new)
 
-    return loop, GazeboApi(simulator, loop, Spawner(simulator, folders), config.gazebo_faults, set_factor)
+    spawner = Spawner(simulator, folders, config.urdf_surface)
+    return loop, GazeboApi(simulator, loop, spawner, config.gazebo_faults, set_factor)
 
 
 def _view_topics(simulator, config):

@@ -32,6 +32,7 @@ class _Port:
         self._channels = channels
         self._publisher, self._channel = channels.open(topic, message_class)
         self.wanted = self._channel.connected       # asked before every stretch of steps
+        self.topic = self._channel.topic
 
     def publish(self, message):
         """Send a message, or a record that makes one; returns at once whatever the subscribers do."""
@@ -97,6 +98,9 @@ class _Mailbox:
         with self._lock:
             self._newest.pop(subscription, None)
 
+    def full(self):
+        return bool(self._newest)
+
     def empty(self):
         if not self._newest:
             return {}
@@ -128,6 +132,10 @@ class RosPorts(Ports):
         """Return what subscribers have lost by not reading, a list of :class:`~m2wr_sim.ros.transport.Dropped`."""
         return self._channels.dropped()
 
+    def traffic(self):
+        """Return what has been sent, ``{topic: (messages, subscribers)}``."""
+        return self._channels.traffic()
+
     def serve(self, name, service_class, handler, namespace):
         return _Service(scoped(name, namespace), service_class, handler, self)
 
@@ -150,6 +158,9 @@ class RosPorts(Ports):
             return self._call(function)
         except ShuttingDown as error:
             raise rospy.ServiceException(str(error))
+
+    def waiting(self):
+        return self._mailbox.full()
 
     def deliver(self):
         for subscription, message in self._mailbox.empty().items():
@@ -187,5 +198,6 @@ class RosPorts(Ports):
         """Publish the time and make it this node's own ROS time, without a subscription to itself."""
         self._clock_ns, self._stamp = now_ns, stamp_of(now_ns)
         set_ros_time(self._stamp)
-        self._clock_message.clock = self._stamp
-        self._clock.publish(self._clock_message)
+        if self._clock.wanted():
+            self._clock_message.clock = self._stamp
+            self._clock.publish(self._clock_message)

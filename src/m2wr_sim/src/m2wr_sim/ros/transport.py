@@ -24,6 +24,7 @@ log = logging.getLogger("m2wr_sim.transport")
 
 BACKLOG_MESSAGES = 10000    # of one connection; whichever comes first
 BACKLOG_BYTES = 8 << 20
+_AT_ONCE = socket.MSG_DONTWAIT
 _BATCH_MESSAGES = 64        # handed to the kernel in one call when a backlog is emptied
 _QUIET = 10.0               # s of wall time between two log lines about one connection
 
@@ -138,28 +139,26 @@ class Link:
         """
         with self._lock:
             if self._begun is None:
-                self._offer(data)
+                try:
+                    sent = self._socket.send(data, _AT_ONCE)
+                except BlockingIOError:
+                    sent = 0
+                except (OSError, AttributeError) as error:  # AttributeError: it was closed before it came here
+                    self._fault, sent = error, None
+                if sent == len(data):
+                    self._connection.stat_bytes += sent
+                    self._connection.stat_num_msg += 1
+                    return
+                if sent is not None:
+                    self._connection.stat_bytes += sent
+                    self._begun = deque((memoryview(data)[sent:],))
+                    _drain.watch(self)
             else:
                 self._keep(data)
         if self._fault is not None:
             self._break()
         if self._complaint:
             self._complain()
-
-    def _offer(self, data):
-        try:
-            sent = self._socket.send(data, socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            sent = 0
-        except (OSError, AttributeError) as error:      # AttributeError: it was closed before it came here
-            self._fault = error
-            return
-        self._connection.stat_bytes += sent
-        if sent == len(data):
-            self._connection.stat_num_msg += 1
-            return
-        self._begun = deque((memoryview(data)[sent:],))
-        _drain.watch(self)
 
     def _keep(self, data):
         self._backlog.append(data)
@@ -378,6 +377,11 @@ class Channels:
         publisher.unregister()
         if channel.impl.closed and self._channels.get(channel.topic) is channel:
             del self._channels[channel.topic]
+
+    def traffic(self):
+        """Return ``{topic: (messages made, subscribers)}``; nothing is made for nobody."""
+        return {topic: (channel.impl.seq, len(channel.impl.connections))
+                for topic, channel in list(self._channels.items())}
 
     def dropped(self):
         """Return what subscribers have lost by not reading, a list of :class:`Dropped`."""

@@ -17,6 +17,10 @@ class Ports(abc.ABC):
     def serve(self, name, service_class, handler, namespace):
         """Offer a service; ``handler(request)`` runs in the simulation's thread.  Returns what has a ``close()``."""
 
+    def waiting(self):
+        """Tell whether there may be anything to deliver."""
+        return True
+
     @abc.abstractmethod
     def deliver(self):
         """Hand every newest message that has come since the last call to its callback."""
@@ -108,6 +112,9 @@ class LocalPorts(Ports):
         subscription = self.subscriptions.get(topic)
         if subscription is not None and subscription.open:
             subscription.newest = message
+
+    def waiting(self):
+        return any(subscription.newest is not None for subscription in self.subscriptions.values())
 
     def deliver(self):
         for subscription in list(self.subscriptions.values()):

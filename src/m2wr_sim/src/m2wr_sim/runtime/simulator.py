@@ -3,7 +3,7 @@
 A step that ends at time t goes: time becomes t; commands that have arrived are taken; plugins act *before* the bodies
 move (clock, odometry, motor targets: what they publish is the state before the step, stamped t, as in Gazebo); the
 engine steps; sensors act on the new state.  Between two such moments nothing looks at the world, so the engine runs
-that stretch in one call.
+that stretch in one call; who asks for it lazily has even the call put off until something looks.
 """
 import logging
 from collections import OrderedDict
@@ -14,8 +14,9 @@ from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Physics, Plane, PluginSpec
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
-from m2wr_sim.plugins.base import Plugin, PluginReader
+from m2wr_sim.plugins.base import PluginReader
 from m2wr_sim.plugins.registry import find_plugin, why_left_out
+from m2wr_sim.runtime.agenda import Agenda
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
 from m2wr_sim.runtime.schedule import misfit, period_of
@@ -24,6 +25,7 @@ log = logging.getLogger(__name__)
 
 _JOINT_STATES = "builtin joint states"
 _TOUCHES_KEPT = 1000
+_HOLD_NS = 50000000             # how long the engine may stay behind, and plugins' answers are relied on
 _RATE_TAGS = ("updaterate", "updateratehz", "update_rate")
 
 
@@ -34,9 +36,11 @@ def _within_reach(name, pose):
     return pose
 
 
-def _overrides(plugin, name):
-    """Tell whether a plugin has a method of its own where the base class has one that does nothing."""
-    return getattr(getattr(plugin, name), "__func__", None) is not getattr(Plugin, name)
+def _check_speed(name, linear, angular):
+    """Raise ModelError for velocities [m/s, rad/s] that the engine's numbers do not carry."""
+    if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
+        raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
+                         % (tuple(linear), tuple(angular), name, FASTEST))
 
 
 @dataclass(frozen=True)
@@ -84,22 +88,31 @@ class Simulator:
         self.physics = Physics(max_step_size=self.step_ns * 1e-9, gravity=engine.settings.gravity)  # as last asked for
         self.observers = []             # plugins of the world itself: state publishers and the like
         self.touches, self.touch_counts = [], {}
-        self._clock_period_ns, self._clock_last_ns = period_of(self.config.clock_rate), None
+        self._clock_period_ns, self._clock_due_ns = period_of(self.config.clock_rate), 0
         self._active = []               # (plugin, context, label) of all models, in load order
         self._scene_ns = self._moving_sight = None
-        self._asked = None              # plugins by what they want to be asked
+        self._agenda = Agenda(self._failed, self._catch_up)
         self._misfits = set()           # what was said of rates that do not fit into the steps
+        self._owed, self._hold_ns = 0, 0        # steps that time is ahead of the engine; until when answers hold
 
     # ---- world -------------------------------------------------------------------------------------------------
 
     def load_world(self, world):
-        """Add every model of a :class:`~m2wr_sim.model.types.World` and apply its stored state."""
+        """Add every model of a :class:`~m2wr_sim.model.types.World` and apply its stored state.
+
+        A model that the engine cannot build is named and left out.
+        """
         for note in world.notes:
             log.warning("%s", note)
+        for remark in world.remarks:
+            log.info("%s", remark)
         self.physics = replace(world.physics, max_step_size=self.step_ns * 1e-9)
         self.lights.update((light.name, light) for light in world.lights)
         for record in world.models:
-            self.spawn(record, record.pose, namespace=None)
+            try:
+                self.spawn(record, record.pose, namespace=None)
+            except ModelError as error:
+                log.error("%s; model \"%s\" is left out", error, record.name)
         for spec in world.plugins:
             log.warning("%s: world plugin %s (%s) is not known here and left out", spec.where, spec.name, spec.filename)
         if world.state is not None:
@@ -113,19 +126,28 @@ class Simulator:
             if model is None:
                 log.warning("the world's <state> speaks of model \"%s\", which is not in the world", entry.name)
                 continue
-            if entry.pose is not None:
-                model.place(self.engine, entry.pose)
-            for name, pose, velocity in entry.links:
-                link = model.handle.links.get(name)
-                if link is None:
-                    log.warning("the world's <state> speaks of link \"%s::%s\", which is not in the world",
-                                entry.name, name)
-                    continue
-                if pose is not None:
-                    self.engine.set_link_pose(link, pose)
-                if velocity is not None:
-                    self.engine.set_link_velocity(link, *velocity)
+            try:
+                self._apply_entry(model, entry)
+            except ModelError as error:
+                log.error("the world's <state>: %s; the rest of what it says of model \"%s\" is left out", error,
+                          entry.name)
         self._restart_plugins(rewound=False)
+
+    def _apply_entry(self, model, entry):
+        """Apply what a stored state says of one model; ModelError where that is more than the engine can take."""
+        if entry.pose is not None:
+            model.place(self.engine, _within_reach(entry.name, entry.pose))
+        for name, pose, velocity in entry.links:
+            link = model.handle.links.get(name)
+            if link is None:
+                log.warning("the world's <state> speaks of link \"%s::%s\", which is not in the world",
+                            entry.name, name)
+                continue
+            if pose is not None:
+                self.engine.set_link_pose(link, _within_reach(entry.name + "::" + name, pose))
+            if velocity is not None:
+                _check_speed(entry.name + "::" + name, *velocity)
+                self.engine.set_link_velocity(link, *velocity)
 
     def spawn(self, record, pose, name=None, namespace=None):
         """Put a model into the world; ``pose`` is where its frame goes and where a reset will put it.
@@ -147,7 +169,12 @@ class Simulator:
             raise ModelError("model \"%s\" has no links" % name)
         for note in record.notes:
             log.warning("%s: %s", name, note)
+        for remark in record.remarks:
+            log.info("%s: %s", name, remark)
         pose = _within_reach(name, (tuple(pose[0]), normalise_quaternion(pose[1])))
+        for link in record.links:
+            for part in (link,) + link.collisions:
+                _within_reach("%s::%s" % (name, part.name), part.pose)
         handle = self.engine.add_model(record, pose, name)
         model = LiveModel(record, handle, pose)
         self.models[name] = model
@@ -212,7 +239,7 @@ class Simulator:
         entry = (plugin, context, label)
         model.plugins.append(entry)
         self._active.append(entry)
-        self._asked = None
+        self._agenda.stale = True
 
     def _tell_misfits(self, label, spec, sensor):
         """Say of each rate that does not fit into whole steps how it is kept, once."""
@@ -242,13 +269,17 @@ class Simulator:
         if entry not in self._active:
             return
         self._active.remove(entry)
-        self._asked = None
+        self._agenda.stale = True
         plugin, context, label = entry
         try:
             plugin.close()
         except Exception:
             log.exception("%s failed while closing", label)
         context.close()
+
+    def switched_off(self):
+        """Return the labels of plugins that have failed while they ran."""
+        return [entry[2] for model in self.models.values() for entry in model.plugins if entry not in self._active]
 
     def _model(self, name):
         if name not in self.models:
@@ -258,7 +289,7 @@ class Simulator:
     def add_observer(self, plugin, label):
         """Let a world-level plugin take part in every step; it must already be configured."""
         self.observers.append((plugin, None, label))
-        self._asked = None
+        self._agenda.stale = True
 
     # ---- what rays see -----------------------------------------------------------------------------------------
 
@@ -291,78 +322,75 @@ class Simulator:
 
     # ---- time --------------------------------------------------------------------------------------------------
 
-    def advance(self, until_ns):
+    def advance(self, until_ns, lazily=False):
         """Run to the next moment at which something happens, but not past ``until_ns``; returns the time reached.
 
-        Does nothing while paused.
+        Does nothing while paused.  ``lazily`` lets the engine stay behind, for at most 50 ms, while nobody looks: every
+        look from outside must begin with :meth:`settle` then.  What is published, and what it says, is the same.
         """
-        now_ns = self.now_ns
-        if self.paused or until_ns < now_ns + self.step_ns:
+        step_ns, now_ns = self.step_ns, self.now_ns
+        first_ns = now_ns + step_ns
+        if self.paused or until_ns < first_ns:
             return now_ns
-        self.ports.deliver()
-        first_ns = now_ns + self.step_ns
-        stop_ns = until_ns // self.step_ns * self.step_ns
-        if self._clock_due(first_ns):
+        agenda = self._agenda
+        anew = not lazily or first_ns > self._hold_ns or agenda.stale or self.ports.waiting()
+        if anew:
+            self._catch_up()
+            self.ports.deliver()
+            self._hold_ns = first_ns + _HOLD_NS
+        if first_ns >= self._clock_due_ns:
             self.ports.clock(first_ns)
-            self._clock_last_ns = first_ns
-        if self._clock_period_ns:
-            stop_ns = min(stop_ns, max(first_ns, self._next_clock(now_ns) - self.step_ns))
-        else:
-            stop_ns = first_ns
-        before, after, _ = self._agenda()
-        for entry in before:
-            stop_ns = min(stop_ns, self._run_before(entry, now_ns, first_ns))
-        for entry in after:
-            sample_ns = self._guarded(entry, entry[0].next_after, now_ns)
-            if sample_ns is not None and sample_ns < stop_ns:
-                stop_ns = max(first_ns, sample_ns)
-        count = max(1, (stop_ns - now_ns) // self.step_ns)
-        self.engine.step(count)
+            self._clock_due_ns = -(-(first_ns + self._clock_period_ns) // step_ns) * step_ns
+        if agenda.stale:
+            agenda.fill(self._active + self.observers)
+        if anew or first_ns > agenda.calm_ns:
+            agenda.act(now_ns, step_ns, anew)
+        stop_ns = min(until_ns, agenda.calm_ns, agenda.sample_ns, self._clock_due_ns - step_ns)
+        if lazily:
+            stop_ns = min(stop_ns, self._hold_ns)
+        count = max(1, (stop_ns - now_ns) // step_ns)
+        self._owed += count
         self.steps += count
-        self.now_ns = now_ns + count * self.step_ns
-        self._collect_touches()
-        for entry in self._agenda()[2]:
-            self._guarded(entry, entry[0].after_step, self.now_ns)
-        return self.now_ns
+        self.now_ns = now_ns = now_ns + count * step_ns
+        if not lazily or now_ns >= agenda.sample_ns:
+            if agenda.stale:
+                agenda.fill(self._active + self.observers)
+            agenda.measure(now_ns, lazily)
+        return now_ns
 
-    def _agenda(self):
-        """Return the plugins with something to do before a step, those that measure at times, those that act after."""
-        if self._asked is None:
-            entries = self._active + self.observers
-            self._asked = tuple([entry for entry in entries if _overrides(entry[0], name)]
-                                for name in ("next_before", "next_after", "after_step"))
-        return self._asked
+    def settle(self):
+        """Bring the bodies to where they are now, and ask all plugins before time passes again."""
+        self._hold_ns = 0
+        self._catch_up()
 
-    def _run_before(self, entry, now_ns, first_ns):
-        """Let a plugin act before the first step if it wants to; return how far the engine may run for its sake."""
-        plugin = entry[0]
-        wanted_ns = self._guarded(entry, plugin.next_before, now_ns)
-        if wanted_ns is not None and wanted_ns <= first_ns:
-            self._guarded(entry, plugin.before_step, first_ns)
-            wanted_ns = self._guarded(entry, plugin.next_before, first_ns)
-        return first_ns + 10**15 if wanted_ns is None else max(first_ns, wanted_ns - self.step_ns)
+    def _catch_up(self):
+        if self._owed:
+            owed, self._owed = self._owed, 0
+            self.engine.step(owed)
+            self._collect_touches()
 
-    def _guarded(self, entry, function, time_ns):
+    def hand_over(self, context, function, message):
+        """Give a plugin, known by its context, a message that has come for it."""
+        for entry in self._active:
+            if entry[1] is context:
+                self._guarded(entry, function, message)
+                break
+
+    def _guarded(self, entry, function, argument):
         """Call a plugin; one that fails is named and switched off, and the simulation goes on."""
         try:
-            return function(time_ns)
+            function(argument)
         except Exception:
-            log.exception("%s failed and is switched off", entry[2])
-            self._asked = None
-            if entry in self.observers:
-                self.observers.remove(entry)
-            else:
-                self._stop_plugin(entry)
-            return None
+            self._failed(entry)
 
-    def _next_clock(self, now_ns):
-        """Return the time of the first step at which the clock is due."""
-        if self._clock_last_ns is None:
-            return now_ns + self.step_ns
-        return -(-(self._clock_last_ns + self._clock_period_ns) // self.step_ns) * self.step_ns
-
-    def _clock_due(self, time_ns):
-        return self._clock_last_ns is None or time_ns >= self._clock_last_ns + self._clock_period_ns
+    def _failed(self, entry):
+        log.exception("%s failed and is switched off", entry[2])
+        self._agenda.stale = True
+        self._hold_ns = 0               # the others are asked anew
+        if entry in self.observers:
+            self.observers.remove(entry)
+        else:
+            self._stop_plugin(entry)
 
     def _collect_touches(self):
         for touch in self.engine.drain_touches():
@@ -395,9 +423,7 @@ class Simulator:
     def set_model_state(self, name, pose, linear, angular, frame=""):
         """Place a model and set the velocity of all its links; everything is given in ``frame``."""
         model = self._model(name)
-        if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
-            raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
-                             % (tuple(linear), tuple(angular), name, FASTEST))
+        _check_speed(name, linear, angular)
         reference = self.frame_state(frame)
         if reference is not None:
             linear, angular = rotate(reference.orientation, linear), rotate(reference.orientation, angular)
@@ -426,7 +452,7 @@ class Simulator:
     def reset_simulation(self):
         """Start over: time zero, random sequences from the seed, models and joints as at the beginning, at rest."""
         self.now_ns, self.steps = 0, 0
-        self._clock_last_ns = None
+        self._clock_due_ns = 0
         self.engine.forget()
         self.engine.reseed(self.config.seed)
         for model in self.models.values():
@@ -444,5 +470,6 @@ class Simulator:
         """Stop all plugins and free the world."""
         for entry in list(self._active):
             self._stop_plugin(entry)
-        self.observers, self._asked = [], None
+        self.observers = []
+        self._agenda.stale = True
         self.engine.close()
