@@ -13,7 +13,8 @@ from PIL import Image
 from m2wr_sim.errors import SimError, WorldError
 from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
-from m2wr_sim.report.map_agreement import LASER_HEIGHT, Truth, compare, format_agreement, picture
+from m2wr_sim.report.map_agreement import LASER_HEIGHT, SLICE, Truth, compare, format_agreement, picture
+from m2wr_sim.report.summary import obstacle_outlines
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world
 
@@ -34,11 +35,21 @@ def read_saved(path):
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 
 
+def read_world(world):
+    """Return the World of a world file or name; raises WorldError."""
+    share = package_folder()
+    return load_world(find_world(world, os.path.join(share, "worlds")),
+                      resolve_model=ModelFolders([os.path.join(share, "models")]))
+
+
 def read_truth(world, height):
     """Return the Truth of a world file or name; raises WorldError."""
-    share = package_folder()
-    return Truth(load_world(find_world(world, os.path.join(share, "worlds")),
-                            resolve_model=ModelFolders([os.path.join(share, "models")])), height)
+    return Truth(read_world(world), height)
+
+
+def read_outlines(world, height):
+    """Return the outlines of all that a laser at a height [m] meets in a world; raises WorldError."""
+    return obstacle_outlines(read_world(world), height - 0.5 * SLICE, height + 0.5 * SLICE)
 
 
 def save_picture(path, data, resolution, origin, truth):

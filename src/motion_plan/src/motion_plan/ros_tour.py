@@ -1,0 +1,75 @@
+"""The node tour: drives along the way points of a parameter."""
+import time
+
+import rospy
+from geometry_msgs.msg import Twist
+
+from motion_plan.ros_support import NodeError, Senses, choose_rhythm, finite_number, run_node
+from motion_plan.tour import Tour, TourError
+
+#: Wall seconds that the last command gets to leave before the node exits.
+FAREWELL_SECONDS = 0.2
+
+
+class TourNode:
+    """Publishes the commands of `Tour` at 20 Hz, or in lockstep; ends at the last way point if ``~exit_at_end``."""
+
+    def __init__(self):
+        if not rospy.has_param('~way_points'):
+            raise NodeError('parameter ~way_points is not set: expected a list of [x, y] in metres')
+        try:
+            self.tour = Tour(rospy.get_param('~way_points'),
+                             finite_number('~speed', rospy.get_param('~speed', 0.5), 'm/s'))
+        except TourError as error:
+            raise NodeError('parameters ~way_points, ~speed: %s' % error)
+        self._exit_at_end = bool(rospy.get_param('~exit_at_end', False))
+        self._rhythm = choose_rhythm()
+        self._publisher = self._rhythm.publisher('/cmd_vel', Twist)
+        self._senses = Senses(self._rhythm, scan=False)
+        self._told = False
+        rospy.on_shutdown(self._stop)
+
+    def spin(self):
+        """Drive; return the exit code: 0 at the end of the tour, 1 where the robot is stuck."""
+        code = self._rhythm.spin(self._turn, self._time_reset)
+        if code is not None and not rospy.is_shutdown():
+            time.sleep(FAREWELL_SECONDS)
+        return code
+
+    def _turn(self, now):
+        with self._senses.lock:
+            pose, stale = self._senses.pose, self._senses.stale(now)
+        if pose is None:
+            rospy.logwarn_throttle(5.0, 'tour: no /odom has been received yet')
+            return None
+        if stale:
+            rospy.logwarn_throttle(5.0, 'tour: nothing new on %s for over a second: standing still' % stale)
+            self._command((0.0, 0.0))
+            return None
+        self._command(self.tour.update(now, pose))
+        if self._rhythm.lockstep:
+            self._rhythm.note = 'way point %d of %d' % (self.tour.index, len(self.tour.way_points))
+        if not (self.tour.finished or self.tour.stuck):
+            return None
+        if self.tour.finished and not self._told:
+            rospy.loginfo('tour: all %d way points reached', len(self.tour.way_points))
+        self._told = True
+        return int(self.tour.stuck) if self._exit_at_end else None
+
+    def _command(self, command):
+        message = Twist()
+        message.linear.x, message.angular.z = command
+        self._publisher.publish(message)
+
+    def _stop(self):
+        self._publisher.publish(Twist())
+
+    def _time_reset(self):
+        self._senses.forget()
+        self.tour.restart()
+        self._told = False
+
+
+def tour():
+    """Run the node tour."""
+    run_node('tour', TourNode)

@@ -1,0 +1,122 @@
+"""Drive along way points, turning smoothly: a tour that shows a laser all of a place. Looks at the pose only."""
+import logging
+import math
+
+from motion_plan.angles import wrap_angle
+
+LOG = logging.getLogger(__name__)
+
+#: A way point is reached within this [m].
+REACHED = 0.25
+#: Beyond this heading error [rad] the robot turns on the spot.
+TURN_FIRST = 0.4
+#: Speed of turning by heading error [1/s], and its limit [rad/s].
+TURN_GAIN, TURN_MOST = 1.5, 0.7
+#: Within this of a way point [m] the robot slows down, to this share of its speed.
+SLOW_DOWN, SLOWEST = 0.8, 0.4
+#: A robot that has come no nearer for so long [s] will not arrive.
+PATIENCE = 20.0
+#: What counts as nearer [m], and as turned towards the way point [rad].
+PROGRESS, PROGRESS_TURN = 0.05, 0.05
+
+
+class TourError(ValueError):
+    """A tour cannot be driven; says what was expected."""
+
+
+class Tour:
+    """Drives to each of several points in turn.
+
+    Parameters
+    ----------
+    way_points : sequence of (float, float)
+        x, y [m] in the odometry frame.
+    speed : float
+        [m/s].
+
+    Attributes
+    ----------
+    index : int
+        Number of the next way point, from 0; their count at the end.
+    finished, stuck : bool
+        Whether the last one has been reached; whether the robot comes no nearer.
+
+    Raises
+    ------
+    TourError
+        If there is no way point, one is no pair of finite numbers, or the speed is not above 0.
+    """
+
+    def __init__(self, way_points, speed=0.5):
+        try:
+            points = [(float(x), float(y)) for x, y in way_points]
+        except (TypeError, ValueError):
+            points = []
+        if not points or not all(math.isfinite(value) for point in points for value in point):
+            raise TourError('way points are %r: expected a list of [x, y] with finite numbers' % (way_points,))
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise TourError('speed is %r: expected more than 0' % (speed,))
+        self.way_points, self._speed = points, speed
+        self.restart()
+
+    def restart(self):
+        """Begin with the first way point."""
+        self.index, self.stuck = 0, False
+        self._forget()
+
+    def _forget(self):
+        self._nearest = self._least_turn = math.inf
+        self._since = None
+
+    @property
+    def finished(self):
+        """Whether all way points have been reached."""
+        return self.index >= len(self.way_points)
+
+    def update(self, now, pose):
+        """Return the command for one turn.
+
+        Parameters
+        ----------
+        now : float
+            Time [s].
+        pose : (float, float, float)
+            x, y [m], yaw [rad] in the odometry frame.
+
+        Returns
+        -------
+        (float, float)
+            linear_x [m/s] and angular_z [rad/s], positive to the left; zeros at the end and where the robot is stuck.
+        """
+        while not self.finished and self._distance(pose) <= REACHED:
+            LOG.info('way point %d of %d reached: (%.2f, %.2f)', self.index + 1, len(self.way_points),
+                     *self.way_points[self.index])
+            self.index += 1
+            self._forget()
+        if self.finished or self._is_stuck(now, pose):
+            return 0.0, 0.0
+        error, distance = self._turn(pose), self._distance(pose)
+        turn = max(-TURN_MOST, min(TURN_MOST, TURN_GAIN * error))
+        if abs(error) > TURN_FIRST:
+            return 0.0, turn
+        slow = max(SLOWEST, min(1.0, distance / SLOW_DOWN))
+        return self._speed * slow * math.cos(error), turn
+
+    def _distance(self, pose):
+        x, y = self.way_points[self.index]
+        return math.hypot(x - pose[0], y - pose[1])
+
+    def _turn(self, pose):
+        x, y = self.way_points[self.index]
+        return wrap_angle(math.atan2(y - pose[1], x - pose[0]) - pose[2])
+
+    def _is_stuck(self, now, pose):
+        distance, turn = self._distance(pose), abs(self._turn(pose))
+        if self._since is None or distance < self._nearest - PROGRESS or turn < self._least_turn - PROGRESS_TURN:
+            self._nearest, self._least_turn = min(self._nearest, distance), min(self._least_turn, turn)
+            self._since = now
+        if not self.stuck and now - self._since > PATIENCE:
+            self.stuck = True
+            LOG.error('no nearer to way point %d, (%.2f, %.2f), for %g s: the robot stands at (%.2f, %.2f)',
+                      self.index + 1, *self.way_points[self.index], PATIENCE, pose[0], pose[1])
+        return self.stuck
