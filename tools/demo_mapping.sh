@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Maps a world while Bug 2 drives in it, compares the map with the world and draws both.
-# DEMO_ARGS are launch arguments of mapping.launch, such as "seed:=3".
+# Maps a world while the robot drives along its tour, or Bug 2 drives where a world has none; compares the map with the
+# world and draws both. DEMO_ARGS are launch arguments of mapping.launch, such as "seed:=3" or "drive:=bug2".
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -13,11 +13,16 @@ for word in "${demo_args[@]}"; do
         world=${word#world:=}
     fi
 done
+name=$(basename "${world%.world}")
+drive=bug2
+if [ -r "$WORKSPACE/src/m2wr_sim/tours/$name.yaml" ]; then
+    drive=tour
+fi
 folder=$WORKSPACE/demo_output
 mkdir -p "$folder"
 rm -f "$folder"/map.pgm "$folder"/map.yaml "$folder"/map.png
 port=$("$PYTHON" -c "from m2wr_sim.ros.experiment import free_port; print(free_port())")
 rosrun m2wr_sim experiment --port "$port" --timeout 900 m2wr_sim mapping.launch gui:=false real_time_factor:=5 \
-    exit_on_goal:=true "map:=$folder/map" "${demo_args[@]}"
+    exit_on_goal:=true "drive:=$drive" "map:=$folder/map" "${demo_args[@]}"
 rosrun m2wr_sim compare_map "$folder/map.yaml" "$world" --picture "$folder/map.png"
 say "map $folder/map.pgm, over its world $folder/map.png"

@@ -39,10 +39,10 @@ def about_z(angle):
 
 
 class Robot:
-    """Publishes /clock, /tf, /tf_static and scans; :attr:`now` is the time [s]."""
+    """Publishes /clock, /tf, /tf_static and scans; :attr:`now` is the time [s], :attr:`prefix` stands before frames."""
 
     def __init__(self, scan_topic="/scan", start=10.0):
-        self.now = start
+        self.now, self.prefix = start, ""
         self.clock = rospy.Publisher("/clock", Clock, queue_size=100)
         self.tf = rospy.Publisher("/tf", TFMessage, queue_size=1000)
         self.static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
@@ -55,19 +55,21 @@ class Robot:
 
     def mount(self, quaternion=(0.0, 0.0, 0.0, 1.0), x=LASER_X, y=0.0, frame="sensor_laser"):
         """Say how the laser sits on link_chassis."""
-        self.static.publish(TFMessage([transform("link_chassis", frame, rospy.Time(0), x, y, 0.05, quaternion)]))
+        self.static.publish(TFMessage([transform(self.prefix + "link_chassis", self.prefix + frame, rospy.Time(0),
+                                                 x, y, 0.05, quaternion)]))
 
     def stand(self, pose, stamp=None):
         """Publish the odometry's transform for a pose (x, y, yaw) of link_chassis."""
         stamp = rospy.Time.from_sec(self.now) if stamp is None else stamp
-        self.tf.publish(TFMessage([transform("odom", "link_chassis", stamp, pose[0], pose[1], 0.0, about_z(pose[2]))]))
+        self.tf.publish(TFMessage([transform(self.prefix + "odom", self.prefix + "link_chassis", stamp,
+                                             pose[0], pose[1], 0.0, about_z(pose[2]))]))
 
     def scan(self, ranges, angle_min=-math.pi / 2, increment=math.pi / 180, frame="sensor_laser", range_max=10.0):
         """Publish a scan taken now; returns it."""
         message = LaserScan(angle_min=angle_min, angle_max=angle_min + increment * (len(ranges) - 1),
                             angle_increment=increment, range_min=0.1, range_max=range_max,
                             ranges=np.asarray(ranges, float).tolist())
-        message.header.frame_id, message.header.stamp = frame, rospy.Time.from_sec(self.now)
+        message.header.frame_id, message.header.stamp = self.prefix + frame, rospy.Time.from_sec(self.now)
         self.scans.publish(message)
         return message
 

@@ -1,4 +1,5 @@
 """Parameters: names, defaults, units and ranges, read from whatever a user wrote."""
+import functools
 import math
 from dataclasses import dataclass, fields
 
@@ -146,7 +147,11 @@ class GmappingConfig:
 
     def __getitem__(self, name):
         """Return a value by its public name."""
-        return dict(self.values)[name]
+        return self._by_name[name]
+
+    @functools.cached_property
+    def _by_name(self):
+        return dict(self.values)
 
     def as_dict(self):
         """Return all values by their public names."""

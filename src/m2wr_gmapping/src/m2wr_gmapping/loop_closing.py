@@ -3,6 +3,7 @@ import numpy as np
 
 from m2wr_gmapping import correlative_kernels as ck
 from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.matcher import DEPENDENT
 from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.se2 import between, compose, inverse, wrap
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
@@ -27,7 +28,6 @@ SURE = np.array([0.35, 0.35, 0.1])      # a correction up to this needs no secon
 AGREE = np.array([0.25, 0.25, 0.08])    # two corrections of one loop agree within this [m, m, rad]
 LINK_FLOOR = np.square([0.02, 0.02, 0.008])     # variance that no link beats [m^2, m^2, rad^2]
 STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # nor any step from one node to the next
-DEPENDENT = 10.0            # beams of one scan err together: as if there were that many fewer
 BEND = np.array([0.04, 0.04, 0.01])     # nodes that move by more are worth a new map [m, m, rad]
 OUTLIER = 12.0              # squared residual of a link, in covariances, that halves its weight
 

@@ -79,11 +79,11 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     waiting = []
     try:
         for content in contents:
-            waiting.append(_complete(folder, content))
+            waiting.append(complete(folder, content))
         for temporary, path in zip(list(waiting), paths):
             os.replace(temporary, path)
             waiting.remove(temporary)
-        _sync_folder(folder)
+        sync_folder(folder)
     except OSError as error:
         raise MapFileError("cannot write the map {}.pgm and .yaml: {}; what was there before is kept".format(
             name, error.strerror or error))
@@ -96,8 +96,8 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     return paths
 
 
-def _complete(folder, content):
-    """Write bytes into a temporary file in ``folder`` and onto the disk; return its path."""
+def complete(folder, content):
+    """Write bytes into a temporary file in ``folder`` and onto the disk; return its path; raises OSError."""
     descriptor, path = tempfile.mkstemp(prefix=".map-", dir=folder)
     try:
         with os.fdopen(descriptor, "wb") as stream:
@@ -113,7 +113,8 @@ def _complete(folder, content):
     return path
 
 
-def _sync_folder(folder):
+def sync_folder(folder):
+    """Put a folder's names onto the disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

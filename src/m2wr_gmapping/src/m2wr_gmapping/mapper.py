@@ -10,17 +10,13 @@ from m2wr_gmapping.loop_closing import LoopCloser
 from m2wr_gmapping.matcher import FastMatcher
 from m2wr_gmapping.occupancy import Occupancy
 from m2wr_gmapping.particle_filter import ParticleFilter
+from m2wr_gmapping.saved_map import GivenOccupancy, MapReading
 from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_gmapping.tracking import Tracker
 from m2wr_gmapping.workers import Workers
 
-STILL = np.array([0.005, 0.005, 0.005])     # a scan from so near the last tracked one tells nothing new [m, m, rad]
-STEP_FLOOR = np.array([0.01, 0.01, 0.01])   # least deviation of a step's odometry [m, m, rad]
-STEP_SHARE = 0.05                           # and its least share of the step: odometry is never better than that
-PARTICLE_PRIOR = 1.0 / np.square([0.05, 0.05, 0.03])    # particles differ from the tracked pose by no more [m, rad]
 END_POINT_GAP = 0.04        # end points nearer to each other say the same again [m]
-WINDOW_MOST = np.array([0.8, 0.9])          # a search beyond would take longer than a scan may
-LONG_STEP = np.array([0.15, 0.15, 0.1])     # after such a step a plain match may be caught beside the right place
-WINDOW_FLOOR, WINDOW_SHARE = np.array([0.2, 0.3]), 0.4      # half widths of the search [m, rad]; growth with the step
+START_WINDOW = np.array([1.0, 0.5])     # so far from where it is said to stand a robot is found on a saved map [m, rad]
 
 
 @dataclass(frozen=True)
@@ -57,8 +53,8 @@ class Mapper:
         self._workers = Workers(config["threads"])
         self._plain = config["compatible"]
         self._matcher = (HillClimbMatcher if self._plain else FastMatcher)(config, self._workers)
-        self._tracks = config["track_between"] and not self._plain
-        self._noise = config.noise
+        self._dense = config["track_between"] and not self._plain
+        self._tracker = None if self._plain else Tracker(self._matcher, config.noise, self._dense)
         self._loops = None
         if config["loop_closing"] and not self._plain:
             self._loops = LoopCloser(self._matcher, config["delta"])
@@ -66,12 +62,13 @@ class Mapper:
         self.readings, self.stamps = [], []
         self._occupancy = Occupancy([config[name] for name in ("xmin", "ymin", "xmax", "ymax")], config["delta"],
                                     config["occ_thresh"])
+        self.given = 0                  # nodes of the path that are no scans: 1 where a saved map is the ground
         self._between = []              # (stamp, index of the processed scan before, pose relative to it)
 
     @property
     def processed(self):
         """Number of scans that the filter has used."""
-        return len(self.stamps)
+        return len(self.stamps) - self.given
 
     @property
     def tracked(self):
@@ -112,33 +109,78 @@ class Mapper:
         self._odom = odom_pose
         self._distance += float(np.hypot(step[0], step[1]))
         self._turn += abs(float(step[2]))
-        if self._plain:
-            self.filter.drift(step)
         due = self._due(stamp)
-        tracked = False
-        self._rel = compose(self._rel, step)
-        self._since = compose(self._since, step)
-        if not self._plain and (due or self._tracks) and (due or (np.abs(self._since) > STILL).any()):
-            tracked = self._track(reading)
+        tracker, tracked = self._tracker, False
+        if tracker is None:
+            self.filter.drift(step)
+        else:
+            tracker.advance(step)
+            if due or (self._dense and tracker.moved):
+                best = self.filter.best
+                tracked = tracker.match(self.filter.maps, best, self.filter.poses[best], reading)
+                # a pose that odometry does not lead to would be lost between two processed scans; but where scan and
+                # odometry contradict each other it is soon known which is right
+                due = (due or (self._dense and tracker.unexplained)) and not tracker.undecided
         if due:
             self._process_fully(reading, stamp)
         elif tracked:
-            self._between.append((stamp, len(self.stamps) - 1, self._rel))
+            self._between.append((stamp, len(self.stamps) - 1, tracker.rel))
         return Update(due, tracked, self.pose)
 
     def _first(self, reading, odom_pose, stamp):
         self.filter = ParticleFilter(self.config, self._matcher, odom_pose)
         self.filter.register(reading)
-        self._odom = self._anchor_odom = odom_pose
+        self._odom = odom_pose
         self._remember(reading, stamp)
         return Update(True, False, self.pose)
+
+    def begin_on(self, saved, start, reading, odom_pose, stamp):
+        """Begin on a saved map; call it before the first scan, which is to be handed to ``process`` afterwards.
+
+        The map is the first node of every path, at the origin, where loop closing leaves it.
+
+        Parameters
+        ----------
+        saved : SavedMap
+            Its resolution must be the parameter ``delta``.
+        start : (3,) float
+            Pose of the centred laser in ``map``, roughly: the best match within ``START_WINDOW`` is taken.
+        reading, odom_pose, stamp
+            The first scan, as for ``process``.
+        """
+        start, odom_pose = np.asarray(start, float), np.asarray(odom_pose, float)
+        if not (np.isfinite(start).all() and np.isfinite(odom_pose).all()):
+            raise ValueError("start {} and odometry {}: expected finite numbers".format(start, odom_pose))
+        ground = MapReading(saved.walls())
+        particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
+        particles.begin_on(ground)
+        if not self._plain and reading.beams.shape[1]:
+            start = self._matcher.search(particles.maps, 0, reading, start, START_WINDOW)
+        particles.poses[:] = start
+        self.filter, self.given = particles, 1
+        self._occupancy = GivenOccupancy(saved, self.config["occ_thresh"])
+        self._odom = odom_pose
+        self._remember(ground, stamp)
+        self._distance = np.inf         # the first scan is due
+        if self._tracker is not None:
+            self._tracker.loosen()
+
+    def take_up(self, odom_pose):
+        """Go on after a break with an odometry that has begun anew: this is where the robot stood at the last scan."""
+        odom_pose = np.asarray(odom_pose, float)
+        self._odom = odom_pose
+
+    @property
+    def odometry(self):
+        """Odometry pose (3,) of the centred laser at the last scan."""
+        return self._odom.copy()
 
     def _remember(self, reading, stamp):
         self.readings.append(reading)
         self.stamps.append(stamp)
         self._distance = self._turn = 0.0
-        self._rel, self._since = np.zeros(3), np.zeros(3)
-        self._anchor_odom = self._odom
+        if self._tracker is not None:
+            self._tracker.restart()
         self._last_processed = stamp
 
     def _due(self, stamp):
@@ -146,43 +188,21 @@ class Mapper:
         return (self._distance >= config["linearUpdate"] or self._turn >= config["angularUpdate"]
                 or 0.0 <= config["temporalUpdate"] < stamp - self._last_processed)
 
-    def _deviations(self, step):
-        """How far off an odometry step may be (3,): what the user says, and a floor for wheels that slip."""
-        size = np.hypot(step[0], step[1])
-        return self._noise.deviations(step) + STEP_FLOOR + STEP_SHARE * np.array([size, size, abs(step[2])])
-
-    def _track(self, reading):
-        """Match the scan in the best particle's map; move the pose since the last processed scan to the match."""
-        prior = 1.0 / np.square(self._deviations(self._since))
-        step = self._since
-        self._since = np.zeros(3)
-        if not reading.beams.shape[1]:
-            return False
-        best = self.filter.best
-        anchor = self.filter.poses[best]
-        window = WINDOW_FLOOR + WINDOW_SHARE * np.array([np.hypot(step[0], step[1]), abs(step[2])])
-        window = np.minimum(window, WINDOW_MOST)
-        row = self._matcher.track(self.filter.maps, best, reading, compose(anchor, self._rel), prior, window,
-                                  bool((np.abs(step) > LONG_STEP).any()))
-        self._rel = between(anchor, row[:3])
-        return True
-
     def _process_fully(self, reading, stamp):
-        particles = self.filter
-        if self._plain:
-            prior, sample = np.zeros(3), None
+        particles, tracker = self.filter, self._tracker
+        if tracker is None:
+            particles.match(reading, particles.poses, particles.poses, np.zeros(3), self.config["minimumScore"], None)
         else:
-            odometry = between(self._anchor_odom, self._odom)
-            particles.poses = compose(particles.poses, self._rel)
-            prior, sample = PARTICLE_PRIOR, self._noise.deviations(odometry)
-        rows = particles.match(reading, prior, self.config["minimumScore"], sample)
-        best = particles.best
+            anchors, variances = particles.poses, tracker.variances
+            rows = particles.match(reading, compose(anchors, tracker.rel), compose(anchors, tracker.expected),
+                                   1.0 / variances, self.config["minimumScore"], tracker.spread)
+            best = particles.best
+            tracker.learn(between(anchors[best], rows[best, :3]), rows[best, mk.INFORMATION:])
         particles.resample()
         particles.register(reading)
-        deviations = None if self._plain else self._deviations(between(self._anchor_odom, self._odom))
         self._remember(reading, stamp)
         if self._loops is not None:
-            self._loops.add_step(rows[best, mk.INFORMATION:], deviations)
+            self._loops.add_step(rows[best, mk.INFORMATION:], np.sqrt(variances))
             self._bend(self._loops.look(particles.tree.path(particles.best), self.readings))
 
     def _bend(self, path):
@@ -196,14 +216,23 @@ class Mapper:
 
     def info(self):
         """Return counts for the log (dict)."""
-        loops = self._loops
-        return {} if loops is None else dict(searches=loops.searches, links=loops.links, closures=loops.closures)
+        found, loops = {}, self._loops
+        if self._tracker is not None:
+            found["odometry_scale"] = self._tracker.trust.scale.round(3).tolist()
+        if loops is not None:
+            found.update(searches=loops.searches, links=loops.links, closures=loops.closures)
+        return found
+
+    @property
+    def beyond(self):
+        """Whether something did not fit into the maps any more: they grow to a limit, not for ever."""
+        return self._occupancy.beyond or (self.filter is not None and self.filter.maps.beyond > 0)
 
     @property
     def pose(self):
         """Best estimate (3,) of the centred laser in ``map`` at the last scan."""
         best = self.filter.poses[self.filter.best]
-        return best.copy() if self._plain else compose(best, self._rel)
+        return best.copy() if self._plain else compose(best, self._tracker.rel)
 
     @property
     def map_from_odom(self):
@@ -244,7 +273,7 @@ class Mapper:
         corrected the end of such a stretch, the correction is spread over it.
         """
         path = self.filter.tree.path(self.filter.best)
-        stamps, poses = list(self.stamps), list(path)
+        stamps, poses = self.stamps[self.given:], list(path[self.given:])
         if between_too:
             for stamp, index, rel in self._between:
                 stamps.append(stamp)

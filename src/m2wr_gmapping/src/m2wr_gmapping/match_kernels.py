@@ -25,7 +25,7 @@ QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 # settings of the Gauss-Newton matcher
 WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6
 # columns of a result row
-POSE, SCORE, LOG_LIKELIHOOD, FOUND, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 12
+POSE, SCORE, LOG_LIKELIHOOD, FOUND, COST, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 7, 13
 STEP_LIMIT, CONVERGED = 0.15, 1e-3
 STEPS_A_ROUND = 2       # Gauss-Newton steps between two searches for partners
 NULL_DISTANCE2 = 0.5    # squared distance that a beam without a partner counts for in the likelihood
@@ -144,14 +144,18 @@ def _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row):
     c, s = math.cos(theta), math.sin(theta)
     x, y = x - frame[0], y - frame[1]
     delta = 1.0 / frame[2]
-    score, squared = 0.0, NULL_DISTANCE2 * (beams.shape[1] - found)
+    score, squared, kept = 0.0, NULL_DISTANCE2 * (beams.shape[1] - found), 0.0
+    by_width = 1.0 / settings[NARROW]
     for k in range(found):
         qx, qy = beams[QX, which[k]], beams[QY, which[k]]
         dx, dy = x + c * qx - s * qy - tx[k] * delta, y + s * qx + c * qy - ty[k] * delta
         d2 = dx * dx + dy * dy
         score += math.exp(-d2 / settings[SIGMA])
         squared += d2
+        u = d2 * by_width
+        kept += 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))
     row[SCORE], row[LOG_LIKELIHOOD], row[FOUND] = score, -squared / settings[LSIGMA], found
+    row[COST] = 0.5 * settings[NARROW] / (settings[SPREAD] * settings[SPREAD]) * (beams.shape[1] - kept)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -180,6 +184,7 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
         x, y, theta = starts[i, 0], starts[i, 1], starts[i, 2]
         grid, row = table[maps[i]], results[i]
         width = max(settings[WIDE], settings[NARROW])
+        settled = False
         for _ in range(int(settings[ROUNDS])):
             found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
             far = 0.0
@@ -210,9 +215,11 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
                 theta += step[2]
                 far = max(far, size)
             if far < CONVERGED and width <= settings[NARROW]:
+                settled = True
                 break
             width = max(settings[NARROW], 0.5 * width)
-        found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
+        if not settled:             # else a millimetre ago they were the same
+            found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
         _accumulate(x, y, theta, beams, frame, which, tx, ty, found, settings[NARROW], h, g)
         row[0], row[1] = x, y
         row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))

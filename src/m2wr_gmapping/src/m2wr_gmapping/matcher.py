@@ -1,8 +1,11 @@
 """Matching scans with particles' maps: the fast matcher."""
+from dataclasses import dataclass
+
 import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.correlative_kernels import search_window
+from m2wr_gmapping.se2 import between
 from m2wr_gmapping.tile_kernels import draw_field
 
 WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
@@ -13,9 +16,39 @@ SEARCH_BEAMS = 60               # beams used by the window search
 SEARCH_REACH = 12.0             # farther end points take no part in the window search [m]
 SEARCH_STEP = 0.08              # step of the window search [m]
 SEARCH_PENALTY = 0.06           # taken off a beam's mean score at the edge of the window
-BETTER_SHARE = 0.02             # by so much, as a share of the beams, a searched match must beat a plain one
-LOOSE = 0.01                    # what remains of a prior that a doubtful match has contradicted
+DEPENDENT = 10.0                # beams of one scan err together: as if there were that many fewer
+WINDOW_DEVIATIONS = 3.0         # half width of the search, in deviations of the odometry
+WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the match converges from there [m, rad]
+WINDOW_MOST = np.array([0.8, 0.9])      # a search beyond would take longer than a scan may [m, rad]
+PULL = 9.0                      # squared deviations by which a match may move off odometry without being doubted
+SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in deviations of a slip
+SLIP_COST = 6.0                 # minus the logarithm of how often odometry slips
 MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Where odometry has a scan.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        In ``map``.
+    variances : (3,) float64
+        Along the pose's axes [m^2, m^2, rad^2].
+    slip_window : (2,) float64
+        How far a slip may have led aside [m, rad].
+    long : bool
+        Whether the step since the last match was so long that a match may be caught beside the right place.
+    good_share : float
+        Share of the beams' best possible score below which the match is doubted.
+    """
+
+    pose: np.ndarray
+    variances: np.ndarray
+    slip_window: np.ndarray
+    long: bool
+    good_share: float
 
 
 class FastMatcher:
@@ -52,7 +85,7 @@ class FastMatcher:
 
         Returns
         -------
-        (N, 12) float64
+        (N, 13) float64
             Result rows of ``match_kernels``.
         """
         results = np.empty((len(starts), mk.RESULT_SIZE))
@@ -73,36 +106,52 @@ class FastMatcher:
         return results
 
     def match_one(self, maps, particle, reading, start, prediction, prior):
-        """Match in one particle's map; returns its result row (12,)."""
+        """Match in one particle's map; returns its result row (13,)."""
         results = np.empty((1, mk.RESULT_SIZE))
         mk.match_poses(np.array([start]), np.array([prediction]), 0, 1, np.array([particle]), reading.beams, maps.table,
                        maps.mean, maps.hits, maps.frame, prior, self._settings, results)
         return results[0]
 
-    def track(self, maps, particle, reading, prediction, prior, window, always):
-        """Match in one particle's map, searching a window around the prediction where a plain match is doubtful.
+    def track(self, maps, particle, reading, start, expectation):
+        """Match in one particle's map, and tell whether odometry has slipped.
+
+        The scan is first matched with what odometry says and how far that is to be trusted, searching the window that
+        this leaves.  If the match is doubtful, a slip that odometry knows nothing of is tried as well; it must explain
+        so much more of the scan as a slip is rare.
 
         Parameters
         ----------
-        window : (2,) float
-            Half widths of the search [m], [rad].
-        always : bool
-            Search even if the plain match looks good.
+        start : (3,) float64
+            Where the match begins.
+        expectation : Expectation
 
         Returns
         -------
-        (12,) float64
-            Result row; its information is 0 where no match could be had and the pose is the prediction.
+        row : (13,) float64
+            Result row.
+        slipped : bool
         """
         beams = reading.beams.shape[1]
-        row = self.match_one(maps, particle, reading, prediction, prediction, prior)
-        if not always and row[mk.SCORE] >= GOOD_SHARE * beams:
-            return row
-        best = self.search(maps, particle, reading, prediction, window)
-        other = self.match_one(maps, particle, reading, best, best, prior * LOOSE)
-        if other[mk.SCORE] > row[mk.SCORE] + BETTER_SHARE * beams:
-            row = other
-        return row
+        expected, variances = expectation.pose, expectation.variances
+        row = self.match_one(maps, particle, reading, start, expected, 1.0 / variances)
+        best = _cost(row, expected, variances)
+        window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
+        if (window > WINDOW_LEAST).any() and expectation.long:
+            found = self.search(maps, particle, reading, expected, window)
+            other = self.match_one(maps, particle, reading, found, expected, 1.0 / variances)
+            cost = _cost(other, expected, variances)
+            if cost < best:
+                row, best = other, cost
+        if row[mk.SCORE] >= expectation.good_share * beams and _pull(row, expected, variances) < PULL:
+            return row, False
+        slipped, window = False, np.minimum(WINDOW_MOST, expectation.slip_window)
+        wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
+        for begin in (row[:3], self.search(maps, particle, reading, expected, window)):
+            other = self.match_one(maps, particle, reading, begin, expected, 1.0 / wide)
+            cost = _cost(other, expected, wide) + SLIP_COST
+            if cost < best:
+                row, best, slipped = other, cost, True
+        return row, slipped
 
     def search(self, maps, particle, reading, prediction, window):
         """Return the pose (3,) of the best score within a window around the prediction."""
@@ -123,6 +172,16 @@ class FastMatcher:
         search_window(prediction, offsets, turns, beams, max(1, beams.shape[1] // SEARCH_BEAMS),
                       maps.frame[:2] + corner / maps.frame[2], maps.frame[2], field, best)
         return best[:3]
+
+
+def _pull(row, expected, variances):
+    """Squared distance of a match from what was expected, in the expectation's deviations."""
+    return float((np.square(between(expected, row[:3])) / variances).sum())
+
+
+def _cost(row, expected, variances):
+    """Negative logarithm of the probability of a match, but for a constant."""
+    return row[mk.COST] / DEPENDENT + 0.5 * _pull(row, expected, variances)
 
 
 def _outwards(half_width, step):

@@ -135,3 +135,22 @@ class Occupancy:
     def bounds(self):
         """Rows and columns of the grid."""
         return self._grid.shape
+
+    # ---- saving
+
+    def __getstate__(self):
+        """Only the rectangle of the counts that holds any."""
+        rows, columns = (np.flatnonzero(self._visits.any(axis=axis)) for axis in (1, 0))
+        box = [0, 0, 0, 0] if not len(rows) else [rows[0], rows[-1] + 1, columns[0], columns[-1] + 1]
+        state = dict(self.__dict__, box=[int(edge) for edge in box], shape=self._grid.shape)
+        for name in ("_hits", "_visits", "_grid"):
+            state[name] = state[name][box[0]:box[1], box[2]:box[3]].copy()
+        return state
+
+    def __setstate__(self, state):
+        (top, bottom, left, right), shape = state.pop("box"), state.pop("shape")
+        self.__dict__.update(state)
+        self._allocate(*shape)
+        for name in ("_hits", "_visits", "_grid"):
+            getattr(self, name)[top:bottom, left:right] = state[name]
+        self._dirty = state["_dirty"]

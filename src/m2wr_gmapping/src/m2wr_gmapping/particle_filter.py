@@ -11,7 +11,8 @@ from m2wr_gmapping.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.trajectory import TrajectoryTree
 
 FROZEN_HITS = 20            # a mean of that many hits is known to a few millimetres
-POSE_FLOOR = np.array([0.002, 0.002, 0.001])       # least deviation of a proposal [m, m, rad]
+POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least deviation of a proposal [m, m, rad]
+DRAWN = 0.3
 
 
 def stream(seed, name):
@@ -71,16 +72,13 @@ class ParticleFilter:
         """Move all particles by an odometry step, with noise."""
         self.poses = sample_motion(self.poses, step, self._noise, self.normals())
 
-    def advance(self, step, spread):
-        """Move all particles by a step (3,) without noise; ``spread`` (3,) is its standard deviation."""
-        self.poses = compose(self.poses, step)
-        self._spread = spread
-
-    def match(self, reading, prior, minimum_score, sample):
-        """Move each particle to the best match near its pose and weigh it.
+    def match(self, reading, starts, predictions, prior, minimum_score, sample):
+        """Move each particle to the best match near its prediction and weigh it.
 
         Parameters
         ----------
+        starts, predictions : (N, 3) float64
+            Where the matches begin, and where odometry has the particles.
         prior : (3,) float64
             Inverse variances that keep the match near the pose, along the pose's axes.
         minimum_score : float
@@ -90,11 +88,10 @@ class ParticleFilter:
 
         Returns
         -------
-        (N, 12) float64
+        (N, 13) float64
             Result rows of the matches.
         """
-        predictions = self.poses
-        rows = self._matcher.match(self.maps, reading, predictions, predictions, prior, minimum_score)
+        rows = self._matcher.match(self.maps, reading, starts, predictions, prior, minimum_score)
         self.log_weights += rows[:, mk.LOG_LIKELIHOOD]
         self.weight_sums += rows[:, mk.LOG_LIKELIHOOD]
         poses = rows[:, :3].copy()
@@ -112,7 +109,7 @@ class ParticleFilter:
         h[:, range(3), range(3)] += 1.0 / np.square(deviations)
         lower = np.linalg.cholesky(h)
         draws = np.linalg.solve(np.transpose(lower, (0, 2, 1)), self.normals()[..., None])[..., 0]
-        return compose(poses, draws)
+        return compose(poses, DRAWN * draws)
 
     def resample(self):
         """Resample if too few particles carry the weight; return the ancestors or None."""
@@ -134,9 +131,18 @@ class ParticleFilter:
             return True
         reach = float(np.hypot(reading.points[0], reading.points[1]).max())
         fits = self.maps.cover(self.poses[:, :2].min(axis=0) - reach, self.poses[:, :2].max(axis=0) + reach)
-        for particle in range(self._count):
-            self.maps.register(particle, self.poses[particle], reading.points)
+        self.maps.register_all(np.ascontiguousarray(self.poses), reading.points)
         return fits
+
+    def begin_on(self, ground):
+        """Give all particles one map that was there before: end points (2, M) of ``ground``, seen from their pose."""
+        self.tree.extend(self.poses)
+        if ground.points.shape[1]:
+            pose = self.poses[0]
+            reach = float(np.hypot(ground.points[0], ground.points[1]).max())
+            self.maps.cover(pose[:2] - reach, pose[:2] + reach)
+            self.maps.register(0, pose, ground.points)
+            self.maps.resample(np.zeros(self._count, np.int64))
 
     def replace_past(self, path, readings):
         """Give all particles one common past along corrected poses.

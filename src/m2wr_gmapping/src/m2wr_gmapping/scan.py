@@ -3,6 +3,7 @@
 The filter's robot is the *centred laser*: the laser's frame turned about its axis so that the beams lie symmetrically
 and grow counter-clockwise seen from above. The mount brings its poses back to the base.
 """
+import functools
 import math
 from dataclasses import dataclass
 
@@ -97,6 +98,11 @@ class LaserModel:
         object.__setattr__(model, "base_from_sensor", model.sensor_pose(translation, quaternion))
         return model
 
+    @functools.cached_property
+    def directions(self):
+        """Cosines and sines (2, B) of the beam angles."""
+        return np.stack([np.cos(self.angles), np.sin(self.angles)])
+
     def sensor_pose(self, translation, quaternion):
         """Return the planar pose (3,) of the centred laser from a transform of the laser, both in the parent frame."""
         turned = rotation(quaternion) @ np.array([math.cos(self.centre), math.sin(self.centre), 0.0])
@@ -142,11 +148,21 @@ class ScanReading:
     """
 
     def __init__(self, laser, ranges, seen, hit, skip, gap):
-        cosines, sines = np.cos(laser.angles), np.sin(laser.angles)
+        cosines, sines = laser.directions
         cut = np.minimum(ranges[seen], laser.max_urange)
         self.rays = np.stack([cut * cosines[seen], cut * sines[seen]]).astype(np.float32)
         self.ray_hits = hit[seen] & (ranges[seen] < laser.max_urange)
         self.points = np.stack([ranges[hit] * cosines[hit], ranges[hit] * sines[hit]])
+        used = np.ones(ranges.size, bool)
+        if skip:
+            used[:] = False
+            used[skip::skip + 1] = True
+        used = used[hit]
+        if gap > 0.0:
+            keep = np.empty(self.points.shape[1], bool)
+            apart(self.points, gap, keep)
+            self.points, used = np.ascontiguousarray(self.points[:, keep]), used[keep]
+        # of the thinned points: neighbouring beams on a near wall lie closer together than they are exact
         shape = np.empty((3, self.points.shape[1]))
         surface_normals(self.points, NORMAL_REACH, NORMAL_SIDE, shape)
         beams = np.empty((mk.BEAM_ROWS, self.points.shape[1]))
@@ -156,17 +172,4 @@ class ScanReading:
         beams[mk.ARM_N] = ny * qx - nx * qy
         beams[mk.ARM_T] = nx * qx + ny * qy
         beams[mk.SLIDE] = 1.0 + (SLIDE_STRAIGHT - 1.0) * shape[2]
-        if skip:
-            used = np.zeros(ranges.size, bool)
-            used[skip::skip + 1] = True
-            beams = np.ascontiguousarray(beams[:, used[hit]])
-        if gap > 0.0:
-            self.points, beams = _thinned(self.points, gap), _thinned(beams, gap)
-        self.beams = beams
-
-
-def _thinned(columns, gap):
-    """Return the columns whose points, in the first two rows, lie ``gap`` apart."""
-    keep = np.empty(columns.shape[1], bool)
-    apart(columns[:2], gap, keep)
-    return np.ascontiguousarray(columns[:, keep])
+        self.beams = np.ascontiguousarray(beams[:, used]) if skip else beams

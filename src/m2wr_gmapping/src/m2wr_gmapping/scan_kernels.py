@@ -3,6 +3,8 @@ import math
 
 from numba import njit
 
+STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line by that along it: of a wall with noise, and of a corner
+
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def surface_normals(points, reach, side, out):
@@ -55,7 +57,7 @@ def surface_normals(points, reach, side, out):
         # axis of the larger spread is at angle atan2(2 cxy, cxx - cyy) / 2; the normal is across it
         angle = 0.5 * math.atan2(cxy, half)
         out[0, b], out[1, b] = -math.sin(angle), math.cos(angle)
-        out[2, b] = max(0.0, 1.0 - 4.0 * math.sqrt(small / large))
+        out[2, b] = min(1.0, max(0.0, (CROOKED - math.sqrt(small / large)) / (CROOKED - STRAIGHT)))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

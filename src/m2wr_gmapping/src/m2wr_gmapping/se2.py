@@ -1,10 +1,17 @@
 """Planar poses as arrays: x, y [m], theta [rad] in the last axis; any leading shape, broadcast as numpy does."""
+import math
+
 import numpy as np
 
 
 def wrap(angle):
     """Bring angles into [-pi, pi)."""
     return (np.asarray(angle, float) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _wrapped(angle):
+    """Bring one angle into [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def compose(a, b):
@@ -20,6 +27,10 @@ def compose(a, b):
         Theta in [-pi, pi).
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
+    if a.ndim == b.ndim == 1:
+        (ax, ay, at), (bx, by, bt) = a.tolist(), b.tolist()
+        c, s = math.cos(at), math.sin(at)
+        return np.array([ax + c * bx - s * by, ay + s * bx + c * by, _wrapped(at + bt)])
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     return np.stack([a[..., 0] + c * b[..., 0] - s * b[..., 1],
                      a[..., 1] + s * b[..., 0] + c * b[..., 1],
@@ -36,6 +47,11 @@ def inverse(a):
 def between(a, b):
     """Return the pose ``b`` as seen from ``a``; both in one frame."""
     a, b = np.asarray(a, float), np.asarray(b, float)
+    if a.ndim == b.ndim == 1:
+        (ax, ay, at), (bx, by, bt) = a.tolist(), b.tolist()
+        c, s = math.cos(at), math.sin(at)
+        dx, dy = bx - ax, by - ay
+        return np.array([c * dx + s * dy, c * dy - s * dx, _wrapped(bt - at)])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     return np.stack([c * dx + s * dy, c * dy - s * dx, wrap(b[..., 2] - a[..., 2])], -1)

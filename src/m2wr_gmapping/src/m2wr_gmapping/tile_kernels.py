@@ -77,6 +77,23 @@ def register_points(n, pose, points, start, table, mean, hits, holders, free, co
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def register_scans(poses, points, progress, table, mean, hits, holders, free, counters, frame, frozen):
+    """Register end points (2, B) in the map of every particle n, seen from ``poses[n]``.
+
+    ``progress`` (2,) holds the particle and the point to begin with; where the stack of free tiles becomes empty it
+    gets those to go on with, and the result is False.
+    """
+    for n in range(progress[0], poses.shape[0]):
+        done = register_points(n, poses[n], points, progress[1], table, mean, hits, holders, free, counters, frame,
+                               frozen)
+        if done < points.shape[1]:
+            progress[0], progress[1] = n, done
+            return False
+        progress[1] = 0
+    return True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def take_over(n, ancestor, table, holders, free, counters):
     """Let particle ``n`` drop its map and share that of ``ancestor``."""
     for ty in range(table.shape[1]):

@@ -107,6 +107,13 @@ class TileMaps:
                 return
             self._more_tiles()
 
+    def register_all(self, poses, points):
+        """Register end points (2, B) of one scan in the map of every particle, taken at its pose (N, 3)."""
+        progress = np.zeros(2, np.int64)
+        while not kernels.register_scans(poses, points, progress, self.table, self.mean, self.hits, self._holders,
+                                         self._free, self._counters, self.frame, self._frozen):
+            self._more_tiles()
+
     def resample(self, ancestors):
         """Let each particle whose ancestor is another one share that one's map."""
         for particle, ancestor in enumerate(ancestors):
@@ -116,3 +123,21 @@ class TileMaps:
     def clear(self, particle):
         """Empty the map of one particle."""
         kernels.drop(particle, self.table, self._holders, self._free, self._counters)
+
+    # ---- saving
+
+    def __getstate__(self):
+        """Only the tiles that somebody holds, numbered anew: which number a tile has changes nothing."""
+        kept = np.flatnonzero(self._holders)
+        number = np.full(len(self._holders) + 1, -1, np.int32)          # the last one is for places without a tile
+        number[kept] = np.arange(len(kept))
+        state = dict(self.__dict__, table=number[self.table], mean=self.mean[kept], hits=self.hits[kept],
+                     _holders=self._holders[kept])
+        del state["_free"], state["_counters"]
+        return state
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        for name in ("mean", "hits"):                   # arrays of their own, which _more_tiles can resize
+            setattr(self, name, np.array(state[name]))
+        self._free, self._counters = np.zeros(len(self._holders), np.int32), np.zeros(1, np.int64)

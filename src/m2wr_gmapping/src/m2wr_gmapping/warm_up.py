@@ -7,8 +7,11 @@ import numpy as np
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.matcher import FastMatcher
+from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.scan import LaserModel
-from m2wr_gmapping.se2 import compose
+from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.workers import Workers
 
 
 def tour(mapper, steps=40):
@@ -25,12 +28,18 @@ def tour(mapper, steps=40):
     mapper.occupancy()
 
 
-def rate_below_score(mapper):
-    """Run what only a match below minimumScore needs."""
+def rare_work(mapper):
+    """Run what the tour need not come to: a match below minimumScore, a window search, a path that is bent."""
     particles = mapper.filter
-    grid = particles.maps
-    mk.rate_pose(0.0, 0.0, 0.0, mapper.readings[-1].beams, grid.table[0], grid.mean, grid.hits, grid.frame,
+    grid, reading = particles.maps, mapper.readings[-1]
+    mk.rate_pose(0.0, 0.0, 0.0, reading.beams, grid.table[0], grid.mean, grid.hits, grid.frame,
                  np.ones(mk.MATCH_SETTINGS), np.zeros(mk.RESULT_SIZE))
+    FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
+    path = particles.tree.path(particles.best)
+    steps = between(path[:-1], path[1:])
+    pairs = np.stack([np.arange(len(steps)), np.arange(1, len(path))], -1)
+    optimise(path, pairs, steps, np.tile(np.eye(3), (len(steps), 1, 1)), np.zeros(len(steps), bool))
+    particles.replace_past(path, mapper.readings)
 
 
 def warm_up():
@@ -43,7 +52,7 @@ def warm_up():
         try:
             tour(mapper)
             mapper.finish()
-            rate_below_score(mapper)
+            rare_work(mapper)
         finally:
             mapper.close()
 

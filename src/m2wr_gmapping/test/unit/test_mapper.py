@@ -43,10 +43,10 @@ def test_poor_odometry_is_survived(mapped):
     mapper.close()
 
 
-def test_one_seed_gives_one_map(mapped):
+def test_one_seed_gives_one_map_with_one_thread_and_with_two(mapped):
     digests = set()
-    for _ in range(3):
-        mapper, _, _ = mapped(laps=1.2, seed=3)
+    for threads in (1, 2, 1):
+        mapper, _, _ = mapped(laps=1.2, seed=3, threads=threads)
         mapper.finish()
         digests.add(digest(mapper))
         mapper.close()
@@ -54,14 +54,6 @@ def test_one_seed_gives_one_map(mapped):
     mapper, _, _ = mapped(laps=1.2, seed=4)
     mapper.finish()
     assert digest(mapper) not in digests
-    mapper.close()
-
-
-def test_more_threads_map_as_well(mapped):
-    mapper, truth, _ = mapped(laps=1.2, threads=2, seed=3)
-    mapper.finish()
-    metres, radians = errors(mapper, truth)
-    assert metres.max() < 0.15 and radians.max() < 0.03
     mapper.close()
 
 

@@ -75,10 +75,12 @@ def table(path):
 def test_every_scan_is_used_however_late_its_transform(tmp_path, ring, laser, late, static, compression):
     truth = write_bag(tmp_path / "drive.bag", ring, laser, late, static, compression=compression)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "path"), "--online", str(tmp_path / "online"),
+                      "--tracked", str(tmp_path / "tracked"),
                       "--map", str(tmp_path / "plan"))
     assert code == 0 and stats["scans"] == len(truth) and stats["without_transform"] == 0
     path = table(tmp_path / "path")
-    assert path.shape == (stats["processed"] + stats["tracked"], 8) and len(table(tmp_path / "online")) == len(path)
+    assert path.shape == (stats["processed"], 8) and len(table(tmp_path / "online")) == len(path)
+    assert len(table(tmp_path / "tracked")) == stats["processed"] + stats["tracked"] > len(path)
     assert (np.diff(path[:, 0]) > 0).all() and np.allclose(np.hypot(path[:, 6], path[:, 7]), 1.0)
     length = np.hypot(*(path[-1, 1:3] - path[0, 1:3]))
     assert length == pytest.approx(np.hypot(*(truth[-1] - truth[0])[:2]), abs=0.2)      # of the base, not of the laser
@@ -103,6 +105,15 @@ def test_same_seed_same_files(tmp_path, ring, laser):
             str(tmp_path / name))
         made.append(((tmp_path / (name + ".pgm")).read_bytes(), (tmp_path / name).read_bytes()))
     assert made[0] == made[1] and made[0][1] != made[2][1]
+
+
+def test_the_first_scans_are_left_out_on_demand(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    run(tmp_path, "--trajectory", str(tmp_path / "whole"))
+    run(tmp_path, "_settle_time:=1.0", "--trajectory", str(tmp_path / "late"))
+    assert table(tmp_path / "late")[0, 0] >= table(tmp_path / "whole")[0, 0] + 1.0
+    with pytest.raises(SystemExit):
+        run(tmp_path, "_settle_time:=soon")
 
 
 def test_only_processed_scans_where_that_is_wanted(tmp_path, ring, laser):
@@ -194,3 +205,81 @@ def test_an_output_that_cannot_be_written_is_an_error(tmp_path, ring, laser, cap
     write_bag(tmp_path / "drive.bag", ring, laser)
     code, _ = run(tmp_path, "--map", str(tmp_path / "nowhere" / "plan"))
     assert code == command.FAILED and "nowhere" in caplog.text
+
+
+# ---- going on
+
+def half_bags(tmp_path, ring, laser):
+    """drive.bag, and the same in two pieces: one.bag and two.bag."""
+    write_bag(tmp_path / "drive.bag", ring, laser, static=False)
+    with rosbag.Bag(str(tmp_path / "drive.bag")) as whole:
+        middle = 0.5 * (whole.get_start_time() + whole.get_end_time())
+        with rosbag.Bag(str(tmp_path / "one.bag"), "w") as one, rosbag.Bag(str(tmp_path / "two.bag"), "w") as two:
+            for topic, message, stamp in whole.read_messages():
+                (one if stamp.to_sec() < middle else two).write(topic, message, stamp)
+
+
+def outputs(tmp_path, name, *more):
+    """Run over NAME.bag; return the bytes of map and trajectory."""
+    code = command.main(["--bag_filename", str(tmp_path / (name + ".bag")), "--map", str(tmp_path / name),
+                         "--trajectory", str(tmp_path / (name + ".txt"))] + SETTINGS + list(more))
+    assert code == 0
+    return (tmp_path / (name + ".pgm")).read_bytes(), (tmp_path / (name + ".txt")).read_bytes()
+
+
+@pytest.mark.parametrize("more", [[], ["_throttle_scans:=3"]])
+def test_two_pieces_give_the_files_of_the_whole(tmp_path, ring, laser, more):
+    half_bags(tmp_path, ring, laser)
+    state = str(tmp_path / "half.state")
+    whole = outputs(tmp_path, "drive", *more)
+    first = outputs(tmp_path, "one", "--save-state", state, *more)
+    assert outputs(tmp_path, "two", "--load-state", state, *more) == whole
+    assert first[1] != whole[1]
+
+
+def test_a_state_that_cannot_be_used_is_told(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    (tmp_path / "text.state").write_text("no state")
+    for words, told in ((["--load-state", str(tmp_path / "text.state")], "expected a state"),
+                        (["--load-state", str(tmp_path / "none.state")], "No such file"),
+                        (["--load-map", str(tmp_path / "none.yaml")], "none.yaml"),
+                        (["--load-map", "a.yaml", "--load-state", "a.state"], "expected one of them")):
+        assert run(tmp_path, *words)[0] == command.USAGE and told in caplog.text
+    with pytest.raises(SystemExit):
+        run(tmp_path, "--pose", "1", "2", "3")
+    code, _ = run(tmp_path, "--save-state", str(tmp_path / "nowhere" / "a.state"))
+    assert code == command.FAILED and "cannot write the state" in caplog.text
+
+
+def test_parameters_that_do_not_hold_are_named(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    run(tmp_path, "--save-state", str(tmp_path / "a.state"))
+    code, stats = run(tmp_path, "--load-state", str(tmp_path / "a.state"), "--new-odometry", "_particles:=9")
+    assert code == 0 and stats["particles"] == 5 and "particles 5 (asked for 9)" in caplog.text
+    assert caplog.text.count("those of the state hold") == 1 and "begun anew" in caplog.text
+
+
+def test_a_replay_goes_on_on_a_saved_map(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    outputs(tmp_path, "drive")
+    (tmp_path / "drive.pgm").rename(tmp_path / "old.pgm")
+    (tmp_path / "old.yaml").write_text((tmp_path / "drive.yaml").read_text().replace("drive.pgm", "old.pgm"))
+    before = table(tmp_path / "drive.txt")
+    outputs(tmp_path, "drive", "--load-map", str(tmp_path / "old.yaml"), "--pose", "0.3", "-0.3", "0.2")
+    after = table(tmp_path / "drive.txt")
+    assert len(after) == len(before)
+    assert np.hypot(*(after - before)[:, 1:3].T).max() < 0.12
+
+
+def test_a_bag_with_scans_of_no_beams_is_told(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    with rosbag.Bag(str(tmp_path / "drive.bag")) as bag:
+        messages = list(bag.read_messages())
+    with rosbag.Bag(str(tmp_path / "drive.bag"), "w") as bag:
+        for topic, message, stamp in messages:
+            if topic == "/scan":
+                message.ranges = []
+            bag.write(topic, message, stamp)
+    code, _ = run(tmp_path, "--save-state", str(tmp_path / "a.state"))
+    assert code == command.FAILED and "no ranges" in caplog.text
+    assert not (tmp_path / "a.state").exists()

@@ -1,4 +1,4 @@
-"""Replay of two recordings that are not part of this workspace; skipped where they are not there."""
+"""Replay of two recordings that are no part of this workspace; the folder that has them is $M2WR_SLAM_DATA."""
 import json
 import lzma
 import os
@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-WORKSPACE = os.path.dirname(os.path.dirname(PACKAGE))
-FOLDERS = [os.environ.get("M2WR_SLAM_DATA"), os.path.join(WORKSPACE, "..", "shared", "data", "slam")]
+VARIABLE = "M2WR_SLAM_DATA"
 
 
 def recording(name, folder):
     """Return the path of a bag, unpacked into ``folder`` if it is packed; skips the test where there is none."""
-    for place in filter(None, FOLDERS):
-        path = os.path.join(place, name)
-        if os.path.isfile(path):
-            return path
-        if os.path.isfile(path + ".xz"):
-            unpacked = str(folder / name)
-            with lzma.open(path + ".xz") as packed, open(unpacked, "wb") as stream:
-                stream.write(packed.read())
-            return unpacked
-    return pytest.skip("{} is not there; set M2WR_SLAM_DATA to the folder that has it".format(name))
+    if not os.environ.get(VARIABLE):
+        return pytest.skip("{} is not set; expected the folder with {}".format(VARIABLE, name))
+    path = os.path.join(os.environ[VARIABLE], name)
+    if os.path.isfile(path):
+        return path
+    if os.path.isfile(path + ".xz"):
+        unpacked = str(folder / name)
+        with lzma.open(path + ".xz") as packed, open(unpacked, "wb") as stream:
+            stream.write(packed.read())
+        return unpacked
+    return pytest.skip("{} has no {}, neither as it is nor as .xz".format(os.environ[VARIABLE], name))
 
 
 # free share of the 4000 x 4000 cells: the bounds that users of these recordings know

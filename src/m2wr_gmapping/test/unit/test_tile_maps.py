@@ -55,6 +55,20 @@ def test_registration_equals_its_plain_twin():
     same(cells(maps, 0), plain(scans))
 
 
+def test_registering_one_scan_for_all_is_registering_it_for_each():
+    rng = np.random.default_rng(4)
+    poses, points = rng.uniform(-4, 4, (40, 3)), rng.uniform(-30, 30, (2, 500))
+    one, all_at_once = TileMaps(40, 0.05, NEVER), TileMaps(40, 0.05, NEVER)
+    for maps in (one, all_at_once):
+        maps.cover(np.full(2, -60.0), np.full(2, 60.0))
+    for particle, pose in enumerate(poses):
+        one.register(particle, pose, points)
+    all_at_once.register_all(poses, points)
+    assert all_at_once.tiles_in_use == one.tiles_in_use > 1024          # storage had to grow on the way
+    for particle in (0, 7, 39):
+        assert cells(one, particle) == cells(all_at_once, particle)
+
+
 def test_particles_share_until_they_write():
     rng = np.random.default_rng(1)
     maps = TileMaps(3, 0.05, NEVER)

@@ -12,10 +12,11 @@ import time
 
 import yaml
 
-from m2wr_gmapping import map_file
+from m2wr_gmapping import map_file, state
 from m2wr_gmapping.config import ConfigError, GmappingConfig
-from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.replay.bag_file import BagError, BagFile
+from m2wr_gmapping.replay.beginning import Beginning
+from m2wr_gmapping.replay.map_reading import MapReadingError
 from m2wr_gmapping.replay.source import ScanSource
 from m2wr_gmapping.replay.statistics import Stopwatch, peak_memory_mib
 from m2wr_gmapping.scan import LaserModel, ScanError
@@ -36,10 +37,17 @@ def parse(arguments):
     add("--seed", type=int, default=0, help="seed of all random numbers")
     add("--max_duration_buffer", type=float, default=99999.0, metavar="S", help="time that transforms are kept [s]")
     add("--on_done", metavar="COMMAND", help="shell command run at the end")
-    add("--trajectory", metavar="FILE", help="final path of the base: stamp x y z qx qy qz qw")
-    add("--online", metavar="FILE", help="best pose as it was known at each scan, same format")
+    add("--trajectory", metavar="FILE", help="final path of the base, each processed scan: stamp x y z qx qy qz qw")
+    add("--tracked", metavar="FILE", help="the same with the scans that were only matched, between processed ones")
+    add("--online", metavar="FILE", help="best pose as it was known at each processed scan, same format")
     add("--map", metavar="NAME", help="write NAME.pgm and NAME.yaml")
     add("--stats", metavar="FILE", help="write times and counts as JSON")
+    add("--save-state", metavar="FILE", help="write everything that is needed to go on, after the last scan")
+    add("--load-state", metavar="FILE", help="go on where that was written; its parameters hold")
+    add("--new-odometry", action="store_true", help="the odometry has begun anew: the robot stands where it stood")
+    add("--load-map", metavar="FILE", help="begin on a saved map (YAML)")
+    add("--pose", nargs=3, type=float, metavar=("X", "Y", "YAW"),
+        help="where the base stands on it at the first scan [m, rad] (default: as the odometry says)")
     add("--quiet", action="store_true", help="no progress")
     plain, parameters, remaps = [], {}, {}
     for word in arguments:
@@ -53,9 +61,15 @@ def parse(arguments):
         else:
             remaps[name.lstrip("/")] = value
     options = parser.parse_args(plain)
+    if options.pose and not options.load_map:
+        parser.error("--pose {:g} {:g} {:g}: expected --load-map as well".format(*options.pose))
     if options.scan_topic is None:
         options.scan_topic = remaps.get("scan", "/scan")
     parameters.setdefault("seed", options.seed)
+    options.settle_time = parameters.pop("settle_time", 0.0)
+    if isinstance(options.settle_time, bool) or not isinstance(options.settle_time, (int, float)) \
+            or not options.settle_time >= 0.0:
+        parser.error("_settle_time:={}: expected a number of seconds, at least 0".format(options.settle_time))
     return options, parameters
 
 
@@ -67,10 +81,13 @@ class Replay:
     bag : BagFile
     options : argparse.Namespace
     config : GmappingConfig
+    beginning : Beginning, optional
+        What the map begins on, if not on nothing.
     """
 
-    def __init__(self, bag, options, config):
+    def __init__(self, bag, options, config, beginning=None):
         self._bag, self._options, self._config = bag, options, config
+        self._beginning = beginning or Beginning()
         self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
                                  options.max_duration_buffer)
         self.mapper = None
@@ -81,6 +98,11 @@ class Replay:
         self.refused = 0
         self._arrived = 0
         self._map_stamp = None
+        self._first_stamp = None
+        self.snapshot = None            # of the mapper after the last scan, where a state is to be saved
+        loaded = self._beginning.loaded
+        if loaded is not None:
+            self._arrived, self._map_stamp = loaded.host.get("arrived", 0), loaded.host.get("map_stamp")
         self._told = time.monotonic()
 
     def stop(self, *_):
@@ -102,7 +124,9 @@ class Replay:
                 if not self.refused:
                     log.warning("scan at %.3f refused: %s", scan.header.stamp.to_sec(), error)
                 self.refused += 1
-        if self.mapper is not None:
+        if self.mapper is not None and self.mapper.filter is not None:
+            if self._options.save_state:
+                self.snapshot = state.snapshot(self.mapper, dict(arrived=self._arrived, map_stamp=self._map_stamp))
             with self.filter_watch:
                 self.mapper.finish()
             self._map(exact=True)
@@ -110,18 +134,25 @@ class Replay:
 
     def _scan(self, scan, odom_from_laser):
         stamp = scan.header.stamp.to_sec()
+        self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
+        if stamp < self._first_stamp + self._options.settle_time:
+            return
         if self.mapper is None and not self._begin(scan):
             return
         laser = self.mapper.laser
         with self.filter_watch:
-            reading = self.mapper.reading(scan.ranges)
-            update = self.mapper.process(reading, laser.sensor_pose(*odom_from_laser), stamp)
+            reading, odom_pose = self.mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
+            told = self._beginning.connect(self.mapper, reading, odom_pose, stamp)
+            update = self.mapper.process(reading, odom_pose, stamp)
+        if told:
+            log.info("%s", told)
         if update.processed:
             self.filter_watch.piece()
-            if self._map_stamp is None or stamp - self._map_stamp > self._config["map_update_interval"]:
+            since = math.inf if self._map_stamp is None else stamp - self._map_stamp
+            if not 0.0 <= since <= self._config["map_update_interval"]:
                 self._map_stamp = stamp
                 self._map()
-        if update.processed or update.tracked:
+        if update.processed:
             self.online.append((stamp, self.mapper.base_poses(update.pose)))
 
     def _begin(self, scan):
@@ -137,7 +168,7 @@ class Replay:
             log.warning("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
                         self._config["minimumScore"], beams, "no scan will be matched" if self._config["compatible"]
                         else "half the beams of a scan are taken instead")
-        self.mapper = Mapper(self._config, laser)
+        self.mapper = self._beginning.mapper(self._config, laser)
         return True
 
     def _map(self, exact=False):
@@ -158,7 +189,7 @@ class Replay:
     def complaint(self):
         """Return why nothing came of the bag, or None."""
         source = self.source
-        if self.mapper is not None:
+        if self.mapper is not None and self.mapper.filter is not None:
             return None
         if not source.scans:
             topics = ", ".join("{} ({})".format(*item) for item in sorted(self._bag.topics.items()))
@@ -206,8 +237,11 @@ def save(replay, options):
     """Write what was asked for; return the paths."""
     mapper, written = replay.mapper, []
     if options.trajectory:
-        _write(options.trajectory, pose_lines(*mapper.trajectory()))
+        _write(options.trajectory, pose_lines(*mapper.trajectory(between_too=False)))
         written.append(options.trajectory)
+    if options.tracked:
+        _write(options.tracked, pose_lines(*mapper.trajectory()))
+        written.append(options.tracked)
     if options.online:
         _write(options.online, pose_lines(*zip(*replay.online)) if replay.online else "")
         written.append(options.online)
@@ -217,6 +251,9 @@ def save(replay, options):
     if options.stats:
         _write(options.stats, json.dumps(replay.statistics(), indent=2, sort_keys=True) + "\n")
         written.append(options.stats)
+    if replay.snapshot is not None:
+        state.save(options.save_state, replay.snapshot)
+        written.append(options.save_state)
     return written
 
 
@@ -227,18 +264,21 @@ def main(arguments=None):
         logging.getLogger(name).setLevel(logging.INFO)
     options, parameters = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        config = GmappingConfig.from_mapping(parameters)
+        asked = GmappingConfig.from_mapping(parameters)
+        beginning, config = Beginning.from_files(asked, options.load_map, options.pose, options.load_state,
+                                                 not options.new_odometry)
         bag = BagFile(options.bag_filename)
-    except (ConfigError, BagError) as error:
+    except (ConfigError, BagError, MapReadingError, state.StateError) as error:
         log.error("%s", error)
         return USAGE
-    for label, names in (("unknown parameters, ignored", config.unknown),
-                         ("of the wrong kind, ignored", config.unusable)):
+    for label, names in (("unknown parameters, ignored", asked.unknown),
+                         ("of the wrong kind, ignored", asked.unusable),
+                         ("those of the state hold", beginning.differing(parameters))):
         if names:
             log.warning("%s: %s", label, ", ".join(names))
     warm_up()
     with bag:
-        replay = Replay(bag, options, config)
+        replay = Replay(bag, options, config, beginning)
         before = {number: signal.signal(number, replay.stop) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             replay.run()
@@ -247,6 +287,8 @@ def main(arguments=None):
                 signal.signal(number, handler)
         if bag.damage:
             log.warning("%s; what comes before it was used", bag.damage)
+    if replay.mapper is not None and replay.mapper.beyond:
+        log.warning("the map became as large as it may be; what lies beyond was left out")
     complaint = replay.complaint()
     if complaint:
         log.error("%s: %s", options.bag_filename, complaint)
@@ -257,7 +299,7 @@ def main(arguments=None):
     try:
         for path in save(replay, options):
             log.info("wrote %s", path)
-    except OSError as error:
+    except (OSError, state.StateError) as error:
         log.error("%s", error)
         return FAILED
     finally:

@@ -33,6 +33,10 @@ class Intake:
         Goes up whenever time has jumped back; what was taken out before belongs to another run.
     arrived, dropped : int
         Scans that came; scans that went because too many waited or because no transform can come any more.
+    without_transform : int
+        Those of the dropped that had no transform while later ones had.
+    lacks : str
+        The transform that has been waited for too long, empty when none is.
     """
 
     def __init__(self, odom_frame, limit):
@@ -47,7 +51,8 @@ class Intake:
         self._blocked_since = None
         self._closed = False
         self.generation = 0
-        self.arrived = self.dropped = 0
+        self.arrived = self.dropped = self.without_transform = 0
+        self.lacks = ""
 
     # ---- called by ROS
 
@@ -105,8 +110,8 @@ class Intake:
     def _look_at_clock(self):
         if rospy.rostime.is_wallclock():
             return
-        now = rospy.Time.now()
         with self._news:
+            now = rospy.Time.now()          # under the lock, or two threads could bring their times in the wrong order
             if now < self._clock and now.to_sec():
                 self._clock_before, self._left_over_until = self._clock, time.monotonic() + LEFT_OVER
                 self._jumped("the clock has jumped back from %.3f to %.3f" % (self._clock.to_sec(), now.to_sec()))
@@ -135,7 +140,7 @@ class Intake:
             while not self._closed:
                 found = self._ready()
                 if found is not None:
-                    self._blocked_since = None
+                    self._blocked_since, self.lacks = None, ""
                     return found
                 self._complain()
                 self._news.wait(1.0)
@@ -149,6 +154,7 @@ class Intake:
             except tf2_ros.TransformException:
                 continue
             self.dropped += index                   # for those before, transforms have never been there
+            self.without_transform += index
             for _ in range(index + 1):
                 self._waiting.popleft()
             return scan, parts(found), self.generation
@@ -156,12 +162,13 @@ class Intake:
 
     def _complain(self):
         if not self._waiting:
-            self._blocked_since = None
+            self._blocked_since, self.lacks = None, ""
             return
         if self._blocked_since is None:
             self._blocked_since = time.monotonic()
         if time.monotonic() - self._blocked_since > WAIT_WARNING:
             scan = self._waiting[0]
+            self.lacks = "transform %s -> %s" % (self._odom, scan.header.frame_id.lstrip("/"))
             rospy.logwarn_throttle(WAIT_WARNING, "%d scans wait for %s" % (
                 len(self._waiting), self.missing(self._odom, scan.header.frame_id, scan.header.stamp)))
 

@@ -1,5 +1,7 @@
 """``slam_gmapping``: scans and transforms in; map, transform and pose out."""
 import logging
+import math
+import os
 import sys
 import threading
 import time
@@ -9,14 +11,16 @@ import rospy
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping import map_file
+from m2wr_gmapping import map_file, state
 from m2wr_gmapping.config import ConfigError
-from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.replay.beginning import Beginning
+from m2wr_gmapping.replay.map_reading import MapReadingError
 from m2wr_gmapping.ros.intake import Intake
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
-from m2wr_gmapping.ros.params import frame, private_parameters, read_parameters
-from m2wr_gmapping.ros.reconfigure import make_reconfigure
+from m2wr_gmapping.ros.params import frame, private_parameters, read_parameters, tf_prefix, with_prefix
+from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.scan import LaserModel, ScanError
+from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_gmapping.warm_up import warm_up
 
 SWITCH_INTERVAL = 0.0005    # threads that bring scans must not wait Python's default of 5 ms for the worker [s]
@@ -31,13 +35,15 @@ class SlamNode:
     ----------
     config : GmappingConfig
     options : NodeOptions
+    beginning : Beginning
+        What the map begins on.
     """
 
-    def __init__(self, config, options):
+    def __init__(self, config, options, beginning):
         self._config, self._options = config, options
         self._base, self._map_frame = frame(config["base_frame"]), frame(config["map_frame"])
         self._lock = threading.RLock()          # of the mapper
-        self._mapper = None
+        self._mapper, self._beginning = None, beginning
         self._generation = 0
         self._counted = self._refused = 0
         self._map_stamp = self._first_stamp = None
@@ -48,7 +54,9 @@ class SlamNode:
         self._transform = TransformOutput(config)
         self._diagnostics = Diagnostics(self._intake, lambda: (self._mapper, self._refused, list(self._times)),
                                         self._maps, options.scan_queue)
-        self._reconfigure = make_reconfigure(config, self._take_config)
+        if beginning.loaded is not None:
+            self._show(beginning.loaded)
+        self._reconfigure = make_reconfigure(config, self._take_values)
         self._worker = threading.Thread(target=self._work, name="filter", daemon=True)
         self._worker.start()
         intake = self._intake
@@ -56,16 +64,80 @@ class SlamNode:
         rospy.Subscriber("/tf", TFMessage, intake.on_transforms, queue_size=1000, tcp_nodelay=True)
         self._scans = rospy.Subscriber("scan", LaserScan, intake.on_scan, queue_size=options.scan_queue,
                                        buff_size=2**22, tcp_nodelay=True)
+        self._services = [rospy.Service("~save_state", StateFile, self._save_state),
+                          rospy.Service("~load_state", StateFile, self._load_state)]
         threading.Thread(target=self._watch, name="watch", daemon=True).start()
 
     # ---- parameters that change
 
-    def _take_config(self, config):
+    def _take_values(self, values):
         with self._lock:
-            self._config = config
-            if self._mapper is not None:
-                self._mapper.config = config
+            self._config = config = changed(self._config, values)
+            for mapper in (self._mapper, self._beginning.loaded and self._beginning.loaded.mapper):
+                if mapper is not None:
+                    mapper.config = config
             self._transform.period = config["transform_publish_period"]
+
+    # ---- state
+
+    def _file(self, request):
+        name = request.file or self._options.state_file
+        if not name:
+            raise state.StateError("no file name: expected one in the request or in the parameter ~state_file")
+        return os.path.abspath(os.path.expanduser(name))
+
+    def _save_state(self, request):
+        try:
+            path = self._file(request)
+            with self._lock, self._maps.busy:
+                if self._mapper is None:
+                    raise state.StateError("there is nothing to save yet: no scan has been processed")
+                taken = state.snapshot(self._mapper, dict(
+                    laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted))
+                processed = self._mapper.processed
+            state.save(path, taken)
+        except state.StateError as error:
+            rospy.logerr("%s", error)
+            return StateFileResponse(False, str(error))
+        text = "saved the state after %d processed scans as %s" % (processed, path)
+        rospy.loginfo("%s", text)
+        return StateFileResponse(True, text)
+
+    def _load_state(self, request):
+        try:
+            path = self._file(request)
+            with self._lock:
+                live = self._config
+            loaded = state.load(path, live)
+        except state.StateError as error:
+            rospy.logerr("%s", error)
+            return StateFileResponse(False, str(error))
+        with self._lock:
+            self._forget_map()
+            self._beginning = Beginning(loaded=loaded, runs_on=self._options.odometry_runs_on)
+            self._config = config = loaded.mapper.config
+            self._show(loaded)
+        if self._reconfigure is not None:           # it would bring the old values back with the next change
+            self._reconfigure.update_configuration({name: config[name] for name in CHANGEABLE})
+        text = "loaded the state after %d processed scans from %s" % (loaded.mapper.processed, path)
+        rospy.loginfo("%s", text)
+        for told in loaded.differing.values():
+            rospy.logwarn("the state's parameters hold: %s", told)
+        return StateFileResponse(True, text)
+
+    def _show(self, loaded):
+        """Publish the map of a state at once, as long as no scan goes on with it."""
+        mapper = loaded.mapper
+        if mapper.filter is not None:
+            self._transform.set(mapper.map_from_odom)
+            self._maps.ask(mapper)
+
+    def _forget_map(self):
+        """Drop the mapper that is there; nobody makes a map of it afterwards."""
+        self._maps.forget()
+        if self._mapper is not None:
+            self._mapper.close()
+        self._mapper = self._map_stamp = None
 
     # ---- the worker
 
@@ -97,10 +169,8 @@ class SlamNode:
 
     def _begin_anew(self, generation):
         self._generation = generation
-        self._maps.forget()
-        if self._mapper is not None:
-            self._mapper.close()
-        self._mapper = self._map_stamp = self._first_stamp = None
+        self._forget_map()
+        self._first_stamp, self._beginning = None, self._beginning.again()
         self._transform.set((0.0, 0.0, 0.0))
 
     def _take(self, scan, odom_from_laser):
@@ -117,12 +187,19 @@ class SlamNode:
         if frame(scan.header.frame_id) != self._laser_frame:
             raise ScanError("it is of the laser {}; expected {} as in the first one".format(
                 frame(scan.header.frame_id), self._laser_frame))
-        update = mapper.process(mapper.reading(scan.ranges), mapper.laser.sensor_pose(*odom_from_laser), stamp)
+        reading, odom_pose = mapper.reading(scan.ranges), mapper.laser.sensor_pose(*odom_from_laser)
+        told = self._beginning.connect(mapper, reading, odom_pose, stamp)
+        if told:
+            rospy.loginfo("%s", told)
+        update = mapper.process(reading, odom_pose, stamp)
         self._times.append(1e3 * (time.perf_counter() - began))
+        if mapper.beyond:
+            rospy.logwarn_throttle(30.0, "the map is as large as it may be; what lies beyond is left out. The robot is "
+                                   "at (%.1f, %.1f)" % tuple(mapper.base_poses(update.pose)[:2]))
         self._transform.set(mapper.map_from_odom)
         self._poses.publish(mapper, update, scan.header.stamp)
-        if update.processed and (self._map_stamp is None
-                                 or stamp - self._map_stamp > self._config["map_update_interval"]):
+        since = math.inf if self._map_stamp is None else stamp - self._map_stamp
+        if update.processed and not 0.0 <= since <= self._config["map_update_interval"]:
             self._map_stamp = stamp
             self._maps.ask(mapper)
 
@@ -141,7 +218,11 @@ class SlamNode:
                           config["minimumScore"], beams, "no scan will be matched" if config["compatible"]
                           else "half the beams of a scan are taken instead")
         self._laser_frame = frame(scan.header.frame_id)
-        self._mapper = Mapper(config, laser)
+        loaded = self._beginning.loaded
+        if loaded is not None:
+            self._laser_frame = loaded.host.get("laser_frame") or self._laser_frame
+            self._map_stamp, self._counted = loaded.host.get("map_stamp"), loaded.host.get("counted", self._counted)
+        self._mapper = self._beginning.mapper(config, laser)
         rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map begins at %.3f", self._laser_frame,
                       len(scan.ranges), abs(scan.angle_increment) * 57.29577951308232, laser.max_urange,
                       scan.header.stamp.to_sec())
@@ -203,15 +284,26 @@ def main():
     sys.setswitchinterval(SWITCH_INTERVAL)
     log_through_rospy()
     try:
-        config, options, warnings = read_parameters(private_parameters())
-    except ConfigError as error:
+        given = private_parameters()
+        config, options, warnings = read_parameters(given)
+        config = with_prefix(config, tf_prefix())
+        state_file = os.path.expanduser(options.state_file)
+        if state_file and not os.path.exists(state_file):
+            warnings.append("there is no state %s yet: the map begins with nothing" % os.path.abspath(state_file))
+            state_file = ""
+        if options.initial_pose is not None and not options.map_file:
+            warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
+        beginning, config = Beginning.from_files(config, os.path.expanduser(options.map_file), options.initial_pose,
+                                                 state_file, options.odometry_runs_on)
+        warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
+    except (ConfigError, MapReadingError, state.StateError) as error:
         rospy.logfatal("%s", error)
         return 1
     for warning in warnings:
         rospy.logwarn("%s", warning)
     rospy.loginfo("parameters: %s", ", ".join("%s %s" % item for item in config.as_dict().items()))
     warm_up()
-    node = SlamNode(config, options)
+    node = SlamNode(config, options, beginning)
     rospy.loginfo("ready, listening to %s", rospy.resolve_name("scan"))
     rospy.spin()
     return 0 if node.close() else 1

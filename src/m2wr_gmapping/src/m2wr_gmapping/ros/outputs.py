@@ -41,7 +41,8 @@ class MapOutput:
         self._news = threading.Condition()
         self._request, self._closed = None, False
         self.newest = None
-        self.made, self.last_ms = 0, 0.0
+        self.made, self.last_ms, self.total_ms = 0, 0.0, 0.0
+        self.busy = threading.Lock()            # held while a map is made: its mapper's counts are being changed
         self._thread = threading.Thread(target=self._work, name="map", daemon=True)
         self._thread.start()
         self._service = rospy.Service("dynamic_map", GetMap, self._answer)
@@ -50,7 +51,7 @@ class MapOutput:
         """Ask for the map as it is known now; between two scans."""
         path, readings = mapper.map_request()
         with self._news:
-            self._request = mapper, path, readings, list(mapper.stamps), mapper.entropy
+            self._request = mapper, path, readings, mapper.stamps[mapper.given:], mapper.entropy
             self._news.notify()
 
     def forget(self):
@@ -67,7 +68,8 @@ class MapOutput:
                     return
                 request, self._request = self._request, None
             try:
-                self._publish(*request)
+                with self.busy:
+                    self._publish(*request)
             except rospy.ROSException:
                 return                              # ROS has shut down
             except Exception as error:              # the next map may be better; the node lives on
@@ -82,9 +84,10 @@ class MapOutput:
         self._info.publish(message.info)
         if entropy > 0.0:
             self._entropy.publish(Float64(entropy))
-        self._path.publish(self._path_message(mapper.base_poses(path), stamps, message.header))
+        self._path.publish(self._path_message(mapper.base_poses(path[mapper.given:]), stamps, message.header))
         self.made += 1
         self.last_ms = 1e3 * (time.perf_counter() - began)
+        self.total_ms += self.last_ms
 
     def _path_message(self, poses, stamps, header):
         message = Path(header=header)
@@ -213,7 +216,9 @@ class Diagnostics:
         new, self._dropped = intake.dropped - self._dropped, intake.dropped
         values = [("scans", intake.arrived), ("waiting", intake.waiting), ("dropped", intake.dropped),
                   ("refused", refused), ("time jumps", intake.generation), ("maps", self._maps.made),
-                  ("last map [ms]", "%.1f" % self._maps.last_ms), ("peak memory [MiB]", peak_memory_mib())]
+                  ("last map [ms]", "%.1f" % self._maps.last_ms),
+                  ("mean map [ms]", "%.1f" % (self._maps.total_ms / max(1, self._maps.made))),
+                  ("without transform", intake.without_transform), ("peak memory [MiB]", peak_memory_mib())]
         status = DiagnosticStatus(name="%s: mapping" % rospy.get_name().lstrip("/"), hardware_id="slam_gmapping",
                                   level=DiagnosticStatus.OK, message="mapping")
         if mapper is None:
@@ -229,6 +234,10 @@ class Diagnostics:
             values += [("mean time of a scan [ms]", "%.2f" % np.mean(times)), ("longest [ms]", "%.2f" % max(times))]
         if new > 0:
             status.level, status.message = DiagnosticStatus.WARN, "%d scans dropped in the last second" % new
+        elif mapper is not None and mapper.beyond:
+            status.level, status.message = DiagnosticStatus.WARN, "the map is as large as it may be"
+        elif intake.lacks:
+            status.level, status.message = DiagnosticStatus.WARN, "no " + intake.lacks
         elif intake.waiting > LATE * self._limit:
             status.level, status.message = DiagnosticStatus.WARN, "%d scans wait" % intake.waiting
         status.values = [KeyValue(key, str(value)) for key, value in values]

@@ -1,5 +1,7 @@
 """The private parameters of the node: those of the filter, and its own."""
-from dataclasses import dataclass
+import math
+import typing
+from dataclasses import dataclass, replace
 
 import rospy
 
@@ -18,11 +20,31 @@ class NodeOptions:
         Map to write when the node ends, without ending; empty: none.
     settle_time : float
         Scans of that many seconds after the first one are left out.
+    state_file : str
+        State to begin from, if it exists; also the name that the services take when they get none.
+    odometry_runs_on : bool
+        Whether the odometry is still the one that the state was made with.
+    map_file : str
+        Saved map to begin on.
+    initial_pose_x, initial_pose_y, initial_pose_a : float or None
+        Pose of the base on that map at the first scan [m, rad]; none given: as the odometry says.
     """
 
-    scan_queue: int = 50
+    scan_queue: int = 500
     save_on_exit: str = ""
     settle_time: float = 0.0
+    state_file: str = ""
+    odometry_runs_on: bool = True
+    map_file: str = ""
+    initial_pose_x: typing.Optional[float] = None
+    initial_pose_y: typing.Optional[float] = None
+    initial_pose_a: typing.Optional[float] = None
+
+    @property
+    def initial_pose(self):
+        """Pose (3,) of the base on the saved map, what was not given being 0; None where nothing was given."""
+        given = self.initial_pose_x, self.initial_pose_y, self.initial_pose_a
+        return None if given == (None, None, None) else [value or 0.0 for value in given]
 
 
 # name: meaning; defaults are those of NodeOptions
@@ -30,7 +52,14 @@ NODE_PARAMETERS = {
     "scan_queue": "scans that may wait for their transform or their turn; the oldest is dropped first",
     "save_on_exit": "map to write when the node ends, without .pgm; empty: none",
     "settle_time": "scans of that many seconds after the first one are left out: a robot that was just put down rocks",
+    "state_file": "state to go on from, if that file exists; also what save_state and load_state take without a name",
+    "odometry_runs_on": "false: the odometry has begun anew since the state was saved, the robot stands where it stood",
+    "map_file": "saved map (YAML) to begin on; `delta` is then its cell size",
+    "initial_pose_x": "where the base stands on it at the first scan, within 1 m [m]; default as the odometry says",
+    "initial_pose_y": "likewise [m]",
+    "initial_pose_a": "its heading, within 0.5 rad [rad]",
 }
+LEAST = {"scan_queue": 1, "settle_time": 0.0}
 
 
 def private_parameters():
@@ -44,22 +73,43 @@ def read_parameters(given):
     for name in NODE_PARAMETERS:
         if name not in filtered:
             continue
-        value, kind = filtered.pop(name), type(getattr(NodeOptions, name))
-        least = {int: 1, float: 0.0}.get(kind)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if number and least is not None and value >= least:
+        value, default = filtered.pop(name), getattr(NodeOptions, name)
+        kind = float if default is None else type(default)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if kind in (int, float) and number and value >= LEAST.get(name, -math.inf):
             own[name] = kind(value)
-        elif kind is str and isinstance(value, str):
+        elif kind in (str, bool) and isinstance(value, kind):
             own[name] = value
         else:
-            warnings.append("parameter ~{}: {!r} cannot be used, {!r} is".format(
-                name, value, getattr(NodeOptions, name)))
+            warnings.append("parameter ~{}: {!r} cannot be used, {!r} is".format(name, value, default))
     config = GmappingConfig.from_mapping(filtered)
     if config.unknown:
         warnings.append("unknown parameters without effect: " + ", ".join("~" + name for name in config.unknown))
     if config.unusable:
         warnings.append("parameters of the wrong kind, the default is used: ~" + ", ~".join(config.unusable))
     return config, NodeOptions(**own), warnings
+
+
+def tf_prefix():
+    """Return the parameter ``tf_prefix`` that holds for this node, the nearest one upwards; empty if there is none."""
+    found = rospy.search_param("tf_prefix")
+    prefix = rospy.get_param(found) if found else ""
+    return prefix.strip("/") if isinstance(prefix, str) else ""
+
+
+def with_prefix(config, prefix):
+    """Return a GmappingConfig whose frames have the prefix, as tf resolves names.
+
+    A name that begins with a slash is meant as it stands; one that has the prefix already does not get it twice.
+    """
+    values = config.as_dict()
+    for name in ("base_frame", "odom_frame", "map_frame"):
+        value = values[name]
+        if value.startswith("/") or not prefix or value.startswith(prefix + "/"):
+            values[name] = frame(value)
+        else:
+            values[name] = "{}/{}".format(prefix, value)
+    return replace(config, values=tuple(values.items()))
 
 
 def frame(name):

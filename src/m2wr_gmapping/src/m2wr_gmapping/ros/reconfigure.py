@@ -37,15 +37,13 @@ def changed(config, values):
 
 
 def make_reconfigure(config, take):
-    """Serve ``~set_parameters``; ``take(config)`` gets every new configuration. None where the package is missing."""
+    """Serve ``~set_parameters``; ``take(values)`` gets all :data:`CHANGEABLE`. None where the package is missing."""
     if Server is None:
         rospy.loginfo("the Python package dynamic_reconfigure is not installed: there is no ~set_parameters")
         return None
-    state = {"config": config}
 
     def change(values, _):
-        state["config"] = changed(state["config"], values)
-        take(state["config"])
+        take(values)
         return values
 
     # the server would read its first values from ~ as they are written there, an integer for a float

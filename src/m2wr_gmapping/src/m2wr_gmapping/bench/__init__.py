@@ -1,0 +1,1 @@
+"""How accurate and how fast the mapping is on recorded logs: the command ``benchmark``."""

@@ -1,0 +1,1 @@
+"""Pictures of maps: the command ``plot_map``."""

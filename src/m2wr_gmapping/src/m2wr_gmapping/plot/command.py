@@ -1,0 +1,84 @@
+"""Draws a saved map over the world it was made in, with the way that was driven."""
+import argparse
+import os
+import sys
+
+from m2wr_view.errors import ViewError
+from m2wr_view.run_series import read_world
+
+from m2wr_gmapping.bench.logs import LogError
+from m2wr_gmapping.bench.scoring import trajectory
+from m2wr_gmapping.plot.figure import FigureError, map_figure, write
+from m2wr_gmapping.replay.map_reading import MapReadingError, read_map
+
+LASER_HEIGHT = 0.15         # of m2wr above the floor [m]
+
+
+def parser():
+    """Return the command line's parser."""
+    made = argparse.ArgumentParser(prog="plot_map", description=__doc__)
+    add = made.add_argument
+    add("map", metavar="MAP.yaml", help="map as map_saver writes it")
+    add("--world", metavar="WORLD|BAG", help="world file, name of a world of m2wr_sim, or a bag with "
+        "/gazebo/world_markers")
+    add("--trajectory", nargs="+", default=[], metavar="FILE",
+        help="ways to draw, lines 'stamp x y z qx qy qz qw' as slam_gmapping_replay writes them")
+    add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
+        help="pose of the map frame in the world [m, rad] (0 0 0)")
+    add("--height", type=float, default=LASER_HEIGHT,
+        help="of the laser above the floor, for world files [m] (%(default)s)")
+    add("--out", metavar="FILE", help="picture, .png, .svg or .pdf (default: beside the map, MAP_plot.png)")
+    add("--title", help="default: the name of the map")
+    return made
+
+
+def read_outlines(world, height):
+    """Return the outlines of a world's obstacles.
+
+    Parameters
+    ----------
+    world : str
+        A bag, a world file, or the name of a world.
+    height : float
+        At which a world file is cut [m]; of a bag all that stops a robot is taken.
+
+    Raises
+    ------
+    FigureError, ViewError
+        If it cannot be read.
+    """
+    if world.endswith(".bag"):
+        solids = read_world(world)
+        if solids is None:
+            raise FigureError("bag {}: no message on /gazebo/world_markers; was that topic recorded?".format(world))
+        return solids.blocking
+    try:                    # above this package, so not needed by anything else in it
+        from m2wr_sim.errors import SimError
+        from m2wr_sim.ros.compare_map import read_outlines as of_world
+    except ImportError as error:
+        raise FigureError("world {}: a world file needs the package m2wr_sim ({})".format(world, error))
+    try:
+        return of_world(world, height)
+    except SimError as error:
+        raise FigureError(str(error))
+
+
+def main(arguments=None):
+    """Entry point; returns the exit code."""
+    options = parser().parse_args(arguments)
+    out = options.out or os.path.splitext(options.map)[0] + "_plot.png"
+    try:
+        saved = read_map(options.map)
+        outlines = read_outlines(options.world, options.height) if options.world else ()
+        ways = [(os.path.basename(path), trajectory(path)[1]) for path in options.trajectory]
+        title = os.path.basename(options.map) if options.title is None else options.title
+        write(map_figure(saved, outlines, ways, options.offset, title), out)
+    except (MapReadingError, FigureError, LogError, ViewError) as error:
+        sys.stderr.write("plot_map: {}\n".format(error))
+        return 1
+    print(out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

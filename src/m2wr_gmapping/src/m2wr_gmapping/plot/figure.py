@@ -1,0 +1,153 @@
+"""A map over the world it was made in, with the way that was driven."""
+import math
+import os
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, Polygon
+from m2wr_view.outlines import convex_hull
+
+from m2wr_gmapping.se2 import compose
+
+DOTS_PER_INCH = 100
+WIDTH = 10.0                # [inch]
+MARGIN = 1.0                # around what is known [m]
+RIM_POINTS = 60             # of a rounded outline that is no disc
+MAP_COLOURS = ("#DDDDDD", "#FFFFFF", "#000000")         # unknown, free, occupied
+# of Okabe and Ito, told apart also by those who do not see red or green
+WORLD_COLOUR, WAY_COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#E69F00")
+ENDINGS = (".png", ".svg", ".pdf")
+
+
+class FigureError(ValueError):
+    """A picture cannot be drawn or written; says why."""
+
+
+def _placed(points, offset):
+    """Return points (N, 2) of the map frame in the world."""
+    return compose(np.asarray(offset, float), np.column_stack([points, np.zeros(len(points))]))[:, :2]
+
+
+def _patch(outline):
+    style = dict(facecolor="none", edgecolor=WORLD_COLOUR, linewidth=0.8, zorder=3)
+    if len(outline.vertices) == 1:
+        return Circle(tuple(outline.vertices[0]), outline.radius, **style)
+    corners = outline.vertices
+    if outline.radius > 0.0:
+        turns = np.linspace(0.0, 2.0 * math.pi, RIM_POINTS, endpoint=False)
+        rim = outline.radius * np.stack([np.cos(turns), np.sin(turns)], -1)
+        corners = convex_hull((corners[:, None] + rim).reshape(-1, 2))
+    return Polygon(corners, closed=True, **style)
+
+
+def _bounds(saved, ways):
+    """Lowest and highest x, y in the map frame of what is known (2, 2)."""
+    rows, columns = np.nonzero(saved.data >= 0)
+    points = [np.stack([columns, rows], -1) * saved.resolution + saved.origin] if len(rows) else []
+    points += [way[:, :2] for _, way in ways if len(way)]
+    if not points:
+        raise FigureError("map {}: nothing is known in it and there is no way to draw".format(saved.name))
+    points = np.concatenate(points)
+    return np.stack([points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN])
+
+
+def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
+    """Return the picture as a matplotlib Figure with one Axes in metres of the world.
+
+    Parameters
+    ----------
+    saved : SavedMap
+    outlines : sequence of m2wr_view.outlines.Outline
+        The world's obstacles from above.
+    ways : sequence of (str, (K, 3) float)
+        Names and poses, in the map frame.
+    offset : (3,) float
+        Pose of the map frame in the world [m, rad].
+
+    Raises
+    ------
+    FigureError
+        If there is nothing to draw.
+    """
+    low, high = _bounds(saved, ways)
+    corners = _placed(np.array([low, (low[0], high[1]), high, (high[0], low[1])]), offset)
+    left, right = corners.min(axis=0), corners.max(axis=0)
+    width, height = right - left
+    figure = Figure(figsize=(WIDTH, min(3.0 * WIDTH, 1.2 + WIDTH * height / width)), dpi=DOTS_PER_INCH,
+                    facecolor="white")
+    FigureCanvasAgg(figure)         # this figure's own canvas: whatever backend the caller uses stays as it is
+    axes = figure.add_subplot(1, 1, 1)
+    # where cell (0, 0) has its middle at the origin, the picture begins half a cell before it
+    edge = np.asarray(saved.origin) - 0.5 * saved.resolution
+    rows, columns = saved.data.shape
+    axes.pcolormesh(*_edges(edge, rows, columns, saved.resolution, offset, low, high),
+                    _cut(saved, edge, low, high), cmap=ListedColormap(MAP_COLOURS), vmin=0, vmax=2, zorder=1,
+                    rasterized=True)
+    for outline in outlines:
+        axes.add_patch(_patch(outline))
+    handles = [Patch(facecolor=MAP_COLOURS[2], label="wall in the map")]
+    handles += [Line2D([], [], color=WORLD_COLOUR, linewidth=1.5, label="the world")] if len(outlines) else []
+    for index, (name, way) in enumerate(ways):
+        points = _placed(way[:, :2], offset)
+        line, = axes.plot(points[:, 0], points[:, 1], color=WAY_COLOURS[index % len(WAY_COLOURS)], linewidth=1.2,
+                          label=name, zorder=4)
+        axes.plot(points[:1, 0], points[:1, 1], "o", color=line.get_color(), markersize=5, zorder=5)
+        handles.append(line)
+    axes.set_xlim(left[0], right[0])
+    axes.set_ylim(left[1], right[1])
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(title)
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncol=4, frameon=False)
+    return figure
+
+
+def _range(edge, count, resolution, low, high):
+    """First and last (exclusive) cell along one axis that lies between two places."""
+    first = int(np.clip(math.floor((low - edge) / resolution), 0, count))
+    last = int(np.clip(math.ceil((high - edge) / resolution), first, count))
+    return first, last
+
+
+def _window(saved, edge, low, high):
+    (left, right), (bottom, top) = (_range(edge[k], saved.data.shape[1 - k], saved.resolution, low[k], high[k])
+                                    for k in (0, 1))
+    return left, right, bottom, top
+
+
+def _cut(saved, edge, low, high):
+    """Return the cells between two places as numbers of colours."""
+    left, right, bottom, top = _window(saved, edge, low, high)
+    part = saved.data[bottom:top, left:right]
+    return np.select([part == 100, part >= 0], [2, 1], 0)
+
+
+def _edges(edge, rows, columns, resolution, offset, low, high):
+    """Return x and y (h + 1, w + 1) of the corners of the cells between two places, in the world."""
+    left, right = _range(edge[0], columns, resolution, low[0], high[0])
+    bottom, top = _range(edge[1], rows, resolution, low[1], high[1])
+    x, y = np.meshgrid(edge[0] + resolution * np.arange(left, right + 1),
+                       edge[1] + resolution * np.arange(bottom, top + 1))
+    points = _placed(np.stack([x.ravel(), y.ravel()], -1), offset)
+    return points[:, 0].reshape(x.shape), points[:, 1].reshape(y.shape)
+
+
+def write(figure, path):
+    """Write a picture; the ending of the path says which kind.
+
+    Raises
+    ------
+    FigureError
+        If the ending is none of ENDINGS or the file cannot be written.
+    """
+    ending = os.path.splitext(path)[1].lower()
+    if ending not in ENDINGS:
+        raise FigureError("picture {}: expected a name that ends in {}".format(path, ", ".join(ENDINGS)))
+    try:
+        figure.savefig(path, format=ending[1:], dpi=DOTS_PER_INCH, bbox_inches="tight")
+    except OSError as error:
+        raise FigureError("picture {}: {}".format(path, error.strerror or error))

@@ -1,0 +1,90 @@
+"""Pictures of maps over their worlds."""
+import numpy as np
+import pytest
+from PIL import Image
+
+import rosbag
+import rospy
+from geometry_msgs.msg import Pose, Point, Quaternion, Vector3
+from m2wr_gmapping import map_file
+from m2wr_gmapping.plot import command
+from m2wr_gmapping.plot.figure import map_figure
+from m2wr_gmapping.replay.map_reading import read_map
+from m2wr_view.outlines import Outline
+from visualization_msgs.msg import Marker, MarkerArray
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """Name of a map of 4 x 2 m, a wall at its right side."""
+    data = np.zeros((40, 80), np.int8)
+    data[:, 75] = 100
+    data[:, 76:] = -1
+    map_file.save(str(tmp_path / "plan"), data, 0.05, [1.0, -1.0, 0.0])
+    return str(tmp_path / "plan.yaml")
+
+
+def box_bag(path):
+    """A bag with the markers of one box at (2, 0)."""
+    marker = Marker(ns="crate", type=Marker.CUBE, action=Marker.ADD, scale=Vector3(0.5, 0.5, 1.0),
+                    pose=Pose(Point(2.0, 0.0, 0.5), Quaternion(0.0, 0.0, 0.0, 1.0)))
+    with rosbag.Bag(path, "w") as bag:
+        bag.write("/gazebo/world_markers", MarkerArray([marker]), rospy.Time(10))
+    return path
+
+
+def drawn(figure):
+    """Function: the colours (25, 3) around a place in metres."""
+    figure.canvas.draw()
+    image = np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+    place = figure.axes[0].transData
+
+    def at(x, y):
+        column, row = place.transform((x, y))
+        row, column = int(image.shape[0] - 1 - row), int(column)
+        return image[row - 2:row + 3, column - 2:column + 3].reshape(-1, 3)
+    return at
+
+
+def test_cells_are_where_they_are_in_the_world(plan):
+    for offset, turn in (((0.0, 0.0, 0.0), lambda x, y: (x, y)),
+                         ((5.0, 2.0, np.pi / 2), lambda x, y: (5.0 - y, 2.0 + x))):
+        at = drawn(map_figure(read_map(plan), offset=offset))
+        assert at(*turn(1.0 + 75 * 0.05, 0.3)).max() < 40           # the wall
+        assert at(*turn(2.0, 0.3)).min() > 250                      # free
+        assert 200 < np.median(at(*turn(1.0 + 78 * 0.05, 0.3))) < 240    # unknown
+
+
+def test_world_and_way_are_drawn(plan):
+    square = Outline(np.array([(2.0, -0.5), (3.0, -0.5), (3.0, 0.5), (2.0, 0.5)]))
+    way = np.array([[1.2, 0.0, 0.0], [1.8, 0.0, 0.0]])
+    at = drawn(map_figure(read_map(plan), [square], [("path", way)]))
+    edge, line = at(2.0, 0.2), at(1.5, 0.0)
+    assert (edge[:, 2] > edge[:, 0] + 50).any() and (line[:, 0] > line[:, 2] + 50).any()
+    assert at(2.5, 0.0).min() > 250
+
+
+def test_the_command_writes_a_picture_of_each_kind(plan, tmp_path, capsys):
+    (tmp_path / "way.txt").write_text("1 1.2 0 0 0 0 0 1\n2 1.9 0 0 0 0 0 1\n")
+    for ending in ("png", "svg", "pdf"):
+        out = str(tmp_path / ("out." + ending))
+        code = command.main([plan, "--world", box_bag(str(tmp_path / "box.bag")), "--trajectory",
+                             str(tmp_path / "way.txt"), "--out", out])
+        assert code == 0 and capsys.readouterr().out.strip() == out
+    picture = np.asarray(Image.open(str(tmp_path / "out.png")).convert("RGB")).astype(int)
+    assert ((picture[..., 2] > 150) & (picture[..., 0] < 50)).sum() > 100       # the box
+    assert b"way.txt" in (tmp_path / "out.svg").read_bytes() or (tmp_path / "out.svg").stat().st_size > 5000
+    assert command.main([plan]) == 0 and (tmp_path / "plan_plot.png").exists()
+
+
+@pytest.mark.parametrize("words, told", [
+    (["none.yaml"], "none.yaml: No such file"), (["PLAN", "--out", "a.jpeg"], "ends in .png"),
+    (["PLAN", "--out", "nowhere/a.png"], "nowhere/a.png: No such file"),
+    (["PLAN", "--trajectory", "none.txt"], "none.txt: "), (["PLAN", "--world", "empty.bag"], "/gazebo/world_markers"),
+    (["PLAN", "--world", "none.bag"], "none.bag")])
+def test_what_cannot_be_read_or_written_is_told(plan, tmp_path, monkeypatch, capsys, words, told):
+    monkeypatch.chdir(tmp_path)
+    with rosbag.Bag("empty.bag", "w"):
+        pass
+    assert command.main([plan if word == "PLAN" else word for word in words]) == 1
+    assert told in capsys.readouterr().err

@@ -1,0 +1,61 @@
+"""The README's tables of options and services equal the programs."""
+import os
+
+from m2wr_gmapping.bench import command as bench
+from m2wr_gmapping.bench import table
+from m2wr_gmapping.replay import command as replay
+from m2wr_gmapping.plot import command as plot
+from m2wr_gmapping.ros.params import NODE_PARAMETERS, NodeOptions
+from m2wr_gmapping.ros.reconfigure import CHANGEABLE
+
+README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")
+
+
+def text():
+    with open(README, encoding="utf-8") as stream:
+        return stream.read()
+
+
+def rows(heading):
+    """Rows of the tables of a chapter that begin with a code word: {word: other cells}."""
+    part = text().split("\n## " + heading + "\n")[1].split("\n## ")[0]
+    return {cells[0].strip("`").split()[0]: cells[1:] for cells in (
+        [cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if line.startswith("| `"))}
+
+
+def options_of(parser):
+    return {max(action.option_strings, key=len) for action in parser._actions
+            if action.option_strings and "--help" not in action.option_strings}
+
+
+def test_parameters_of_the_live_node():
+    shown = rows("slam_gmapping")
+    assert set(NODE_PARAMETERS) <= set(shown)
+    for name, meaning in NODE_PARAMETERS.items():
+        default = getattr(NodeOptions, name)
+        wanted = "" if default is None else repr(default).lower() if isinstance(default, bool) else repr(default)
+        assert shown[name] == [wanted, meaning], name
+
+
+def test_parameters_that_may_change_while_the_node_runs():
+    assert rows("slam_gmapping")["~set_parameters"][1].replace("`", "").split(", ") == list(CHANGEABLE)
+
+
+def test_options_of_the_replay(monkeypatch):
+    made = []
+    parse = replay.argparse.ArgumentParser.parse_args
+    monkeypatch.setattr(replay.argparse.ArgumentParser, "parse_args",
+                        lambda self, words: made.append(self) or parse(self, words))
+    replay.parse(["--bag_filename", "x"])
+    assert set(rows("slam_gmapping_replay")) == options_of(made[0]) | {"_name:=value"}
+
+
+def test_options_of_benchmark_and_plot_map():
+    assert set(rows("benchmark")) == options_of(bench.parser())
+    part = text().split("\n## plot_map\n")[1].split("\n## ")[0]
+    assert options_of(plot.parser()) - {"--title", "--height"} == {word for word in (
+        "--world", "--trajectory", "--offset", "--out") if word in part}
+
+
+def test_there_is_a_place_for_the_table():
+    table.check(README)

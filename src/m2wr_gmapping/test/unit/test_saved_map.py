@@ -1,0 +1,194 @@
+"""Beginning on a saved map: the robot is found, old walls stay, what has changed is unlearnt; reading such maps."""
+import numpy as np
+import pytest
+from PIL import Image
+
+from conftest import drive, odometry
+from m2wr_gmapping import map_file, state
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.replay.beginning import Beginning
+from m2wr_gmapping.replay.map_reading import MapReadingError, read_map
+from m2wr_gmapping.se2 import between, compose, inverse
+
+VALUES = dict(particles=6, linearUpdate=0.5, angularUpdate=0.3)
+
+
+@pytest.fixture(scope="module")
+def plan(mapped, tmp_path_factory):
+    """Name of a saved map of the whole ring, in the frame of the first pose of the drive."""
+    mapper, truth, _ = mapped(laps=1.05, noise=0.0, slip=0.0)
+    grid = mapper.occupancy()
+    name = str(tmp_path_factory.mktemp("map") / "plan")
+    map_file.save(name, grid.data, grid.resolution, [grid.origin[0], grid.origin[1], 0.0])
+    mapper.close()
+    return name
+
+
+def begun(plan, laser, ring, start, guess, more=None, steps=1):
+    """Return a mapper that has begun on the map, with the true last pose in the frame of the map."""
+    config = GmappingConfig.from_mapping(dict(VALUES, **(more or {})))
+    beginning, config = Beginning.from_files(config, plan, guess)
+    mapper = Mapper(config, laser)
+    truth = drive(1.05)
+    odom = odometry(truth, np.random.default_rng(3))
+    for k in range(start, start + steps):
+        reading = mapper.reading(ring.ranges(truth[k], laser.angles))
+        beginning.connect(mapper, reading, odom[k], 0.1 * k)
+        mapper.process(reading, odom[k], 0.1 * k)
+    return mapper, between(truth[0], truth[start + steps - 1])
+
+
+def test_a_map_that_was_saved_is_read_as_it_was(plan):
+    saved = read_map(plan)
+    grid = np.array(Image.open(plan + ".pgm"))[::-1]
+    np.testing.assert_array_equal(saved.data == 100, grid == 0)
+    np.testing.assert_array_equal(saved.data == 0, grid == 254)
+    np.testing.assert_array_equal(saved.data == -1, grid == 205)
+    assert saved.resolution == 0.05
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0, 0.0), (0.7, -0.5, 0.4), (-0.6, 0.6, -0.4)])
+@pytest.mark.parametrize("start", [0, 30, 120])
+def test_the_robot_is_found_where_it_roughly_is(plan, laser, ring, start, off):
+    truth = drive(1.05)
+    guess = compose(between(truth[0], truth[start]), off)
+    mapper, true = begun(plan, laser, ring, start, guess)
+    apart = between(true, mapper.base_poses(mapper.pose))
+    assert np.hypot(apart[0], apart[1]) < 0.08 and abs(apart[2]) < 0.02
+    assert (mapper.processed, len(mapper.trajectory()[0])) == (1, 1)
+    mapper.close()
+
+
+def test_without_a_pose_the_odometry_s_is_taken(plan, laser, ring):
+    mapper, true = begun(plan, laser, ring, 0, None)
+    apart = between(true, mapper.pose)
+    assert np.hypot(apart[0], apart[1]) < 0.08
+    mapper.close()
+
+
+def test_the_old_map_is_there_at_once_and_stays_where_it_is_through_loops(plan, laser, ring):
+    saved = read_map(plan)
+    truth = drive(1.05)
+    mapper, true = begun(plan, laser, ring, 20, between(truth[0], truth[20]), steps=190)
+    mapper.finish()
+    apart = between(true, mapper.base_poses(mapper.pose))
+    assert np.hypot(apart[0], apart[1]) < 0.1
+    grid = mapper.occupancy()
+    old = saved.walls().T
+    cells = np.rint((old - grid.origin) / grid.resolution).astype(int)
+    near = np.zeros(len(old), bool)
+    for dx in (-1, 0, 1):
+        for dy in (-1, 0, 1):
+            near |= grid.data[cells[:, 1] + dy, cells[:, 0] + dx] == 100
+    assert near.mean() > 0.99
+    first, _ = begun(plan, laser, ring, 0, None)
+    known = first.occupancy().data
+    assert (known == 100).sum() > 0.95 * len(old)           # all of it, after one scan
+    first.close()
+    mapper.close()
+
+
+def test_what_has_gone_is_unlearnt(plan, laser, ring):
+    """A wall that stands in the old map alone, across the corridor that the robot drives along."""
+    saved = read_map(plan)
+    truth = drive(1.05)
+    wall = between(truth[0], truth[14])[:2]
+    column, row = np.rint((wall - saved.origin) / saved.resolution).astype(int)
+    cells = np.s_[row - 10:row + 11, column:column + 1]
+    assert (saved.data[cells] == 0).all()
+    saved.data[cells] = 100
+    mapper = Mapper(GmappingConfig.from_mapping(dict(VALUES, linearUpdate=0.1)), laser)
+    reading = mapper.reading(ring.ranges(truth[0], laser.angles))
+    mapper.begin_on(saved, np.zeros(3), reading, np.zeros(3), 0.0)
+    for k in range(28):
+        mapper.process(mapper.reading(ring.ranges(truth[k], laser.angles)), between(truth[0], truth[k]), 0.1 * k)
+    grid = mapper.occupancy()
+    column, row = np.rint((wall - grid.origin) / grid.resolution).astype(int)
+    assert (grid.data[row - 10:row + 11, column:column + 1] != 100).all()
+    mapper.close()
+
+
+def test_a_run_on_a_map_can_be_saved_and_gone_on_with(plan, laser, ring, tmp_path):
+    digests = []
+    for stop in (False, True):
+        mapper, _ = begun(plan, laser, ring, 0, None, steps=40)
+        if stop:
+            state.save(str(tmp_path / "a.state"), state.snapshot(mapper))
+            mapper.close()
+            mapper = state.load(str(tmp_path / "a.state")).mapper
+        truth = drive(1.05)
+        odom = odometry(truth, np.random.default_rng(3))
+        for k in range(40, 60):
+            mapper.process(mapper.reading(ring.ranges(truth[k], laser.angles)), odom[k], 0.1 * k)
+        digests.append((mapper.trajectory()[1].tobytes(), mapper.occupancy().data.tobytes()))
+        mapper.close()
+    assert digests[0] == digests[1]
+
+
+def test_the_plain_algorithm_begins_on_a_map_too(plan, laser, ring):
+    mapper, true = begun(plan, laser, ring, 0, None, dict(compatible=True), steps=10)
+    apart = between(true, mapper.pose)
+    assert np.hypot(apart[0], apart[1]) < 0.15
+    mapper.close()
+
+
+def test_poses_of_a_laser_beside_the_base(plan, laser, ring):
+    mapper, _ = begun(plan, laser, ring, 0, None)
+    assert np.allclose(mapper.base_poses(mapper.pose), compose(mapper.pose, inverse(laser.base_from_sensor)))
+    mapper.close()
+
+
+# ---- files
+
+GOOD = {"image": "a.pgm", "resolution": 0.1, "origin": [1.0, 2.0, 0.0], "negate": 0, "occupied_thresh": 0.65,
+        "free_thresh": 0.196}
+
+
+def written(tmp_path, **values):
+    """Write a map; a value of None leaves the key out."""
+    lines = ["%s: %s" % item for item in dict(GOOD, **values).items() if item[1] is not None]
+    (tmp_path / "a.yaml").write_text("\n".join(lines) + "\n")
+    Image.fromarray(np.array([[0, 254, 205], [254, 254, 100]], np.uint8)).save(str(tmp_path / "a.pgm"))
+    return str(tmp_path / "a.yaml")
+
+
+def test_rows_begin_below_and_thresholds_hold(tmp_path):
+    saved = read_map(written(tmp_path))
+    np.testing.assert_array_equal(saved.data, [[0, 0, -1], [100, 0, -1]])
+    assert saved.origin == (1.0, 2.0) and saved.walls().tolist() == [[1.0], [2.1]]
+    np.testing.assert_array_equal(read_map(written(tmp_path, negate=1)).data[1], [0, 100, 100])
+
+
+@pytest.mark.parametrize("values, words", [
+    (dict(image=None), "expected the keys"), (dict(resolution=None), "resolution is None"),
+    (dict(resolution=-0.05), "expected a number"), (dict(resolution="fine"), "'fine'"),
+    (dict(origin=[1.0, 2.0, 0.5]), "turned"), (dict(origin="[here]"), "origin"), (dict(origin=None), "origin"),
+    (dict(mode="raw"), "raw"), (dict(occupied_thresh=65), "occupied_thresh is 65"),
+    (dict(occupied_thresh=1.0), "no cell is occupied"), (dict(image="other.pgm"), "other.pgm: No such file")])
+def test_what_is_wrong_with_a_map_is_told(tmp_path, values, words):
+    with pytest.raises(MapReadingError, match=words):
+        read_map(written(tmp_path, **values))
+
+
+def test_pictures_that_are_cut_off_or_no_pictures_are_told(tmp_path):
+    name = written(tmp_path)
+    for content in (b"", b"P5\n3 2\n255\n\x00", b"not a picture"):
+        (tmp_path / "a.pgm").write_bytes(content)
+        with pytest.raises(MapReadingError, match="a.yaml"):
+            read_map(name)
+    (tmp_path / "a.yaml").write_text("{{{")
+    with pytest.raises(MapReadingError, match="a.yaml"):
+        read_map(name)
+    with pytest.raises(MapReadingError, match="none.yaml: No such file"):
+        read_map(str(tmp_path / "none"))
+
+
+def test_a_map_and_a_state_together_are_refused(tmp_path):
+    with pytest.raises(state.StateError, match="expected one of them"):
+        Beginning.from_files(GmappingConfig.from_mapping(), "a.yaml", None, "a.state")
+
+
+def test_the_cell_size_is_that_of_the_map(tmp_path):
+    _, config = Beginning.from_files(GmappingConfig.from_mapping({"delta": 0.05}), written(tmp_path))
+    assert config["delta"] == 0.1

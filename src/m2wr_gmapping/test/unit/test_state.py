@@ -1,0 +1,210 @@
+"""A saved state: going on from it gives what going on without it would have given; files that are none are refused."""
+import json
+import pickle
+import resource
+import signal
+
+import numpy as np
+import pytest
+
+from conftest import drive, odometry
+from m2wr_gmapping import state
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.se2 import between, compose
+
+
+class Ride:
+    """A drive round the ring whose mapper can be exchanged on the way."""
+
+    def __init__(self, ring, laser, **parameters):
+        values = dict(particles=6, linearUpdate=0.5, angularUpdate=0.3, xmin=-10.0, ymin=-10.0, xmax=10.0, ymax=10.0)
+        values.update(parameters)
+        self.ring, self.laser = ring, laser
+        self.mapper = Mapper(GmappingConfig.from_mapping(values), laser)
+        self.truth = drive(1.2)
+        self.odom = odometry(self.truth, np.random.default_rng(5))
+
+    def go(self, first, last, shift=None):
+        """Process scans; ``shift`` (3,) moves the odometry, as if it had begun elsewhere."""
+        for k in range(first, last):
+            ranges = self.ring.ranges(self.truth[k], self.laser.angles)
+            at = self.odom[k] if shift is None else compose(shift, self.odom[k])
+            self.mapper.process(self.mapper.reading(ranges), at, 0.1 * k)
+            if k % 25 == 0:
+                self.mapper.occupancy(exact=False)
+        return self
+
+    def saved(self, path, host=None):
+        """Save, and go on with what was saved; returns the State."""
+        state.save(path, state.snapshot(self.mapper, host))
+        self.mapper.close()
+        found = state.load(path)
+        self.mapper = found.mapper
+        return found
+
+    def result(self):
+        """Path, map and numbers at the end."""
+        self.mapper.finish()
+        stamps, poses = self.mapper.trajectory()
+        grid = self.mapper.occupancy(exact=False)
+        found = (stamps.tobytes(), poses.tobytes(), grid.data.tobytes(), grid.origin.tobytes(), self.mapper.info(),
+                 self.mapper.filter.resamplings, self.mapper.filter.normals().tobytes())
+        self.mapper.close()
+        return found
+
+
+LAST = 200
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory, ring, laser):
+    """A state file of a short ride."""
+    name = str(tmp_path_factory.mktemp("state") / "good.state")
+    ride = Ride(ring, laser).go(0, 30)
+    ride.saved(name)
+    ride.mapper.close()
+    return name
+
+
+@pytest.mark.parametrize("parameters", [{}, {"compatible": True, "particles": 3}, {"resampleThreshold": 1.0},
+                                        {"loop_closing": False, "track_between": False}], ids=str)
+def test_going_on_from_a_state_is_as_never_having_stopped(tmp_path, ring, laser, parameters):
+    without = Ride(ring, laser, **parameters).go(0, LAST).result()
+    ride, done = Ride(ring, laser, **parameters), 0
+    for stop in (1, 60, 61, 170):           # after the first scan, on the way, at once again, after loops were closed
+        ride.go(done, stop)
+        assert ride.saved(str(tmp_path / "a.state"), {"note": stop}).host == {"note": stop}
+        done = stop
+    assert ride.go(done, LAST).result() == without
+
+
+def test_a_state_is_small(path):
+    with open(path, "rb") as stream:
+        assert len(stream.read()) < 300000          # some metres of corridor, not 400 x 400 cells of 9 bytes
+
+
+def test_values_of_the_running_program_hold_where_they_are_its_own(path):
+    live = GmappingConfig.from_mapping({"map_frame": "plan", "threads": 2, "particles": 99, "delta": 0.05})
+    found = state.load(path, live)
+    assert (found.mapper.config["map_frame"], found.mapper.config["threads"]) == ("plan", 2)
+    assert found.mapper.config["particles"] == 6 and len(found.mapper.filter.poses) == 6
+    assert "particles" in found.differing and "delta" not in found.differing and "map_frame" not in found.differing
+    found.mapper.close()
+
+
+def test_an_odometry_that_begins_anew_goes_on_where_the_robot_stood(tmp_path, ring, laser):
+    for told, runs_on, shift, later in (
+            (True, False, (30.0, -4.0, 1.0), 0.0), (True, True, (500.0, 0.0, 0.0), 0.0),        # told, and too fast
+            (True, True, (3.0, -4.0, 1.0), 1e5), (False, True, (0.0, 0.0, 0.0), 1e5)):          # found by the scan
+        ride = Ride(ring, laser).go(0, 100)
+        before, found = ride.mapper.pose, ride.saved(str(tmp_path / "a.state"))
+        reading = found.mapper.reading(ring.ranges(ride.truth[100], laser.angles))
+        said = state.go_on(found.mapper, reading, compose(shift, ride.odom[100]), 10.0 + later, runs_on)
+        assert bool(said) == told
+        ride.go(100, 140, shift)
+        apart = between(between(ride.truth[99], ride.truth[139]), between(before, found.mapper.pose))
+        assert np.hypot(apart[0], apart[1]) < 0.3 and abs(apart[2]) < 0.1
+        ride.mapper.close()
+
+
+def test_an_odometry_that_has_gone_far_meanwhile_is_believed_where_the_scan_agrees(tmp_path, ring, laser):
+    ride = Ride(ring, laser).go(0, 240)                 # once round: the whole ring is known
+    found = ride.saved(str(tmp_path / "a.state"))
+    led = between(ride.truth[239], ride.truth[40])
+    reading = found.mapper.reading(ring.ranges(ride.truth[40], laser.angles))
+    assert np.hypot(led[0], led[1]) > 3.0
+    assert state.go_on(found.mapper, reading, compose(ride.odom[239], led), 1e5) is None
+    found.mapper.close()
+
+
+def test_an_odometry_before_that_of_the_state_has_begun_anew(path, laser):
+    mapper = state.load(path).mapper
+    nothing = laser.reading(np.full(181, np.nan))
+    assert state.go_on(mapper, nothing, mapper.odometry + [0.1, 0.0, 0.0], -5.0) is not None
+    mapper.close()
+
+
+# ---- files that are none
+
+def spoilt(path, tmp_path, change):
+    """Return a file with other bytes."""
+    with open(path, "rb") as stream:
+        content = change(stream.read())
+    name = tmp_path / "spoilt.state"
+    name.write_bytes(content)
+    return str(name)
+
+
+def another_head(content, **values):
+    magic, head, packed = content.split(b"\n", 2)
+    return b"\n".join([magic, json.dumps(dict(json.loads(head.decode()), **values)).encode(), packed])
+
+
+@pytest.mark.parametrize("change, words", [
+    (lambda content: b"", "expected a state"), (lambda content: b"P5\n" + content, "expected a state"),
+    (lambda content: content[:25], "damaged or cut off"), (lambda content: content[:len(content) // 2], "cut off"),
+    (lambda content: content[:-1], "cut off"), (lambda content: content + b"x", "cut off"),
+    (lambda content: content[:-9] + b"123456789", "checksum"),
+    (lambda content: another_head(content, version=99), "version 99; this program reads version 1"),
+    (lambda content: another_head(content, bytes="many"), "cut off")])
+def test_what_is_no_state_is_told_why(path, tmp_path, change, words):
+    with pytest.raises(state.StateError, match=words) as caught:
+        state.load(spoilt(path, tmp_path, change))
+    assert "spoilt.state" in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(state.StateError, match="none.state: No such file"):
+        state.load(str(tmp_path / "none.state"))
+
+
+@pytest.mark.parametrize("held", [print, resource.setrlimit, pickle.Unpickler, np.save])
+def test_a_state_can_make_nothing_but_maps(tmp_path, held):
+    name = str(tmp_path / "evil.state")
+    state.save(name, pickle.dumps(held, 4))
+    with pytest.raises(state.StateError, match="no part of a map"):
+        state.load(name)
+
+
+def test_a_state_of_a_program_that_kept_something_else_is_refused(tmp_path, ring, laser):
+    for spoil in (lambda mapper: vars(mapper).pop("_distance"),
+                  lambda mapper: vars(mapper.filter.tree).pop("_next_serial")):
+        ride = Ride(ring, laser).go(0, 5)
+        spoil(ride.mapper)
+        state.save(str(tmp_path / "old.state"), state.snapshot(ride.mapper))
+        ride.mapper.close()
+        with pytest.raises(state.StateError, match="written by another version"):
+            state.load(str(tmp_path / "old.state"))
+
+
+# ---- disks
+
+@pytest.fixture
+def full_disk():
+    """No file may grow beyond 1000 bytes."""
+    limit, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_a_full_disk_keeps_the_old_state(path, tmp_path, full_disk):
+    name = tmp_path / "a.state"
+    name.write_bytes(b"old")
+    with pytest.raises(state.StateError, match="is kept"):
+        state.save(str(name), bytes(np.random.default_rng(1).integers(0, 256, 50000, np.uint8)))
+    assert name.read_bytes() == b"old" and [entry.name for entry in tmp_path.iterdir()] == ["a.state"]
+
+
+def test_a_state_in_no_folder_is_an_error(tmp_path):
+    with pytest.raises(state.StateError, match="nowhere"):
+        state.save(str(tmp_path / "nowhere" / "a.state"), b"x")
+
+
+def test_before_the_first_scan_there_is_nothing_to_save(laser):
+    mapper = Mapper(GmappingConfig.from_mapping(), laser)
+    with pytest.raises(state.StateError, match="nothing to save"):
+        state.snapshot(mapper)
+    mapper.close()
