@@ -1,14 +1,15 @@
 # Every target is one script in tools/; `make help` lists them. Variables given on the command line reach the scripts.
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo demo-mapping test lint clean
+.PHONY: help setup build demo demo-mapping gallery reference test lint clean
 .NOTPARALLEL:
 
-export DEMO_ARGS TEST_JOBS TEST_TIMEOUT TEST_PACKAGES
+export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES
 
 help:  ## list the targets and the variables they take
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
 	@echo
 	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
+	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
 	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=1  tests run side by side"
 	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counted as failed"
 
@@ -21,8 +22,14 @@ build:  ## build every package with catkin-tools into devel/
 demo: setup  ## drive the robot to its goal with no window; ends by itself, exit 0 when the goal was reached
 	@tools/demo.sh
 
-demo-mapping: setup  ## map the world while Bug 2 drives in it; how well the map agrees with the world, and a picture
+demo-mapping: setup  ## map the world while the robot tours it; how well the map agrees with the world, and a picture
 	@tools/demo_mapping.sh
+
+gallery: setup  ## make the pictures of README and docs/ again, by the commands beside them; no display needed
+	@tools/gallery.sh
+
+reference: setup  ## write docs/reference.md again: packages, programs, topics, services, parameters, launch arguments
+	@tools/reference.sh
 
 test: setup  ## run every test of every package and print one summary; JUnit XML in test_results/
 	@tools/test.sh

@@ -109,6 +109,15 @@ class Lockstep(unittest.TestCase):
         node.wait_for_text("the run is over, says /puppet at 1.001 s (tick 21)")
         self.end(node)
 
+    def test_a_connection_that_fails_at_first_is_made_again(self):
+        node = self.start("_lockstep_controllers:=[puppet]")
+        puppet = self.puppet("puppet", "shy", "21")
+        puppet.wait_for_text("puppet: refused /gazebo")
+        self.assertEqual(puppet.wait(), 0, puppet.text)
+        self.assertEqual(node.text.count("/gazebo has not connected to /puppet on /cmd_vel within 2 s"), 1, node.text)
+        node.wait_for_text("the run is over, says /puppet at 1.001 s (tick 21)")
+        self.end(node)
+
     def test_time_stands_still_without_a_robot(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         self.puppet("puppet", "drive")

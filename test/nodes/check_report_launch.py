@@ -150,6 +150,7 @@ class ReportLaunch(unittest.TestCase):
             moving = [message for message in commands.messages if message.linear.x]
             self.assertGreater(len(moving), 2, "the command was not repeated")
             teleop.end(signal.SIGTERM)
+            self.assertEqual(termios.tcgetattr(teleop.terminal), teleop.before)
         commands.close()
         self.wait_for_rest()
 

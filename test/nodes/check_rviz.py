@@ -225,20 +225,19 @@ class Rviz(unittest.TestCase):
         self.simulation.run_for(0.5)
 
     def test_8_what_is_missing_is_said_and_ends_nothing(self):
-        display = program("m2wr_view", "virtual_display")
-        words = [sys.executable, display, "_config:=" + rospy.get_param("/bug2_display/config"), "__name:=third"]
-        done = run_program(words + ["_out:=/tmp"], environment={"PATH": "/nowhere"})
-        self.assertEqual(done.returncode, 0)
-        self.assertIn("no program Xvfb; install it (apt install xvfb)", done.stdout + done.stderr)
-        done = run_program([word.replace("bug2.rviz", "lost.rviz") for word in words])
-        self.assertEqual(done.returncode, 0)
-        self.assertIn("lost.rviz", done.stdout + done.stderr)
-        with Running(words + ["_out:=/proc/none"]) as run:
-            wait_until(lambda: "No pictures are saved" in run.text, "what /proc/none is good for", 30.0)
-            wait_until(lambda: "pictures go to" in run.text, "the display", 30.0)
-            run.process.send_signal(signal.SIGINT)
-            run.wait()
-        self.assertEqual(run.process.returncode, 0, run.text)
+        config = rospy.get_param("/bug2_display/config")
+        command = [sys.executable, program("m2wr_view", "virtual_display")]
+        # beside one another, for each takes seconds to start
+        with Running(command + ["_config:=" + config, "_out:=/tmp", "__name:=third"],
+                     {"PATH": "/nowhere"}) as poor, \
+                Running(command + ["_config:=/tmp/lost.rviz", "_out:=/tmp", "__name:=fourth"]) as lost, \
+                Running(command + ["_config:=" + config, "_out:=/proc/none", "__name:=fifth"]) as mute:
+            mute.wait_for_text("No pictures are saved")
+            mute.wait_for_text("pictures go to")
+            mute.process.send_signal(signal.SIGINT)
+            for run, said in ((poor, "no program Xvfb; install it (apt install xvfb)"), (lost, "lost.rviz"), (mute, "")):
+                self.assertEqual(run.wait(), 0, run.text)
+                self.assertIn(said, run.text)
 
     def test_9_the_end_is_in_a_picture(self):
         folders = [rospy.get_param("/%s/out" % name) for name in ("virtual_display", "bug2_display")]

@@ -2,8 +2,9 @@
 """A controller for the tests of lockstep: ``lockstep_puppet.py NAME BEHAVIOUR [TURN]``.
 
 From turn TURN on it drives (forward, always), blocks (never answers), fails (raises), dies (without a word) or ends the
-run; what it does before is driving.  As ``early`` it ends the run and has sent a command before its first turn.  As
-``answer`` it knows nothing of lockstep and sends one command for each scan.
+run; what it does before is driving.  As ``early`` it ends the run and has sent a command before its first turn; as
+``shy`` it ends the run and has refused the first who wanted to hear its commands.  As ``answer`` it knows nothing of
+lockstep and sends one command for each scan.
 """
 import os
 import sys
@@ -13,6 +14,8 @@ import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
+
+from rospy.impl.masterslave import ROSHandler
 
 from m2wr_lockstep.controller import Controller
 
@@ -52,7 +55,7 @@ class Puppet:
                 raise RuntimeError("the puppet lost its strings")
             if self.behaviour == "die":
                 os._exit(3)
-            if self.behaviour in ("end", "early"):
+            if self.behaviour in ("end", "early", "shy"):
                 print("puppet: %d turns, %d scans, %d odometries, %.3f s" % (
                     self.turns, self.scans, self.odometries, now))
                 return 0
@@ -79,9 +82,25 @@ def answer_scans():
     rospy.spin()
 
 
+def refuse_once(topic):
+    """Refuse the first request for a topic, as a node does that is not ready yet: a rospy subscriber then gives up."""
+    wanted = ROSHandler.requestTopic
+
+    def request(handler, caller, name, protocols):
+        if name != topic:
+            return wanted(handler, caller, name, protocols)
+        ROSHandler.requestTopic = wanted
+        print("puppet: refused %s" % caller, flush=True)
+        return -1, "Not a publisher of [%s]" % name, []
+
+    ROSHandler.requestTopic = request
+
+
 def main():
     """Entry point."""
     name, behaviour = rospy.myargv(sys.argv)[1:3]
+    if behaviour == "shy":
+        refuse_once("/cmd_vel")
     rospy.init_node(name)
     if behaviour == "answer":
         answer_scans()

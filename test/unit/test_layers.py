@@ -37,16 +37,21 @@ RULES = (
     Rule("m2wr_sim/api/*.py", NUMERIC | {"gymnasium", "rospkg"}, False, True,
          ("m2wr_sim.ros", "motion_plan.ros*", "motion_plan.*_nodes")),
     Rule("m2wr_sim/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_sim/doctor/*.py", ANYTHING, True, False, ()),              # looks at machine and graph
     Rule("m2wr_sim/bench/*.py", ANYTHING, True, False, ()),               # measures time, and the whole node
     Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbag", "yaml"}, False, True, EDGES),
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_lockstep/controller.py", ANYTHING, True, False, ()),
     Rule("m2wr_lockstep/*.py", set(), False, False, ("m2wr_lockstep.controller",)),       # waits in wall time
+    Rule("m2wr_course/*.py", NUMERIC | {"lxml"}, False, True, EDGES),
     Rule("m2wr_view/ros/*.py", ANYTHING, True, False, ()),
-    Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag"}, False, True, ("m2wr_view.ros",)),
+    Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag", "yaml"}, False, True, ("m2wr_view.ros",)),
     Rule("m2wr_gmapping/replay/*.py", ANYTHING, True, False, ()),         # reads bags and measures time
     Rule("m2wr_gmapping/ros/*.py", ANYTHING, True, False, ()),
-    Rule("m2wr_gmapping/*.py", NUMERIC, False, True, ("m2wr_gmapping.ros", "m2wr_gmapping.replay")),
+    Rule("m2wr_gmapping/bench/*.py", NUMERIC | {"rosbag", "rospy"}, True, False, ("m2wr_gmapping.ros",)),
+    Rule("m2wr_gmapping/plot/*.py", NUMERIC | {"matplotlib"}, False, True, ("m2wr_gmapping.ros",)),
+    Rule("m2wr_gmapping/*.py", NUMERIC, False, True,
+         ("m2wr_gmapping.ros", "m2wr_gmapping.replay", "m2wr_gmapping.bench", "m2wr_gmapping.plot")),
     Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),
     Rule("motion_plan/*_nodes.py", ANYTHING, True, False, ()),
     Rule("motion_plan/ros/*.py", ANYTHING, True, False, ()),

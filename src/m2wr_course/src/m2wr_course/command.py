@@ -1,0 +1,46 @@
+"""The command ``rosrun m2wr_course exercise N FILE``."""
+import argparse
+import os
+import sys
+
+from m2wr_course.programs import nearest
+from m2wr_course.robots import laser_behind, same_robot, wider_robot
+from m2wr_course.worlds import two_walls
+from m2wr_sim.errors import SimError
+
+#: By number: what the file is, and the check.
+EXERCISES = {
+    1: ("robot with its wheels 0.6 m apart (.xacro, .urdf)", wider_robot),
+    2: ("the same robot in tidier files (.xacro)", same_robot),
+    3: ("robot with a second laser that looks back (.xacro, .urdf)", laser_behind),
+    4: ("Python file with the function nearest", nearest),
+    5: ("world in which Bug 2 meets two walls (.world)", two_walls),
+}
+
+
+def main(arguments=None):
+    """Check one file; returns 0 if all is right, 1 if something is not yet, 2 if it cannot be tried at all."""
+    told = "\n".join("%d  %s" % (number, what) for number, (what, _) in sorted(EXERCISES.items()))
+    parser = argparse.ArgumentParser("exercise", description="Check an exercise of the course.",
+                                     epilog="exercises:\n" + told,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("number", type=int, choices=sorted(EXERCISES), help="which exercise")
+    parser.add_argument("file", help="what you have made")
+    options = parser.parse_args(arguments)
+    if not os.path.isfile(options.file):
+        print("exercise %d: there is no file %s; expected a %s" % (options.number, options.file,
+                                                                   EXERCISES[options.number][0]), file=sys.stderr)
+        return 2
+    wrong = looked = 0
+    try:
+        for finding in EXERCISES[options.number][1](os.path.abspath(options.file)):
+            looked += 1
+            print("%-8s %s" % ("ok" if finding.right else "not yet", finding.text))
+            if not finding.right:
+                wrong += 1
+                print("         %s" % finding.cure)
+    except (SimError, SyntaxError, OSError) as error:
+        print("exercise %d: %s: %s" % (options.number, options.file, error), file=sys.stderr)
+        return 2
+    print("exercise %d: %s" % (options.number, "done" if not wrong else "%d of %d not yet" % (wrong, looked)))
+    return 1 if wrong else 0

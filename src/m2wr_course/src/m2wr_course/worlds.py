@@ -1,0 +1,31 @@
+"""Exercise 5: a world in which Bug 2 has to follow walls twice and still comes to its goal."""
+from m2wr_course.finding import Finding
+from m2wr_sim.api.bug2_runner import run_bug2
+from m2wr_sim.api.loading import read_world
+
+START, GOAL, WALLS, LIMIT = (0.0, 8.0), (0.0, -4.0), 2, 900.0
+
+
+def two_walls(path):
+    """Exercise 5.
+
+    Parameters
+    ----------
+    path : str
+        World file; start and goal are those of ``bug2.launch``.
+
+    Yields
+    ------
+    Finding
+    """
+    run = run_bug2(read_world(path), START, GOAL, limit=LIMIT)
+    hits = run.points("wall_following")
+    yield Finding(len(hits) >= WALLS, "Bug 2 meets a wall %d times%s" % (
+        len(hits), "".join(", at (%.1f, %.1f)" % hit for hit in hits)),
+        "something must stand across the line from (0, 8) to (0, -4) in %d places, a metre and more apart" % WALLS)
+    yield Finding(run.outcome == "goal_reached",
+                  "the run ends after %.0f s: %s (%s)" % (run.time, run.outcome, run.reason),
+                  "leave a way round: gates of at least 1.4 m, and nothing nearer than 0.8 m to the goal")
+    yield Finding(not run.touches, "the robot touches %s" % (
+        ", ".join(sorted({touch.second for touch in run.touches})) or "nothing"),
+        "nothing may stand within 0.5 m of the start, and nothing may be lower than the laser, 0.15 m")

@@ -1,0 +1,138 @@
+"""Each exercise: what a student starts from is not yet right, a solution is, and typical mistakes are named."""
+import shutil
+from pathlib import Path
+
+import pytest
+from m2wr_course.command import EXERCISES, main
+from m2wr_sim.api.loading import package_folder
+
+URDF = Path(package_folder("m2wr_description")) / "urdf"
+BACK = """
+  <joint name="joint_back" type="fixed"><origin xyz="-0.25 0 0.1" rpy="0 0 3.14159"/>
+    <parent link="link_chassis"/><child link="sensor_back"/></joint>
+  <link name="sensor_back"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0"
+    iyz="0"/></inertial></link>
+  <gazebo reference="sensor_back"><sensor type="ray" name="back"><update_rate>20</update_rate><ray><scan><horizontal>
+    <samples>360</samples><min_angle>-1.5</min_angle><max_angle>1.5</max_angle></horizontal></scan><range><min>0.1</min>
+    <max>10</max></range></ray><plugin name="b" filename="libgazebo_ros_laser.so"><topicName>/m2wr/back/scan</topicName>
+    <frameName>sensor_back</frameName></plugin></sensor></gazebo>
+"""
+BOX = ('<model name="%s"><static>1</static><pose>0 %g 0.5 0 0 0</pose><link name="l"><collision name="c"><geometry>'
+       "<box><size>2 0.3 1</size></box></geometry></collision></link></model>")
+NEAREST = """
+import math
+def nearest(ranges, angle_min, angle_increment):
+    found = [(r, angle_min + i * angle_increment) for i, r in enumerate(ranges) if math.isfinite(r)]
+    return min(found) if found else None
+"""
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """The robot's files, to be edited; call with (file, old, new) to change one and get the robot's path."""
+    folder = tmp_path / "my_robot"
+    shutil.copytree(str(URDF), str(folder))
+
+    def change(*edits):
+        for name, old, new in (("m2wr.xacro", "$(find m2wr_description)/urdf/", ""),) + edits:
+            text = (folder / name).read_text(encoding="utf-8")
+            assert old in text
+            (folder / name).write_text(text.replace(old, new), encoding="utf-8")
+        return str(folder / "m2wr.xacro")
+
+    return change
+
+
+WIDER = (("m2wr.xacro", "-0.05 0.20 0", "-0.05 0.30 0"), ("m2wr.xacro", "-0.05 -0.20 0", "-0.05 -0.30 0"))
+
+
+def check(number, path, capsys):
+    code = main([str(number), str(path)])
+    return code, capsys.readouterr()
+
+
+def test_a_wider_robot_is_done_when_the_plugin_knows_it(robot, capsys):
+    path = robot(*WIDER, ("m2wr.gazebo", "<wheelSeparation>0.4", "<wheelSeparation>0.6"))
+    code, said = check(1, path, capsys)
+    assert code == 0 and "exercise 1: done" in said.out, said.out
+
+
+def test_a_separation_that_was_forgotten_shows_in_the_turn(robot, capsys):
+    code, said = check(1, robot(*WIDER), capsys)
+    assert code == 1 and "it turns with 0.33" in said.out and "<wheelSeparation>" in said.out
+
+
+def test_the_robot_as_it_is_is_no_solution_of_the_first(robot, capsys):
+    code, said = check(1, robot(), capsys)
+    assert code == 1 and "the wheels are 0.40 m apart" in said.out and said.out.count("not yet  ") == 1
+
+
+def test_bigger_wheels_tilt_it(robot, capsys):
+    code, said = check(1, robot(*WIDER, ("macros.xacro", 'radius="0.1"', 'radius="0.2"')), capsys)
+    assert code == 1 and "degrees from level" in said.out.split("not yet")[1]
+
+
+def test_tidier_files_of_the_same_robot_are_done(robot, capsys):
+    path = robot(("macros.xacro", 'radius="0.1"', 'radius="${wheel_radius}"'),
+                 ("macros.xacro", "<xacro:macro name=\"link_wheel\"",
+                  '<xacro:property name="wheel_radius" value="0.10"/><xacro:macro name="link_wheel"'))
+    code, said = check(2, path, capsys)
+    assert code == 0, said.out
+
+
+def test_another_robot_is_told_by_its_part(robot, capsys):
+    code, said = check(2, robot(("macros.xacro", 'radius="0.1"', 'radius="0.11"')), capsys)
+    assert code == 1 and "<link link_left_wheel> differs from m2wr's" in said.out and "used: none" in said.out
+
+
+def test_a_laser_behind_is_done(robot, capsys):
+    code, said = check(3, robot(("m2wr.xacro", "</robot>", BACK + "</robot>")), capsys)
+    assert code == 0, said.out
+
+
+def test_a_laser_that_looks_ahead_does_not_see_the_wall_behind(robot, capsys):
+    path = robot(("m2wr.xacro", "</robot>", BACK.replace("3.14159", "0") + "</robot>"))
+    code, said = check(3, path, capsys)
+    assert code == 1 and "turns the laser round" in said.out and "1 of 4 not yet" in said.out
+
+
+def test_one_laser_is_not_two(robot, capsys):
+    code, said = check(3, robot(), capsys)
+    assert code == 1 and "the robot has 1 laser\n" in said.out
+
+
+def test_a_careful_nearest_is_done(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(NEAREST)
+    assert check(4, tmp_path / "mine.py", capsys)[0] == 0
+
+
+def test_a_careless_nearest_fails_where_it_should(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("def nearest(r, a, d):\n    m = min(r)\n    return m, a + r.index(m) * d\n")
+    code, said = check(4, tmp_path / "mine.py", capsys)
+    assert code == 1 and "no beams at all: it raises ValueError" in said.out and "ok       one thing ahead" in said.out
+
+
+def world(path, *boxes):
+    models = "".join(BOX % ("box%d" % number, y) for number, y in enumerate(boxes))
+    path.write_text('<sdf version="1.6"><world name="w"><include><uri>model://ground_plane</uri></include>'
+                    "%s</world></sdf>" % models)
+    return path
+
+
+def test_two_boxes_on_the_line_are_done(tmp_path, capsys):
+    code, said = check(5, world(tmp_path / "w.world", 4.5, 0.0), capsys)
+    assert code == 0, said.out
+
+
+def test_one_box_is_not_enough(tmp_path, capsys):
+    code, said = check(5, world(tmp_path / "w.world", 2.0), capsys)
+    assert code == 1 and "meets a wall 1 times" in said.out
+
+
+@pytest.mark.parametrize("number", sorted(EXERCISES))
+def test_files_that_cannot_be_tried_end_in_a_sentence(number, tmp_path, capsys):
+    code, said = check(number, tmp_path / "none", capsys)
+    assert code == 2 and "there is no file" in said.err
+    (tmp_path / "broken").write_text("<robot name=")
+    code, said = check(number, tmp_path / "broken", capsys)
+    assert code == 2 and said.err.count("\n") == 1 and "broken" in said.err

@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# Makes the pictures of README files and docs/ again, without a display. GALLERY names documents; default: all.
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_run_environment
+cd "$WORKSPACE"
+read -r -a documents <<< "${GALLERY:-}"
+exec "$PYTHON" tools/gallery.py "${documents[@]}"

@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# Writes docs/reference.md from the code and from the topics and services of running nodes.
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_run_environment
+exec "$PYTHON" "$WORKSPACE/tools/reference.py" --graph
