@@ -235,7 +235,7 @@ class Rviz(unittest.TestCase):
             mute.wait_for_text("No pictures are saved")
             mute.wait_for_text("pictures go to")
             mute.process.send_signal(signal.SIGINT)
-            for run, said in ((poor, "no program Xvfb; install it (apt install xvfb)"), (lost, "lost.rviz"), (mute, "")):
+            for run, said in ((poor, "no program Xvfb; install it (apt install xvfb"), (lost, "lost.rviz"), (mute, "")):
                 self.assertEqual(run.wait(), 0, run.text)
                 self.assertIn(said, run.text)
 

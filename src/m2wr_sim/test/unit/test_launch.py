@@ -67,9 +67,19 @@ def test_arguments_reach_the_nodes():
 def test_recording_names_the_bag_from_where_roslaunch_was_started(monkeypatch, record, words):
     monkeypatch.setenv("PWD", "/home/me")
     nodes, _ = load("bug2.launch", "record:=" + record)
-    assert words in nodes["record"].args and nodes["record"].required
+    assert words in nodes["record"].args and not nodes["record"].required
     for topic in ("/gazebo/world_markers", "/robot_description", "/gazebo/robot_states", "/odom"):
         assert topic in nodes["record"].args.split()
+
+
+@pytest.mark.parametrize("drive", ["bug2", "tour", "none"])
+def test_mapping_is_recorded_with_its_map(monkeypatch, drive):
+    monkeypatch.setenv("PWD", "/home/me")
+    nodes, params = load("mapping.launch", "record:=true", "real_time_factor:=0", "drive:=" + drive)
+    assert "-o '/home/me/mapping'" in nodes["record"].args and not nodes["record"].required
+    assert {"/map", "/gazebo/world_markers", "/odom"} <= set(nodes["record"].args.split())
+    assert params["/gazebo/lockstep_listeners"] == ["/slam_gmapping", "/record"]
+    assert "record" not in load("mapping.launch", "record:=false", "drive:=" + drive)[0]
 
 
 def test_no_bag_and_no_pictures_are_asked_for_by_false():
@@ -104,10 +114,11 @@ def test_rviz_on_a_virtual_display_is_one_argument(name):
 @pytest.mark.parametrize("name, model, frame", [("bug2.launch", "m2wr", "odom"), ("mapping.launch", "m2wr", "odom"),
                                                 ("robots.launch", "robot1", "world")])
 def test_where_rviz_is_a_robot_can_be_placed(name, model, frame):
-    assert "place_robot" not in load(name, "gui:=false")[0]
+    assert not {"place_robot", "click_obstacles"} & set(load(name, "gui:=false")[0])
     nodes, params = load(name, "gui:=true")
     assert "place_robot" in nodes and "rviz" in nodes
     assert (params["/place_robot/model"], params["/place_robot/frame"]) == (model, frame)
+    assert params["/click_obstacles/frame"] == frame
 
 
 ROBOTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "data", "robots")

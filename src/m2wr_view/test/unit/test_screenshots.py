@@ -11,7 +11,7 @@ from PIL import Image
 
 from m2wr_view.errors import ViewError
 from m2wr_view.ros import rviz_window, screenshot, virtual_display
-from m2wr_view.ros.processes import Child, find_program
+from m2wr_view.ros.processes import Child, find_program, make_folder
 from m2wr_view.screenshots import Screenshots
 
 RED = Image.new("RGB", (30, 20), (200, 10, 10))
@@ -167,6 +167,19 @@ def test_how_a_process_ended_is_told_with_its_last_words(tmp_path):
                   dict(os.environ))
     child._process.wait(10)
     assert not child.alive() and child.end() == "code 3: two / three / no room"
+
+
+def test_folders_of_displays_that_were_killed_are_deleted_and_others_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / "m2wr_display_strange").mkdir()         # whose it is cannot be told
+    used, used_lock = make_folder()
+    left, left_lock = make_folder()
+    left_lock.close()                                   # as the end of its process does
+    new, new_lock = make_folder()
+    assert not os.path.exists(left)
+    assert sorted(map(str, tmp_path.iterdir())) == sorted([used, new, str(tmp_path / "m2wr_display_strange")])
+    used_lock.close()
+    new_lock.close()
 
 
 def test_a_process_goes_when_the_one_that_started_it_is_killed(tmp_path):

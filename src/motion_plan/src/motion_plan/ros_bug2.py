@@ -27,8 +27,8 @@ GOAL_TOPIC = '/move_base_simple/goal'
 STATUS_PERIOD = 0.5
 #: Wall seconds that the last latched messages get to leave before the node exits.
 FAREWELL_SECONDS = 0.5
-#: Wall seconds between two attempts to place the robot.
-PLACE_PAUSE = 0.2
+#: Wall seconds between two attempts to place the robot, and for how long it may not be there yet: it is being spawned.
+PLACE_PAUSE, PLACE_PATIENCE = 0.2, 2.0
 
 
 class Bug2Publishers:
@@ -164,7 +164,7 @@ class Bug2Node:
             if self._senses_nothing():
                 return None
             self._begin()
-        code = self._decide(now) if self._take_news() else None
+        code = self._decide(now) if self._take_news(now) else None
         if self._rhythm.lockstep:
             self._rhythm.note = self.bug.state.value
             if code is not None:
@@ -264,6 +264,7 @@ class Bug2Node:
         if self._initial_yaw != 0.0:    # else the report's all-zero quaternion, which means no rotation
             state.pose.orientation.z = math.sin(self._initial_yaw / 2)
             state.pose.orientation.w = math.cos(self._initial_yaw / 2)
+        quiet_until = time.monotonic() + PLACE_PATIENCE
         while not rospy.is_shutdown():
             try:
                 answer = rospy.ServiceProxy(SET_MODEL_STATE, SetModelState)(state)
@@ -274,8 +275,10 @@ class Bug2Node:
                 problem = answer.status_message
             except (rospy.ServiceException, rospy.ROSException) as error:
                 problem = str(error)
-            rospy.logwarn_throttle(5.0, 'bug2: %s did not place model "%s" at (%.2f, %.2f): %s; trying again'
-                                   % (SET_MODEL_STATE, self._model_name, self.bug.start[0], self.bug.start[1], problem))
+            if time.monotonic() > quiet_until:
+                rospy.logwarn_throttle(
+                    5.0, 'bug2: %s did not place model "%s" at (%.2f, %.2f): %s; trying again'
+                    % (SET_MODEL_STATE, self._model_name, self.bug.start[0], self.bug.start[1], problem))
             time.sleep(PLACE_PAUSE)
 
     def _missing_topics(self):
@@ -306,13 +309,15 @@ class Bug2Node:
         with self._asked_lock:
             self._asked = (x, y)
 
-    def _take_news(self):
+    def _take_news(self, now):
         """Begin anew where a goal was given or the robot was put elsewhere; False while no scan has come from there."""
         with self._senses.lock:
             pose, jumped = self._senses.pose, self._senses.jumped
             if pose is None:
                 return True
             if jumped and not self._senses.scan_since_jump:
+                if self._senses.stale(now):
+                    rospy.logwarn_throttle(5.0, 'bug2: the robot was put elsewhere; waiting for a scan from there')
                 return False
             self._senses.jumped = False
         with self._asked_lock:

@@ -61,6 +61,7 @@ def calls(monkeypatch):
     for name in ('loginfo', 'logwarn', 'logerr', 'loginfo_throttle', 'logwarn_throttle'):
         monkeypatch.setattr(rospy, name, lambda *words: None)
     monkeypatch.setattr(rospy, 'logwarn', lambda text, *words: made.warnings.append(text % words))
+    monkeypatch.setattr(rospy, 'logwarn_throttle', lambda period, text: made.warnings.append(text))
     monkeypatch.setattr(ros_bug2, 'Diagnostics', lambda *_: None)
     monkeypatch.setattr(ros_bug2, 'choose_rhythm', lambda: Rhythm(made))
     return made
@@ -130,7 +131,9 @@ def test_put_elsewhere_it_waits_for_a_scan_and_begins_anew(node, calls):
     node._senses.jumped, node._senses.scan_since_jump = True, False
     put(node, 4.0, 4.0)
     node._turn(1.05)
-    assert node.bug.start == (0.0, 8.0) and not calls.switched
+    assert node.bug.start == (0.0, 8.0) and not calls.switched and not calls.warnings
+    node._turn(9.0)                 # the laser is dead: that is said, and not that it goes on
+    assert node.bug.start == (0.0, 8.0) and 'waiting for a scan' in calls.warnings[-1]
     node._senses.scan_since_jump = True
     node._turn(1.1)
     assert (node.bug.start, node.bug.goal, node.bug.state) == ((4.0, 4.0), (0.0, -4.0), State.GO_TO_POINT)

@@ -44,10 +44,12 @@ def _listen(state):
         listener.close()
 
 
-def format_findings(found):
-    """Return the lines for the screen."""
+def format_findings(found, quiet=False):
+    """Return the lines for the screen; the last one counts all findings, also those that ``quiet`` leaves out."""
     lines, area = [], None
     for entry in found:
+        if quiet and entry.level == OK:
+            continue
         if entry.area != area:
             area = entry.area
             lines.append(area)
@@ -73,10 +75,9 @@ def main(argv=None, machine=None):
     graph.time_limit(_NETWORK)
     found = examine(machine or Machine(), not given.not_running)
     code = LEVELS.index(worst(found))
-    if given.quiet:
-        found = [entry for entry in found if entry.level != OK]
     if given.json:
-        print(json.dumps({"exit_code": code, "findings": [dict(entry._asdict()) for entry in found]}, indent=1))
+        kept = [dict(entry._asdict()) for entry in found if not (given.quiet and entry.level == OK)]
+        print(json.dumps({"exit_code": code, "findings": kept}, indent=1))
     else:
-        print(format_findings(found))
+        print(format_findings(found, given.quiet))
     return code

@@ -14,7 +14,7 @@ from m2wr_view.errors import ViewError
 from m2wr_view.frames import rotation_of
 from m2wr_view.outlines import M2WR_FOOTPRINT, box_outline, cylinder_outline, footprint_distances, sphere_outline
 from m2wr_view.solids import Solids, read_robot
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
@@ -126,20 +126,23 @@ class World:
 
         Without the topic of world markers, as on another simulator, these are the obstacles of this module.
         """
-        topic = self._root + "/world_markers"
+        topic, own, others = self._root + "/world_markers", self.obstacles(), []
         try:
             known = dict(rospy.get_published_topics())
         except OSError:         # the master has gone: what comes next says so
             known = {}
         if topic in known:
             try:
-                solids = Solids()
-                solids.update(rospy.wait_for_message(topic, MarkerArray, timeout=_MARKERS_PATIENCE).markers)
-                return solids.blocking
+                message, solids = rospy.wait_for_message(topic, MarkerArray, timeout=_MARKERS_PATIENCE), Solids()
+                # markers come a moment after the fact; the services know what is there now
+                there = set(self.names()) - set(own)
+                solids.update([marker for marker in message.markers
+                               if marker.action == Marker.DELETEALL or marker.ns in there])
+                others = solids.blocking
             except rospy.ROSException:
                 log.warning("%s gives nothing within %g s; only obstacles of one's own are kept clear of", topic,
                             _MARKERS_PATIENCE)
-        return [outline_of(*entry) for entry in self.obstacles().values()]
+        return list(others) + [outline_of(*own[name]) for name in sorted(own)]
 
     def free_name(self, taken, stem="obstacle"):
         """Return ``obstacle1``, ``obstacle2``, ...: the first that is not taken."""

@@ -1,4 +1,6 @@
 """Xvfb and rviz as processes of ours: they end with us however we end, and say why when they end by themselves."""
+import fcntl
+import glob
 import os
 import re
 import select
@@ -10,12 +12,15 @@ import time
 
 from m2wr_view.errors import ViewError
 from m2wr_view.framebuffer import read_xwd
+from m2wr_view.ros.tie import tied
 
 START_PATIENCE = 20.0       # s of wall time for Xvfb to come up
 _STOP_PATIENCE = 2.0        # s of wall time to end on SIGTERM
 _LAST_LINES = 3             # of what a process has said, for messages
 _SAME_TRIES = 5             # looks at the screen until two agree: rviz may be drawing
 _KILLED_BY = "signal %d"
+_FOLDER = "m2wr_display_"   # beginning of the names of displays' own folders
+_IN_USE = "in_use"          # file in each, locked by whose it is
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
 
 
@@ -42,11 +47,10 @@ class Child:
 
     def __init__(self, words, log, environment, pass_fds=()):
         self._log = log
-        tie = shutil.which("setpriv")
         with open(log, "wb") as stream:
             self._process = subprocess.Popen(
-                ([tie, "--pdeathsig", "TERM"] if tie else []) + words, stdin=subprocess.DEVNULL, stdout=stream,
-                stderr=stream, env=environment, start_new_session=True, pass_fds=pass_fds)
+                tied(words), stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env=environment,
+                start_new_session=True, pass_fds=pass_fds)
 
     @property
     def pid(self):
@@ -81,6 +85,28 @@ class Child:
                 continue
 
 
+def make_folder():
+    """Make a folder of our own below that for temporary files, and delete those whose owners were killed.
+
+    Returns
+    -------
+    str, file
+        The folder, and a file that is to stay open as long as the folder is in use.
+    """
+    for path in glob.glob(os.path.join(tempfile.gettempdir(), _FOLDER + "*", _IN_USE)):
+        try:
+            with open(path) as stream:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(os.path.dirname(path), ignore_errors=True)
+        except OSError:
+            continue        # in use, or another user's
+    folder = tempfile.mkdtemp(prefix=_FOLDER)
+    lock = open(os.path.join(folder, "new"), "w")
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    os.rename(lock.name, os.path.join(folder, _IN_USE))     # not to be seen before it is locked
+    return folder, lock
+
+
 class Xvfb:
     """A display without a screen, with a number that nobody else has.
 
@@ -97,7 +123,7 @@ class Xvfb:
 
     def __init__(self, size):
         program = find_program("Xvfb", "xvfb")
-        self._folder = tempfile.mkdtemp(prefix="m2wr_display_")
+        self._folder, self._lock = make_folder()
         reader, writer = os.pipe()
         try:
             # Xvfb itself looks for a free number; a number chosen here could be taken a moment later
@@ -110,7 +136,7 @@ class Xvfb:
         except (OSError, ViewError) as error:
             if hasattr(self, "_child"):
                 self._child.stop()
-            shutil.rmtree(self._folder, ignore_errors=True)
+            self._remove()
             raise ViewError("Xvfb does not start: %s" % error)
         finally:
             os.close(reader)
@@ -160,7 +186,11 @@ class Xvfb:
     def stop(self):
         """End the display and remove its folder."""
         self._child.stop()
+        self._remove()
+
+    def _remove(self):
         shutil.rmtree(self._folder, ignore_errors=True)
+        self._lock.close()
 
 
 def start_rviz(display, config_text, node_name):

@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 
+from m2wr_view.ros.tie import tied
+
 _PATIENCE = 10.0            # s for a display to answer; one at the other end of a broken line never does
 # in a process of its own, because Xlib waits for ever
 _TRY_DISPLAY = "import ctypes, sys; sys.exit(0 if ctypes.CDLL('libX11.so.6').XOpenDisplay(None) else 3)"
@@ -55,7 +57,7 @@ def main(words=None):
     told = []
     for number in (signal.SIGINT, signal.SIGTERM):      # roslaunch tells the whole group, so rviz hears it as well
         signal.signal(number, lambda received, _: told.append(received))
-    child = subprocess.Popen([program] + words)
+    child = subprocess.Popen(tied([program] + words))
     signal_sent = False
     while True:
         try:
@@ -68,5 +70,6 @@ def main(words=None):
                 child.terminate()
                 signal_sent = True
     if code and not told:
-        say("ended with %s; the run goes on" % ("signal %d" % -code if code < 0 else "code %d" % code))
+        say("ended with %s; the run goes on. Where the display's OpenGL is at fault: export LIBGL_ALWAYS_SOFTWARE=1"
+            % ("signal %d" % -code if code < 0 else "code %d" % code))
     return 0
