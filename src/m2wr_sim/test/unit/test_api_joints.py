@@ -94,3 +94,20 @@ def test_numbers_that_are_not_finite_are_refused(rotor):
     answer = api.set_joint_properties(properties("turn", vel=math.nan))
     assert not answer.success and "expected a finite number" in answer.status_message
     assert api.apply_joint_effort(effort("turn", math.inf)).status_message == "ApplyJointEffort: effort is not finite"
+
+
+@pytest.mark.parametrize("first, second", [(3.0, 0.0), (0.0, -2.0), (1.0, 2.0)])
+def test_a_joint_with_two_axes_takes_a_value_for_each(make_rig, first, second):
+    link = Link("link", inertial=Inertial(1.0, inertia=(0.5, 0.0, 0.0, 0.5, 0.0, 0.5)), gravity=False)
+    joint = Joint("knuckle", "universal", "world", "link", axis=Axis(xyz=(1.0, 0.0, 0.0)),
+                  axis2=Axis(xyz=(0.0, 1.0, 0.0)))
+    rig = make_rig(Model("rotor", (link,), (joint,)))
+    api = JointApi(rig.simulator, Forces(rig.simulator))
+    values = ODEJointProperties(fmax=[100.0, 100.0], vel=[first, second], damping=[0.1, 0.2], hiStop=[1.5])
+    assert api.set_joint_properties(srv.SetJointPropertiesRequest("knuckle", values)).success
+    record = rig.simulator.models["rotor"].joint_record("knuckle")
+    assert [axis.damping for axis in record.axes()] == [0.1, 0.2]
+    assert (record.axis.upper, record.axis2.upper) == (1.5, 1e16)
+    rig.run(0.05)
+    spin = rig.engine.link_state(rig.simulator.models["rotor"].handle.links["link"]).angular_velocity
+    assert sum(value * value for value in spin) == pytest.approx(first * first + second * second, rel=0.05)

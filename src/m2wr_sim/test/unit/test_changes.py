@@ -89,7 +89,7 @@ def test_a_mass_that_is_none_is_refused_and_nothing_is_stored(make_rig, build):
 def test_damping_given_later_slows_the_joint(make_rig):
     rig = make_rig(rotor())
     model = rig.simulator.models["rotor"]
-    changes.set_joint_properties(rig.simulator, model, "turn", {"damping": 0.5}, {})
+    changes.set_joint_properties(rig.simulator, model, "turn", {0: ({"damping": 0.5}, {})})
     rig.engine.set_link_velocity(model.handle.links["link"], REST, (0.0, 0.0, 1.0))
     rig.run(1.0)
     assert rig.engine.joint_rate(joint_of(rig)) == pytest.approx(math.exp(-1.0), rel=2e-3)    # rate d / I = 1 per s
@@ -98,8 +98,8 @@ def test_damping_given_later_slows_the_joint(make_rig):
 def test_stops_given_later_hold_and_bound_the_configuration(make_rig):
     rig = make_rig(rotor())
     model = rig.simulator.models["rotor"]
-    changes.set_joint_properties(rig.simulator, model, "turn", {"lower": -0.5, "upper": 0.5},
-                                 {"lower": -0.5, "upper": 0.5})
+    changes.set_joint_properties(rig.simulator, model, "turn",
+                                 {0: ({"lower": -0.5, "upper": 0.5}, {"lower": -0.5, "upper": 0.5})})
     rig.engine.set_link_velocity(model.handle.links["link"], REST, (0.0, 0.0, 1.0))
     rig.run(2.0)
     assert -0.51 < rig.engine.joint_angle(joint_of(rig)) < 0.51
@@ -109,8 +109,8 @@ def test_stops_given_later_hold_and_bound_the_configuration(make_rig):
 
 def test_a_motor_given_later_turns_the_joint(make_rig):
     rig = make_rig(rotor())
-    changes.set_joint_properties(rig.simulator, rig.simulator.models["rotor"], "turn", {},
-                                 {"rate": 2.0, "max_force": 10.0})
+    changes.set_joint_properties(rig.simulator, rig.simulator.models["rotor"], "turn",
+                                 {0: ({}, {"rate": 2.0, "max_force": 10.0})})
     rig.run(1.0)
     assert rig.engine.joint_rate(joint_of(rig)) == pytest.approx(2.0)
     assert rig.engine.joint_angle(joint_of(rig)) == pytest.approx(1.9, rel=1e-2)     # 0.1 s to get there
@@ -119,7 +119,29 @@ def test_a_motor_given_later_turns_the_joint(make_rig):
 def test_a_number_that_is_none_is_refused_by_name(make_rig):
     rig = make_rig(rotor())
     with pytest.raises(ModelError, match="rotor::turn: rate is nan"):
-        changes.set_joint_properties(rig.simulator, rig.simulator.models["rotor"], "turn", {}, {"rate": math.nan})
+        changes.set_joint_properties(rig.simulator, rig.simulator.models["rotor"], "turn",
+                                     {0: ({}, {"rate": math.nan})})
+
+
+def test_values_for_an_axis_that_is_not_there_are_told_and_the_others_taken(make_rig, caplog):
+    rig = make_rig(rotor())
+    model = rig.simulator.models["rotor"]
+    changes.set_joint_properties(rig.simulator, model, "turn", {0: ({}, {"rate": 2.0, "max_force": 10.0}),
+                                                                1: ({"damping": 3.0}, {"rate": -9.0})})
+    rig.run(1.0)
+    assert rig.engine.joint_rate(joint_of(rig)) == pytest.approx(2.0)
+    assert model.joint_record("turn").axis2 is None and "values for axis 1 have no effect" in caplog.text
+
+
+def test_of_the_axes_none_is_changed_where_one_cannot_be(make_rig):
+    rig = make_rig(rotor())
+    before = rig.simulator.models["rotor"].record
+    with pytest.raises(ModelError, match="damping is inf"):
+        changes.set_joint_properties(rig.simulator, rig.simulator.models["rotor"], "turn",
+                                     {0: ({}, {"rate": 2.0, "max_force": 10.0}), 1: ({"damping": math.inf}, {})})
+    assert rig.simulator.models["rotor"].record is before
+    rig.run(0.1)
+    assert rig.engine.joint_rate(joint_of(rig)) == 0.0
 
 
 # ---- wrenches ------------------------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from geometry_msgs.msg import Point, Vector3, Wrench
 
 from conftest import at
 from m2wr_sim.errors import ModelError
-from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Axis, Box, Collision, Inertial, Joint, Link, Model
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.ros.api_joints import JointApi
@@ -17,7 +16,7 @@ from m2wr_sim.ros.api_links import LinkApi
 from m2wr_sim.ros.api_physics import PhysicsApi
 from m2wr_sim.runtime.entities import LiveModel
 from m2wr_sim.runtime.forces import Forces
-from m2wr_sim.runtime.limits import solver_stops, strongest, strongest_damping, strongest_effort
+from m2wr_sim.runtime.limits import solver_stops, strongest, strongest_effort
 
 STEP = 0.001
 HUGE = (1e300, -1e300, 1e12, -1e7)
@@ -76,20 +75,8 @@ def test_a_link_with_next_to_no_mass_between_two_joints_does_not_count_alone():
     dummy = Link("dummy", inertial=Inertial(1e-5, inertia=(1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-9)))
     joints = (Joint("yaw", "revolute", "base", "dummy"), Joint("pitch", "revolute", "dummy", "arm"))
     model = live(Model("crane", model.links + (dummy,), joints))
-    for name, sides in (("yaw", (0.4, 0.5)), ("pitch", (0.4, 0.5))):
-        joint = model.joint_record(name)
-        assert strongest_effort(model, joint, STEP) == pytest.approx(FASTEST * 0.4 / STEP)
-        assert strongest_damping(model, joint, STEP) == pytest.approx(0.5 / STEP / sum(1.0 / side for side in sides))
-
-
-@pytest.mark.parametrize("kind, parent, turn, expected", [
-    ("revolute", "world", (0.0, 0.0, 0.0), 0.4), ("revolute", "base", (0.0, 0.0, 0.0), 1.0 / (1 / 0.4 + 1 / 0.5)),
-    # the joint's axis is fixed to the arm: laid down, it is the base's y, and still the arm's own z
-    ("revolute", "base", (0.5 * math.pi, 0.0, 0.0), 1.0 / (1 / 0.4 + 1 / 1.0)),
-    ("prismatic", "base", (0.0, 0.0, 0.0), 1.0 / (1 / 2.0 + 1 / 5.0)), ("prismatic", "world", (0.0, 0.0, 0.0), 2.0)])
-def test_damping_that_halves_the_rate_of_both_links_in_series(kind, parent, turn, expected):
-    model = live(arm(kind, parent, quaternion_from_rpy(*turn)))
-    assert strongest_damping(model, model.joint_record("joint"), STEP) == pytest.approx(0.5 * expected / STEP)
+    for name in ("yaw", "pitch"):
+        assert strongest_effort(model, model.joint_record(name), STEP) == pytest.approx(FASTEST * 0.4 / STEP)
 
 
 @pytest.mark.parametrize("stops, taken", [
@@ -150,23 +137,24 @@ def test_no_effort_tears_the_world_apart(apis, value, kind, caplog):
 
 
 @pytest.mark.parametrize("value", HUGE + (-1.0, 5e-324))
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "universal"])
 def test_no_number_of_a_joint_tears_the_world_apart(apis, value, kind):
     rig, _, joints, _ = apis(kind)
-    for fields in [{name: [value]} for name in ODEJointProperties.__slots__] + [{"fmax": [abs(value)], "vel": [value]}]:
+    both = [value, value]
+    for fields in [{name: both} for name in ODEJointProperties.__slots__] + [{"fmax": [abs(value)] * 2, "vel": both}]:
         joints.set_joint_properties(srv.SetJointPropertiesRequest("joint", ODEJointProperties(**fields)))
         assert survives(rig, 0.1)
 
 
-def test_damping_beyond_what_a_step_takes_brakes_hard_and_is_told(apis, caplog):
+def test_damping_beyond_what_a_step_takes_stops_the_joint_at_once(apis):
     rig, _, joints, _ = apis()
     rig.engine.set_joint_motor(rig.simulator.models["crane"].handle.joints["joint"], 5.0, 1e4)
     rig.run(0.1)
     rig.engine.set_joint_motor(rig.simulator.models["crane"].handle.joints["joint"], 0.0, 0.0)
     answer = joints.set_joint_properties(srv.SetJointPropertiesRequest("joint", ODEJointProperties(damping=[1e9])))
-    assert answer.success and "damping 1e+09 is taken as" in caplog.text
+    assert answer.success
     rates = [rig.run(0.001).rate("joint", "crane") for _ in range(30)]
-    assert rates[0] == pytest.approx(2.5, rel=0.05) and 0.0 <= min(rates) and max(rates[10:]) < 0.2    # never drives
+    assert max(map(abs, rates)) < 1e-3
 
 
 @pytest.mark.parametrize("fields", [dict(mass=1e300), dict(ixx=1e300), dict(ixy=1e300), dict(izz=1e30), dict(mass=0.0),

@@ -3,9 +3,7 @@ import os
 import re
 from dataclasses import MISSING, fields
 
-import pytest
-
-from m2wr_sim.model import gazebo_tags, sdf, sdf_joint, sdf_light, sdf_model, sdf_physics, sdf_sensor, sdf_shapes
+from m2wr_sim.model import gazebo_tags, sdf_elements
 from m2wr_sim.plugins.registry import PLUGINS
 from m2wr_sim.ros.api_table import SERVICES
 from m2wr_sim.ros.params import NodeConfig
@@ -35,32 +33,25 @@ def test_every_service_is_in_the_table():
     assert listed == sorted(list(SERVICES) + ["get_loggers", "set_logger_level", "set_parameters"])
 
 
-SDF_TABLE = {
-    "world": (sdf._WORLD_READ, sdf._WORLD_SILENT),
-    "physics": (sdf_physics._PHYSICS_READ, sdf_physics._PHYSICS_SILENT),
-    "ode": (sdf_physics._SOLVER_READ | sdf_physics._CONSTRAINTS_READ, sdf_physics._SOLVER_SILENT),
-    "include": (sdf_model._INCLUDE_READ, ()), "model": (sdf_model._MODEL_READ, sdf_model._MODEL_SILENT),
-    "link": (sdf_model._LINK_READ, sdf_model._LINK_SILENT), "geometry": (sdf_shapes.READABLE, ()),
-    "joint": (sdf_joint._READ, ("sensor", "gearbox_ratio", "gearbox_reference_body", "thread_pitch")),
-    "axis": (sdf_joint._AXIS_READ, ("initial_position",)),
-    "sensor": (sdf_sensor._SENSOR_READ, sdf_sensor._SENSOR_SILENT),
-    "ray": (sdf_sensor._RAY_READ | sdf_sensor._NOISE_READ, ()), "light": (sdf_light._READ, ()),
-}
-
-
-@pytest.mark.parametrize("element", sorted(SDF_TABLE))
-def test_every_element_of_sdf_is_in_the_table(element):
-    section = _text().split("## SDF")[1].split("\n## ")[0]
-    row, = re.findall(r"^\| `<%s>` \| (.*) \|(.*)\|$" % element, section, re.M)
-    assert [set(re.findall(r"`(\w+)`", cell)) for cell in row] == [set(names) for names in SDF_TABLE[element]]
+def test_the_table_of_sdf_is_the_codes_own():
+    section = _text().split("## SDF\n")[1].split("\n## ")[0]
+    assert "\n".join(sdf_elements.table()) in section
 
 
 def test_every_tag_of_gazebo_blocks_is_in_the_table():
     section = _text().split("## URDF")[1].split("\n## ")[0]
     listed = set(re.findall(r"`<?(\w+)>?`", section))
-    known = (gazebo_tags._COLLISION_TAGS | gazebo_tags._LINK_TAGS | gazebo_tags._JOINT_TAGS | gazebo_tags._MODEL_TAGS
-             | gazebo_tags._JOINT_SILENT)
+    known = (gazebo_tags._COLLISION_TAGS | gazebo_tags._LINK_TAGS | gazebo_tags._LINK_BLOBS | gazebo_tags._LINK_QUIET
+             | gazebo_tags._JOINT_TAGS | gazebo_tags._JOINT_QUIET | gazebo_tags._MODEL_TAGS | gazebo_tags._MODEL_QUIET)
     assert known <= listed
+
+
+def test_every_tag_and_attribute_of_urdf_is_in_the_table():
+    section = _text().split("## URDF")[1].split("\n## ")[0]
+    kinds = re.findall(r"`(\w+)`", section)
+    assert {"floating", "planar"} <= set(kinds)
+    for tag in ("inertial", "limit", "dynamics", "axis", "mimic", "origin", "surface"):
+        assert "<%s" % tag in section, tag
 
 
 def test_every_plugin_is_in_the_table():

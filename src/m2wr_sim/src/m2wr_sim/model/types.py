@@ -237,6 +237,13 @@ class Joint:
     axis: Axis = Axis()
     axis2: Optional[Axis] = None
 
+    def axes(self):
+        """Return the axes that a joint of this kind has, the parent's first."""
+        if self.kind == "universal":
+            x, y, z = self.axis.xyz
+            return (self.axis, self.axis2 or Axis(xyz=(y, z, x)))
+        return (self.axis,) if self.kind in ("revolute", "prismatic") else ()
+
 
 @dataclass(frozen=True)
 class PluginSpec:

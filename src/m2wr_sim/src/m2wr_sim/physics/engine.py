@@ -118,7 +118,7 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def set_link_inertial(self, link, inertial):
-        """Give a link another mass and inertia; the centre of mass stays where it was built.
+        """Give a link another mass, inertia and centre of mass; it stays where it is and moves on as it did.
 
         Raises
         ------
@@ -127,16 +127,19 @@ class Engine(abc.ABC):
         """
 
     @abc.abstractmethod
-    def change_joint(self, joint, axis, parameters):
-        """Give a joint other numbers.
+    def change_joint(self, joint, axis, parameters, index=0):
+        """Give one axis of a joint other numbers.
 
         Parameters
         ----------
         joint : int
+            Of a kind that has axes: see :meth:`~m2wr_sim.model.types.Joint.axes`.
         axis : Axis
             Taken from it: damping.
         parameters : dict
             Of :data:`JOINT_PARAMETERS`, name to value, for what the solver keeps itself.
+        index : int
+            Which of the joint's axes.
         """
 
     @abc.abstractmethod

@@ -26,6 +26,7 @@ _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES,
              layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_NOW,
              layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
+_MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
 _LEVEL = 0.9            # of a plane's normal, upwards: far from what steep contacts begin at
 
 
@@ -184,7 +185,7 @@ class NativeEngine(PyodeEngine):
             self._angles[drive] = row + 1
         for index, drive in enumerate(self._damped_joints):
             row = starts[layout.H_DAMPED_JOINTS] + index * layout.DAMPED_WORDS
-            words[row], values[row + 1], words[row + 2] = handles[drive], abs(drive.spec.axis.damping), drive.hinge
+            words[row], values[row + 1], words[row + 2] = handles[drive], drive.damping, drive.hinge
             values[row + 3:row + 5] = drive.spec.axis.spring_stiffness, drive.spec.axis.spring_reference
 
     def _fill_fences(self, starts, geoms):
@@ -236,14 +237,21 @@ class NativeEngine(PyodeEngine):
         """Return the native handles of all joints: a body lists its joints from the one attached last."""
         handles = {}
         for parts in self._moving:
-            by_name, seen = {link.spec.name: self._handles[link] for link in parts.links}, {}
+            by_name = {link.spec.name: self._handles[link] for link in parts.links}
+            waiting = {body: self._own_joints(body) for body in by_name.values()}
             for drive in reversed(parts.joints):
-                ends = [by_name[end] for end in {drive.spec.child, drive.spec.parent} if end != "world"]
-                handles[drive] = self._library.dBodyGetJoint(
-                    by_name[drive.spec.child], seen.get(by_name[drive.spec.child], 0))
-                for end in ends:
-                    seen[end] = seen.get(end, 0) + 1
+                for end in {drive.spec.child, drive.spec.parent} - {"world"}:
+                    joint = next(waiting[by_name[end]])
+                    if end == drive.spec.child:
+                        handles[drive] = joint
         return handles
+
+    def _own_joints(self, body):
+        """Yield the native handles of a body's joints that are the model's own: not its dampers, nor contacts."""
+        for index in range(self._library.dBodyGetNumJoints(body)):
+            joint = self._library.dBodyGetJoint(body, index)
+            if self._library.dJointGetType(joint) in _MODEL_JOINTS:
+                yield joint
 
     @staticmethod
     def _classes(shapes):
@@ -301,15 +309,15 @@ class NativeEngine(PyodeEngine):
         entries = [self._links[link] for link, _ in parts]
         if not parts or any(entry.body is None for entry in entries):
             return super().pose_reader(parts)
-        bodies, makeup = None, -1
-        shifts = np.array([entry.com for entry in entries], dtype=float)
+        bodies, shifts, makeup = None, None, -1
         offsets = np.array([tuple(position) + tuple(orientation) for _, (position, orientation) in parts], dtype=float)
 
         def read(positions, orientations):
-            nonlocal bodies, makeup
+            nonlocal bodies, shifts, makeup
             if makeup != self._makeup:          # a handle must not be used once its body may be gone
                 makeup = self._makeup
                 bodies = np.array([self._handles[self._links[link]] for link, _ in parts], np.uint64)
+                shifts = np.array([self._links[link].com for link, _ in parts], dtype=float)
             kernels.read_poses(bodies, shifts, offsets, positions, orientations)
 
         return read

@@ -51,7 +51,8 @@ def library():
                 ("dGeomSetData", None, [handle, handle]), ("dSpaceGetNumGeoms", ctypes.c_int, [handle]),
                 ("dGeomGetAABB", None, [handle, handle]), ("dGeomDestroy", None, [handle]),
                 ("dCreateBox", handle, [handle] + 3 * [ctypes.c_double]),
-                ("dBodyGetJoint", handle, [handle, ctypes.c_int])):
+                ("dBodyGetJoint", handle, [handle, ctypes.c_int]), ("dBodyGetNumJoints", ctypes.c_int, [handle]),
+                ("dJointGetType", ctypes.c_int, [handle])):
             function = getattr(_library, name)
             function.restype, function.argtypes = result, arguments
     return _library

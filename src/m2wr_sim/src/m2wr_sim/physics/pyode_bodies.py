@@ -20,7 +20,7 @@ COLLIDE_EVERYTHING = 0x7fffffff
 
 # Joint parameters of ODE 0.16 by number: the binding's own constants are those of an older library and do nothing.
 PARAM_LO_STOP, PARAM_HI_STOP, PARAM_VEL, PARAM_FMAX, PARAM_CFM = 0, 1, 2, 5, 8
-PARAM_STOP_ERP, PARAM_STOP_CFM = 9, 10
+PARAM_STOP_ERP, PARAM_STOP_CFM, PARAM_GROUP_2 = 9, 10, 0x100
 PARAMETERS = {"lower": PARAM_LO_STOP, "upper": PARAM_HI_STOP, "rate": PARAM_VEL, "max_force": PARAM_FMAX,
               "fudge_factor": 6, "cfm": PARAM_CFM, "stop_erp": PARAM_STOP_ERP, "stop_cfm": PARAM_STOP_CFM, "erp": 13}
 
@@ -39,12 +39,13 @@ class LinkBody:
 
 
 class JointDrive:
-    """One joint in the engine, with its count of full turns."""
+    """One joint in the engine, with its count of full turns and how it is damped: see dampers.settle."""
 
-    __slots__ = ("name", "spec", "joint", "hinge", "angle")
+    __slots__ = ("name", "spec", "joint", "hinge", "angle", "damping", "dampers")
 
     def __init__(self, name, spec, joint, hinge):
         self.name, self.spec, self.joint, self.hinge, self.angle = name, spec, joint, hinge, 0.0
+        self.damping, self.dampers = 0.0, {}
 
 
 def ode_quaternion(quaternion):
@@ -180,46 +181,57 @@ def make_joint(world, spec, name, parent, child):
     Gazebo attaches the child as the first body, so positions and rates are those of the child relative to the parent.
     """
     first, second = child.body, parent.body if parent is not None else ode.environment
-    child_pose = link_pose(child)
-    anchor, orientation = compose(child_pose, spec.pose)
-    axis = rotate(orientation, spec.axis.xyz)
     kinds = {"revolute": ode.HingeJoint, "prismatic": ode.SliderJoint, "fixed": ode.FixedJoint, "ball": ode.BallJoint,
              "universal": ode.UniversalJoint}
     if spec.kind not in kinds:
         raise ModelError("joint %s: type %s; expected one of %s" % (name, spec.kind, ", ".join(sorted(kinds))))
     joint = kinds[spec.kind](world)
     joint.attach(first, second)
-    if spec.kind == "fixed":
-        joint.setFixed()
-        return JointDrive(name, spec, joint, False)
-    if spec.kind in ("ball", "universal"):
-        joint.setAnchor(anchor)
-        if spec.kind == "universal":
-            joint.setAxis1(axis)
-            joint.setAxis2(rotate(orientation, (spec.axis.xyz[1], spec.axis.xyz[2], spec.axis.xyz[0])))
-        return JointDrive(name, spec, joint, False)
-    if spec.kind == "revolute":
-        joint.setAnchor(anchor)
-    joint.setAxis(axis)
-    _limit_joint(joint, spec)
-    if spec.axis.friction > 0.0:
-        joint.setParam(PARAM_VEL, 0.0)
-        joint.setParam(PARAM_FMAX, spec.axis.friction)
+    anchor_joint(joint, spec, child)
+    for index, axis in enumerate(spec.axes()):
+        _set_up_axis(joint, spec.kind, axis, axis_group(spec.kind, index))
     return JointDrive(name, spec, joint, spec.kind == "revolute")
 
 
-def _limit_joint(joint, spec):
-    """Set stops; ODE knows none beyond half a turn for hinges, wider ones are left out."""
-    bound = math.pi if spec.kind == "revolute" else 1e15
-    if spec.axis.lower > -bound:
-        joint.setParam(PARAM_LO_STOP, spec.axis.lower)
-    if spec.axis.upper < bound:
-        joint.setParam(PARAM_HI_STOP, spec.axis.upper)
-    if spec.axis.lower > -bound or spec.axis.upper < bound:
-        joint.setParam(PARAM_STOP_ERP, spec.axis.stop_erp)
-        joint.setParam(PARAM_STOP_CFM, max(spec.axis.stop_cfm, 0.0))
-    if spec.axis.fudge_factor is not None:
-        joint.setParam(PARAMETERS["fudge_factor"], spec.axis.fudge_factor)
+def anchor_joint(joint, spec, child):
+    """Set where a joint is and what it counts from, from its links as they stand: as in the model, unturned."""
+    anchor, orientation = compose(link_pose(child), spec.pose)
+    axis = rotate(orientation, spec.axis.xyz)
+    if spec.kind == "fixed":
+        joint.setFixed()
+    elif spec.kind == "ball":
+        joint.setAnchor(anchor)
+    elif spec.kind == "universal":
+        joint.setAnchor(anchor)
+        # libode's first axis is the child's, a model's is the parent's
+        joint.setAxis1(rotate(orientation, spec.axes()[1].xyz))
+        joint.setAxis2(axis)
+    else:
+        if spec.kind == "revolute":
+            joint.setAnchor(anchor)
+        joint.setAxis(axis)
+
+
+def axis_group(kind, index):
+    """Return what libode adds to the numbers of the parameters of a joint's axis."""
+    return PARAM_GROUP_2 if kind == "universal" and index == 0 else 0
+
+
+def _set_up_axis(joint, kind, axis, group):
+    """Set stops and friction; ODE knows no stops beyond half a turn for what turns, wider ones are left out."""
+    bound = 1e15 if kind == "prismatic" else math.pi
+    if axis.lower > -bound:
+        joint.setParam(group + PARAM_LO_STOP, axis.lower)
+    if axis.upper < bound:
+        joint.setParam(group + PARAM_HI_STOP, axis.upper)
+    if axis.lower > -bound or axis.upper < bound:
+        joint.setParam(group + PARAM_STOP_ERP, axis.stop_erp)
+        joint.setParam(group + PARAM_STOP_CFM, max(axis.stop_cfm, 0.0))
+    if axis.fudge_factor is not None:
+        joint.setParam(group + PARAMETERS["fudge_factor"], axis.fudge_factor)
+    if axis.friction > 0.0:
+        joint.setParam(group + PARAM_VEL, 0.0)
+        joint.setParam(group + PARAM_FMAX, axis.friction)
 
 
 def link_pose(link):

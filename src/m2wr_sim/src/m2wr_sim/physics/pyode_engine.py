@@ -12,7 +12,8 @@ import ode
 from m2wr_sim.errors import ModelError, SimError
 from m2wr_sim.geometry import cross, rotate
 from m2wr_sim.model.types import Heightmap, Plane
-from m2wr_sim.physics import native_ode, pyode_bodies as bodies
+from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
+from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import MODE_FDIR1, STEEP, load_class, pair_surface, reduced
 from m2wr_sim.physics.engine import TOO_FAST, Engine, LinkState, ModelHandle, Touch
@@ -166,6 +167,8 @@ class PyodeEngine(Engine):
         gone = set(parts.geoms)
         self._pairs = {pair: value for pair, value in self._pairs.items() if gone.isdisjoint(pair)}
         for drive in parts.joints:
+            for damper in drive.dampers.values():
+                damper.remove()
             drive.joint.attach(None, None)
         parts.joints = []
         for geom in parts.geoms:
@@ -185,11 +188,17 @@ class PyodeEngine(Engine):
     def _refresh_lists(self):
         """Collect what needs attention in every step, so that a step asks nothing else."""
         self._hinges = [drive for drive in self._joints.values() if drive.hinge]
-        self._damped_joints = [drive for drive in self._joints.values()
-                               if (drive.spec.axis.damping or drive.spec.axis.spring_stiffness)
-                               and drive.spec.kind in ("revolute", "prismatic")]
+        self._settle_damping()
         self._damped_links = [link for link in self._links.values() if link.body is not None
                               and (link.spec.linear_damping or link.spec.angular_damping)]
+
+    def _settle_damping(self):
+        """Choose how joints are damped, which depends on the step."""
+        for parts in self._moving:
+            dampers.settle(self._world, parts, self._dt)
+        self._damped_joints = [drive for drive in self._joints.values()
+                               if (drive.damping or drive.spec.axis.spring_stiffness)
+                               and drive.spec.kind in ("revolute", "prismatic")]
 
     # ---- stepping ----------------------------------------------------------------------------------------------
 
@@ -203,7 +212,7 @@ class PyodeEngine(Engine):
         for _ in range(count):
             self._steps += 1
             if self._damped_joints or self._damped_links:
-                self._damp()
+                dampers.slow_down(self._damped_joints, self._damped_links)
             for parts in moving:
                 ode.collide2(parts.space, static, None, near)
                 if parts.self_colliding:
@@ -220,19 +229,6 @@ class PyodeEngine(Engine):
                 if not sum(map(abs, linear() + angular())) < TOO_FAST:
                     raise SimError(bodies.describe_loss(self._steps, self._dt, parts, link))
         self._unwrap(count)
-
-    def _damp(self):
-        for drive in self._damped_joints:
-            axis, joint = drive.spec.axis, drive.joint
-            position, rate = (joint.getAngle(), joint.getAngleRate()) if drive.hinge else (
-                joint.getPosition(), joint.getPositionRate())
-            push = joint.addTorque if drive.hinge else joint.addForce
-            push(-abs(axis.damping) * rate - axis.spring_stiffness * (position - axis.spring_reference))
-        for link in self._damped_links:
-            for scale, get, put in ((link.spec.linear_damping, link.body.getLinearVel, link.body.setLinearVel),
-                                    (link.spec.angular_damping, link.body.getAngularVel, link.body.setAngularVel)):
-                keep = max(0.0, 1.0 - scale)
-                put(tuple(keep * value for value in get()))
 
     def _near_itself(self, _, first, second):
         """Contacts inside a model: only between two links that ask for it and share no joint."""
@@ -412,15 +408,21 @@ class PyodeEngine(Engine):
     def set_link_inertial(self, link, inertial):
         entry = self._links[link]
         if entry.body is not None:
-            entry.body.setMass(bodies.make_mass(inertial, entry.name))
-            entry.body.enable()
+            mass = bodies.make_mass(inertial, entry.name)
+            if tuple(inertial.pose[0]) != tuple(entry.com):
+                move_centre(next(parts for parts in self._moving if entry in parts.links), entry, inertial.pose[0])
+            entry.body.setMass(mass)
+            if entry.spec.kinematic:
+                entry.body.setKinematic()       # a mass ends that
+            entry.spec = replace(entry.spec, inertial=inertial)
+            self._refresh_lists()
+            self._wake()
 
-    def change_joint(self, joint, axis, parameters):
+    def change_joint(self, joint, axis, parameters, index=0):
         drive = self._joints[joint]
-        drive.spec = replace(drive.spec, axis=axis)
-        if drive.spec.kind in ("revolute", "prismatic"):
-            for name, value in parameters.items():
-                drive.joint.setParam(bodies.PARAMETERS[name], value)
+        drive.spec = replace(drive.spec, **{"axis2" if index else "axis": axis})
+        for name, value in parameters.items():
+            drive.joint.setParam(bodies.axis_group(drive.spec.kind, index) + bodies.PARAMETERS[name], value)
         self._refresh_lists()
         self._wake()
 
@@ -472,6 +474,7 @@ class PyodeEngine(Engine):
         world.setContactMaxCorrectingVel(settings.max_correcting_velocity)
         world.setQuickStepNumIterations(settings.iterations)
         self._pairs = {}                # what a contact does depends on the step and the limits
+        self._settle_damping()
         self._wake()
 
     def reseed(self, seed):

@@ -15,6 +15,7 @@ log = logging.getLogger(__name__)
 _AXIS = {"damping": "damping", "hiStop": "upper", "loStop": "lower", "stop_erp": "stop_erp", "stop_cfm": "stop_cfm"}
 _SOLVER = {"hiStop": "upper", "loStop": "lower", "erp": "erp", "cfm": "cfm", "stop_erp": "stop_erp",
            "stop_cfm": "stop_cfm", "fudge_factor": "fudge_factor", "fmax": "max_force", "vel": "rate"}
+_MOST_AXES = 3              # values for more are no mistake in an axis but a mistake in the message
 
 
 class JointApi:
@@ -44,16 +45,17 @@ class JointApi:
                                           success=True, status_message="GetJointProperties: got properties")
 
     def set_joint_properties(self, request):
-        """Change what the fields that are not empty tell about a joint's axis."""
+        """Change what the fields that are not empty tell about a joint's axes, one value each."""
         found = self._find(request.joint_name)
         if found is None:
             return SetJointPropertiesResponse(False, "SetJointProperties: joint not found")
-        given = {field: getattr(request.ode_joint_config, field) for field in set(_AXIS) | set(_SOLVER)}
-        given = {field: values[0] for field, values in given.items() if values}
+        changes = {}
+        for position, names in enumerate((_AXIS, _SOLVER)):
+            for field, name in names.items():
+                for axis, value in enumerate(getattr(request.ode_joint_config, field)[:_MOST_AXES]):
+                    changes.setdefault(axis, ({}, {}))[position][name] = value
         try:
-            set_joint_properties(self._simulator, *found,
-                                 axis_changes={_AXIS[field]: given[field] for field in _AXIS if field in given},
-                                 parameters={_SOLVER[field]: given[field] for field in _SOLVER if field in given})
+            set_joint_properties(self._simulator, *found, changes=changes)
         except ModelError as error:
             log.error("set_joint_properties: %s", error)
             return SetJointPropertiesResponse(False, "SetJointProperties: %s" % error)

@@ -112,7 +112,7 @@ class LinkApi:
         return response
 
     def set_link_properties(self, request):
-        """Store mass, inertia and centre of mass, and let gravity act or not."""
+        """Set mass, inertia and centre of mass, which act unless faults are kept, and let gravity act or not."""
         found = self._find(request.link_name)
         if found is None:
             return SetLinkPropertiesResponse(False, "SetLinkProperties: " + _NO_LINK)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from m2wr_sim.errors import ModelError, ParameterError
 from m2wr_sim.geometry import IDENTITY, compose, cross, normalise_quaternion, rotate, rotate_inverse
 from m2wr_sim.physics.engine import FARTHEST, FASTEST, settings_from_physics
-from m2wr_sim.runtime.limits import (GREATEST_GRAVITY, GREATEST_INERTIA, GREATEST_MOTOR, HEAVIEST, solver_stops,
-                                     strongest_damping)
+from m2wr_sim.runtime.limits import (FARTHEST_CENTRE, GREATEST_GRAVITY, GREATEST_INERTIA, GREATEST_MOTOR, HEAVIEST,
+                                     solver_stops)
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +37,7 @@ def set_link_state(simulator, model, name, pose, linear, angular):
 
 
 def set_link_properties(simulator, model, name, gravity, inertial, solve):
-    """Store a link's gravity switch and Inertial; ``solve`` makes mass and inertia act, else only gravity does.
+    """Store a link's gravity switch and Inertial; ``solve`` makes the latter act, else only gravity does.
 
     Raises
     ------
@@ -49,6 +49,9 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
         if not (inertial.mass <= HEAVIEST and all(abs(value) <= GREATEST_INERTIA for value in inertial.inertia)):
             raise ModelError("link %s::%s: mass %g kg with inertia %s; expected at most %g kg and %g kg m^2" % (
                 model.name, name, inertial.mass, list(inertial.inertia), HEAVIEST, GREATEST_INERTIA))
+        if not all(abs(value) <= FARTHEST_CENTRE for value in inertial.pose[0]):
+            raise ModelError("link %s::%s: centre of mass at %s; expected at most %g m from the link's frame" % (
+                model.name, name, tuple(inertial.pose[0]), FARTHEST_CENTRE))
         simulator.engine.set_link_inertial(link, inertial)
         model.kept_inertials.pop(name, None)
     else:
@@ -59,11 +62,17 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
         for record in model.record.links))
 
 
-def set_joint_properties(simulator, model, name, axis_changes, parameters):
-    """Change fields of a joint's Axis and parameters of its solver (``engine.JOINT_PARAMETERS``).
+def set_joint_properties(simulator, model, name, changes):
+    """Change a joint, all of its axes that are named or, if one cannot be, none.
 
-    Damping that would drive the joint instead of braking it, because it acts as a force found before each step, is cut
-    to what stops the joint within a few steps.
+    Parameters
+    ----------
+    simulator : Simulator
+    model : LiveModel
+    name : str
+    changes : dict
+        Index of the axis -> (fields of its Axis, parameters of its solver: ``engine.JOINT_PARAMETERS``).  A joint that
+        nothing moves (fixed, or of a static model) keeps the numbers only for who asks.
 
     Raises
     ------
@@ -71,31 +80,35 @@ def set_joint_properties(simulator, model, name, axis_changes, parameters):
         If a number is not finite, or would throw the joint.
     """
     where = "%s::%s" % (model.name, name)
-    for key, value in list(axis_changes.items()) + list(parameters.items()):
+    for fields, parameters in changes.values():
+        _check_joint_numbers(where, list(fields.items()) + list(parameters.items()))
+    joint, number = model.joint_record(name), model.handle.joints.get(name)
+    axes, taken = dict(enumerate(joint.axes() or (joint.axis,))), {}
+    for index, (fields, parameters) in changes.items():
+        if index not in axes:
+            log.warning("joint %s: values for axis %d have no effect: it is of type %s and has %d", where, index,
+                        joint.kind, len(joint.axes()))
+            continue
+        axes[index] = replace(axes[index], **fields)
+        if number is not None and joint.axes():
+            stops = {key: parameters[key] for key in ("lower", "upper") if key in parameters}
+            position = simulator.engine.joint_angle(number)
+            taken[index] = dict(parameters, **solver_stops(where, joint, position, simulator.step_ns * 1e-9, stops))
+    for index, parameters in taken.items():
+        simulator.engine.change_joint(number, axes[index], parameters, index)
+    second = {"axis2": axes[1]} if 1 in axes else {}
+    model.record = replace(model.record, joints=tuple(
+        replace(record, axis=axes[0], **second) if record.name == name else record for record in model.record.joints))
+
+
+def _check_joint_numbers(where, numbers):
+    """Raise ModelError if one of some ``(name, value)`` is not finite or more than the world survives."""
+    most = {"rate": FASTEST, "max_force": GREATEST_MOTOR}
+    for key, value in numbers:
         if not math.isfinite(value):
             raise ModelError("joint %s: %s is %g; expected a finite number" % (where, key, value))
-    for key, most in (("rate", FASTEST), ("max_force", GREATEST_MOTOR)):
-        if abs(parameters.get(key, 0.0)) > most:
-            raise ModelError("joint %s: %s is %g; expected at most %g" % (where, key, parameters[key], most))
-    joint = model.joint_record(name)
-    axis, number = replace(joint.axis, **axis_changes), model.handle.joints.get(name)
-    if number is not None and joint.kind in ("revolute", "prismatic"):
-        step = simulator.step_ns * 1e-9
-        stops = {key: parameters[key] for key in ("lower", "upper") if key in parameters}
-        parameters = dict(parameters, **solver_stops(where, joint, simulator.engine.joint_angle(number), step, stops))
-        axis = _stable_damping(where, model, joint, axis, step) if "damping" in axis_changes else axis
-        simulator.engine.change_joint(number, axis, parameters)
-    model.record = replace(model.record, joints=tuple(
-        replace(record, axis=axis) if record.name == name else record for record in model.record.joints))
-
-
-def _stable_damping(where, model, joint, axis, step):
-    most = strongest_damping(model, joint, step)
-    if abs(axis.damping) <= most:
-        return axis
-    log.warning("joint %s: damping %g is taken as %g, which halves a free joint's rate in each step of %g ms",
-                where, axis.damping, most, 1e3 * step)
-    return replace(axis, damping=most)
+        if abs(value) > most.get(key, math.inf):
+            raise ModelError("joint %s: %s is %g; expected at most %g" % (where, key, value, most[key]))
 
 
 def wrench_as_gazebo(link_pose, frame, point, force, torque):

@@ -10,6 +10,7 @@ from m2wr_sim.physics.engine import FASTEST
 GREATEST_GRAVITY = 1e4                      # m/s^2: what falls becomes as fast as anything may be within a second
 GREATEST_MOTOR = 1e6                        # N m and N
 HEAVIEST, GREATEST_INERTIA = 1e9, 1e9       # kg, kg m^2
+FARTHEST_CENTRE = 100.0                     # m, of the centre of mass from its link's frame
 
 
 def strongest(inertial, step):
@@ -20,15 +21,6 @@ def strongest(inertial, step):
 def strongest_effort(model, joint, step):
     """Return the effort [N m or N] on a joint that brings the lighter of its sides to ``FASTEST`` in one step [s]."""
     return FASTEST * min(_inertias(model, joint)) / step
-
-
-def strongest_damping(model, joint, step):
-    """Return the damping [N m s/rad or N s/m] that takes half of a joint's rate away in one step [s].
-
-    It acts as a force found before the step, so from four times as much on it would drive the joint instead.  What
-    counts is the inertia of both sides in series.
-    """
-    return 0.5 / (sum(1.0 / inertia for inertia in _inertias(model, joint)) * step)
 
 
 def solver_stops(where, joint, position, step, stops):
@@ -42,7 +34,7 @@ def solver_stops(where, joint, position, step, stops):
         If a joint at ``position`` would be thrown towards its new stop.
     """
     taken = dict(stops)
-    if joint.kind == "revolute":
+    if joint.kind != "prismatic":
         position = math.remainder(position, 2.0 * math.pi)
         if stops.get("lower", 0.0) <= -math.pi:
             taken["lower"] = -math.inf
@@ -50,7 +42,7 @@ def solver_stops(where, joint, position, step, stops):
             taken["upper"] = math.inf
     for name, value in taken.items():
         beyond = value - position if name == "lower" else position - value
-        farthest = math.pi if joint.kind == "revolute" else FASTEST * step
+        farthest = FASTEST * step if joint.kind == "prismatic" else math.pi
         if beyond > farthest:
             raise ModelError("joint %s: the %s stop %g is %g away from where the joint is, %g; expected at most %g"
                              % (where, name, value, beyond, position, farthest))

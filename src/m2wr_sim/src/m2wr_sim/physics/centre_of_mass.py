@@ -1,0 +1,50 @@
+"""Moving the centre of mass of a link that lives: it is the origin of its body, to which geoms and joints refer."""
+from types import SimpleNamespace
+
+from m2wr_sim.geometry import cross, rotate
+from m2wr_sim.model.types import Plane
+from m2wr_sim.physics import pyode_bodies as bodies
+
+
+def move_centre(parts, link, com):
+    """Make another point of a link the origin of its body; the link stays where it is and moves on as it did.
+
+    Joints take their anchors, and what they count angles from, from the bodies as these stand: so the link and those it
+    hangs together with are put as they were built for a moment.
+
+    Parameters
+    ----------
+    parts : object with ``links`` and ``joints``
+        The link's model.
+    link : LinkBody
+    com : (3,) of float
+        The new centre of mass, in the link frame.
+    """
+    by_name = {entry.spec.name: entry for entry in parts.links}
+    joints = [drive for drive in parts.joints if link.spec.name in (drive.spec.child, drive.spec.parent)]
+    names = {link.spec.name}.union(*((drive.spec.child, drive.spec.parent) for drive in joints))
+    kept = [(entry, entry.body.getPosition(), entry.body.getQuaternion())
+            for entry in parts.links if entry.spec.name in names and entry is not link]
+    pose = bodies.link_pose(link)
+    shift = rotate(pose[1], tuple(new - old for new, old in zip(com, link.com)))
+    linear, angular = link.body.getLinearVel(), link.body.getAngularVel()
+    link.com = tuple(com)
+    _shift_geoms(parts, link)
+    for entry in [link] + [entry for entry, _, _ in kept]:
+        bodies.place_body(entry.body, entry.com, entry.pose)
+    for drive in joints:
+        bodies.anchor_joint(drive.joint, drive.spec, by_name[drive.spec.child])
+    for entry, position, quaternion in kept:
+        entry.body.setPosition(position)
+        entry.body.setQuaternion(quaternion)
+    bodies.place_body(link.body, link.com, pose)
+    link.body.setLinearVel(tuple(a + b for a, b in zip(linear, cross(angular, shift))))
+
+
+def _shift_geoms(parts, link):
+    wheels = bodies.wheel_poses(SimpleNamespace(links=[entry.spec for entry in parts.links],
+                                                joints=[drive.spec for drive in parts.joints]))
+    for geom, collision in link.geoms:
+        if geom.getBody() is not None and not isinstance(collision.geometry, Plane):
+            position = wheels.get((link.spec.name, collision.name), collision.pose)[0]
+            geom.setOffsetPosition(tuple(a - b for a, b in zip(position, link.com)))
