@@ -1,4 +1,8 @@
 """The report on a bag: rates, gaps, what is missing, the outcome."""
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import rosbag
@@ -44,3 +48,16 @@ def test_bags_that_cannot_be_read_are_named_and_the_others_are_told(tmp_path, ca
     assert main([str(tmp_path / "no.bag"), path]) == 1
     said = capsys.readouterr()
     assert "no.bag: No such file" in said.err and "1 messages" in said.out
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(tmp_path):
+    path = str(tmp_path / "run.bag")
+    with rosbag.Bag(path, "w") as bag:
+        bag.write("/clock", Clock(), rospy.Time(1))
+    command = "import sys; from m2wr_sim.report.bag_report import main; sys.exit(main(sys.argv[1:]))"
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as closed:
+        done = subprocess.run([sys.executable, "-c", command] + 3 * [path], stdout=closed, stderr=subprocess.PIPE,
+                              universal_newlines=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
