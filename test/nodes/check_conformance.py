@@ -308,6 +308,7 @@ class Conformance(unittest.TestCase):
         self.spawn("m2wr", self.urdf)
         told = self.simulation.call("get_model_properties", "m2wr")
         self.assertEqual(told.body_names, ["link_chassis", "link_left_wheel", "link_right_wheel"])
+        self.assertEqual(told.joint_names, ["joint_left_wheel", "joint_right_wheel"])
         self.assertEqual(self.simulation.call("get_link_state", "m2wr::sensor_laser", "").success, False)
         scan = self.listen("/m2wr/laser/scan", LaserScan).next()[0]
         self.assertEqual(scan.header.frame_id, "sensor_laser")
