@@ -37,7 +37,7 @@ class Stopwatch:
 
 def peak_memory_mib():
     """Return the most memory this program has held, in MiB."""
-    try:                # the kernel's other count, below, goes on from what the process held before it became this program
+    try:            # the other count, below, goes on from what the process held before it became this program
         with open("/proc/self/status", encoding="ascii") as status:
             return round(next(int(line.split()[1]) for line in status if line.startswith("VmHWM:")) / 1024.0, 1)
     except (OSError, StopIteration):
