@@ -109,8 +109,8 @@ class ForeignLaunch(unittest.TestCase):
             self.assertAlmostEqual(at.y, 0.0, delta=0.05)
             self.assertAlmostEqual(scans.next()[-1].ranges[360], 3.6 - at.x, delta=0.3)         # it drives on
             self.drive("/hauler/cmd_vel", odometry, 0.0, 0.8,
-                       lambda messages: yaw_of(messages[-1].pose.pose.orientation) > 0.5, "a left turn")
-            self.assertGreater(yaw_of(truth.next()[0].pose.pose.orientation), 0.25)     # the casters swing round first
+                       lambda messages: yaw_of(messages[-1].pose.pose.orientation) > 1.0, "a left turn")
+            self.assertGreater(yaw_of(truth.next()[0].pose.pose.orientation), 0.8)      # the casters swing round first
             joints = self.listen("/joint_states", JointState).next()[0]
             self.assertEqual([name for name in joints.name if name.endswith("swivel")],
                              ["front_left_swivel", "front_right_swivel"])

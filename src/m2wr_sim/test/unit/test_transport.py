@@ -141,7 +141,7 @@ def test_who_does_not_read_holds_up_nobody_and_loses_only_the_oldest(channel, pe
     reader.join(PATIENCE)
     assert seen == list(range(1, MANY + 1))
     lost, = channel.dropped()
-    assert (lost.topic, lost.peer) == ("/topic", "/stuck") and lost.count > 100
+    assert (lost.topic, lost.peer) == ("/topic", "/stuck") and lost.count > 300
     assert len([entry for entry in caplog.records if "/stuck does not read /topic" in entry.getMessage()]) == 1
     got = stuck.read_seqs(MANY)                         # whole messages: what was begun, then the newest
     assert got == sorted(set(got)) and got[-50:] == list(range(MANY - 49, MANY + 1)) and got[0] == 1
