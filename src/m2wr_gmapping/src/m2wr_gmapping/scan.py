@@ -29,6 +29,12 @@ def rotation(quaternion):
                      [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
 
 
+def transform_parts(transform):
+    """Translation and quaternion x, y, z, w of a TransformStamped."""
+    t, r = transform.transform.translation, transform.transform.rotation
+    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
+
+
 @dataclass(frozen=True)
 class LaserModel:
     """How one laser measures and where it sits.

@@ -7,15 +7,11 @@ import tf2_ros
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
+from m2wr_gmapping.scan import transform_parts
+
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
 PATIENCE = 30.0         # a transform may come that much later, in time of the bag, than the scan it is for [s]
-
-
-def _parts(transform):
-    """Translation and quaternion x, y, z, w of a TransformStamped."""
-    t, r = transform.transform.translation, transform.transform.rotation
-    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
 
 
 class ScanSource:
@@ -98,7 +94,7 @@ class ScanSource:
         frame = scan.header.frame_id.lstrip("/")
         try:
             found = self._buffer.lookup_transform_core(self._odom, frame, scan.header.stamp)
-            return scan, _parts(found)
+            return scan, transform_parts(found)
         except tf2_ros.TransformException as error:
             if patience is not None and self._newest < scan.header.stamp.to_sec() + patience:
                 return None
@@ -111,7 +107,7 @@ class ScanSource:
         frame = scan.header.frame_id.lstrip("/")
         for stamp in (scan.header.stamp, rospy.Time(0)):
             try:
-                return _parts(self._buffer.lookup_transform_core(self._base, frame, stamp))
+                return transform_parts(self._buffer.lookup_transform_core(self._base, frame, stamp))
             except tf2_ros.TransformException as error:
                 self.why = "{} -> {} at {:.3f}: {}".format(self._base, frame, scan.header.stamp.to_sec(), error)
         return None

@@ -6,16 +6,12 @@ from collections import deque
 import rospy
 import tf2_ros
 
+from m2wr_gmapping.scan import transform_parts
+
 BUFFER = 60.0               # time that transforms are kept [s]
 JUMP = 1.0                  # a stamp that much older than the last one is a jump back in time [s]
 LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
 WAIT_WARNING = 5.0          # wall time after which a scan that waits is worth a word [s]
-
-
-def parts(transform):
-    """Translation and quaternion x, y, z, w of a TransformStamped."""
-    t, r = transform.transform.translation, transform.transform.rotation
-    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
 
 
 class Intake:
@@ -157,7 +153,7 @@ class Intake:
             self.without_transform += index
             for _ in range(index + 1):
                 self._waiting.popleft()
-            return scan, parts(found), self.generation
+            return scan, transform_parts(found), self.generation
         return None
 
     def _complain(self):
@@ -188,7 +184,7 @@ class Intake:
         source = scan.header.frame_id.lstrip("/")
         for stamp in (scan.header.stamp, rospy.Time(0)):
             try:
-                return parts(self._buffer.lookup_transform_core(base, source, stamp))
+                return transform_parts(self._buffer.lookup_transform_core(base, source, stamp))
             except tf2_ros.TransformException:
                 continue
         return None
