@@ -3,6 +3,7 @@ import pytest
 
 from conftest import at
 from m2wr_sim.plugins.base import Plugin
+from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.ports import Ports
 
 MS = 1000000
@@ -95,6 +96,18 @@ def test_a_message_that_comes_finds_the_bodies_in_place(make_rig, build):
         rig.simulator.settle()
         found.append((pusher.seen, rig.pose("crate")))
     assert len(found[0][0]) == 1 and found[0] == found[1]
+
+
+def test_what_changed_while_the_bodies_were_not_behind_counts_from_the_next_step(make_rig, build):
+    rig = make_rig(build.box("crate", 0.0, 0.0, 3.0, static=False, mass=2.0))
+    forces = Forces(rig.simulator)
+    rig.simulator.add_observer(forces, "forces")
+    run(rig, 0.1, False)
+    forces.push_link(rig.simulator.models["crate"], "link", (4.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0, 200 * MS)
+    run(rig, 0.3, True)
+    rig.simulator.settle()
+    speed = rig.simulator.models["crate"].state(rig.engine).linear_velocity[0]
+    assert speed == pytest.approx(0.4, abs=1e-9)            # 4 N for 0.2 s on 2 kg
 
 
 def test_a_listener_that_comes_is_served_within_50_ms(m2wr_rig):

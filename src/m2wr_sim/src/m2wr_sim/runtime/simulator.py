@@ -337,7 +337,8 @@ class Simulator:
         if anew:
             self._catch_up()
             self.ports.deliver()
-            self._hold_ns = first_ns + _HOLD_NS
+            # who is not told to look lazily may change things without a word, between this call and the next
+            self._hold_ns = first_ns + _HOLD_NS if lazily else 0
         if first_ns >= self._clock_due_ns:
             self.ports.clock(first_ns)
             self._clock_due_ns = -(-(first_ns + self._clock_period_ns) // step_ns) * step_ns
