@@ -20,13 +20,13 @@ LAUNCH = """<launch>
   </include>
 </launch>
 """
-# stiffer than any step can follow: the two parts leave in opposite directions
+# whose rest lies beyond the world: the two parts leave in opposite directions
 SPRING = """<sdf version="1.6"><model name="spring">
   <link name="base"><pose>0 0 1 0 0 0</pose></link>
   <link name="arm"><pose>0 0 1.5 0 0 0</pose></link>
   <joint name="hinge" type="prismatic"><parent>base</parent><child>arm</child>
     <axis><xyz>0 0 1</xyz>
-      <dynamics><spring_reference>0.1</spring_reference><spring_stiffness>1e9</spring_stiffness></dynamics></axis></joint>
+      <dynamics><spring_reference>1e12</spring_reference><spring_stiffness>1e9</spring_stiffness></dynamics></axis></joint>
 </model></sdf>"""
 SENSED = {"/odom", "/m2wr/laser/scan", "/joint_states", "/tf"}
 

@@ -292,3 +292,11 @@ def test_the_models_of_the_reference_are_sound():
     robot, = load_sdf_models(reference.robot_sdf(360))
     assert robot.notes == () and robot.links[0].sensors[0].ray.samples == 360
     assert sum(link.inertial.mass for link in robot.links) == pytest.approx(5.4)
+
+
+def test_the_peak_of_memory_is_not_that_of_the_process_that_started_this_one():
+    child = "from m2wr_sim.bench.machine import memory_mb; print(memory_mb('VmHWM'), memory_mb('VmRSS'))"
+    parent = ("import subprocess, sys; block = b'x' * (400 << 20); "
+              "sys.stdout.write(subprocess.check_output([sys.executable, '-c', %r]).decode())" % child)
+    peak, now = map(float, subprocess.check_output([sys.executable, "-c", parent]).split())
+    assert 1.0 < now <= peak < 300.0

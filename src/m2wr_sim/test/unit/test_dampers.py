@@ -209,3 +209,107 @@ def test_motors_and_stops_act_on_the_axis_they_are_given_for(make_engine, index,
     engine.step(2000)
     spin = engine.link_state(handle.links["link"]).angular_velocity
     assert max(map(abs, spin)) < 0.01
+
+
+# -- springs --------------------------------------------------------------------------------------------------------
+
+def sprung(stiffness, damping=0.0, kind="revolute", reference=0.4):
+    return rotor(damping, kind, spring_stiffness=stiffness, spring_reference=reference)
+
+
+@pytest.mark.parametrize("kind, moved", [("revolute", INERTIA), ("prismatic", 1.0)])
+@pytest.mark.parametrize("damping", [0.0, 3.0, 1e5])
+@pytest.mark.parametrize("stiffness", [1e3, 1e6, 1e12])
+def test_a_stiff_spring_goes_as_its_force_at_the_end_of_each_step_says(make_engine, kind, moved, damping, stiffness):
+    step = 0.1
+    engine = make_engine(1e3 * step, [sprung(stiffness, damping, kind)])
+    joint, away, rate = engine.handles[0].joints["turn"], -0.4, 0.0
+    for _ in range(6):
+        engine.step(1)
+        bound = 1e6 * moved / step                  # past that the solver's own compliance says what happens
+        strength = step * stiffness + damping
+        used = min(strength, bound)
+        gain = step * used / moved
+        rate = (rate - gain * stiffness / strength * away) / (1.0 + gain)
+        assert engine.joint_rate(joint) == pytest.approx(rate, rel=1e-5, abs=1e-5)
+        away = engine.joint_angle(joint) - 0.4      # libode turns by a little less than rate times step
+    assert dampers(engine) == 1
+
+
+@pytest.mark.parametrize("step_ms", STEPS_MS)
+@pytest.mark.parametrize("stiffness", [1.0, 50.0, 1e4, 1e9, 1e300])
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_no_spring_at_any_step_throws_its_joint_farther_than_it_was(make_engine, stiffness, step_ms, kind):
+    engine = make_engine(step_ms, [sprung(stiffness, 0.0, kind)])
+    joint, seen = engine.handles[0].joints["turn"], []
+    for _ in range(300):
+        engine.step(1)
+        seen.append(abs(engine.joint_angle(joint) - 0.4))
+    assert max(seen) <= 0.4 * 1.2                   # a force found before the step overshoots by less than that
+    if dampers(engine):
+        assert seen[-1] < 0.01
+
+
+def test_a_chain_of_stiff_springs_comes_to_rest(make_engine):
+    links = tuple(link("l%d" % index, 0.01) for index in range(5))
+    joints = tuple(Joint("j%d" % index, "revolute", one.name, two.name, axis=Axis(
+        spring_stiffness=1e7, spring_reference=0.1 * (index + 1)))
+                   for index, (one, two) in enumerate(zip(links, links[1:])))
+    engine = make_engine(5.0, [Model("chain", links, joints)])
+    engine.step(400)
+    for index, joint in enumerate(engine.handles[0].joints.values()):
+        assert engine.joint_angle(joint) == pytest.approx(0.1 * (index + 1), abs=1e-6)
+        assert abs(engine.joint_rate(joint)) < 1e-6
+
+
+def test_a_spring_between_stops_rests_at_the_stop(make_engine):
+    engine = make_engine(5.0, [rotor(0.0, spring_stiffness=1e5, spring_reference=0.4, lower=-0.2, upper=0.2,
+                                     stop_erp=0.2, stop_cfm=0.0)])
+    joint = engine.handles[0].joints["turn"]
+    engine.step(400)
+    assert 0.15 < engine.joint_angle(joint) < 0.41 and abs(engine.joint_rate(joint)) < 1e-6
+
+
+def test_a_spring_made_stiff_and_soft_again_changes_sides(make_engine):
+    engine = make_engine(1.0, [sprung(8.0)])
+    joint = engine.handles[0].joints["turn"]
+    axis = engine._joints[joint].spec.axis
+    engine.step(10)
+    for stiffness, count in ((1e8, 1), (8.0, 0)):
+        engine.change_joint(joint, replace(axis, spring_stiffness=stiffness), {})
+        assert dampers(engine) == count
+        engine.step(200)
+        assert engine.joint_angle(joint) == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_damper_that_was_a_spring_wants_rest(make_engine):
+    engine = make_engine(1.0, [sprung(1e8)])
+    joint = engine.handles[0].joints["turn"]
+    axis = engine._joints[joint].spec.axis
+    engine.step(1)
+    engine.change_joint(joint, replace(axis, spring_stiffness=0.0, damping=1e5), {})
+    engine.step(200)
+    assert dampers(engine) == 1 and abs(engine.joint_rate(joint)) < 1e-9
+
+
+def test_engines_agree_to_the_bit_where_there_are_springs_of_all_kinds():
+    found = {}
+    for kind in ENGINES:
+        engine = engine_of_kind(kind, EngineSettings(step_ns=5000000))
+        links = tuple(link("l%d" % index, 0.05, pose=((0.1 * index, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+                      for index in range(5))
+        springs = ((3.0, 0.0), (1e6, 0.0), (1e9, 4.0), (-0.5, 0.0))
+        joints = tuple(Joint("j%d" % index, "prismatic" if index == 2 else "revolute", "l%d" % index,
+                             "l%d" % (index + 1), axis=Axis(spring_stiffness=stiffness, spring_reference=0.2,
+                                                            damping=damping))
+                       for index, (stiffness, damping) in enumerate(springs))
+        handle = engine.add_model(Model("chain", links, joints), IDENTITY)
+        other = engine.add_model(sprung(1e5), ((3.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), "other")
+        engine.step(100)
+        engine.change_joint(other.joints["turn"], Axis(spring_stiffness=1e6, spring_reference=-0.3), {})
+        engine.step(100)
+        found[kind] = [(engine.joint_angle(joint), engine.joint_rate(joint))
+                       for joint in list(handle.joints.values()) + list(other.joints.values())]
+        engine.close()
+    assert len({str(entry) for entry in found.values()}) == 1
+    assert found[ENGINES[0]][4][0] == pytest.approx(-0.3, abs=1e-3)

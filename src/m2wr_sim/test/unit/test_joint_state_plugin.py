@@ -64,7 +64,16 @@ def test_nothing_is_made_while_nobody_listens(m2wr_rig):
     rig.run(0.2)
     assert port.messages == []
     port.listening = True
-    assert rig.run(0.05).stamps_ms(TOPIC) == [221, 241]     # a period after waking: nothing is made up for
+    assert rig.run(0.05).stamps_ms(TOPIC) == [201, 221, 241]        # where they would have been, none made up for
+
+
+def test_stamps_do_not_depend_on_when_somebody_comes_to_listen(m2wr_rig):
+    rig = m2wr_rig()
+    port = rig.ports.topics[TOPIC]
+    port.listening = False
+    rig.run(0.067)
+    port.listening = True
+    assert rig.run(0.05).stamps_ms(TOPIC) == [81, 101]
 
 
 def test_a_joint_that_is_not_there_is_named(m2wr_rig, m2wr, caplog):

@@ -291,9 +291,25 @@ def test_ignored_owner_is_looked_through(kernel):
     assert cast(*args, kernel=kernel, ignored=scene.owner_id(0))[0][0] == pytest.approx(3.5)
 
 
+@pytest.mark.parametrize("samples", [2, 181, 640, 720, 1081])
+def test_half_a_turn_of_beams_looks_at_nothing_behind(samples):
+    least, most = -0.5 * math.pi, 0.5 * math.pi
+    step = (most - least) / (samples - 1)           # of which so many make half a turn only nearly
+    beams = np.array([np.cos(least + step * np.arange(samples)), np.sin(least + step * np.arange(samples))])
+    at = [(2.0, 0.0), (-2.0, 0.0), (-0.51, 3.0), (-0.49, -3.0), (1.0, 8.0), (-1.0, -8.0)]
+    scene = build([(Sphere(0.5), ((x, y, 0.0), UPRIGHT)) for x, y in at])
+    frame = np.zeros(kernels.FRAME_SIZE)
+    frame[6], frame[7:13] = 1.0, (0.1, 10.0, least, step, scene.count, -1)
+    order = np.empty((2, scene.capacity), np.int32)
+    found = kernels.cast_rays(np.empty(samples), np.empty(0, np.int64), beams, np.array([[1.0, 0.0]]), frame,
+                              scene.spheres, scene.shapes, order)
+    assert sorted(order[0, :found]) == [0, 3, 4]
+
+
 def test_azimuth_is_nearer_than_its_margin():
     angles = np.linspace(-math.pi, math.pi, 20011)[1:-1]
-    errors = [abs(kernels._azimuth(math.sin(a), math.cos(a)) - a) for a in angles]
+    errors = [abs(kernels.azimuth(math.sin(a), math.cos(a)) - a) for a in angles]
+    assert kernels.azimuth(0.0, 0.0) == 0.0 and math.isnan(kernels.azimuth(math.nan, math.nan))
     slopes = [abs(kernels.atan(math.tan(a / 2)) - a / 2) for a in angles]
     assert max(errors) + max(slopes) < 0.5 * kernels.AZIMUTH_MARGIN
 

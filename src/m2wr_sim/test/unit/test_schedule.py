@@ -1,7 +1,7 @@
 """When rate-limited work is due: Gazebo's rule for model plugins and its rule for sensors."""
 import pytest
 
-from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule, StrictSchedule, period_of
+from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule, StrictSchedule, first_step, period_of
 
 MS = 1000000
 
@@ -11,7 +11,8 @@ def ticks_of(schedule, step_ms, until_ms, start_ms=0):
     return [now for now in range(start_ms + step_ms, until_ms + 1, step_ms) if schedule.due(now * MS)]
 
 
-@pytest.mark.parametrize("rate, period", [(20.0, 50 * MS), (30.0, 33333333), (1000.0, MS), (0.0, 0), (-5.0, 0)])
+@pytest.mark.parametrize("rate, period", [(20.0, 50 * MS), (30.0, 33333333), (1000.0, MS), (0.0, 0), (-5.0, 0),
+                                          (1e-300, 10 ** 18)])
 def test_period_of_a_rate(rate, period):
     assert period_of(rate) == period
 
@@ -46,6 +47,16 @@ def test_a_restarted_plugin_waits_a_whole_period():
     assert ticks_of(schedule, 1, 620, start_ms=500) == [551, 601]
 
 
+@pytest.mark.parametrize("rate", [20.0, 30.0, 7.3, 0.0])
+@pytest.mark.parametrize("step_ms", [1, 2, 5])
+@pytest.mark.parametrize("asleep_ms", [10, 50, 100, 330, 1000])
+def test_skipped_ticks_leave_the_others_where_they_are(rate, step_ms, asleep_ms):
+    awake, sleeper = StrictSchedule(rate, 0), StrictSchedule(rate, 0)
+    sleeper.skip(asleep_ms * MS)
+    late = [tick for tick in ticks_of(awake, step_ms, 1500) if tick > asleep_ms]
+    assert ticks_of(sleeper, step_ms, 1500, start_ms=asleep_ms) == late
+
+
 def test_a_plugin_goes_on_when_time_has_gone_back():
     schedule = StrictSchedule(20.0, 0)
     ticks_of(schedule, 1, 5000)
@@ -58,7 +69,7 @@ def test_a_plugin_goes_on_when_time_has_gone_back():
 def test_plugins_foretell_their_ticks(rate, step_ms):
     every, jumping, jumps, now_ns = StrictSchedule(rate, 0), StrictSchedule(rate, 0), [], 0
     while True:
-        now_ns = max(now_ns + step_ms * MS, jumping.next_due(step_ms * MS))
+        now_ns = max(now_ns + step_ms * MS, jumping.next_due(now_ns, step_ms * MS))
         if now_ns > 600 * MS:
             break
         assert jumping.due(now_ns)
@@ -114,7 +125,7 @@ def test_a_gap_counts_from_the_last_tick(rate, strict, expected):
     schedule, ticks, now_ns = GapSchedule(rate, 0, strict), [], 0
     while len(ticks) < 3:
         now_ns += 1000000
-        due_ns = schedule.next_due(1000000)
+        due_ns = schedule.next_due(now_ns, 1000000)
         if schedule.due(now_ns):
             ticks.append(now_ns // 1000000)
             assert due_ns == now_ns
@@ -123,7 +134,26 @@ def test_a_gap_counts_from_the_last_tick(rate, strict, expected):
 
 def test_a_gap_that_nobody_asked_for_long_is_due_at_once_and_never_twice():
     schedule = GapSchedule(20.0, 0)
-    assert schedule.next_due(1000000) < 900000000 and schedule.elapsed(900000000) == 900000000
+    assert schedule.next_due(900000000, 1000000) < 900000000 and schedule.elapsed(900000000) == 900000000
     assert schedule.due(900000000) and not schedule.due(900000000)
     schedule.restart(0)
-    assert schedule.next_due(1000000) == 50000000
+    assert schedule.next_due(0, 1000000) == 50000000
+
+
+def test_steps_are_counted_from_the_last_one():
+    """Times need not be multiples of the step: it was 1 ms up to 7 ms and has been 5 ms since."""
+    assert [first_step(wanted, 7, 5) for wanted in (-4, -3, 2, 3, 7, 8, 12, 13)] == [-3, -3, 2, 7, 7, 12, 12, 17]
+
+
+@pytest.mark.parametrize("make", [lambda rate: StrictSchedule(rate, 0), lambda rate: GapSchedule(rate, 0),
+                                  lambda rate: GapSchedule(rate, 0, True), SensorSchedule])
+@pytest.mark.parametrize("rate", [20.0, 30.0, 0.0])
+def test_ticks_are_foretold_when_the_step_has_changed(make, rate):
+    every, asked, due_ns, now_ns = make(rate), make(rate), [], 0
+    for step_ns, count in ((MS, 7), (5 * MS, 60), (300000, 200), (7 * MS, 40)):
+        for _ in range(count):
+            foretold = max(asked.next_due(now_ns, step_ns), now_ns + step_ns)
+            now_ns += step_ns
+            assert asked.due(now_ns) == (foretold == now_ns) == every.due(now_ns)
+            due_ns += [now_ns] if foretold == now_ns else []
+    assert len(due_ns) >= 10

@@ -2,7 +2,6 @@
 import contextlib
 import gc
 import logging
-import resource
 import statistics
 import time
 from dataclasses import dataclass, replace
@@ -10,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from m2wr_sim.bench import reference
+from m2wr_sim.bench.machine import memory_mb
 from m2wr_sim.control.diff_drive import wheel_speeds
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.sdf import load_sdf_models
@@ -90,9 +90,10 @@ class _Scanner(Plugin):
     """One robot's scanner: casts rays at its rate and keeps the last scan."""
 
     def __init__(self, simulator, model, sensor, seed):
-        self._simulator, self._sensor = simulator, sensor
-        self._link = model.handle.links[model.record.links[0].name]
+        self._simulator = simulator
         self.laser = LaserSensor(sensor.ray, np.random.default_rng(seed))
+        link = model.handle.links[model.record.links[0].name]
+        self._look = simulator.engine.pose_reader([(link, sensor.pose)])
         self._schedule = SensorSchedule(sensor.update_rate)
         self.ranges = None
 
@@ -106,8 +107,8 @@ class _Scanner(Plugin):
         if self._schedule.due(now_ns):
             simulator = self._simulator
             simulator.refresh_scene()
-            pose = compose(simulator.engine.link_pose(self._link), self._sensor.pose)
-            self.ranges = self.laser.cast(simulator.scene, pose)[0]
+            self._look(self.laser.position, self.laser.orientation)
+            self.ranges = self.laser.cast(simulator.scene)[0]
 
 
 def build(case):
@@ -214,7 +215,7 @@ def measure(case, progress=lambda share: None):
         result.update(factor=statistics.median(cpu), wall_factor=statistics.median(wall),
                       messages=simulator.engine.solver_messages - messages,
                       touches=sum(simulator.touch_counts.values()),
-                      memory_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
+                      memory_mb=memory_mb("VmHWM"))
         return result
     finally:
         simulator.close()

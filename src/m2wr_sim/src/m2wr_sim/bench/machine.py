@@ -19,6 +19,15 @@ def _first(path, key):
     return _UNKNOWN
 
 
+def memory_mb(name, pid="self"):
+    """Return a figure of a process's memory [MB]: ``VmRSS``, now, or ``VmHWM``, at its highest; 0 where it is not told.
+
+    The peak that the system calls report is no less than that of the process which started this one.
+    """
+    found = _first("/proc/%s/status" % pid, name)
+    return 0.0 if found == _UNKNOWN else int(found.split()[0]) / 1024.0
+
+
 def numba_version():
     """Return numba's version, or ``none``."""
     try:

@@ -15,6 +15,7 @@ from geometry_msgs.msg import Pose, Twist
 from rosmaster.master import Master
 
 from m2wr_sim.bench import reference
+from m2wr_sim.bench.machine import memory_mb
 from m2wr_sim.errors import SimError
 
 _PATIENCE = 60.0            # s to wait for anything the node is to do
@@ -54,14 +55,6 @@ def _processor_seconds(pid):
     with open("/proc/%d/stat" % pid) as stream:
         fields = stream.read().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS
-
-
-def _memory_mb(pid, name):
-    with open("/proc/%d/status" % pid) as stream:
-        for line in stream:
-            if line.startswith(name + ":"):
-                return int(line.split()[1]) / 1024.0
-    return 0.0
 
 
 class WholeNode:
@@ -191,7 +184,7 @@ class WholeNode:
         while self._world_properties().sim_time < settled:
             self._check()
             time.sleep(_POLL)
-        memory, start = _memory_mb(self._node.pid, "VmRSS"), self._sample()
+        memory, start = memory_mb("VmRSS", self._node.pid), self._sample()
         while True:
             time.sleep(_POLL)
             self._check()
@@ -205,8 +198,8 @@ class WholeNode:
         return {"factor": seconds / processor, "wall_factor": seconds / wall, "load": processor / wall,
                 "startup_s": self.startup, "delivered": sum(received.values()), "received": received,
                 "messages_per_s": sum(received.values()) / seconds,
-                "growth_mb": _memory_mb(self._node.pid, "VmRSS") - memory,
-                "memory_mb": _memory_mb(self._node.pid, "VmHWM"), "messages": self._solver_messages()}
+                "growth_mb": memory_mb("VmRSS", self._node.pid) - memory,
+                "memory_mb": memory_mb("VmHWM", self._node.pid), "messages": self._solver_messages()}
 
     def _solver_messages(self):
         status = rospy.wait_for_message("/diagnostics", DiagnosticArray, timeout=_PATIENCE).status[0]

@@ -27,6 +27,7 @@ _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES,
              layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
 _MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
+_DAMPERS = (9, 10)                  # dJointType: angular and linear motor
 _LEVEL = 0.9            # of a plane's normal, upwards: far from what steep contacts begin at
 
 
@@ -75,19 +76,25 @@ class NativeEngine(PyodeEngine):
             return
         if self._words is None:
             self._fill_block()
-        words = self._words
+        news = False
         while count:
-            taken = kernels.run(words, self._values, count, self._dt)       # fewer than wanted where its log is full
+            taken = kernels.run(self._words, count)             # fewer than wanted where its log is full
+            news, taken = taken < 0, abs(taken)
             count -= taken
             self._steps += taken
-            if words[layout.H_LOG_COUNT]:
-                self._read_log()
-            if words[layout.H_REPORT_COUNT]:
-                self._read_reports()
-            if words[layout.H_LOST]:
-                self._tell_lost()
-        if 2 * words[layout.H_BEFORE_COUNT] > self._touching_room:
+            if news:
+                self._read_news()
+        if news and 2 * self._words[layout.H_BEFORE_COUNT] > self._touching_room:
             self._make_room()
+
+    def _read_news(self):
+        words = self._words
+        if words[layout.H_LOG_COUNT]:
+            self._read_log()
+        if words[layout.H_REPORT_COUNT]:
+            self._read_reports()
+        if words[layout.H_LOST]:
+            self._tell_lost()
 
     def _make_room(self):
         """Give the touches of one step more room before it is used up; tell of any that were lost."""
@@ -135,6 +142,7 @@ class NativeEngine(PyodeEngine):
         words[layout.H_STATIC], words[layout.H_MOVING] = self._static_space._id(), self._moving_space._id()
         words[layout.H_CLASS_COUNT] = len(representatives)
         words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
+        self._values[layout.H_DT] = self._dt
         words[layout.H_QUICK], words[layout.H_STEPS] = self.settings.solver == "quick", self._steps
         self._fill_pairs(self._values, starts[layout.H_PAIRS], representatives)
         self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)
@@ -178,6 +186,7 @@ class NativeEngine(PyodeEngine):
     def _fill_joints(self, starts):
         words, values = self._words, self._values
         handles = self._joint_handles() if self._hinges or self._damped_joints else {}
+        motors = self._motor_handles() if any(drive.pull for drive in self._damped_joints) else {}
         words[layout.H_HINGE_COUNT], words[layout.H_DAMPED_JOINT_COUNT] = len(self._hinges), len(self._damped_joints)
         for index, drive in enumerate(self._hinges):
             row = starts[layout.H_HINGES] + index * layout.HINGE_WORDS
@@ -186,7 +195,9 @@ class NativeEngine(PyodeEngine):
         for index, drive in enumerate(self._damped_joints):
             row = starts[layout.H_DAMPED_JOINTS] + index * layout.DAMPED_WORDS
             words[row], values[row + 1], words[row + 2] = handles[drive], drive.damping, drive.hinge
-            values[row + 3:row + 5] = drive.spec.axis.spring_stiffness, drive.spec.axis.spring_reference
+            values[row + 3:row + 5] = drive.stiffness, drive.spec.axis.spring_reference
+            if drive.pull:
+                words[row + 5], values[row + 6] = motors[drive.dampers[0]], drive.pull
 
     def _fill_fences(self, starts, geoms):
         """Prepare to leave the static space alone where nothing is near; worth it, and exact, over one ground plane.
@@ -238,7 +249,7 @@ class NativeEngine(PyodeEngine):
         handles = {}
         for parts in self._moving:
             by_name = {link.spec.name: self._handles[link] for link in parts.links}
-            waiting = {body: self._own_joints(body) for body in by_name.values()}
+            waiting = {body: self._joints_of(body, _MODEL_JOINTS) for body in by_name.values()}
             for drive in reversed(parts.joints):
                 for end in {drive.spec.child, drive.spec.parent} - {"world"}:
                     joint = next(waiting[by_name[end]])
@@ -246,11 +257,25 @@ class NativeEngine(PyodeEngine):
                         handles[drive] = joint
         return handles
 
-    def _own_joints(self, body):
-        """Yield the native handles of a body's joints that are the model's own: not its dampers, nor contacts."""
+    def _motor_handles(self):
+        """Return the native handles of all dampers, as :meth:`_joint_handles` finds joints."""
+        handles = {}
+        for parts in self._moving:
+            by_name = {link.spec.name: self._handles[link] for link in parts.links}
+            waiting = {body: self._joints_of(body, _DAMPERS) for body in by_name.values()}
+            made = [(damper, drive.spec) for drive in parts.joints for damper in drive.dampers.values()]
+            for damper, spec in sorted(made, key=lambda entry: -entry[0].number):
+                for end in {spec.child, spec.parent} - {"world"}:
+                    motor = next(waiting[by_name[end]])
+                    if end == spec.child:
+                        handles[damper] = motor
+        return handles
+
+    def _joints_of(self, body, kinds):
+        """Yield the native handles of a body's joints of some kinds, from the one attached last."""
         for index in range(self._library.dBodyGetNumJoints(body)):
             joint = self._library.dBodyGetJoint(body, index)
-            if self._library.dJointGetType(joint) in _MODEL_JOINTS:
+            if self._library.dJointGetType(joint) in kinds:
                 yield joint
 
     @staticmethod
@@ -384,4 +409,6 @@ class NativeEngine(PyodeEngine):
             self._library.dJointGroupDestroy(self._group)
             self._library.dGeomDestroy(self._probe)
             self._group = self._probe = None
+        self._forget_block()
+        self._rows, self._row_shapes = [], []       # shapes hold bodies, which must not outlive the world
         super().close()

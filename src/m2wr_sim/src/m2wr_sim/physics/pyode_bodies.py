@@ -28,6 +28,26 @@ _WHEEL_ALIGNMENT = math.cos(math.radians(2.0))
 _WHEEL_SNAP = math.cos(math.radians(0.1))
 
 
+class ModelParts:
+    """Everything the engine owns for one model."""
+
+    def __init__(self, name, static):
+        self.name, self.static = name, static
+        self.space = None
+        self.links, self.joints, self.geoms = [], [], []
+        self.self_colliding, self.stiffer = False, 1.0
+
+
+class Shape:
+    """What the contact callback needs to know of a geom."""
+
+    __slots__ = ("name", "collision", "wheel", "moves", "link", "body", "stiffer")
+
+    def __init__(self, name, collision, wheel, link, body, stiffer):
+        self.name, self.collision, self.wheel, self.link, self.body = name, collision, wheel, link, body
+        self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
+
+
 class LinkBody:
     """One link in the engine: its body (None where static), geoms, and the shift between link and body frame."""
 
@@ -39,13 +59,14 @@ class LinkBody:
 
 
 class JointDrive:
-    """One joint in the engine, with its count of full turns and how it is damped: see dampers.settle."""
+    """One joint in the engine, with its count of full turns and how it is damped and pulled: see dampers.settle."""
 
-    __slots__ = ("name", "spec", "joint", "hinge", "angle", "damping", "dampers")
+    __slots__ = ("name", "spec", "joint", "hinge", "angle", "damping", "stiffness", "pull", "dampers")
 
     def __init__(self, name, spec, joint, hinge):
         self.name, self.spec, self.joint, self.hinge, self.angle = name, spec, joint, hinge, 0.0
-        self.damping, self.dampers = 0.0, {}
+        self.damping = self.stiffness = self.pull = 0.0
+        self.dampers = {}
 
 
 def ode_quaternion(quaternion):

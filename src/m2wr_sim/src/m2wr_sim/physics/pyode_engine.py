@@ -22,26 +22,6 @@ from m2wr_sim.physics.native_shapes import enter_space, leave_space
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
 
 
-class _ModelParts:
-    """Everything the engine owns for one model."""
-
-    def __init__(self, name, static):
-        self.name, self.static = name, static
-        self.space = None
-        self.links, self.joints, self.geoms = [], [], []
-        self.self_colliding, self.stiffer = False, 1.0
-
-
-class _Shape:
-    """What the contact callback needs to know of a geom."""
-
-    __slots__ = ("name", "collision", "wheel", "moves", "link", "body", "stiffer")
-
-    def __init__(self, name, collision, wheel, link, body, stiffer):
-        self.name, self.collision, self.wheel, self.link, self.body = name, collision, wheel, link, body
-        self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
-
-
 class PyodeEngine(Engine):
     """See :class:`~m2wr_sim.physics.engine.Engine`."""
 
@@ -73,7 +53,7 @@ class PyodeEngine(Engine):
 
     def add_model(self, model, pose, name=None):
         name = name or model.name
-        parts = _ModelParts(name, model.static)
+        parts = bodies.ModelParts(name, model.static)
         try:
             self._build(parts, model, pose)
         except Exception:
@@ -140,7 +120,7 @@ class PyodeEngine(Engine):
                 bodies.place_geom(geom, link.pose, collision.pose)
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
-        self._shapes[geom] = _Shape(where, collision, wheel_pose is not None, link.name, body, parts.stiffer)
+        self._shapes[geom] = bodies.Shape(where, collision, wheel_pose is not None, link.name, body, parts.stiffer)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
@@ -197,8 +177,7 @@ class PyodeEngine(Engine):
         for parts in self._moving:
             dampers.settle(self._world, parts, self._dt)
         self._damped_joints = [drive for drive in self._joints.values()
-                               if (drive.damping or drive.spec.axis.spring_stiffness)
-                               and drive.spec.kind in ("revolute", "prismatic")]
+                               if drive.damping or drive.stiffness or drive.pull]
 
     # ---- stepping ----------------------------------------------------------------------------------------------
 
@@ -228,7 +207,7 @@ class PyodeEngine(Engine):
             for parts, link, linear, angular in speeds:
                 if not sum(map(abs, linear() + angular())) < TOO_FAST:
                     raise SimError(bodies.describe_loss(self._steps, self._dt, parts, link))
-        self._unwrap(count)
+            self._unwrap()
 
     def _near_itself(self, _, first, second):
         """Contacts inside a model: only between two links that ask for it and share no joint."""
@@ -321,9 +300,9 @@ class PyodeEngine(Engine):
                 self._touches.append(Touch(self._steps, names[0], names[1], position, depth))
         self._touching, self._touched = self._touched, {}
 
-    def _unwrap(self, count):
+    def _unwrap(self):
         """Count full turns: of the angles that fit the reading, take the one nearest to what the rate predicts."""
-        elapsed = count * self._dt
+        elapsed = self._dt
         for drive in self._hinges:
             raw = drive.joint.getAngle()
             predicted = drive.angle + drive.joint.getAngleRate() * elapsed

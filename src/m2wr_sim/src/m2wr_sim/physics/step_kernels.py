@@ -15,7 +15,7 @@ from m2wr_sim.physics.step_layout import (
     C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, DAMPED_WORDS, GEOM_WORDS, G_BODY, G_CLASS, G_LINK,
     G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT, H_CALLBACK,
     H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
-    H_DAMPED_LINK_COUNT, H_FENCED, H_GEOMS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM,
+    H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM,
     H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE,
     H_SLEEPERS, H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MAX_FOUND,
     MAX_REPORTS, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE,
@@ -24,6 +24,8 @@ from m2wr_sim.physics.step_layout import (
     S_MEETS_ITSELF, TOUCH_WORDS)
 
 _TOO_FAST = 1e9         # m/s and rad/s, as in engine
+_PARAM_VEL = 2
+_UNWRAP_AFTER, _ASTRAY = 8, 1.0     # steps, and rad that the way by the rates may be off, before turns are counted
 _STEEP, _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.5, 0.02, 2, 3        # as in contacts
 
 _handle = types.uintp
@@ -47,6 +49,8 @@ _slider_at = types.ExternalFunction("dJointGetSliderPosition", types.float64(_ha
 _slider_rate = types.ExternalFunction("dJointGetSliderPositionRate", types.float64(_handle))
 _add_hinge_torque = types.ExternalFunction("dJointAddHingeTorque", types.void(_handle, types.float64))
 _add_slider_force = types.ExternalFunction("dJointAddSliderForce", types.void(_handle, types.float64))
+_set_angular_motor = types.ExternalFunction("dJointSetAMotorParam", types.void(_handle, types.int32, types.float64))
+_set_linear_motor = types.ExternalFunction("dJointSetLMotorParam", types.void(_handle, types.int32, types.float64))
 _position = types.ExternalFunction("dBodyGetPosition", _numbers(_handle))
 _quaternion = types.ExternalFunction("dBodyGetQuaternion", _numbers(_handle))
 _linear_velocity = types.ExternalFunction("dBodyGetLinearVel", _numbers(_handle))
@@ -201,12 +205,18 @@ def _damp(words, values):
     """Slow damped joints and bodies down, as PyodeEngine does."""
     for index in range(np.int64(words[H_DAMPED_JOINT_COUNT])):
         row = np.int64(words[H_DAMPED_JOINTS]) + index * DAMPED_WORDS
-        joint, damping = words[row], values[row + 1]
-        stiffness, reference = values[row + 3], values[row + 4]
-        if words[row + 2]:
-            _add_hinge_torque(joint, -damping * _hinge_rate(joint) - stiffness * (_hinge_angle(joint) - reference))
+        joint, damping, hinge, stiffness = words[row], values[row + 1], words[row + 2] != 0, values[row + 3]
+        away = (_hinge_angle(joint) if hinge else _slider_at(joint)) - values[row + 4]
+        motor, pull = words[row + 5], values[row + 6]
+        if motor != 0:
+            if hinge:
+                _set_angular_motor(motor, _PARAM_VEL, -pull * away)
+            else:
+                _set_linear_motor(motor, _PARAM_VEL, -pull * away)
+        elif hinge:
+            _add_hinge_torque(joint, -damping * _hinge_rate(joint) - stiffness * away)
         else:
-            _add_slider_force(joint, -damping * _slider_rate(joint) - stiffness * (_slider_at(joint) - reference))
+            _add_slider_force(joint, -damping * _slider_rate(joint) - stiffness * away)
     for index in range(np.int64(words[H_DAMPED_LINK_COUNT])):
         row = np.int64(words[H_DAMPED_LINKS]) + index * DAMPED_WORDS
         body, linear_kept, angular_kept = words[row], values[row + 1], values[row + 2]
@@ -216,12 +226,28 @@ def _damp(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _unwrap(words, values, elapsed):
-    """Count full turns: of the angles that fit the reading, take the one nearest to what the rate predicts."""
+def _turn(words, values, dt):
+    """Add up how far the hinges turn in a step by their rates, which is cheaper than to read where they are.
+
+    Returns how much that may be off [rad]: libode turns a body by ``2 atan(0.5 rate dt)``.
+    """
+    astray = 0.0
+    for index in range(np.int64(words[H_HINGE_COUNT])):
+        row = np.int64(words[H_HINGES]) + index * HINGE_WORDS
+        way = _hinge_rate(words[row]) * dt
+        values[row + 2] += way
+        astray = max(astray, abs(way * way * way) / 12.0)
+    return astray
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unwrap(words, values):
+    """Count full turns: of the angles that fit the reading, take the one nearest to what the rates predict."""
     for index in range(np.int64(words[H_HINGE_COUNT])):
         row = np.int64(words[H_HINGES]) + index * HINGE_WORDS
         raw = _hinge_angle(words[row])
-        predicted = values[row + 1] + _hinge_rate(words[row]) * elapsed
+        predicted = values[row + 1] + values[row + 2]
+        values[row + 2] = 0.0
         values[row + 1] = raw + 2.0 * math.pi * np.rint((predicted - raw) / (2.0 * math.pi))
 
 
@@ -263,17 +289,21 @@ def _log_touches(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run(words, values, steps, dt):
-    """Take ``steps`` steps of ``dt`` seconds; ``words`` and ``values`` are the block as uint64 and as float64.
+def run(words, steps):
+    """Take ``steps`` steps; ``words`` is the block as uint64.
 
     Returns the number of steps taken, which is less where the log of touches might overflow, and after a step that left
-    a body nowhere or too fast; the body's number is then in ``H_LOST``.
+    a body nowhere or too fast; the body's number is then in ``H_LOST``.  The number is negative where there is anything
+    for the caller to read in the block: most of the time there is not, and looking there costs it more than a step.
     """
+    values = words.view(np.float64)
+    dt = values[H_DT]
     world, group, data, callback = words[H_WORLD], words[H_GROUP], words[H_ADDRESS], words[H_CALLBACK]
     spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
     fenced, quick, sleepers = words[H_FENCED] != 0, words[H_QUICK] != 0, words[H_SLEEPERS] != 0
     damped = words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
-    taken = 0
+    taken = looked = 0
+    astray = 0.0
     while taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]:
         taken += 1
         words[H_STEPS] += np.uint64(1)
@@ -305,9 +335,15 @@ def run(words, values, steps, dt):
         lost = _lost_body(words)
         if lost:
             words[H_LOST] = np.uint64(lost)
-            return taken
-    _unwrap(words, values, taken * dt)
-    return taken
+            return -taken
+        astray += _turn(words, values, dt)
+        if taken - looked == _UNWRAP_AFTER or astray > _ASTRAY:
+            _unwrap(words, values)
+            looked, astray = taken, 0.0
+    if taken != looked:
+        _unwrap(words, values)
+    crowded = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_TOUCHING_ROOM]
+    return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or crowded else taken
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

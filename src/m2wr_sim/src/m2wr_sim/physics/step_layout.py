@@ -13,8 +13,9 @@ H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on;
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
 H_FENCES              ``FENCE_WORDS`` words a body: radius round it that holds its geoms, where it was last looked about
-H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns
-H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference
+H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns, way since then by its rates
+H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
+                      motor that pulls in their place or none, its pull
 H_DAMPED_LINKS        ``DAMPED_WORDS`` words a damped body: body, parts of linear and angular velocity kept in a step
 H_BODIES              all bodies, to see that they stay in this world
 H_NOW, H_BEFORE       pairs that touch in this step and in the last: row, row, position, depth
@@ -30,7 +31,7 @@ import numpy as np
  H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
  H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
  H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_FENCED, H_FENCES, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
- H_FOUND, H_SLEEPERS) = range(44)
+ H_FOUND, H_SLEEPERS, H_DT) = range(45)
 HEADER_WORDS = 48
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
@@ -49,8 +50,8 @@ G_CLASS, G_BODY, G_LINK, G_WATCHED = 0, 1, 2, 3
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 FENCE_WORDS = 4
-HINGE_WORDS = 2
-DAMPED_WORDS = 5
+HINGE_WORDS = 3
+DAMPED_WORDS = 7
 
 TOUCH_WORDS, TOUCHING_ROOM = 6, 128     # of pairs that touch in one step, to begin with
 LOG_WORDS, SPARE_LOG = 7, 256           # the log has room for one step more than that

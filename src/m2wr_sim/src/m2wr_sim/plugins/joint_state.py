@@ -23,8 +23,8 @@ class JointStatePublisher(Plugin):
             return NEVER
         if not self._awake:
             self._awake = True
-            self._schedule.restart(now_ns)
-        return self._schedule.next_due(self._ctx.step_ns)
+            self._schedule.skip(now_ns)         # in step with the robot's drive, whenever somebody comes to listen
+        return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
     def before_step(self, now_ns):
         if not self._awake or not self._schedule.due(now_ns):

@@ -5,7 +5,6 @@ import numpy as np
 from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import PluginError
-from m2wr_sim.geometry import compose
 from m2wr_sim.plugins.base import LazySensor
 from m2wr_sim.runtime.schedule import SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
@@ -33,6 +32,7 @@ class Laser(LazySensor):
             self._laser = LaserSensor(ctx.sensor.ray, ctx.rng("noise"))
         except ValueError as error:
             raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
+        self._look = ctx.physics.pose_reader([(ctx.sensor_link, ctx.sensor.pose)])
         if self._laser.range_min >= self._laser.range_max:
             spec.problems.append("nothing is between a <min> range of %g m and a <max> of %g m; every reading is inf"
                                  % (self._laser.range_min, self._laser.range_max))
@@ -53,9 +53,9 @@ class Laser(LazySensor):
 
     def measure(self):
         """Take a scan now; returns the sensor's own arrays of ranges and intensities."""
-        pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
+        self._look(self._laser.position, self._laser.orientation)
         self._ctx.refresh_scene()
-        return self._laser.cast(self._ctx.scene, pose)
+        return self._laser.cast(self._ctx.scene)
 
     def wake(self, now_ns):
         self._schedule.restart()

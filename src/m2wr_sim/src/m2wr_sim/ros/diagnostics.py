@@ -1,6 +1,4 @@
 """What the simulation says about itself on ``/diagnostics``.  Nothing is counted in steps, nothing made for nobody."""
-import os
-import resource
 import time
 
 import rospy
@@ -11,17 +9,23 @@ from m2wr_sim.ros.convert import stamp_of
 _PERIOD = 1.0           # s of wall time
 _SHARE = 0.9            # of a rate; what stays below is told
 _ENOUGH = 20            # messages that should have come before a rate is judged
-_PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
-def _memory_mb():
-    """Return the memory of this process now and at its highest [MB]; None where the system does not tell."""
+def _memory():
+    """Return ``[(name, MB), ...]`` of this process's memory now and at its highest, as far as the system tells.
+
+    Not by the system call: its peak is no less than that of the process that started this one.
+    """
+    told = []
     try:
-        with open("/proc/self/statm") as stream:
-            now = int(stream.read().split()[1]) * _PAGE * 1e-6
+        with open("/proc/self/status") as stream:
+            for line in stream:
+                for key, name in (("VmRSS:", "memory [MB]"), ("VmHWM:", "memory at its highest [MB]")):
+                    if line.startswith(key):
+                        told.append((name, "%.0f" % (int(line.split()[1]) * 1.024e-3)))
     except (OSError, IndexError, ValueError):
-        now = None
-    return now, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1.024e-3
+        pass
+    return sorted(told)
 
 
 class Diagnostics:
@@ -78,17 +82,13 @@ class Diagnostics:
         new_lost, self._lost = lost - self._lost, lost
         off = simulator.switched_off()
         mean = self._run_sim_ns * 1e-9 / self._run_seconds if self._run_seconds else 0.0
-        now_mb, peak_mb = _memory_mb()
         values = [("simulated time [s]", "%.3f" % (simulator.now_ns * 1e-9)), ("real-time factor", "%.2f" % factor),
                   ("mean real-time factor", "%.2f" % mean),
                   ("wanted real-time factor", "%g" % self._factor if self._factor else "as fast as possible"),
                   ("step [ms]", "%g" % (simulator.step_ns * 1e-6)), ("steps", str(simulator.steps)),
                   ("steps per second", "%.0f" % (steps / elapsed)), ("solver messages", str(messages)),
                   ("models", str(len(simulator.models))), ("plugins switched off", ", ".join(off) or "none")]
-        if now_mb is not None:
-            values.append(("memory [MB]", "%.0f" % now_mb))
-        values.append(("memory at its highest [MB]", "%.0f" % peak_mb))
-        values += self._lockstep_values(elapsed)
+        values += _memory() + self._lockstep_values(elapsed)
         values += [("touches of " + name, str(count)) for name, count in sorted(simulator.touch_counts.items())]
         values += [("dropped on %s for %s" % (entry.topic, entry.peer or "those that have left"), str(entry.count))
                    for entry in dropped]

@@ -88,24 +88,21 @@ class _Mailbox:
     """Newest message per subscription, filled by rospy's threads and emptied by the simulation."""
 
     def __init__(self):
-        self._lock, self._newest = threading.Lock(), {}
+        self._lock, self.newest = threading.Lock(), {}
 
     def put(self, subscription, message):
         with self._lock:
-            self._newest[subscription] = message
+            self.newest[subscription] = message
 
     def drop(self, subscription):
         with self._lock:
-            self._newest.pop(subscription, None)
-
-    def full(self):
-        return bool(self._newest)
+            self.newest.pop(subscription, None)
 
     def empty(self):
-        if not self._newest:
+        if not self.newest:
             return {}
         with self._lock:
-            newest, self._newest = self._newest, {}
+            newest, self.newest = self.newest, {}
         return newest
 
 
@@ -160,7 +157,7 @@ class RosPorts(Ports):
             raise rospy.ServiceException(str(error))
 
     def waiting(self):
-        return self._mailbox.full()
+        return bool(self._mailbox.newest)           # asked before every stretch of steps
 
     def deliver(self):
         for subscription, message in self._mailbox.empty().items():

@@ -302,11 +302,17 @@ class Channel:
                 self._adopt()
             if impl.closed:
                 raise rospy.ROSException("publish() to the closed topic %s" % self.topic)
-            data = self._frame(message) if self._links else b""
+            links, data = self._links, b""
+            if links:
+                impl.seq += 1
+                data = self._serialise(impl.seq, message)
             if self._latched:
                 self._kept = data or message
-            for link in self._links:
-                self._send(link, data)
+            for link in links:
+                try:
+                    link.write_data(data)       # as _send, without a call for each message
+                except Exception as error:
+                    self._lose(link, error)
             impl.message_data_sent += len(data)
 
     def _frame(self, message):
@@ -316,9 +322,12 @@ class Channel:
     def _send(self, link, data):
         try:
             link.write_data(data)
-        except TransportTerminated:
-            pass                        # has left the topic by itself
-        except Exception as error:      # of a connection that is none of ours, which rospy treats so
+        except Exception as error:
+            self._lose(link, error)
+
+    def _lose(self, link, error):
+        """Take a connection out that has failed; a link of ours has left the topic by itself."""
+        if not isinstance(error, TransportTerminated):          # of another kind, which rospy treats so
             log.debug("%s to %s: %s", self.topic, link.endpoint_id, error)
             self.impl.remove_connection(link)
 

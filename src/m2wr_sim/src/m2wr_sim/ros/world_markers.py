@@ -137,16 +137,23 @@ class WorldMarkers(Plugin):
     def __init__(self, simulator, port, frame, rate):
         self._simulator, self._port, self._frame = simulator, port, frame
         self._schedule = StrictSchedule(rate, simulator.now_ns) if rate else None
-        self._seen, self._moves, self._shown = None, None, []
+        self._models, self._seen, self._moves, self._shown, self._moving = None, None, None, [], False
         self.look()
 
     def configure(self, spec, ctx):
         """Nothing to configure: this plugin stands for no tag."""
 
     def next_before(self, now_ns):
-        if self._schedule is None:
-            return NEVER
-        return max(self._schedule.next_due(self._simulator.step_ns), now_ns + self._simulator.step_ns)
+        schedule, step_ns = self._schedule, self._simulator.step_ns
+        if schedule is None or not (self._moving or self._changed()):
+            return NEVER                    # what cannot move by itself is looked at again when somebody has been here
+        schedule.skip(now_ns)               # the looks left out meanwhile are not made up for
+        return max(schedule.next_due(now_ns, step_ns), now_ns + step_ns)
+
+    def _changed(self):
+        """Tell whether models have come or gone, or been put somewhere, since the last look."""
+        simulator = self._simulator
+        return self._moves != simulator.moves or self._models != list(simulator.models.values())
 
     def before_step(self, now_ns):
         if self._schedule.due(now_ns):
@@ -160,12 +167,14 @@ class WorldMarkers(Plugin):
     def look(self, now_ns=None):
         """Publish all markers if anything has changed since the last look; the clock first, where a time is given."""
         simulator = self._simulator
-        models = [model for model in simulator.models.values() if not is_robot(model.record)]
-        changed = False
-        if models != self._seen:
-            known = {id(shown.model): shown for shown in self._shown}
-            self._shown = [known.get(id(model)) or _Shown(model, simulator.engine, self._frame) for model in models]
-            self._seen, changed = models, True
+        changed, models = False, list(simulator.models.values())
+        if models != self._models:
+            self._models, models = models, [model for model in models if not is_robot(model.record)]
+            if models != self._seen:
+                known = {id(shown.model): shown for shown in self._shown}
+                self._shown = [known.get(id(model)) or _Shown(model, simulator.engine, self._frame) for model in models]
+                self._seen, changed = models, True
+                self._moving = not all(model.record.static for model in models)
         elsewhere = self._moves != simulator.moves          # somebody has put a model somewhere, perhaps a static one
         self._moves = simulator.moves
         for shown in self._shown:

@@ -2,8 +2,8 @@
 
 
 def period_of(rate_hz):
-    """Return the period [ns] of a rate; zero or negative rates mean every step and give 0."""
-    return int(round(1e9 / rate_hz)) if rate_hz > 0.0 else 0
+    """Return the period [ns] of a rate, thirty years at most; zero or negative rates mean every step and give 0."""
+    return int(round(min(1e9 / rate_hz, 1e18))) if rate_hz > 0.0 else 0
 
 
 def misfit(rate_hz, step_ns):
@@ -21,6 +21,14 @@ def misfit(rate_hz, step_ns):
             % (rate_hz, step_ns * 1e-6, steps * step_ns * 1e-6, (steps + 1) * step_ns * 1e-6))
 
 
+def first_step(wanted_ns, now_ns, step_ns):
+    """Return the time [ns] of the first step that ends at ``wanted_ns`` or later, where one has ended at ``now_ns``.
+
+    Steps need not end at multiples of their size: the size may have changed on the way.
+    """
+    return now_ns - (now_ns - wanted_ns) // step_ns * step_ns
+
+
 class StrictSchedule:
     """The rule of model plugins: due when *more* than a period has passed; then one period later, without drift.
 
@@ -31,9 +39,9 @@ class StrictSchedule:
         self.period_ns = period_of(rate_hz)
         self._last_ns = start_ns
 
-    def next_due(self, step_ns):
-        """Return the time [ns] of the first step at which this is due."""
-        return (self._last_ns + self.period_ns) // step_ns * step_ns + step_ns
+    def next_due(self, now_ns, step_ns):
+        """Return the time [ns] of the first step at which this is due; in the past where nobody asked for long."""
+        return first_step(self._last_ns + self.period_ns + 1, now_ns, step_ns)
 
     def elapsed(self, now_ns):
         """Return the time [ns] since the last tick was due: a period and a step where ticks are punctual."""
@@ -45,6 +53,12 @@ class StrictSchedule:
             return False
         self._last_ns += self.period_ns if self.period_ns else now_ns - self._last_ns
         return True
+
+    def skip(self, now_ns):
+        """Leave out the ticks that were due before now; those to come stay where they are."""
+        elapsed_ns = now_ns - self._last_ns
+        if elapsed_ns > self.period_ns:
+            self._last_ns = now_ns - (elapsed_ns % self.period_ns or self.period_ns) if self.period_ns else now_ns
 
     def restart(self, now_ns):
         """Count from now on, as after a reset."""
@@ -62,10 +76,10 @@ class GapSchedule:
         self.period_ns = period_of(rate_hz)
         self._last_ns, self._strict = start_ns, strict
 
-    def next_due(self, step_ns):
+    def next_due(self, now_ns, step_ns):
         """Return the time [ns] of the first step at which this is due; in the past where nobody asked for long."""
         wanted = max(self._last_ns + self.period_ns + bool(self._strict), self._last_ns + 1)
-        return -(-wanted // step_ns) * step_ns
+        return first_step(wanted, now_ns, step_ns)
 
     def elapsed(self, now_ns):
         """Return the time [ns] since it last acted."""
@@ -101,7 +115,7 @@ class SensorSchedule:
         if self._last_ns is None:
             return earliest
         wanted = self._last_ns + self.period_ns - self._carry_ns
-        return max(earliest, -(-wanted // step_ns) * step_ns)
+        return max(earliest, first_step(wanted, now_ns, step_ns))
 
     def due(self, now_ns):
         """Tell whether it is due now, and if so count the tick."""

@@ -82,7 +82,7 @@ def cast_all(ranges, beams, frame, spheres, shapes):
     ranges[:] = frame[kernels.RANGE_MAX]
     for row in range(int(frame[kernels.COUNT])):
         b = shapes[row]
-        a, half = kernels._product(b, sensor), (b[9], b[10], b[11])
+        a, half = kernels.product(b, sensor), (b[9], b[10], b[11])
         cx, cy, cz = spheres[0, row] - frame[0], spheres[1, row] - frame[1], spheres[2, row] - frame[2]
         x = (a[0], a[1], 0.0, -(b[0] * cx + b[3] * cy + b[6] * cz))
         y = (a[3], a[4], 0.0, -(b[1] * cx + b[4] * cy + b[7] * cz))

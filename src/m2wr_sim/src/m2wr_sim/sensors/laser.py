@@ -40,6 +40,8 @@ class LaserSensor:
         inf, as in Gazebo's messages.
     angles : (count,) float64
         Azimuth of each reading.  A single sample looks along 0, wherever the limits are.
+    position, orientation : (1, 3), (1, 4) float64
+        Where the sensor's frame is in world, quaternion x y z w; whoever knows writes it there, see :meth:`cast`.
 
     Raises
     ------
@@ -77,21 +79,22 @@ class LaserSensor:
         self._ranges = np.empty(self.count * self.vertical_count, np.float32)
         self._intensities, self._lit = np.zeros_like(self._ranges), False
         self._frame = np.zeros(kernels.FRAME_SIZE)
+        self.position, self.orientation = self._frame[None, :3], self._frame[None, 3:7]
         self._frame[kernels.RANGE_MIN:kernels.COUNT] = (
             self.range_min, self.range_max, azimuths[0], azimuths[1] - azimuths[0] if azimuths.size > 1 else 0.0)
         self._settings = np.array([self.range_min, self.range_max, self._noise.shift, self._noise.stddev,
                                    self._noise.precision, 0.0])
 
-    def cast(self, scene, sensor_pose, ignore_owner=None):
+    def cast(self, scene, sensor_pose=None, ignore_owner=None):
         """Take a scan.
 
         Parameters
         ----------
         scene : Scene
             What can be hit.
-        sensor_pose : ((x, y, z), (x, y, z, w))
+        sensor_pose : ((x, y, z), (x, y, z, w)), optional
             Of the sensor's frame in world: beams leave along its x axis at angle 0, its z axis is up.  A pose that is
-            not finite hits nothing.
+            not finite hits nothing.  None: what ``position`` and ``orientation`` say.
         ignore_owner : hashable, optional
             An owner in ``scene`` to look through; Gazebo has no such thing.
 
@@ -107,8 +110,9 @@ class LaserSensor:
         Both arrays are the sensor's own and are written again by the next call.
         """
         frame = self._frame
-        frame[0], frame[1], frame[2] = sensor_pose[0]
-        frame[3], frame[4], frame[5], frame[6] = sensor_pose[1]
+        if sensor_pose is not None:
+            frame[0], frame[1], frame[2] = sensor_pose[0]
+            frame[3], frame[4], frame[5], frame[6] = sensor_pose[1]
         frame[kernels.COUNT] = scene.count
         frame[kernels.IGNORED] = -1 if ignore_owner is None else scene.owner_id(ignore_owner)
         if self._order.shape[1] != scene.shapes.shape[0]:

@@ -19,46 +19,16 @@ import math
 
 import numpy as np
 
-from m2wr_sim.sensors.base_kernels import atan, atan_unit, kernel
+from m2wr_sim.sensors.base_kernels import atan, azimuth, kernel, product, rotation
 
 MESH = 4
 ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP, IGNORED = 3, 7, 8, 9, 10, 12
 KIND, OWNER, TREE = 12, 14, 15
-AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and atan together
+AZIMUTH_MARGIN = 5e-5   # rad; more than the error of azimuth and atan together
 FEW_BEAMS = 8           # below, an interval costs more than it saves
 EDGE = 1e-10            # of an edge's length, by which triangles overlap: no beam slips between two of them
 GRAZING = 1e-12         # rad; a beam as flat as this on a triangle does not meet it: its neighbours decide
 STACK = 512             # a tree of 21 levels, three runs of beams for each of two children
-
-
-@kernel
-def _sensor_in_shape(b, x, y, z, w):
-    """Return transpose(b) * rotation(x, y, z, w), row-major: it takes the sensor's axes to the shape's."""
-    norm = x * x + y * y + z * z + w * w
-    s = 0.0
-    if not norm < 1e-24:
-        s = 2.0 / norm if norm < np.inf else np.nan
-    r = (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
-         s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x),
-         s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y))
-    return (b[0] * r[0] + b[3] * r[3] + b[6] * r[6], b[0] * r[1] + b[3] * r[4] + b[6] * r[7],
-            b[0] * r[2] + b[3] * r[5] + b[6] * r[8], b[1] * r[0] + b[4] * r[3] + b[7] * r[6],
-            b[1] * r[1] + b[4] * r[4] + b[7] * r[7], b[1] * r[2] + b[4] * r[5] + b[7] * r[8],
-            b[2] * r[0] + b[5] * r[3] + b[8] * r[6], b[2] * r[1] + b[5] * r[4] + b[8] * r[7],
-            b[2] * r[2] + b[5] * r[5] + b[8] * r[8])
-
-
-@kernel
-def _azimuth(y, x):
-    """Angle of (x, y) in [-pi, pi] to 1.1e-5 rad."""
-    flat, steep = abs(x), abs(y)
-    if steep > flat:
-        angle = 0.5 * math.pi - atan_unit(flat / steep)
-    else:
-        angle = atan_unit(steep / flat) if flat > 0.0 else 0.0
-    if x < 0.0:
-        angle = math.pi - angle
-    return -angle if y < 0.0 else angle
 
 
 @kernel
@@ -106,7 +76,7 @@ def _box_bounds(box, a, p, flat, up):
     gap, gap_z = max(out - deep, 0.0), max(abs(z) - thick, 0.0)
     near = math.sqrt(gap * gap + gap_z * gap_z) * (1.0 - 1e-9)
     if flat > 1e-6 and gap > 1e-6 * out:
-        half, middle = atan(wide / gap) + AZIMUTH_MARGIN, _azimuth(y, x)
+        half, middle = atan(wide / gap) + AZIMUTH_MARGIN, azimuth(y, x)
         return near, middle - half, middle + half
     return near, -np.inf, np.inf
 
@@ -133,11 +103,11 @@ def _triangle_bounds(v, a, o, flat, up):
     low, high = 0.0, 0.0
     for corner in range(3):
         along, across = mx * x[corner] + my * y[corner], mx * y[corner] - my * x[corner]
-        angle = _azimuth(across, along)
+        angle = azimuth(across, along)
         low, high = min(low, angle), max(high, angle)
     if not high - low < math.pi - 2.0 * AZIMUTH_MARGIN:
         return True, -np.inf, np.inf
-    middle = _azimuth(my, mx)
+    middle = azimuth(my, mx)
     return True, middle + low - AZIMUTH_MARGIN, middle + high + AZIMUTH_MARGIN
 
 
@@ -257,7 +227,7 @@ def cast_meshes(ranges, hits, beams, rows, frame, spheres, shapes, order, found,
             continue
         b = shapes[row]
         cx, cy, cz = spheres[0, row] - frame[0], spheres[1, row] - frame[1], spheres[2, row] - frame[2]
-        a = _sensor_in_shape(b, frame[3], frame[4], frame[5], frame[6])
+        a = product(b, rotation(frame[3], frame[4], frame[5], frame[6]))
         o = (-(b[0] * cx + b[3] * cy + b[6] * cz), -(b[1] * cx + b[4] * cy + b[7] * cz),
              -(b[2] * cx + b[5] * cy + b[8] * cz))
         p = (-(a[0] * o[0] + a[3] * o[1] + a[6] * o[2]), -(a[1] * o[0] + a[4] * o[1] + a[7] * o[2]),

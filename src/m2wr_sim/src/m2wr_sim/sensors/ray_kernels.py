@@ -25,46 +25,17 @@ import math
 
 import numpy as np
 
-from m2wr_sim.sensors.base_kernels import HAVE_NUMBA, atan, atan_unit, kernel  # noqa: F401
+from m2wr_sim.sensors.base_kernels import HAVE_NUMBA, atan, azimuth, kernel, product, rotation  # noqa: F401
 
 BOX, SPHERE, CYLINDER, PLANE, MESH = 0, 1, 2, 3, 4
 POSITION, ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP = 0, 3, 7, 8, 9, 10
 COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
 HALF, KIND, RETRO, OWNER, TREE, SHAPE_SIZE = 9, 12, 13, 14, 15, 16
 RINGS = 64              # classes of distance for the near-to-far order
-AZIMUTH_MARGIN = 5e-5   # rad; more than the error of _azimuth and atan together
+AZIMUTH_MARGIN = 5e-5   # rad; more than the error of azimuth and atan together
 TINY = 1e-12            # a direction component below this counts as this: moves a hit by at most 1e-12 of its range
 FEW_BEAMS = 8           # below, an interval costs more than it saves
 CROWD = 100             # shapes within reach from which on most stand behind others, and asking first saves time
-
-
-@kernel
-def rotation(x, y, z, w):
-    """Return the row-major rotation matrix of a quaternion of any length; all zeros give the identity.
-
-    One that is not finite makes every element NaN.
-    """
-    norm = x * x + y * y + z * z + w * w
-    s = 0.0
-    if not norm < 1e-24:
-        s = 2.0 / norm if norm < np.inf else np.nan
-    return (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
-            s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x),
-            s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y))
-
-
-@kernel
-def _product(b, sensor):
-    """Return transpose(b) * sensor for two row-major rotations, row-major."""
-    return (b[0] * sensor[0] + b[3] * sensor[3] + b[6] * sensor[6],
-            b[0] * sensor[1] + b[3] * sensor[4] + b[6] * sensor[7],
-            b[0] * sensor[2] + b[3] * sensor[5] + b[6] * sensor[8],
-            b[1] * sensor[0] + b[4] * sensor[3] + b[7] * sensor[6],
-            b[1] * sensor[1] + b[4] * sensor[4] + b[7] * sensor[7],
-            b[1] * sensor[2] + b[4] * sensor[5] + b[7] * sensor[8],
-            b[2] * sensor[0] + b[5] * sensor[3] + b[8] * sensor[6],
-            b[2] * sensor[1] + b[5] * sensor[4] + b[8] * sensor[7],
-            b[2] * sensor[2] + b[5] * sensor[5] + b[8] * sensor[8])
 
 
 @kernel
@@ -87,23 +58,10 @@ def write_poses(spheres, shapes, rows, positions, quaternions):
 
 
 @kernel
-def _azimuth(y, x):
-    """Angle of (x, y) in [-pi, pi] to 1.1e-5 rad; a tenth of the cost of atan2."""
-    flat, steep = abs(x), abs(y)
-    if steep > flat:
-        angle = 0.5 * math.pi - atan_unit(flat / steep)
-    else:
-        angle = atan_unit(steep / flat)
-    if x < 0.0:
-        angle = math.pi - angle
-    return -angle if y < 0.0 else angle
-
-
-@kernel
 def _ahead(beams, rows, frame, sensor):
     """Return the direction in world that no beam turns away from; zeros where the beams look all around."""
     half = 0.5 * frame[ANGLE_STEP] * (beams.shape[1] - 1)
-    if not abs(half) <= 0.5 * math.pi:
+    if not abs(half) <= 0.5 * math.pi + 1e-12:      # half a turn, rounded, is the usual fan
         return 0.0, 0.0, 0.0
     for j in range(rows.shape[0]):
         if rows[j, 0] < 0.0:
@@ -164,7 +122,7 @@ def _box_interval(px, py, u, v, w):
     for corner in range(4):
         sv, sw = 1.0 - (corner & 1) * 2.0, 1.0 - (corner & 2)
         across, along = xu + sv * xv + sw * xw, du + sv * dv + sw * dw
-        first, second = _azimuth(across, square + along), _azimuth(-across, square - along)
+        first, second = azimuth(across, square + along), azimuth(-across, square - along)
         low, high = min(low, min(first, second)), max(high, max(first, second))
     if high - low < math.pi - AZIMUTH_MARGIN:
         return low, high
@@ -338,11 +296,11 @@ def _interval(kind, px, py, a, half, radius):
         low, high = _box_interval(px, py, (a[0] * half[0], a[1] * half[0]), (a[3] * half[1], a[4] * half[1]),
                                   (a[6] * half[2], a[7] * half[2]))
     elif kind == CYLINDER:      # the shadow of a tilted one lies in the disc of its radius plus its axis' shadow
-        low, high = _disc_interval(px, py, min(radius, half[0] + half[2] * math.hypot(a[6], a[7])))
+        low, high = _disc_interval(px, py, min(radius, half[0] + half[2] * math.sqrt(a[6] * a[6] + a[7] * a[7])))
     else:
         low, high = _disc_interval(px, py, radius)
     if low > -np.inf:
-        middle = _azimuth(py, px)
+        middle = azimuth(py, px)
         low, high = middle + low - AZIMUTH_MARGIN, middle + high + AZIMUTH_MARGIN
         if high - low < 2.0 * math.pi:      # not so where something is NaN
             return low, high
@@ -356,7 +314,7 @@ def _nearest_point(kind, o, half):
         return max(math.sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]) - half[0], 0.0)
     dz = max(abs(o[2]) - half[2], 0.0)
     if kind == CYLINDER:
-        dx, dy = max(math.hypot(o[0], o[1]) - half[0], 0.0), 0.0
+        dx, dy = max(math.sqrt(o[0] * o[0] + o[1] * o[1]) - half[0], 0.0), 0.0
     else:
         dx, dy = max(abs(o[0]) - half[0], 0.0), max(abs(o[1]) - half[1], 0.0)
     return math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -382,7 +340,7 @@ def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
     out_there, margin = math.sqrt(px * px + py * py), radius * (1.0 + 1e-9) + 1e-9
     if rows.shape[0] == 1 and rows[0, 0] > 1e-6 and abs(out_there * rows[0, 1] - pz * rows[0, 0]) > margin:
         return
-    a = _product(b, sensor)     # shape-from-sensor
+    a = product(b, sensor)     # shape-from-sensor
     o = (-(b[0] * centre[0] + b[3] * centre[1] + b[6] * centre[2]),
          -(b[1] * centre[0] + b[4] * centre[1] + b[7] * centre[2]),
          -(b[2] * centre[0] + b[5] * centre[1] + b[8] * centre[2]))
@@ -445,7 +403,7 @@ def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_ang
     left = flat - radius * radius
     if not left > 1e-6:
         return False
-    half, middle = atan(radius / math.sqrt(left)) + AZIMUTH_MARGIN, _azimuth(py, px)
+    half, middle = atan(radius / math.sqrt(left)) + AZIMUTH_MARGIN, azimuth(py, px)
     if not (middle - half > -math.pi and middle + half < math.pi):
         return False
     begin = int(math.ceil(max((middle - half - frame[ANGLE_MIN]) * beams_per_angle - 1e-6, 0.0)))

@@ -25,6 +25,14 @@ def finish_ranges(out, ranges, normals, settings):
     shortest, longest, shift, stddev, precision = settings[0], settings[1], settings[2], settings[3], settings[4]
     start = int(settings[5])
     noisy = stddev > 0.0 and start >= 0 and start + ranges.size <= normals.size
+    if noisy and not precision > 0.0:       # the usual case on its own, so that it vectorises
+        draws = normals[start:start + ranges.size]
+        for i in range(ranges.size):
+            value = ranges[i] + shift + stddev * draws[i]
+            value = value if value > shortest else shortest
+            value = value if value < longest else longest
+            out[i] = value if ranges[i] < longest else np.inf
+        return
     changed = noisy or shift != 0.0 or precision > 0.0
     for i in range(ranges.size):
         value = ranges[i]
