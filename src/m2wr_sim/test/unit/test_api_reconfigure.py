@@ -40,16 +40,65 @@ def test_the_description_is_one_that_the_server_understands():
         name: {float: "double", int: "int", bool: "bool"}[entry[0]] for name, entry in dynamic.PARAMETERS.items()}
 
 
-def test_what_is_beyond_its_range_stays_as_it_is_unless_it_is_touched():
+class Told:
+    """dynamic_reconfigure's server as far as a change goes: merge, bring into range, ask, keep the answer."""
+
+    def __init__(self, _, callback):
+        self.callback, self.config = callback, {"groups": {}}
+        self.config = callback(dict(self.config), ~0)
+
+    def update_configuration(self, changes):
+        config = dict(self.config, **changes)
+        for name, (_, least, most, _, _) in dynamic.PARAMETERS.items():
+            config[name] = min(max(config[name], least), most)
+        self.config = self.callback(config, 0)
+
+
+@pytest.fixture
+def served(monkeypatch):
+    """Return a Reconfigure over a stand-in of the server, with its server, physics and the list of changes made."""
+    monkeypatch.setattr(dynamic, "Server", Told)
+    simulator, changes = SimpleNamespace(physics=replace(Physics(), real_time_update_rate=5000.0)), []
+
+    def change(fields):
+        changes.append(fields)
+        simulator.physics = replace(simulator.physics, **fields)
+
+    loop = SimpleNamespace(call=lambda function: function())
+    reconfigure = dynamic.Reconfigure(simulator, loop, SimpleNamespace(change=change))
+    return SimpleNamespace(reconfigure=reconfigure, server=reconfigure._server, simulator=simulator, loop=loop,
+                           changes=changes)
+
+
+def test_what_is_beyond_its_range_stays_as_it_is_unless_it_is_touched(served):
     """Five times real time at 1 ms is 5000 steps a second, which dynamic_reconfigure brings down to 1000."""
-    changes, physics = [], replace(Physics(), max_step_size=0.001, real_time_update_rate=5000.0)
-    server = dynamic.Reconfigure.__new__(dynamic.Reconfigure)
-    server._simulator = SimpleNamespace(physics=physics)
-    server._physics_api = SimpleNamespace(change=changes.append)
-    config = dict(dynamic.values_of(physics), max_update_rate=1000.0)
-    server._take(config)
-    assert changes == []
-    server._take(dict(config, gravity_z=-1.0))
-    assert changes[0]["gravity"] == (0.0, 0.0, -1.0) and changes[0]["real_time_update_rate"] == 5000.0
-    server._take(dict(config, max_update_rate=200.0))
-    assert changes[1]["real_time_update_rate"] == 200.0
+    served.server.update_configuration({})
+    assert served.changes == []
+    served.server.update_configuration({"gravity_z": -1.0})
+    assert served.changes[0]["gravity"] == (0.0, 0.0, -1.0) and served.changes[0]["real_time_update_rate"] == 5000.0
+    served.server.update_configuration({"max_update_rate": 200.0})
+    assert served.changes[1]["real_time_update_rate"] == 200.0
+    assert served.server.config["max_update_rate"] == 200.0 and served.server.config["gravity_z"] == -1.0
+
+
+def test_telling_sets_nothing_when_somebody_else_sets_a_number_meanwhile(served):
+    """Two services set the physics one after the other; the first one tells of it only then."""
+    served.simulator.physics = replace(served.simulator.physics, max_step_size=0.002)
+    call = served.loop.call
+
+    def late(function):
+        served.simulator.physics = replace(served.simulator.physics, max_step_size=0.005)
+        return call(function)
+
+    served.loop.call = late
+    served.reconfigure.tell()
+    served.loop.call = call
+    served.reconfigure.tell()
+    assert served.changes == [] and served.server.config["time_step"] == served.simulator.physics.max_step_size
+
+
+def test_a_change_leaves_alone_what_a_service_has_set_and_not_yet_told(served):
+    served.simulator.physics = replace(served.simulator.physics, max_step_size=0.002)
+    served.server.update_configuration({"gravity_z": -1.0})
+    assert served.simulator.physics.max_step_size == 0.002 and served.simulator.physics.gravity[2] == -1.0
+    assert served.server.config["time_step"] == 0.002

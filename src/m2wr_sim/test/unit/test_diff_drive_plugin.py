@@ -305,6 +305,14 @@ def test_a_plugin_that_cannot_work_is_named_and_the_rest_goes_on(make, caplog, t
         subscription.open for subscription in rig.ports.subscriptions.values())
 
 
+@pytest.mark.parametrize("kind", ["fixed", "ball"])
+def test_a_joint_that_no_motor_drives_is_named(make, m2wr, caplog, kind):
+    joints = tuple(replace(joint, kind=kind) if "left" in joint.name else joint for joint in m2wr.joints)
+    rig = make(robot=replace(m2wr, joints=joints)).run(0.1)
+    error, = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+    assert '"joint_left_wheel" of type %s cannot be driven' % kind in error and "/odom" not in rig.ports.topics
+
+
 @pytest.mark.parametrize("tags", [{"odometrySource": "gps"}, {"publishTf": "perhaps"}, {"publishWheelTF": ""}])
 def test_senseless_choices_keep_the_default(make, tags):
     rig = make(tags, pose=at(2.0, 0.0, 0.1)).run(0.06)

@@ -126,6 +126,9 @@ class Still:
 
     now_ns, step_ns, paused = 0, 1000000, False
 
+    def settle(self):
+        """Nothing moves."""
+
 
 def test_requests_are_served_while_the_loop_waits():
     loop = Loop(Still(), 0.0, lambda: False, lambda: None)

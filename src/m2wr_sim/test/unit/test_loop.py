@@ -5,7 +5,8 @@ import time
 
 import pytest
 
-from m2wr_sim.ros.loop import Loop, Pacer, ShuttingDown
+from m2wr_sim.errors import SimError
+from m2wr_sim.ros.loop import Loop, Pacer, ShuttingDown, _Request
 
 MS = 1000000
 
@@ -143,6 +144,29 @@ def test_a_request_does_not_wait_for_a_slow_schedule(simulator):
             assert running.loop.call(lambda: simulator.now_ns) <= 20 * MS
 
 
+def test_housekeeping_does_not_wait_for_a_slow_schedule(simulator):
+    """At a thousandth of real time a batch takes ten seconds; diagnostics are due once a second of wall time."""
+    with Running(simulator, factor=0.001) as running:
+        deadline = time.monotonic() + 9.0
+        while running.turns < 3:
+            assert time.monotonic() < deadline, "%d turns at %d ns" % (running.turns, simulator.now_ns)
+            time.sleep(0.01)
+    assert simulator.now_ns <= 20 * MS
+
+
+def test_time_passes_however_many_requests_come(simulator):
+    """Each request brings the next one, as clients do that ask again as soon as they have an answer."""
+    asked = []
+    with Running(simulator) as running:
+        def again():
+            asked.append(simulator.now_ns)
+            if simulator.now_ns < 50 * MS and len(asked) < 100000:
+                running.loop._put(_Request(again))
+        running.loop.call(again)
+        running.wait(lambda: simulator.now_ns >= 50 * MS)
+    assert len(asked) < 1000
+
+
 def test_many_threads_ask_at_once(simulator):
     answers = []
     with Running(simulator) as running:
@@ -204,6 +228,32 @@ def test_a_simulator_that_fails_ends_the_loop_and_frees_who_waits(simulator, mon
         loop.run()
     with pytest.raises(ShuttingDown):
         loop.call(lambda: None)
+
+
+def test_who_asks_is_freed_when_the_bodies_are_lost_on_the_way_to_the_present(simulator, monkeypatch):
+    """The engine was left behind; what it meets when a request makes it catch up ends the simulation."""
+    def fail():
+        raise SimError("a body is lost")
+    monkeypatch.setattr(simulator, "settle", fail)
+    outcome = []
+    loop = Loop(simulator, 0.0, lambda: bool(outcome), lambda: None)
+    loop._lazily = True
+
+    def ask():
+        try:
+            loop.call(lambda: outcome.append("answered"))
+        except ShuttingDown:
+            outcome.append("refused")
+
+    asking = threading.Thread(target=ask, daemon=True)
+    asking.start()
+    deadline = time.monotonic() + 10.0
+    while not loop._requests.qsize():
+        assert time.monotonic() < deadline, "the request does not come"
+    with pytest.raises(SimError):
+        loop.run()
+    asking.join(10.0)
+    assert outcome == ["refused"]
 
 
 @pytest.mark.parametrize("step_ms", [1, 7, 25])

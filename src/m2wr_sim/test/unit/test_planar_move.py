@@ -93,8 +93,9 @@ def test_a_command_may_time_out(make, tags, options):
     assert rig.run(2.0).pose("puck")[0][0] == pytest.approx(0.2, abs=0.002)
 
 
-def test_it_holds_for_ever_by_default(make):
-    rig = make()
+@pytest.mark.parametrize("tags", [{}, {"cmdTimeout": "-1e308"}, {"cmdTimeout": "1e308"}])
+def test_it_holds_for_ever_by_default(make, tags):
+    rig = make(tags=tags)
     rig.ports.send("/cmd_vel", twist(1.0))
     assert rig.run(3.0).pose("puck")[0][0] == pytest.approx(3.0, abs=0.002)
 

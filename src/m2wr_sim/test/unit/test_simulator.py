@@ -1,6 +1,8 @@
 """The order of events in a step, models coming and going, states and frames, resets, and plugins that fail."""
+import gc
 import logging
 import math
+import weakref
 from dataclasses import replace
 
 import pytest
@@ -202,6 +204,23 @@ def test_what_is_deleted_is_gone_and_can_come_back(m2wr_rig, m2wr):
         assert rig.pose()[0][:2] == pytest.approx((0.0, turn), abs=1e-3)        # at rest: no old command
         rig.send(0.0, 0.5).run(1.0)
         assert rig.messages("/odom")[-1].twist.twist.angular.z == pytest.approx(0.5, rel=1e-2)
+
+
+def test_what_is_deleted_needs_no_garbage_collector(m2wr_rig):
+    """After a long text was spawned all objects are put aside from collections; a circle of them would stay."""
+    rig = m2wr_rig().run(0.1)
+    model = rig.simulator.models["m2wr"]
+    parts = [weakref.ref(part) for part in [model] + [plugin for plugin, _, _ in model.plugins]]
+    del model
+    gc.collect()
+    gc.disable()
+    try:
+        rig.simulator.delete("m2wr")
+        rig.run(0.1)
+        rig.ports.topics.clear()
+        assert len(parts) == 4 and not any(part() for part in parts)
+    finally:
+        gc.enable()
 
 
 def test_unknown_models_are_named_with_those_there_are(m2wr_rig):

@@ -251,7 +251,8 @@ class PluginSpec:
 
     ``parameters`` holds (tag, text) pairs in document order; a tag's text comes from the element's text or its
     ``value`` attribute.  ``reference`` names the link a sensor plugin belongs to (None for a model plugin).
-    ``where`` says for error messages in what file and element the plugin stands.
+    ``where`` says for error messages in what file and element the plugin stands.  A model plugin of a nested model has
+    that model's name, ``inner`` or ``inner::innermost``, in ``scope``, and in ``frame`` its pose in the outermost one.
     """
 
     name: str
@@ -259,6 +260,8 @@ class PluginSpec:
     parameters: Tuple[Tuple[str, str], ...] = ()
     reference: Optional[str] = None
     where: str = ""
+    scope: str = ""
+    frame: Pose = IDENTITY
 
     def find(self, tag):
         """Return the stripped text of the first ``tag``, or None where it is missing."""

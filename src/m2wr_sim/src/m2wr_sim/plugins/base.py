@@ -165,6 +165,15 @@ class PluginReader:
         return seen
 
 
+def driven_joint(ctx, spec, name):
+    """Return the engine's number of a joint that is to be driven; PluginError where a motor cannot drive it."""
+    number, kind = ctx.joint(name), ctx.joint_record(name).kind
+    if kind in ("fixed", "ball"):
+        raise PluginError("%s: joint \"%s\" of type %s cannot be driven; expected one that turns about an axis"
+                          % (spec.spec.where, name, kind))
+    return number
+
+
 class PluginContext(abc.ABC):
     """The world as one plugin sees it; the simulator provides the inner part, the ROS edge the outer one."""
 

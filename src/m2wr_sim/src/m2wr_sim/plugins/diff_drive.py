@@ -9,7 +9,7 @@ from m2wr_sim.control.diff_drive import EncoderOdometry, is_swapped, ramp, wheel
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.physics.engine import FASTEST
-from m2wr_sim.plugins.base import Plugin
+from m2wr_sim.plugins.base import Plugin, driven_joint
 from m2wr_sim.runtime.schedule import StrictSchedule
 
 _POSE_COVARIANCE = [0.0] * 36
@@ -24,7 +24,7 @@ class DiffDrive(Plugin):
     def configure(self, spec, ctx):
         self._ctx, self._physics = ctx, ctx.physics
         left_name, right_name = spec.text("leftJoint", "left_joint"), spec.text("rightJoint", "right_joint")
-        self._left, self._right = ctx.joint(left_name), ctx.joint(right_name)
+        self._left, self._right = driven_joint(ctx, spec, left_name), driven_joint(ctx, spec, right_name)
         self._joint_names = (right_name, left_name)
         self._separation = spec.number("wheelSeparation", 0.34)
         self._radius = 0.5 * spec.number("wheelDiameter", 0.15)
@@ -102,7 +102,7 @@ class DiffDrive(Plugin):
             self._command_ns = now_ns
         if self._encoder is not None:
             return now_ns + self._ctx.step_ns
-        return self._schedule.next_due(self._ctx.step_ns)
+        return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
     def before_step(self, now_ns):
         if self._encoder is not None:

@@ -27,7 +27,7 @@ class JointWrench(Plugin):
         self._physics.feel_joint(self._joint)
 
     def next_before(self, now_ns):
-        return self._schedule.next_due(self._ctx.step_ns) if self._port.wanted() else NEVER
+        return self._schedule.next_due(now_ns, self._ctx.step_ns) if self._port.wanted() else NEVER
 
     def before_step(self, now_ns):
         if not self._port.wanted() or not self._schedule.due(now_ns):

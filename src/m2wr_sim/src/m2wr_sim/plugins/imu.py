@@ -42,7 +42,7 @@ class BodyImu(Plugin):
         return self._port is not None and self._port.wanted()
 
     def next_before(self, now_ns):
-        return self._schedule.next_due(self._ctx.step_ns) if self._wanted() else NEVER
+        return self._schedule.next_due(now_ns, self._ctx.step_ns) if self._wanted() else NEVER
 
     def before_step(self, now_ns):
         elapsed = self._schedule.elapsed(now_ns) * 1e-9

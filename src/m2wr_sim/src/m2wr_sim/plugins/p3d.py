@@ -35,7 +35,7 @@ class GroundTruth(Plugin):
         self._port = ctx.advertise(topic, Odometry, namespace=namespace)
 
     def next_before(self, now_ns):
-        return self._schedule.next_due(self._ctx.step_ns) if self._port.wanted() else NEVER
+        return self._schedule.next_due(now_ns, self._ctx.step_ns) if self._port.wanted() else NEVER
 
     def before_step(self, now_ns):
         if not self._port.wanted() or not self._schedule.due(now_ns):

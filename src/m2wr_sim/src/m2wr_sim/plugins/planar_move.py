@@ -23,7 +23,7 @@ class PlanarMove(Plugin):
         self._child_frame = ctx.frame(spec.text("robotBaseFrame", "base_footprint"), namespace)
         rate = spec.number("odometryRate", 20.0)
         self._schedule = GapSchedule(rate, ctx.now_ns, strict=True) if rate > 0.0 else None
-        timeout_ns = int(1e9 * spec.number("cmdTimeout", -1.0))
+        timeout_ns = int(max(-1.0, min(1e9 * spec.number("cmdTimeout", -1.0), 1e18)))
         self._command = VelocityCommand(ctx, spec.text("commandTopic", "cmd_vel"), namespace,
                                         max(timeout_ns, 1) if timeout_ns >= 0 else ctx.command_timeout_ns)
         self._port = ctx.advertise(spec.text("odometryTopic", "odom"), Odometry, namespace=namespace)

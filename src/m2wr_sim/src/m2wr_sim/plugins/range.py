@@ -50,7 +50,7 @@ class RangeFinder(LazySensor):
     def next_reading(self, now_ns):
         step_ns = self._ctx.step_ns
         if not self._sensed.period_ns:
-            return max(now_ns + step_ns, self._sent.next_due(step_ns))
+            return max(now_ns + step_ns, self._sent.next_due(now_ns, step_ns))
         return self._sensed.next_due(now_ns, step_ns)
 
     def after_step(self, now_ns):

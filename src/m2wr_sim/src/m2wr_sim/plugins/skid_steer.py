@@ -6,7 +6,7 @@ from nav_msgs.msg import Odometry
 from m2wr_sim.control.diff_drive import is_swapped, wheel_speeds
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import yaw_of
-from m2wr_sim.plugins.base import Plugin
+from m2wr_sim.plugins.base import Plugin, driven_joint
 from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import StrictSchedule
 
@@ -20,7 +20,7 @@ class SkidSteer(Plugin):
     def configure(self, spec, ctx):
         self._ctx, self._physics = ctx, ctx.physics
         names = [spec.text(tag, default) for tag, default in _WHEELS]
-        self._joints = [ctx.joint(name) for name in names]
+        self._joints = [driven_joint(ctx, spec, name) for name in names]
         self._separation = spec.number("wheelSeparation", 0.4)
         self._radius = 0.5 * spec.number("wheelDiameter", 0.15)
         if not self._separation > 0.0 or not self._radius > 0.0:
@@ -57,7 +57,7 @@ class SkidSteer(Plugin):
 
     def next_before(self, now_ns):
         self._command.look(now_ns)
-        return self._schedule.next_due(self._ctx.step_ns)
+        return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
     def before_step(self, now_ns):
         if not self._schedule.due(now_ns):

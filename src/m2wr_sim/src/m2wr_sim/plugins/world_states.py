@@ -94,7 +94,7 @@ class WorldStates(Plugin):
     def next_before(self, now_ns):
         if not (self._models_port.wanted() or self._links_port.wanted()):
             return NEVER
-        due_ns = self._schedule.next_due(self._simulator.step_ns)
+        due_ns = self._schedule.next_due(now_ns, self._simulator.step_ns)
         if due_ns <= now_ns:                    # woke up after a pause without listeners: no catching up
             self._schedule.restart(now_ns - self._schedule.period_ns)
         return max(due_ns, now_ns + self._simulator.step_ns)

@@ -1,5 +1,6 @@
 """The physics as dynamic parameters (``~set_parameters``, ``rqt_reconfigure``), with Gazebo's names and ranges."""
 import logging
+import threading
 from types import SimpleNamespace
 
 from m2wr_sim.errors import ParameterError
@@ -67,26 +68,31 @@ class Reconfigure:
 
     def __init__(self, simulator, loop, physics_api):
         self._simulator, self._loop, self._physics_api = simulator, loop, physics_api
-        self._started = False
+        self._started, self._telling = False, threading.local()
         self._server = Server(description(values_of(simulator.physics)), self._change)
         self._started = True
 
     def _change(self, config, _):
-        """Take a change and answer with what is true then; the first call only learns the engine's numbers."""
-        if not self._started:
+        """Take a change and answer with what is true then; the first call, and :meth:`tell`, only learn that.
+
+        Of the server's numbers, which may be older than what a service has just set, only those count that differ from
+        what it last told.  It brings every one into its range; what is beyond that and was not touched stays as it is.
+        """
+        if not self._started or getattr(self._telling, "now", False):
             config.update(values_of(self._simulator.physics))
             return config
+        told = self._server.config
+        touched = {name: config[name] for name, (_, least, most, _, _) in PARAMETERS.items()
+                   if config[name] != min(max(told[name], least), most)}
         try:
-            config.update(self._loop.call(lambda: self._take(config)))
+            config.update(self._loop.call(lambda: self._take(touched)))
         except ShuttingDown:
             log.debug("a change of parameters came too late: the simulation ends")
         return config
 
-    def _take(self, config):
+    def _take(self, touched):
         now = values_of(self._simulator.physics)
-        # dynamic_reconfigure brings every value into its range; what is beyond it and was not touched stays as it is
-        wanted = {name: now[name] if config[name] == min(max(now[name], least), most) else config[name]
-                  for name, (_, least, most, _, _) in PARAMETERS.items()}
+        wanted = dict(now, **touched)
         if any(wanted[name] != now[name] for name, entry in PARAMETERS.items() if entry[3] is not None):
             try:
                 self._physics_api.change(fields_of(wanted))
@@ -97,8 +103,12 @@ class Reconfigure:
         return values_of(self._simulator.physics)
 
     def tell(self):
-        """Let the watchers know of numbers that a service has changed."""
-        self._server.update_configuration(values_of(self._simulator.physics))
+        """Let the watchers know of numbers that a service has changed; nothing is set, whatever others do meanwhile."""
+        self._telling.now = True
+        try:
+            self._server.update_configuration({})
+        finally:
+            self._telling.now = False
 
 
 def make_reconfigure(simulator, loop, physics_api):

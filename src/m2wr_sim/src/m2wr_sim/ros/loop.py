@@ -150,7 +150,8 @@ class Loop:
         simulator = self._simulator
         try:
             while not self._stopping():
-                self._serve(0.0)
+                if self._requests.qsize():
+                    self._serve(0.0)
                 if simulator.paused or not (self._lockstep is None or self._lockstep.open()):
                     self._pacer.restart()
                     self._serve(_IDLE_WAIT)
@@ -184,9 +185,11 @@ class Loop:
             if self._served or self._requests.qsize():
                 break
         ahead = self._pacer.ahead(simulator.now_ns)
-        while ahead > 0.0 and not self._stopping():
-            if not self._serve(min(ahead, _IDLE_WAIT)) and ahead <= _IDLE_WAIT or simulator.paused:
+        while ahead > 0.0:
+            if not self._serve(min(ahead, _IDLE_WAIT)) and ahead <= _IDLE_WAIT or simulator.paused or self._stopping():
                 return                  # the time is up; or stands still
+            if ahead > _IDLE_WAIT:
+                self._on_turn()         # a slow schedule: housekeeping goes by the clock on the wall
             ahead = self._pacer.ahead(simulator.now_ns)
 
     def _choose(self):
@@ -205,19 +208,17 @@ class Loop:
         if not arrived:
             return False
         simulator = self._simulator
+        simulator.settle()              # before a request is taken: where this fails, the request waits to be refused
+        before_ns = simulator.now_ns
         try:
-            request = self._requests.get_nowait()
-            if self._lazily:
-                simulator.settle()
-            before_ns = simulator.now_ns
-            while True:
-                request.run()
+            for _ in range(self._requests.qsize()):     # what comes meanwhile waits, or time might never pass again
+                self._requests.get_nowait().run()
                 self._served = True
                 if simulator.now_ns < before_ns:
                     self._pacer.restart()
-                request = self._requests.get_nowait()
         except queue.Empty:
-            return True
+            pass
+        return True
 
     def _refuse_all(self):
         try:

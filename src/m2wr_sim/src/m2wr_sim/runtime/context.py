@@ -16,7 +16,7 @@ class ModelContext(PluginContext):
         self._simulator, self._model, self._spec = simulator, model, spec
         self._ports = simulator.ports
         self._open = []
-        self.model_name, self.sensor = model.name, sensor
+        self.model_name, self.sensor = spec.scope.rpartition("::")[2] or model.name, sensor
         self.sensor_link = None if sensor_link is None else model.handle.links[sensor_link]
         self._sensor_link_name = sensor_link
         if sensor_link is not None:
@@ -37,9 +37,17 @@ class ModelContext(PluginContext):
     def joint(self, name):
         return self._number(self._model.handle.joints, "joint", name)
 
+    def _own(self, table, name):
+        """Return the name under which the model has a link or joint, which may be given with the model's name.
+
+        A plugin of a nested model means that one's first.
+        """
+        prefix, scope = self._model.name + "::", self._spec.scope
+        plain = name[len(prefix):] if name.startswith(prefix) and name not in table else name
+        return scope + "::" + plain if scope and scope + "::" + plain in table else plain
+
     def _number(self, table, kind, name):
-        if name.startswith(self.model_name + "::"):
-            name = name[len(self.model_name) + 2:]
+        name = self._own(table, name)
         for lumped, carrier, _ in self._model.record.lumped:
             if kind == "link" and name == lumped:
                 raise PluginError("%s: link \"%s\" was merged into \"%s\" over a fixed joint, as Gazebo does; name "
@@ -52,6 +60,7 @@ class ModelContext(PluginContext):
 
     def joint_record(self, name):
         self.joint(name)
+        name = self._own(self._model.handle.joints, name)
         return next(joint for joint in self._model.record.joints if joint.name == name)
 
     def joint_position(self, name):
@@ -60,17 +69,30 @@ class ModelContext(PluginContext):
         return compose(child.pose, joint.pose)[0]
 
     def model_state(self):
-        return self._model.state(self.physics)
+        if not self._spec.scope:
+            return self._model.state(self.physics)
+        state = self.physics.link_state(self._model.handle.links[self._first.name])
+        position, orientation = compose((state.position, state.orientation),
+                                        compose(invert(self._first.pose), self._spec.frame))
+        return state._replace(position=position, orientation=orientation)
+
+    @property
+    def _first(self):
+        """The record of the first link of the nested model that the plugin belongs to."""
+        begin = self._spec.scope + "::"
+        return next(link for link in self._model.record.links if link.name.startswith(begin))
 
     def pose_in_model(self, link):
-        return compose(invert(self._model.pose(self.physics)), self.physics.link_pose(link))
+        state = self.model_state()
+        return compose(invert((state.position, state.orientation)), self.physics.link_pose(link))
 
     def link_record(self, name):
         self.link(name)
+        name = self._own(self._model.handle.links, name)
         return next(link for link in self._model.record.links if link.name == name)
 
     def collision_name(self, name):
-        return "%s::%s::%s" % (self.model_name, self._sensor_link_name, name)
+        return "%s::%s::%s" % (self._model.name, self._sensor_link_name, name)
 
     def set_motion(self, linear, angular):
         engine, links = self.physics, self._model.handle.links

@@ -8,6 +8,7 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.runtime.limits import strongest, strongest_effort
+from m2wr_sim.runtime.schedule import first_step
 
 log = logging.getLogger(__name__)
 
@@ -97,7 +98,7 @@ class Forces(Plugin):
                                       and (push.end_ns is None or push.end_ns > now_ns)]
                                      for pushes in (self._links, self._joints))
         step_ns = self._simulator.step_ns
-        return min([max(now_ns + step_ns, -(-push.start_ns // step_ns) * step_ns)
+        return min([max(now_ns + step_ns, first_step(push.start_ns, now_ns, step_ns))
                     for push in self._links + self._joints], default=NEVER)
 
     def before_step(self, now_ns):

@@ -69,7 +69,7 @@ class LocalSubscription:
 
     def close(self):
         """Stop delivering."""
-        self.open = False
+        self.open, self.callback, self.newest = False, None, None
 
 
 class LocalPorts(Ports):

@@ -19,7 +19,7 @@ from m2wr_sim.plugins.registry import find_plugin, why_left_out
 from m2wr_sim.runtime.agenda import Agenda
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
-from m2wr_sim.runtime.schedule import misfit, period_of
+from m2wr_sim.runtime.schedule import first_step, misfit, period_of
 
 log = logging.getLogger(__name__)
 
@@ -258,6 +258,7 @@ class Simulator:
         model = self._model(name)
         for entry in model.plugins:
             self._stop_plugin(entry)
+        model.plugins = []              # they know the model: a circle, which nothing collects where it has been frozen
         self.engine.remove_model(model.handle)
         del self.models[name]
         self.touch_counts.pop(name, None)
@@ -341,7 +342,7 @@ class Simulator:
             self._hold_ns = first_ns + _HOLD_NS if lazily else 0
         if first_ns >= self._clock_due_ns:
             self.ports.clock(first_ns)
-            self._clock_due_ns = -(-(first_ns + self._clock_period_ns) // step_ns) * step_ns
+            self._clock_due_ns = first_step(first_ns + self._clock_period_ns, first_ns, step_ns)
         if agenda.stale:
             agenda.fill(self._active + self.observers)
         if anew or first_ns > agenda.calm_ns:
@@ -357,6 +358,8 @@ class Simulator:
             if agenda.stale:
                 agenda.fill(self._active + self.observers)
             agenda.measure(now_ns, lazily)
+            if self._hold_ns - now_ns < _HOLD_NS // 2:
+                self._hold_ns = 0           # to ask all anew costs least now: the bodies are where they are
         return now_ns
 
     def settle(self):
