@@ -349,6 +349,12 @@ def test_worlds_and_robots_by_name_path_text_and_record(tmp_path):
     assert robot.plugins[0].find("leftJoint") == swapped.plugins[0].find("rightJoint")
 
 
+def test_the_text_of_an_sdf_robot_may_speak_of_robots():
+    text = ('<sdf version="1.6"><model name="cart"><link name="base"/><plugin name="p" filename="libp.so">'
+            '<robotNamespace>/</robotNamespace></plugin></model></sdf>')
+    assert read_robot(text).name == "cart"
+
+
 def test_bad_worlds_and_robots_are_named(tmp_path):
     with pytest.raises(WorldError, match="nowhere.*expected a path or one of empty, "):
         read_world("nowhere")

@@ -81,6 +81,23 @@ def test_each_format_gives_its_triangles_in_metres(saved, name, content):
     assert all(part.vertices.dtype == np.float64 and part.triangles.dtype == np.int32 for part in parts)
 
 
+BROKEN_ENDS = NODE.format("").replace("/></node>", "><bind_material><technique_common><instance_material symbol='m' "
+                                      "target='#none'/></technique_common></bind_material></instance_geometry>"
+                                      "<instance_camera url='#none'/><instance_light url='#none'/></node>")
+AUTHOR = b"<asset><contributor><author>Ren\xe9 -- x</author></contributor>"
+
+
+@pytest.mark.parametrize("name, content", [
+    ("a.stl", binary_stl(PYRAMID).replace(b"\0" * 80, b"solid exported by hand".ljust(80))),
+    ("a.stl", binary_stl(PYRAMID) + b"\0" * 7), ("a.stl", text_stl(PYRAMID).replace(b"part", b"caf\xe9")),
+    ("a.stl", text_stl(PYRAMID).replace(b"\n", b"\r\n")), ("a.stl", text_stl(PYRAMID).upper()),
+    ("a.obj", b"# caf\xe9\nmtllib none.mtl\n" + obj(CORNERS, FACES).encode()),
+    ("a.dae", dae(BROKEN_ENDS)), ("a.dae", dae(NODE.format("")).replace(b"<asset>", AUTHOR)),
+    ("a.dae", dae(NODE.format("")).replace(b"2005/11", b"2008/03").replace(b"1.4.1", b"1.5.0"))])
+def test_what_programs_write_into_their_files_besides_shapes_does_no_harm(saved, name, content):
+    assert same(read_mesh_file(saved(name, content)), PYRAMID)
+
+
 def test_parts_of_an_obj_have_names(saved):
     parts = read_mesh_file(saved("a.obj", obj(CORNERS, FACES, "one") + obj(CORNERS + 5.0, FACES, "two", 5)))
     assert [part.names for part in parts] == [("one",), ("two",)]
@@ -143,6 +160,7 @@ BOMB = b'<?xml version="1.0"?><!DOCTYPE c [<!ENTITY a "aaaa">]><COLLADA>&a;</COL
     ("a.step", b"x", "expected one of .stl, .obj, .dae"),
     ("a.stl", b"", "a.stl"),
     ("a.stl", binary_stl(PYRAMID, stated=5000), "states 5000 triangles"),
+    ("a.stl", binary_stl(PYRAMID, stated=0), "states 0 triangles"),
     ("a.stl", binary_stl(PYRAMID)[:60], "a.stl"),
     ("a.stl", b"solid nothing\nendsolid nothing\n", "a.stl"),
     ("a.stl", text_stl([[[0, 0, 0], [1, 0, 0], [0, float("nan"), 0]]]), "expected finite numbers"),
@@ -152,7 +170,7 @@ BOMB = b'<?xml version="1.0"?><!DOCTYPE c [<!ENTITY a "aaaa">]><COLLADA>&a;</COL
     ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 9\n", "a.obj"),
     ("a.dae", b"<COLLADA><asset>", "not well-formed XML"),
     ("a.dae", BOMB, "entity"),
-    ("a.dae", b"<robot/>", "a.dae"),
+    ("a.dae", b"<robot/>", "expected <COLLADA>"),
     ("a.dae", dae(""), "no triangle"),
 ])
 def test_a_file_that_cannot_be_used_is_named(saved, name, content, said):

@@ -48,7 +48,8 @@ def corners(shape):
 
 @pytest.mark.parametrize("uri", [
     "model://part/meshes/a.stl", "model://part/meshes/a.obj", "beside.stl", "file://beside.stl", "{0}/beside.stl",
-    "file://{0}/beside.stl", "models/part/meshes/a.stl"])
+    "file://{0}/beside.stl", "models/part/meshes/a.stl", "model://part//meshes//a.stl",
+    "model://part/meshes/../meshes/./a.stl"])
 def test_files_are_found(folder, uri):
     (shape,), notes = load(folder, mesh(uri.format(folder)))
     assert isinstance(shape, Mesh) and notes == ()
@@ -167,12 +168,30 @@ def test_a_urdf_mesh_collides(folder, filename):
     assert same([part.geometry], PYRAMID * (1.0, 2.0, 1.0)) and notes == ()
 
 
+@pytest.mark.parametrize("inside", ["//meshes/a.stl", "/urdf/../meshes/a.stl", "/./meshes//a.stl"])
+def test_a_path_inside_a_package_may_take_detours(folder, inside):
+    model = urdf(folder, "package://part" + inside, resolve_package=packages(folder))
+    assert len(model.links[0].collisions) == 1 and model.notes == ()
+
+
+def test_meshes_of_an_sdf_are_found_by_package_too(folder):
+    (folder / "models" / "part" / "package.xml").write_text("<package/>")
+    text = """<sdf version="1.6"><model name="m"><link name="l"><collision name="c"><geometry>%s</geometry></collision>
+</link></model></sdf>"""
+    folders = ModelFolders(packages=lambda: [str(folder / "models" / "part")])
+    for uri, count in (("package://part/meshes/a.stl", 1), ("package://other/meshes/a.stl", 0),
+                       ("package://part/../../beside.stl", 0)):
+        model, = load_sdf_models(text % mesh(uri), resolve_model=folders)
+        assert (len(model.links[0].collisions), len(model.notes)) == (count, 1 - count)
+
+
 def test_a_urdf_mesh_by_model_name_is_found_in_the_model_folders(folder):
     model = urdf(folder, "model://part/meshes/a.stl", resolve_model=ModelFolders([str(folder / "models")]))
     assert len(model.links[0].collisions) == 1
 
 
 @pytest.mark.parametrize("filename, said", [
+    ("package://part//etc/passwd", "part/etc"), ("package://../part/meshes/a.stl", '".."'),
     ("package://nobody/a.stl", 'no package "nobody"'), ("package://part/../../x.stl", '".."'),
     ("package://part/meshes/gone.stl", "no such file")])
 def test_a_urdf_mesh_that_cannot_be_had_is_named(folder, filename, said):

@@ -76,3 +76,14 @@ def test_exports_with_several_folders_and_files_that_export_nothing(package, tmp
 def test_paths_that_leave_their_folder_are_refused(places, uri):
     with pytest.raises(XmlError, match="leaves the model's folder"):
         ModelFolders([places("own", "a")], [places("res", "media/a.dae")])(uri)
+
+
+@pytest.mark.parametrize("listed, taken", [(("1.5", "1.8", "1.7"), "1.7"), (("1.10", "1.8"), "1.8"), (("1.9",), "1.9")])
+def test_the_newest_version_that_is_read_counts_else_the_oldest_there_is(tmp_path, listed, taken):
+    folder = tmp_path / "m"
+    folder.mkdir()
+    for version in listed:
+        (folder / (version + ".sdf")).write_text("<sdf/>")
+    (folder / "model.config").write_text("<model>%s</model>" % "".join(
+        '<sdf version="%s">%s.sdf</sdf>' % (version, version) for version in listed))
+    assert ModelFolders([str(tmp_path)])("model://m") == str(folder / (taken + ".sdf"))

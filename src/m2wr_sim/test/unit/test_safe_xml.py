@@ -39,7 +39,7 @@ def test_outer_document_type_is_not_fetched():
 
 
 @pytest.mark.parametrize("text, line", [("<a>\n<b>\n</a>", 3), ("", None), ("no xml", 1), ("<a/><b/>", 1),
-                                        ("<r>\n&unknown;</r>", 2), ("<a:b/>", 1)])
+                                        ("<r>\n&unknown;</r>", 2), ("<a b='1' b='2'/>", 1)])
 def test_malformed_text_names_file_and_line(text, line):
     message = message_of(parse_xml, text, "some file.world")
     assert message.startswith("some file.world:" + ("" if line is None else "{}:".format(line)))

@@ -400,9 +400,8 @@ def test_the_rest_of_a_link_stays_where_a_collision_or_visual_is_left_out():
 
 @pytest.mark.parametrize("body, words", [
     ("<inertial><mass>-1</mass></inertial>", ("mass is -1", "a positive mass", "link[l]")),
-    ("<inertial><mass>0</mass></inertial>", ("mass is 0", "a positive mass")),
-    ("<inertial><inertia><ixx>0</ixx></inertia></inertial>", ("not positive definite",))])
-def test_a_moving_model_that_is_no_physical_body_is_left_out(body, words):
+    ("<inertial><mass>0</mass></inertial>", ("mass is 0", "a positive mass"))])
+def test_a_moving_model_without_mass_is_left_out(body, words):
     bad = '<model name="m">{}<link name="l">{}</link></model>'
     loaded, note = told(bad.format("", body))
     assert len(loaded.models) == 1 and "this model is left out" in note and "model[m]" in note
@@ -418,7 +417,7 @@ def test_a_moving_model_that_is_no_physical_body_is_left_out(body, words):
     (TURNED + joint(kind="rubber"), ('joint type is "rubber"', "revolute, prismatic")),
     (TURNED + joint("<axis><xyz>0 0 0</xyz></axis>"), ("no length", "a direction")),
     (TURNED + '<joint name="j" type="fixed"><child>b</child></joint>', ("<parent> is missing",)),
-    (TURNED + '<joint name="j" type="fixed"><parent>a</parent><child>world</child></joint>', ("child is the world",)),
+    (TURNED + '<joint name="j" type="ball"><parent>a</parent><child>world</child></joint>', ("child is the world",)),
     (TURNED + '<joint name="j" type="fixed"><parent>a</parent><child>a</child></joint>', ('both "a"',)),
     (TURNED + '<joint type="fixed"><parent>a</parent><child>b</child></joint>', ("attribute name is missing",))])
 def test_a_joint_that_cannot_be_made_is_left_out_as_in_gazebo(text, words):
@@ -426,6 +425,29 @@ def test_a_joint_that_cannot_be_made_is_left_out_as_in_gazebo(text, words):
     assert loaded.models[0].joints == () and loaded.models[0].links
     assert note.endswith("; this joint is left out.") and "model[m]" in note
     assert all(word in note for word in words)
+
+
+def test_a_fixed_joint_to_the_world_may_name_it_as_the_child():
+    bolted = '<joint name="j" type="fixed"><pose>1 2 3 0 0 0</pose><parent>{}</parent><child>{}</child></joint>'
+    turned_round, usual = (model(TURNED + bolted.format(*ends)).joints[0] for ends in (("b", "world"), ("world", "b")))
+    assert (turned_round.parent, turned_round.child, turned_round.kind) == ("world", "b", "fixed")
+    assert (turned_round.parent, turned_round.child) == (usual.parent, usual.child)
+
+
+@pytest.mark.parametrize("parent, child", [("m::a", "m::b"), ("a", "m::b"), ("m::a", "b")])
+def test_the_ends_of_a_joint_may_be_named_with_their_model(parent, child):
+    ends = "<parent>{}</parent><child>{}</child>"
+    hinge = TURNED + joint("<axis><xyz>1 0 0</xyz></axis>", more="<pose>0 0 1 0 0 0</pose>")
+    text = '<model name="m">{}</model>'
+    plain, named = (world(text.format(body)) for body in (hinge, hinge.replace(ends.format("a", "b"),
+                                                                               ends.format(parent, child))))
+    assert named.models == plain.models and plain.models[0].joints and not named.notes
+
+
+def test_a_nested_model_of_the_same_name_comes_before_the_models_own_links():
+    found = model('<link name="a"/><link name="b"/><model name="m"><link name="a"/></model>'
+                  '<joint name="j" type="fixed"><parent>b</parent><child>m::a</child></joint>')
+    assert found.joints[0].child == "m::a"
 
 
 def test_a_joint_to_a_nested_model_that_was_left_out_goes_with_it():

@@ -1,5 +1,6 @@
 """Worlds and robots from what a caller has at hand: a name, a path, the text itself, or a record read before."""
 import os
+import re
 from functools import lru_cache
 from pathlib import Path
 
@@ -122,7 +123,7 @@ def read_robot(robot, arguments=None):
         except (OSError, UnicodeDecodeError) as error:
             raise ModelError("robot \"%s\": %s; expected a readable file, its text, or one of %s"
                              % (source, error, ", ".join(sorted(ROBOTS))))
-    if "<robot" in text:
+    if re.search(r"<robot[\s/>]", text):
         if arguments:
             with errors_as(ModelError):
                 text = expand_xacro(text, source, package_folder, {name: str(arguments[name]) for name in arguments})

@@ -5,10 +5,12 @@ The formats are read by trimesh and pycollada, imported when the first mesh is m
 import io
 import logging
 import os
+import re
 import warnings
 from collections import OrderedDict, namedtuple
 
 import numpy as np
+from lxml import etree
 
 from m2wr_sim.model.safe_xml import XmlError, parse_xml, shorten
 
@@ -113,11 +115,10 @@ def _read_plain(content, path, kind):
     options = dict(process=False)
     if kind == "obj":
         options.update(split_object=True, group_material=False, skip_materials=True, maintain_order=True)
-    elif content[:5].lower() != b"solid" and len(content) >= 84:
-        stated = int.from_bytes(content[80:84], "little")
-        if stated * 50 + 84 > len(content):
-            raise XmlError("{}: the header states {} triangles, which would take {} bytes, but the file has {}; "
-                           "expected a whole STL file".format(path, stated, stated * 50 + 84, len(content)))
+    if kind == "obj" or _is_text_stl(content):
+        content = _as_utf8(content)
+    elif len(content) >= 84:
+        content = _whole_binary_stl(content, path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")     # about textures, which nothing here looks at
@@ -130,14 +131,58 @@ def _read_plain(content, path, kind):
             path, kind.upper(), shorten(str(error) or repr(error), 200))) from None
 
 
+def _is_text_stl(content):
+    """Tell a text from a binary STL, whose header may begin with "solid", too."""
+    begin = content[:4000].lower()
+    return begin.lstrip().startswith(b"solid") and (b"facet" in begin or b"endsolid" in begin)
+
+
+def _as_utf8(content):
+    """Return a text as UTF-8; names and comments in it may be in any encoding."""
+    try:
+        content.decode("utf-8")
+        return content
+    except UnicodeDecodeError:
+        return content.decode("latin-1").encode("utf-8")
+
+
+def _whole_binary_stl(content, path):
+    """Return header and triangles of a binary STL, without what stands behind them."""
+    stated = int.from_bytes(content[80:84], "little")
+    if stated * 50 + 84 > len(content):
+        raise XmlError("{}: the header states {} triangles, which would take {} bytes, but the file has {}; expected a "
+                       "whole STL file".format(path, stated, stated * 50 + 84, len(content)))
+    if not stated:
+        raise XmlError("{}: the header states 0 triangles; expected a whole STL file".format(path))
+    return content[:stated * 50 + 84]
+
+
 _TO_Z_UP = {"X_UP": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
             "Y_UP": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
             "Z_UP": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}
 
 
+_NO_SHAPES = ("library_materials", "library_effects", "library_images", "library_cameras", "library_lights",
+              "library_animations", "bind_material", "instance_camera", "instance_light", "extra")
+_SCHEMA = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
+
+
+def _shapes_of_collada(content, path):
+    """Return a COLLADA file without colours, pictures, cameras and lights, where references often lead nowhere."""
+    root = parse_xml(content, path)
+    if etree.QName(root).localname != "COLLADA":
+        raise XmlError("{}: the root element is <{}>; expected <COLLADA>".format(path, etree.QName(root).localname))
+    for element in list(root.iter(*_NO_SHAPES)):
+        if element.getparent() is not None:
+            element.getparent().remove(element)
+    text = etree.tostring(root)
+    begin, end, rest = text.partition(b">")
+    return _SCHEMA + re.sub(br"""^<[^\s>]*|\sxmlns=("[^"]*"|'[^']*')""", b"", begin) + end + rest
+
+
 def _read_collada(content, path):
     """Return [(names, vertices, triangles)] of a COLLADA file, one for each place where a geometry stands."""
-    parse_xml(content, path)        # says where the XML is broken, refuses entities
+    content = _shapes_of_collada(content, path)
     collada = _collada(path)
     try:
         document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])

@@ -3,6 +3,7 @@
 A shape whose file cannot be found or read is named in the notes, with its element, and left out; the rest loads.
 """
 import os
+import posixpath
 
 import numpy as np
 
@@ -14,6 +15,15 @@ from m2wr_sim.model.types import Heightmap, Mesh
 
 _DEFAULT_SAMPLING = 2       # SDF's
 _MAX_PIXELS = 4096 * 4096
+
+
+def _below(rest):
+    """Return ``NAME/path`` without doubled slashes and steps back; XmlError where those lead out of NAME."""
+    name, _, inside = rest.replace("\\", "/").lstrip("/").partition("/")
+    inside = posixpath.normpath("./" + inside.lstrip("/"))
+    if name == ".." or inside.split("/")[0] == "..":
+        raise XmlError('the path leaves its folder; expected one without ".."')
+    return name + "/" + inside
 
 
 class MeshReader:
@@ -167,6 +177,7 @@ class MeshReader:
             if self._resolve_model is not None and not os.path.isfile(candidates[0]):
                 candidates.append(self._resolve_model("file://" + rest))
         elif scheme in ("model", "package"):
+            rest = _below(rest)
             candidates = self._in_packages(scheme, rest)
         else:
             raise XmlError("nothing is downloaded; expected model://, package://, file:// or a path")
@@ -181,12 +192,12 @@ class MeshReader:
 
     def _in_packages(self, scheme, rest):
         """Return where a ``model://`` or ``package://`` path may lie; Gazebo takes one for the other."""
-        if ".." in rest.replace("\\", "/").split("/"):
-            raise XmlError('the path leaves its folder; expected one without ".."')
         name, _, inside = rest.partition("/")
         found = []
         if scheme == "package" or self._resolve_model is None:
             found.append(self._package_path(name, inside, scheme == "package"))
+        if scheme == "package" and self._resolve_package is None and self._resolve_model is not None:
+            found.append(self._resolve_model("package://" + rest))
         if self._resolve_model is not None and not any(found):
             found.append(self._resolve_model("model://" + rest))
         return found

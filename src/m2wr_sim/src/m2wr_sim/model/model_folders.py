@@ -65,13 +65,14 @@ class ModelFolders:
     def __init__(self, folders=(), resources=(), packages=None):
         self.folders = tuple(folder for folder in folders if folder)
         self.resources = tuple(folder for folder in resources if folder)
-        self._packages = packages
+        self._packages, self._by_package = packages, {}
 
     def _ask_packages(self):
         """Add what packages export; return whether there was anything to ask."""
         if self._packages is None:
             return False
         folders, self._packages = list(self._packages()), None
+        self._by_package = {os.path.basename(os.path.normpath(folder)): folder for folder in folders}
         self.folders += tuple(exported_paths(folders, "gazebo_model_path"))
         self.resources += tuple(exported_paths(folders, "gazebo_media_path"))
         return True
@@ -82,8 +83,8 @@ class ModelFolders:
         Parameters
         ----------
         uri : str
-            ``model://NAME`` (its SDF file), ``model://NAME/path``, ``file:///absolute/path``, ``file://relative/path``
-            or a bare relative path; nothing is downloaded.
+            ``model://NAME`` (its SDF file), ``model://NAME/path``, ``package://NAME/path``, ``file:///absolute/path``,
+            ``file://relative/path`` or a bare relative path; nothing is downloaded.
 
         Raises
         ------
@@ -110,6 +111,10 @@ class ModelFolders:
             rest = rest.strip("/")
             _refuse_escape(rest, uri)
             return [os.path.join(folder, rest) for folder in self.folders] if rest else []
+        if scheme == "package":
+            _refuse_escape(rest.lstrip("/"), uri)
+            name, _, inside = rest.strip("/").partition("/")
+            return [os.path.join(self._by_package[name], inside.lstrip("/"))] if name in self._by_package else []
         if scheme != "file" or not rest:
             return []
         _refuse_escape(rest.lstrip("/"), uri)
@@ -130,7 +135,10 @@ def standard_folders(own, environment, packages=None):
 
 
 def _file_in_folder(folder):
-    """Return the newest SDF file that the folder's model.config names and this package reads, or None."""
+    """Return the newest SDF file that the folder's model.config names and this package reads, or None.
+
+    Where all are newer than that, the oldest of them is tried.
+    """
     for name in ("model.config", "manifest.xml"):
         config = os.path.join(folder, name)
         if os.path.isfile(config):
@@ -143,11 +151,10 @@ def _file_in_config(config, folder):
     root = parse_xml(read_file(config), config)
     listed = [(parse_version(element.get("version")) or (1, 0), (element.text or "").strip())
               for element in root.iter("sdf") if (element.text or "").strip()]
+    if not listed:
+        raise XmlError('{}: no <sdf version="..."> is listed; expected one with the name of an SDF file'.format(config))
     usable = [entry for entry in listed if entry[0] <= NEWEST_SDF]
-    if not usable:
-        raise XmlError('{}: no <sdf version="..."> of at most {}.{} is listed (has {}); expected one'.format(
-            config, NEWEST_SDF[0], NEWEST_SDF[1], ", ".join("{}.{}".format(*entry[0]) for entry in listed) or "none"))
-    name = max(usable, key=lambda entry: entry[0])[1]
+    name = max(usable, key=lambda entry: entry[0])[1] if usable else min(listed, key=lambda entry: entry[0])[1]
     _refuse_escape(name, config)
     path = os.path.join(folder, name)
     if not os.path.isfile(path):

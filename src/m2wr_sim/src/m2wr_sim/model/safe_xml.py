@@ -2,6 +2,7 @@
 
 No other module of this package parses XML text.  Nothing here knows what a robot or a world is.
 """
+import logging
 import math
 from contextlib import contextmanager
 from urllib.parse import unquote
@@ -10,6 +11,9 @@ from xml.parsers import expat
 from lxml import etree
 
 from m2wr_sim.errors import SimError
+from m2wr_sim.model.lenient_xml import tidy
+
+log = logging.getLogger(__name__)
 
 MAX_BYTES = 256 * 1024 * 1024      # large enough for worlds saved with inline meshes, small enough for a laptop
 _HUGE_BYTES = 8 * 1024 * 1024      # libxml2 needs its "huge" switch from 10 MB on; below it the depth limit stays
@@ -20,6 +24,10 @@ _TRUE, _FALSE = ("true", "1"), ("false", "0")
 
 class XmlError(SimError):
     """A document, element or value that cannot be read; callers turn it into their own kind of error."""
+
+
+class _Malformed(XmlError):
+    """A document that breaks the rules of XML itself."""
 
 
 @contextmanager
@@ -53,14 +61,14 @@ def _refuse_entities(data, source, encoding):
     except _Prolog:
         pass
     except expat.ExpatError as error:
-        raise XmlError("{}:{}: not well-formed XML: {}; expected an XML document with one root element".format(
+        raise _Malformed("{}:{}: not well-formed XML: {}; expected an XML document with one root element".format(
             source, error.lineno, expat.ErrorString(error.code))) from None
     except (LookupError, ValueError) as error:      # expat's answers to an encoding it does not have
-        raise XmlError("{}:1: not well-formed XML: {}; expected an encoding such as utf-8".format(
+        raise _Malformed("{}:1: not well-formed XML: {}; expected an encoding such as utf-8".format(
             source, error)) from None
 
 
-def parse_xml(text, source):
+def parse_xml(text, source, strict=False):
     """Parse XML without document types, entities or network access.
 
     Parameters
@@ -69,6 +77,9 @@ def parse_xml(text, source):
         The document.  For str the declared encoding is ignored, since the text is decoded already.
     source : str
         Name of the document for messages, usually a file path.
+    strict : bool
+        Refuse what breaks the rules of XML even where Gazebo's parser would not mind; otherwise that is told in the
+        log and put right, see :mod:`lenient_xml`.
 
     Returns
     -------
@@ -89,6 +100,22 @@ def parse_xml(text, source):
             source, len(data) // 2 ** 20, MAX_BYTES // 2 ** 20))
     if isinstance(text, str):
         data = data.lstrip()     # indented string literals and parameter values often start with a line end
+    try:
+        return _parse(data, source, encoding)
+    except _Malformed as error:
+        tidied, slips = (data, []) if strict else tidy(data, encoding)
+        if not slips:
+            raise
+        try:
+            root = _parse(tidied, source, "utf-8")
+        except XmlError:
+            raise error from None
+        log.warning("%s. It has %s, which Gazebo does not mind; it is read all the same.", error, " and ".join(slips))
+        return root
+
+
+def _parse(data, source, encoding):
+    """Return the root element of a document that keeps the rules of XML."""
     _refuse_entities(data, source, encoding)
     huge = len(data) > _HUGE_BYTES
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False,
@@ -98,7 +125,7 @@ def parse_xml(text, source):
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
         line = getattr(error, "lineno", None) or 1
         message = getattr(error, "msg", None) or str(error)
-        raise XmlError("{}:{}: not well-formed XML: {}".format(source, line, shorten(message, 200))) from None
+        raise _Malformed("{}:{}: not well-formed XML: {}".format(source, line, shorten(message, 200))) from None
     if huge:
         _refuse_depth(root, source)
     if None in root.nsmap:     # some robots declare a default namespace; no reader of URDF or SDF ever minded it

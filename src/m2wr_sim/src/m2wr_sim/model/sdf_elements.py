@@ -149,7 +149,7 @@ DIFFERS = {
     "state/model": "`scale` is told where it is not 1 1 1, and not applied",
     "include": "nothing is downloaded; `placement_frame` names a link",
     "model": "nested models are told where they alone are `static`; `gripper` does nothing",
-    "inertial": "mass and tensor of a moving link must be positive",
+    "inertial": "the mass of a moving link must be positive",
     "visual": "for viewers; of `geometry` only plain shapes",
     "geometry": "`image`, `capsule`, `ellipsoid`: told, that shape is left out",
     "plane": "`size` is for viewers, as in Gazebo",
@@ -165,7 +165,7 @@ DIFFERS = {
 }
 
 #: Row -> attributes besides those that are read that are passed over: names for people and other programs.
-SILENT_ATTRIBUTES = {"physics": ("name",), "state": ("world_name",), "xyz": ("expected_in",)}
+SILENT_ATTRIBUTES = {"physics": ("name",), "state": ("world_name",), "xyz": ("expressed_in",)}
 
 #: (row of the parent, element) -> row, where the element's own name is not one.
 ROWS = {

@@ -1,7 +1,7 @@
 """``<joint>`` of SDF -> Joint, with the axis conventions of the SDF versions."""
 import math
 
-from m2wr_sim.geometry import compose, rotate, rotate_inverse
+from m2wr_sim.geometry import IDENTITY, compose, rotate, rotate_inverse
 from m2wr_sim.model.safe_xml import fail
 from m2wr_sim.model.types import Axis, Joint
 
@@ -59,9 +59,18 @@ def _no_limit(value):
     return -1.0 if math.isinf(value) else value
 
 
-def _end(node, tag, links):
+def named_end(node, tag, model, known):
+    """Return the name of a joint's parent or child; empty where it has none.
+
+    A name that is not ``known(name)`` goes without that of the joint's own model in front.
+    """
+    end = node.text(tag) or node.child(tag).text("link") or ""
+    return end[len(model) + 2:] if end.startswith(model + "::") and not known(end) else end
+
+
+def _end(node, tag, links, model):
     """Return the name of a joint's parent or child; XmlError where it names no link."""
-    end = node.text(tag) or node.child(tag).text("link")
+    end = named_end(node, tag, model, links.__contains__)
     if not end:
         node.fail("<{}> is missing".format(tag), "the name of a link there")
     if end not in links and end != "world":
@@ -72,7 +81,7 @@ def _end(node, tag, links):
     return end
 
 
-def read_joint(node, links, frames, version):
+def read_joint(node, links, frames, version, model=""):
     """Read one ``<joint>``.
 
     Parameters
@@ -84,6 +93,8 @@ def read_joint(node, links, frames, version):
         The model's frames, for ``relative_to`` and ``expressed_in``.
     version : tuple of int
         SDF version; up to 1.4 axes are given in the model frame.
+    model : str
+        Name of the model, which may stand before a link's.
 
     Returns
     -------
@@ -105,12 +116,15 @@ def read_joint(node, links, frames, version):
         return None
     if kind not in _KINDS:
         node.fail('joint type is "{}"'.format(kind), "one of " + ", ".join(_KINDS))
-    parent, child = _end(node, "parent", links), _end(node, "child", links)
+    parent, child = _end(node, "parent", links, model), _end(node, "child", links, model)
+    bolted = kind == "fixed" and child == "world" and parent != "world"
+    if bolted:                  # the same the other way round, and where on the link does not matter
+        parent, child = child, parent
     if child == parent:
         node.fail('parent and child are both "{}"'.format(child), "two different links")
     if child == "world":
         fail(node.child("child").element, "child is the world", "the moving link as child and the world as parent")
-    pose = frames.pose_in(node, child)
+    pose = IDENTITY if bolted else frames.pose_in(node, child)
     model_from_joint = compose(links[child], pose)
     axis = _axis(node.child("axis"), node, model_from_joint, frames, version)
     second = node.child("axis2")

@@ -5,17 +5,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Callable, Dict, Optional, Tuple
 
 from m2wr_sim.geometry import compose, invert
+from m2wr_sim.model.inertials import mass_fault, usable
 from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.model_folders import NEWEST_SDF, parse_version
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.safe_xml import XmlError, fail, line_of, parse_xml, path_of, read_file
 from m2wr_sim.model.sdf_frames import Frames, raw_pose
-from m2wr_sim.model.sdf_joint import read_joint
+from m2wr_sim.model.sdf_joint import named_end, read_joint
 from m2wr_sim.model.sdf_light import read_light
 from m2wr_sim.model.sdf_node import Node
 from m2wr_sim.model.sdf_sensor import read_sensor
-from m2wr_sim.model.sdf_shapes import inertial_doubt, inertial_fault, read_collision, read_inertial, read_visual
+from m2wr_sim.model.sdf_shapes import inertial_doubt, read_collision, read_inertial, read_visual
 from m2wr_sim.model.types import Heightmap, Link, Model, Plane
 
 log = logging.getLogger(__name__)
@@ -85,26 +86,27 @@ def _read_shapes(node, tag, reader, frames, link_name):
     return tuple(shapes)
 
 
-def _inertial(node, name, frames, static):
-    """Return the Inertial of a link; XmlError where a moving one would be no physical body."""
+def _inertial(node, name, frames, static, collisions):
+    """Return the Inertial of a link; XmlError where a moving one would have no mass."""
     inertial_node = node.child("inertial")
     inertial = read_inertial(inertial_node, frames.pose_in(inertial_node, name) if inertial_node else None)
     if static:
         return inertial
-    fault = inertial_fault(inertial)
+    fault = mass_fault(inertial)
     if fault is not None:
-        fail(inertial_node.element if inertial_node else node.element, *fault)
-    doubt = inertial_doubt(inertial)
-    if doubt is not None:
-        node.notes.add("{}: {}.".format(inertial_node.place, doubt))
+        fail(inertial_node.element, *fault)
+    inertial, told = usable(inertial, collisions)
+    for sentence in (told, inertial_doubt(inertial)):
+        if sentence is not None:
+            node.notes.add("{}: {}.".format(inertial_node.place, sentence))
     return inertial
 
 
 def _read_link(node, frames, static, self_collide, files):
-    """Read one ``<link>``; XmlError only where mass or inertia are none that a body can have."""
+    """Read one ``<link>``; XmlError only where it moves and has no mass."""
     name, notes, decay = node.name(), node.notes, node.child("velocity_decay")
-    inertial = _inertial(node, name, frames, static)
     collisions = _read_shapes(node, "collision", lambda *arguments: read_collision(*arguments, files), frames, name)
+    inertial = _inertial(node, name, frames, static, collisions)
     if not static and any(isinstance(collision.geometry, (Plane, Heightmap)) for collision in collisions):
         notes.add("{}: a plane or heightmap in a model that is not static stays where the model is loaded.".format(
             node.place))
@@ -138,6 +140,12 @@ def _scoped(prefix, model, model_from_nested):
     joints = [replace(joint, name=scope(joint.name), parent=scope(joint.parent), child=scope(joint.child))
               for joint in model.joints]
     return links, joints, [prefix] + [scope(name) for name in model.nested]
+
+
+def _nested_plugins(model, model_from_nested):
+    """Return the model plugins of a nested model, which know its links and joints by their own names."""
+    return [replace(plugin, scope="::".join(filter(None, (model.name, plugin.scope))),
+                    frame=compose(model_from_nested, plugin.frame)) for plugin in model.plugins]
 
 
 def _named_once(nodes, kind, notes):
@@ -194,7 +202,7 @@ def _frames_of(node, link_nodes, joint_nodes, nested):
     add_frames(node, frames)
     for name, child in joint_nodes:
         pose, relative_to = raw_pose(child)
-        relative_to = relative_to or child.text("child") or child.child("child").text("link")
+        relative_to = relative_to or named_end(child, "child", node.name(), frames.knows)
         if frames.knows(relative_to):       # otherwise there will be no such joint, which is told then
             frames.add(name, pose, relative_to, child)
     frames.settle()
@@ -217,11 +225,12 @@ def read_plugins(node):
     return [plugin for plugin in found if plugin is not None]
 
 
-def _joints(joint_nodes, links, frames, version, notes):
+def _joints(node, joint_nodes, links, frames):
     """Return the Joints that can be made; the others are left out (noted), as in Gazebo."""
     poses, joints = {link.name: link.pose for link in links}, []
     for _, child in joint_nodes:
-        joint = notes.attempt("this joint", read_joint, child, poses, frames, version)
+        joint = node.notes.attempt("this joint", read_joint, child, poses, frames, version_of(node.element),
+                                   node.name())
         if joint is None:
             child.pass_over()
         else:
@@ -255,7 +264,7 @@ def read_model(node, context, static=None):
     Raises
     ------
     XmlError
-        Where it has no name, a link that moves has no physical inertia, or models are nested too deep.  Whatever else
+        Where it has no name, a link that moves has no mass, or models are nested too deep.  Whatever else
         is unusable is left out of the model, and told.
     """
     name, notes = node.name(), context.notes
@@ -279,8 +288,8 @@ def read_model(node, context, static=None):
     for model, _, _ in nested:
         more_links, more_joints, more_names = _scoped(model.name, model, frames.resolve(model.name))
         links, joints, nested_names = links + more_links, joints + more_joints, nested_names + more_names
-        plugins.extend(model.plugins)
-    joints += _joints(joint_nodes, links, frames, version_of(node.element), notes)
+        plugins.extend(_nested_plugins(model, frames.resolve(model.name)))
+    joints += _joints(node, joint_nodes, links, frames)
     _tell_canonical(node, links)
     pose = _put_down(node, raw_pose(node)[0], node.attribute("placement_frame"), frames)
     model = Model(name=name, links=tuple(links), joints=tuple(joints), pose=pose, static=static,

@@ -173,7 +173,7 @@ def read_visual(node, pose):
 def read_inertial(node, pose):
     """Read ``<inertial>`` (a missing one: mass 1, unit tensor); ``pose`` is the centre of mass frame in the link frame.
 
-    Mass and tensor come as they are: see :func:`inertial_fault`.
+    Mass and tensor come as they are: see :mod:`inertials`.
     """
     if not node:
         return Inertial()
@@ -194,21 +194,15 @@ def _moments(tensor):
     return tuple(np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])))
 
 
-def inertial_fault(inertial):
-    """Return what makes an inertial unusable for a moving body as (found, expected), or None if it is usable."""
-    if inertial.mass <= 0.0:
-        return "mass is {:g}".format(inertial.mass), "a positive mass in kg"
-    if _moments(tuple(inertial.inertia))[0] <= 0.0:
-        return ("the inertia tensor (ixx ixy ixz iyy iyz izz = {}) is not positive definite".format(
-            " ".join("{:g}".format(value) for value in inertial.inertia)),
-            "three positive principal moments")
-    return None
+def inertial_moments(inertial):
+    """Return the three principal moments of an Inertial [kg m^2], the least first."""
+    return _moments(tuple(inertial.inertia))
 
 
 def inertial_doubt(inertial):
     """Return a sentence part if no real body has this tensor (triangle inequality broken), else None."""
     low, middle, high = _moments(tuple(inertial.inertia))
-    if high > (low + middle) * (1.0 + 1e-6):
+    if low > 0.0 and high > (low + middle) * (1.0 + 1e-6):
         return "principal moments {:g}, {:g}, {:g}: the largest exceeds the sum of the others, which no real body " \
                "can have".format(low, middle, high)
     return None

@@ -9,11 +9,11 @@ from dataclasses import replace
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_quaternion
 from m2wr_sim.model.gazebo_tags import GazeboTags
+from m2wr_sim.model.inertials import usable
 from m2wr_sim.model.lumping import WORLD, children_of, depth_first, lump, part_names
 from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.safe_xml import errors_as, fail, line_of, parse_xml, place
-from m2wr_sim.model.sdf_shapes import inertial_fault
 from m2wr_sim.model.types import Collision, Joint, Link, Model, Visual
 from m2wr_sim.model.urdf_checks import attribute_numbers, check_urdf
 from m2wr_sim.model.urdf_reader import NO_MASS, parse_robot, read_body, read_connection
@@ -59,11 +59,12 @@ def _refuse_nothing(root, elements):
          "with <inertial> is fixed to")
 
 
-def _link(body, pose, element, tags):
+def _link(body, pose, element, tags, notes):
     """Return the finished Link of a surviving body."""
-    fault = inertial_fault(body.inertial)
-    if fault is not None:
-        fail(element if element.find("inertial") is None else element.find("inertial"), fault[0], fault[1])
+    inertial, told = usable(body.inertial, body.collisions)
+    if told is not None:
+        notes.add("{}: {}.".format(place(element if element.find("inertial") is None else element.find("inertial")),
+                                   told))
     sources = [body.name] + [name for name, _ in body.lumped]
     collisions = [tags.collision(Collision(name, part.geometry, part.pose, part.surface), part.origin, body.name,
                                  sources)
@@ -71,7 +72,7 @@ def _link(body, pose, element, tags):
     visuals = [Visual(name, part.geometry, part.pose, part.rgba)
                for name, part in zip(part_names(body.name, body.visuals, "_visual"), body.visuals)]
     visuals = [replace(visual, material=tags.material(visual, body.name, sources)) for visual in visuals]
-    return Link(name=body.name, pose=pose, inertial=body.inertial, collisions=tuple(collisions), visuals=tuple(visuals),
+    return Link(name=body.name, pose=pose, inertial=inertial, collisions=tuple(collisions), visuals=tuple(visuals),
                 sensors=tags.sensors(body.name, body.lumped),
                 **dict({"self_collide": tags.model_switch("self_collide", False)}, **tags.link_values(sources)))
 
@@ -196,7 +197,7 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
             _refuse_nothing(root, elements)
         poses = _link_poses(order, connections)
         lumped = {name: (body, pose) for body in order for name, pose in bodies[body].lumped}
-        links = tuple(_link(bodies[name], poses[name], elements[name], tags) for name in order)
+        links = tuple(_link(bodies[name], poses[name], elements[name], tags, notes) for name in order)
         model = Model(name=model_name or root.get("name"), links=links, joints=_joints(connections, order, notes),
                       pose=_origin(root.find("origin")), static=tags.model_switch("static", False),
                       plugins=tuple(_retarget(plugin, lumped, notes) for plugin in tags.model_plugins()),

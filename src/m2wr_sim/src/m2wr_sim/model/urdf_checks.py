@@ -1,11 +1,9 @@
 """What a URDF document must satisfy before it is converted, checked where line numbers are still known.
 
 The rules are those of urdfdom, which refuses the whole document at the first breach, and a few more that the physics
-needs (finite numbers, a real inertia tensor).
+needs (finite numbers).
 """
 import math
-
-import numpy as np
 
 from m2wr_sim.model.safe_xml import fail, parse_float, parse_vector, path_of, required_name
 
@@ -64,11 +62,6 @@ def _check_inertial(link):
             fail(inertial, "<mass> is missing", "<mass value=.../> there")
         if tensor is None:
             fail(inertial, "<inertia> is missing", "<inertia ixx=... ixy=... ixz=... iyy=... iyz=... izz=.../> there")
-        xx, xy, xz, yy, yz, zz = (float(tensor.get(key)) for key in _INERTIA)
-        moments = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-        if moments[0] < -1e-12 * max(1.0, abs(moments[2])):
-            fail(tensor, "the inertia tensor is not positive definite (principal moments {:g}, {:g}, {:g})".format(
-                *moments), "three positive principal moments")
 
 
 def _check_geometry(link):

@@ -171,7 +171,7 @@ def _colour(material, colours):
 def _axis(joint, element, notes):
     """Return the Axis of a moving joint, with URDF's default direction and Gazebo's limits."""
     axis_element = element.find("axis")
-    if axis_element is not None and axis_element.get("rpy") is not None:
+    if axis_element is not None and any(word.strip("+-0.") for word in (axis_element.get("rpy") or "").split()):
         notes.add("{}: attribute rpy of <axis> is no part of URDF and not read; xyz alone gives the axis.".format(
             line_of(axis_element)), ("axis", "rpy"))
     xyz = unit(element, joint.axis or (1.0, 0.0, 0.0))

@@ -36,7 +36,7 @@ def _prepared(xacro, resolve_package):
     def checked_parse(inp, filename=None):
         if inp is None and filename is not None and os.path.isfile(filename):
             data = read_file(filename)
-            parse_xml(data, filename)
+            parse_xml(data, filename, strict=True)
             inp = io.BytesIO(data)
         return parse(inp, filename)
 
