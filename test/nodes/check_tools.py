@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import subprocess
 import sys
 import unittest
 
@@ -162,6 +163,14 @@ class Tools(unittest.TestCase):
         self.assertEqual(simulation["plugins switched off"], "none")
         self.assertGreater(int(simulation["steps"]), 1000)
         self.assertTrue(20 < float(simulation["memory [MB]"]) < 2000, simulation)
+
+    def test_reading_laser_ends_in_peace_when_nobody_reads_it(self):
+        with subprocess.Popen([sys.executable, program("motion_plan", "reading_laser.py")], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE) as running:
+            self.addCleanup(running.kill)
+            self.assertRegex(running.stdout.readline(), rb"\]: \[[\d., ]+\]")
+            running.stdout.close()
+            self.assertEqual((running.wait(30), running.stderr.read()), (0, b""))
 
     def test_the_doctor_finds_a_healthy_robot_healthy_and_a_fault_faulty(self):
         done = process("doctor", "--json")

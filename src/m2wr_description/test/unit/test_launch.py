@@ -14,6 +14,12 @@ from model_files import PACKAGE_DIR, expand
 LAUNCH_DIR = PACKAGE_DIR / 'launch'
 
 
+@pytest.fixture(autouse=True)
+def no_master(monkeypatch):
+    """Whatever runs on this machine, there is no simulation here."""
+    monkeypatch.setenv('ROS_MASTER_URI', 'http://127.0.0.1:1')
+
+
 def load(name, *args):
     """Return the nodes by name and the parameters of a launch file."""
     config = ROSLaunchConfig()
@@ -64,14 +70,24 @@ class TestLook:
         assert '<robot name="m2wr"' in params['/robot_description']
 
     def test_rviz_can_be_left_out(self, name):
-        nodes, _ = load(name, 'rviz:=false')
-        assert sorted(nodes) == ['joint_state_publisher', 'robot_state_publisher']
+        for left_out in ('rviz:=false', 'gui:=false'):
+            nodes, _ = load(name, left_out)
+            assert sorted(nodes) == ['joint_state_publisher', 'robot_state_publisher']
 
     def test_rviz_configuration_exists_and_can_be_chosen(self, name):
         nodes, _ = load(name)
         assert os.path.isfile(shlex.split(nodes['rviz'].args)[-1])
         nodes, _ = load(name, 'config:=/other.rviz')
         assert shlex.split(nodes['rviz'].args) == ['-d', '/other.rviz']
+
+    def test_beside_a_simulation_it_takes_its_time_its_joints_and_shows_what_the_robot_sees(self, name):
+        nodes, params = load(name, 'virtual_display:=true')
+        words = shlex.split(nodes['rviz'].args)
+        assert words[0] == '--simulation' and os.path.basename(words[1]) == 'm2wr.rviz' and words[2] == '-d'
+        assert params['/virtual_display/config'] == words[3]        # there is none here
+        for node, there in (('joint_state_publisher', '/joint_states'), ('robot_state_publisher',) * 2):
+            prefix = nodes[node].launch_prefix.split()
+            assert os.path.basename(prefix[0]) == 'is_there' and prefix[1].strip('/') == there.strip('/')
 
     def test_a_virtual_display_can_be_had(self, name):
         nodes, params = load(name, 'rviz:=false', 'virtual_display:=true', 'screenshots:=/p')

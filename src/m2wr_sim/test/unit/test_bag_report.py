@@ -54,10 +54,10 @@ def test_a_reader_that_has_seen_enough_is_no_error(tmp_path):
     path = str(tmp_path / "run.bag")
     with rosbag.Bag(path, "w") as bag:
         bag.write("/clock", Clock(), rospy.Time(1))
-    command = "import sys; from m2wr_sim.report.bag_report import main; sys.exit(main(sys.argv[1:]))"
+    program = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "nodes", "bag_report")
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as closed:
-        done = subprocess.run([sys.executable, "-c", command] + 3 * [path], stdout=closed, stderr=subprocess.PIPE,
+        done = subprocess.run([sys.executable, program] + 3 * [path], stdout=closed, stderr=subprocess.PIPE,
                               universal_newlines=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")

@@ -46,7 +46,9 @@ def test_bug2_runs_the_reports_experiment_by_default():
     assert params["/use_sim_time"] is True
     assert '<robot name="m2wr"' in params["/robot_description"]
     ends_the_run = {name for name, node in nodes.items() if node.required}
-    assert ends_the_run == {"bug2", "gazebo", "go_to_point", "robot_state_publisher", "wall_follower"}
+    assert ends_the_run == {"bug2", "gazebo", "go_to_point", "wall_follower"}
+    # which another of its name may replace, but not where time waits for it
+    assert load("bug2.launch", "lockstep:=true")[0]["robot_state_publisher"].required
 
 
 def test_arguments_reach_the_nodes():
@@ -70,6 +72,43 @@ def test_recording_names_the_bag_from_where_roslaunch_was_started(monkeypatch, r
     assert words in nodes["record"].args and not nodes["record"].required
     for topic in ("/gazebo/world_markers", "/robot_description", "/gazebo/robot_states", "/odom"):
         assert topic in nodes["record"].args.split()
+
+
+def test_what_a_launch_file_with_a_simulation_has_all_have():
+    simulating, described = [], {}
+    for path in sorted(glob.glob(os.path.join(LAUNCH_DIR, "*.launch"))):
+        with open(path, encoding="utf-8") as stream:
+            root = ElementTree.fromstring(stream.read())
+        started = [node.get("type") for node in root.iter("node")] + [
+            os.path.basename(include.get("file")) for include in root.iter("include")]
+        if {"m2wr_sim_node", "sim.launch", "bug2.launch"} & set(started):
+            simulating.append(os.path.basename(path))
+            for arg in root.findall("arg"):
+                described.setdefault(arg.get("name"), {})[simulating[-1]] = (arg.get("default"), arg.get("doc"))
+    assert {"bug2.launch", "mapping.launch", "robots.launch", "sim.launch"} <= set(simulating)
+    for arg in ("gui", "virtual_display", "screenshots", "screenshot_period", "record"):
+        assert sorted(described[arg]) == simulating, arg
+    for arg in ("virtual_display", "screenshots", "screenshot_period"):         # by one meaning
+        assert len(set(described[arg].values())) == 1, arg
+
+
+@pytest.mark.parametrize("name", ["robots.launch", "sim.launch"])
+def test_where_robots_may_be_any_all_topics_are_recorded(monkeypatch, name):
+    monkeypatch.setenv("PWD", "/home/me")
+    nodes, _ = load(name, "record:=true")
+    words = nodes["record"].args.split()
+    assert "--all" in words and words[words.index("-o") + 1] == "'/home/me/%s'" % name[:-len(".launch")]
+    assert "/gazebo/world_markers" in words and not nodes["record"].required
+    assert "-O '/tmp/x.bag'" in load(name, "record:=/tmp/x.bag")[0]["record"].args
+    assert "record" not in load(name)[0] and "record" not in load(name, "record:=false")[0]
+
+
+@pytest.mark.parametrize("listeners, joined", [("[]", ["/record"]), ("[ ]", ["/record"]),
+                                               ("[/one, '/two: /clock']", ["/one", "/two: /clock", "/record"])])
+def test_lockstep_of_any_robot_waits_for_the_recorder_too(listeners, joined):
+    given = ["lockstep:=true", "lockstep_listeners:=" + listeners]
+    assert load("sim.launch", "record:=true", *given)[1]["/gazebo/lockstep_listeners"] == joined
+    assert load("sim.launch", *given)[1]["/gazebo/lockstep_listeners"] == joined[:-1]
 
 
 @pytest.mark.parametrize("drive", ["bug2", "tour", "none"])

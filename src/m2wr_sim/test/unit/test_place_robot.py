@@ -8,7 +8,7 @@ import rospy
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from motion_plan.ros_poses import PoseError
 
-from m2wr_sim.ros.place_robot import PlaceRobot
+from m2wr_sim.ros.place_robot import PlaceRobot, check_goal
 
 
 class Model:
@@ -71,3 +71,18 @@ def test_what_cannot_be_done_is_told_and_changes_nothing(warnings, name, pose, s
     model = Model()
     PlaceRobot(name, "odom", model.get_state, model.set_state, transform=lost).take(pose)
     assert model.set == [] and len(warnings) == 1 and said in warnings[0] and "stays where it is" in warnings[0]
+
+
+@pytest.mark.parametrize("nodes, told", [(["/me"], 1), (["/me", "/bug2"], 0)])
+def test_a_goal_that_nobody_drives_to_is_told(warnings, monkeypatch, nodes, told):
+    monkeypatch.setattr(rospy, "get_name", lambda: "/me")
+    check_goal(None, lambda: ([], [["/odom", ["/bug2"]], ["/move_base_simple/goal", nodes]], []))
+    assert len(warnings) == told and all("roslaunch m2wr_sim bug2.launch" in line for line in warnings)
+
+
+def test_a_goal_while_the_master_goes_is_no_error(warnings):
+    def gone():
+        raise OSError("connection refused")
+
+    check_goal(None, gone)
+    assert not warnings

@@ -1,6 +1,7 @@
 """When a picture is due, and what becomes of it when something goes wrong: the part of image_dump without ROS."""
 import logging
 import math
+from collections import defaultdict
 
 from m2wr_view.errors import ViewError
 from m2wr_view.renderer import Renderer
@@ -23,10 +24,13 @@ class Dump:
         See :mod:`m2wr_view.writers`; one that fails is named and left out from then on.
     show : callable, optional
         Called with (image, time [s]) of each picture.
+    clock : callable, optional
+        Returns seconds; by it is measured what pictures take, see :meth:`timing`.
     """
 
-    def __init__(self, renderer, rate, writers, show=None):
+    def __init__(self, renderer, rate, writers, show=None, clock=None):
         self.scene, self.count = Scene(), 0
+        self._clock, self._times = clock, defaultdict(list)
         self._renderer, self._period, self._writers, self._show = renderer, 1.0 / rate, list(writers), show
         self._due, self._state, self._complained = None, None, set()
 
@@ -57,16 +61,36 @@ class Dump:
 
     def draw(self):
         """Draw and hand the picture out."""
+        self._timed("a picture", self._draw)
+
+    def _draw(self):
         try:
-            image = self._renderer.draw(self.scene)
+            image = self._timed("drawing", self._renderer.draw, self.scene)
         except Exception as error:
             self._complain("drawing", "%s: %s" % (type(error).__name__, error))
             return
         self.count += 1
         for writer in list(self._writers):
-            self._guarded(writer, lambda writer=writer: writer.write(image))
+            self._guarded(writer, lambda writer=writer: self._timed(writer.path, writer.write, image))
         if self._show is not None:
-            self._show(image, self.scene.now or 0.0)
+            self._timed("topic", self._show, image, self.scene.now or 0.0)
+
+    def _timed(self, what, action, *arguments):
+        if self._clock is None:
+            return action(*arguments)
+        began = self._clock()
+        result = action(*arguments)
+        self._times[what].append(self._clock() - began)
+        return result
+
+    def timing(self):
+        """Return lines of text on what pictures took by the clock that was given: the parts, and the whole."""
+        lines = []
+        for what, seconds in self._times.items():
+            ordered = sorted(1e3 * second for second in seconds)
+            lines.append("%s: %d times, median %.1f ms, 95 of 100 within %.1f ms, longest %.1f ms" % (
+                what, len(ordered), ordered[len(ordered) // 2], ordered[(len(ordered) * 95 - 1) // 100], ordered[-1]))
+        return lines
 
     def close(self):
         """Draw the last moment and finish all files; returns what was written, as text."""
@@ -89,7 +113,7 @@ class Dump:
             log.warning("%s: %s; left out of the pictures", topic, text)
 
 
-def make_dump(rate, size, bounds, writers, show=None):
+def make_dump(rate, size, bounds, writers, show=None, clock=None):
     """Return a :class:`Dump` for numbers as users give them.
 
     Raises
@@ -104,4 +128,4 @@ def make_dump(rate, size, bounds, writers, show=None):
     if bounds is not None and not (len(bounds) == 4 and all(map(math.isfinite, bounds)) and bounds[0] < bounds[2]
                                    and bounds[1] < bounds[3]):
         raise ViewError("view %r: expected least x, least y, greatest x, greatest y [m]" % (bounds,))
-    return Dump(Renderer(size[0], size[1], bounds), rate, writers, show)
+    return Dump(Renderer(size[0], size[1], bounds), rate, writers, show, clock)

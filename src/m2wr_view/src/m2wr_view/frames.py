@@ -39,6 +39,14 @@ def matrix_from_rpy(xyz, rpy):
     return matrix
 
 
+def inverse(matrix):
+    """Return the inverse (4, 4) of a transform, a rotation and a move."""
+    back = np.eye(4)
+    back[:3, :3] = matrix[:3, :3].T
+    back[:3, 3] = -back[:3, :3].dot(matrix[:3, 3])
+    return back
+
+
 def planar(matrix):
     """Return x, y [m] and yaw [rad] (3,) of a transform (4, 4)."""
     return np.array((matrix[0, 3], matrix[1, 3], math.atan2(matrix[1, 0], matrix[0, 0])))
@@ -77,5 +85,5 @@ class Frames:
         above = dict(self.root_chain(target))
         for frame, matrix in self.root_chain(source):
             if frame in above:
-                return np.linalg.inv(above[frame]).dot(matrix)
+                return inverse(above[frame]).dot(matrix)
         return None

@@ -20,6 +20,16 @@ RAYS_DRAWN = 90                     # of a scan; more would be a blot
 FONT = "DejaVu Sans"
 
 
+def _cell_colours():
+    """Return the pixels (256,) uint32 of cells by their values taken for uint8; unknown ones are clear."""
+    pixels = np.zeros((256, 4), dtype=np.uint8)         # blue, green, red, alpha; colours times alpha
+    pixels[:25], pixels[25:66], pixels[66:128] = (40, 36, 20, 40), (60, 60, 60, 120), (16, 16, 16, 255)
+    return pixels.view(np.uint32).ravel()
+
+
+CELL_COLOURS = _cell_colours()
+
+
 def rgb(text):
     """Return red, green, blue from 0 to 1 of ``#RRGGBB``."""
     return tuple(int(text[at:at + 2], 16) / 255.0 for at in (1, 3, 5))
@@ -79,6 +89,7 @@ class Renderer:
         self._base, self._base_key = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height), None
         self._trail = cairo.ImageSurface(cairo.FORMAT_ARGB32, self.width, self.height)
         self._trail_key, self._drawn, self._view = None, 0, None
+        self._cells, self._map = None, None         # those of the newest map, and what they look like
 
     def draw(self, scene):
         """Return a scene as an RGB image of Pillow; it is the caller's own."""
@@ -226,22 +237,19 @@ class Renderer:
                 context.set_source_rgb(*rgb(EDGE_COLOUR if colour == OBSTACLE_COLOUR else OBSTACLE_COLOUR))
                 context.stroke()
 
-    @staticmethod
-    def _draw_map(context, grid, view):
+    def _draw_map(self, context, grid, view):
         transform, resolution, cells = grid
         rows, columns = cells.shape
-        pixels = np.zeros((rows, columns, 4), dtype=np.uint8)       # blue, green, red, alpha; colours times alpha
-        pixels[(cells >= 0) & (cells < 25)] = (40, 36, 20, 40)
-        pixels[(cells >= 25) & (cells <= 65)] = (60, 60, 60, 120)
-        pixels[cells > 65] = (16, 16, 16, 255)
-        surface = cairo.ImageSurface.create_for_data(np.ascontiguousarray(pixels), cairo.FORMAT_ARGB32, columns, rows)
+        if cells is not self._cells:        # a map moves with every correction of the odometry, and changes seldom
+            self._cells, self._map = cells, cairo.ImageSurface.create_for_data(
+                CELL_COLOURS[cells.view(np.uint8)], cairo.FORMAT_ARGB32, columns, rows)
         context.save()
         # first cells, then metres of the map's origin, then metres of the scene, then pixels
         context.transform(cairo.Matrix(view.scale, 0, 0, -view.scale, *view.pixel(0.0, 0.0)))
         context.transform(cairo.Matrix(transform[0, 0], transform[1, 0], transform[0, 1], transform[1, 1],
                                        transform[0, 3], transform[1, 3]))
         context.scale(resolution, resolution)
-        context.set_source_surface(surface, 0, 0)
+        context.set_source_surface(self._map, 0, 0)
         fine = resolution * view.scale >= 1.0
         context.get_source().set_filter(cairo.FILTER_NEAREST if fine else cairo.FILTER_GOOD)
         context.paint()
@@ -276,14 +284,16 @@ class Renderer:
         context.fill()
         context.set_source_rgba(*colour, 0.55)
         context.set_line_width(0.8 * self._unit)
+        context.set_antialias(cairo.ANTIALIAS_FAST)     # with the best, lines that meet in a point take thrice as long
         for x, y in points[::max(1, len(points) // RAYS_DRAWN)]:
             context.move_to(*origin)
             context.line_to(x, y)
         context.stroke()
-        size = 2.6 * self._unit
+        context.set_antialias(cairo.ANTIALIAS_DEFAULT)
+        size = max(1, round(2.6 * self._unit))          # whole pixels, which are filled without any blending
         context.set_source_rgb(0.0, 0.33, 0.62)
-        for x, y in ends[hits].tolist():
-            context.rectangle(x - 0.5 * size, y - 0.5 * size, size, size)
+        for x, y in np.rint(ends[hits] - 0.5 * size).tolist():
+            context.rectangle(x, y, size, size)
         context.fill()
 
     def _draw_marks(self, context, scene, view):
@@ -359,9 +369,10 @@ class Renderer:
             self._text(context, "%.1f s" % scene.now, right, 26 * unit, 1.0)
         if scene.pose is not None:
             self._font(context, 12)
-            self._text(context, "x %.2f m, y %.2f m, heading %.0f°" % (
-                scene.pose[0], scene.pose[1], math.degrees(math.remainder(scene.pose[2], 2.0 * math.pi))),
-                left + 0.5 * self._window.width + 40 * unit, 26 * unit, 0.5)
+            # plus zero: nobody wants to read -0.00
+            x, y, yaw = round(scene.pose[0], 2) + 0.0, round(scene.pose[1], 2) + 0.0, math.degrees(scene.pose[2])
+            self._text(context, "x %.2f m, y %.2f m, heading %.0f°" % (x, y, round(math.remainder(yaw, 360.0)) + 0.0),
+                       left + 0.5 * self._window.width + 40 * unit, 26 * unit, 0.5)
 
     @staticmethod
     def _legend(scene):

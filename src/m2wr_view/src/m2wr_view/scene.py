@@ -1,10 +1,11 @@
 """What is known of a running robot and its world, gathered message by message."""
 import math
+from array import array
 
 import numpy as np
 
 from m2wr_view.errors import ViewError
-from m2wr_view.frames import Frames, compose, matrix_of, planar, yaw_of
+from m2wr_view.frames import Frames, compose, inverse, matrix_of, planar, yaw_of
 from m2wr_view.outlines import M2WR_FOOTPRINT
 from m2wr_view.solids import Solids, read_robot
 
@@ -127,7 +128,7 @@ class Scene:
     def take_map(self, message):
         """Take a map."""
         info = message.info
-        cells = np.array(message.data, dtype=np.int8)
+        cells = np.array(array("b", message.data))      # which numpy alone would take three times as long for
         if not info.width * info.height or cells.size != info.width * info.height:
             raise ViewError("map of %d x %d cells has %d values; expected one a cell"
                             % (info.width, info.height, cells.size))
@@ -211,7 +212,7 @@ class Scene:
                 return planar(matrix)
         if self.robot is not None and frame.split("/")[-1] in self.robot.mounts:
             base = self.robot.mounts.get((self.base_frame or self.robot.root).split("/")[-1], np.eye(4))
-            return planar(np.linalg.inv(base).dot(self.robot.mounts[frame.split("/")[-1]]))
+            return planar(inverse(base).dot(self.robot.mounts[frame.split("/")[-1]]))
         return np.zeros(3)
 
     def rays(self):

@@ -26,19 +26,33 @@ class Solids:
     """
 
     def __init__(self):
-        self._shapes, self.blocking, self.hanging = {}, [], []
+        self._shapes, self.blocking, self.hanging = {}, [], []     # shapes: {(ns, id): (content, low, high)}
 
     def update(self, markers):
-        """Take a sequence of markers in, as rviz would: added, changed, deleted, all deleted."""
+        """Take a sequence of markers in, as rviz would: added, changed, deleted, all deleted.
+
+        Most come again as they were, for a world is sent whole when one thing in it moves: those are not cut anew.
+        """
+        before = self._shapes.copy()
         for marker in markers:
             if marker.action == _DELETE_ALL:
                 self._shapes = {}
             elif marker.action == _DELETE:
                 self._shapes.pop((marker.ns, marker.id), None)
             else:
-                self._shapes[marker.ns, marker.id] = marker_outlines(marker)
-        self.blocking = [outline for low, _ in self._shapes.values() for outline in low]
-        self.hanging = [outline for low, high in self._shapes.values() if not low for outline in high]
+                name, content = (marker.ns, marker.id), _content(marker)
+                known = before.get(name)
+                self._shapes[name] = known if known is not None and known[0] == content else (
+                    content,) + marker_outlines(marker)
+        self.blocking = [outline for _, low, _ in self._shapes.values() for outline in low]
+        self.hanging = [outline for _, low, high in self._shapes.values() if not low for outline in high]
+
+
+def _content(marker):
+    """Return all of a marker that its outlines depend on."""
+    place, turn, scale = marker.pose.position, marker.pose.orientation, marker.scale
+    return (marker.type, place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w, scale.x, scale.y, scale.z,
+            [(point.x, point.y, point.z) for point in marker.points])
 
 
 def marker_outlines(marker):

@@ -29,7 +29,7 @@ def png_bytes(image):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     return b"".join((b"\x89PNG\r\n\x1a\n", chunk(b"IHDR", struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0)),
-                     chunk(b"IDAT", zlib.compress(rows.tobytes(), 1)), chunk(b"IEND", b"")))
+                     chunk(b"IDAT", zlib.compress(rows, 1)), chunk(b"IEND", b"")))
 
 
 def _refused(what, path, error, expected):

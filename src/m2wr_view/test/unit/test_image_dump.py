@@ -144,3 +144,20 @@ def test_a_change_of_state_is_drawn_at_once(make):
     dump.take("odom", make.odometry(1.5, 0.0, 0.0))
     dump.take("bug2/state", make.text("wall_following"))
     assert shown == [1.0, 1.5]
+
+
+def test_what_pictures_take_is_measured_by_the_clock_that_is_given(make):
+    ticks = iter(range(1000))
+    dump = make_dump(10.0, (200, 200), None, [Kept()], clock=lambda: 1e-3 * next(ticks))
+    for number in range(4):
+        dump.take("odom", make.odometry(0.1 * number, 0.0, 0.0))
+    assert dump.timing() == [
+        "drawing: 4 times, median 1.0 ms, 95 of 100 within 1.0 ms, longest 1.0 ms",
+        "kept: 4 times, median 1.0 ms, 95 of 100 within 1.0 ms, longest 1.0 ms",
+        "a picture: 4 times, median 5.0 ms, 95 of 100 within 5.0 ms, longest 5.0 ms"]
+
+
+def test_without_a_clock_nothing_is_measured(make):
+    dump = make_dump(10.0, (200, 200), None, [])
+    dump.take("odom", make.odometry(0.0, 0.0, 0.0))
+    assert dump.count == 1 and dump.timing() == []

@@ -6,6 +6,7 @@ import pytest
 from conftest import URDF
 
 from m2wr_view.errors import ViewError
+from m2wr_view.frames import inverse, matrix_from_rpy
 
 
 def test_a_scan_is_placed_where_the_robot_was_when_it_was_taken(make, scene):
@@ -61,3 +62,8 @@ def test_a_jump_is_not_driven_and_a_reset_begins_anew(make, scene):
     version = scene.trail_version
     scene.take_clock(make.clock(0.1))
     assert not scene.trail and not scene.hits and scene.trail_version > version
+
+
+def test_a_transform_and_its_inverse_cancel():
+    matrix = matrix_from_rpy((1.0, -2.0, 3.0), (0.3, -0.7, 2.9))
+    assert np.allclose(inverse(matrix).dot(matrix), np.eye(4), atol=1e-12)

@@ -198,3 +198,10 @@ def test_a_process_goes_when_the_one_that_started_it_is_killed(tmp_path):
         time.sleep(0.01)
     os.kill(pid, 9)
     raise AssertionError("process %d outlived the one that started it" % pid)
+
+
+@pytest.mark.parametrize("found, config", [("/gazebo", "/sim.rviz"), (None, "/alone.rviz")])
+def test_what_rviz_shows_depends_on_whether_a_simulation_runs(found, config):
+    words = ["--simulation", "/sim.rviz", "-d", "/alone.rviz", "__name:=rviz"]
+    assert rviz_window.chosen(words, lambda name: found) == ["-d", config, "__name:=rviz"]
+    assert rviz_window.chosen(words[2:], lambda name: found) == words[2:]

@@ -6,7 +6,7 @@ from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker
 
 from m2wr_view.errors import ViewError
-from m2wr_view.solids import Solids, read_robot
+from m2wr_view.solids import Solids, marker_outlines, read_robot
 
 
 def extent(outlines):
@@ -48,6 +48,21 @@ def test_markers_move_and_go(make):
     assert extent(solids.blocking) == pytest.approx([-0.5, -0.5, 0.5, 0.5])
     solids.update(make.world().markers)
     assert not solids.blocking
+
+
+def test_only_what_has_changed_is_cut_anew(make, monkeypatch):
+    cut = []
+    monkeypatch.setattr("m2wr_view.solids.marker_outlines",
+                        lambda marker: cut.append(marker.id) or marker_outlines(marker))
+    solids, still = Solids(), make.marker(Marker.CUBE, (1, 1, 1), 0, 0, number=0)
+    for x in (3.0, 3.0, 4.0):
+        solids.update(make.world(still, make.marker(Marker.CUBE, (1, 1, 1), x, 0, number=1)).markers)
+    assert cut == [0, 1, 1] and extent(solids.blocking) == pytest.approx([-0.5, -0.5, 4.5, 0.5])
+    mesh = make.marker(Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), 0.0, 0.0, number=2)
+    for far in (1.0, 6.0):                  # only a point differs
+        mesh.points = [Point(x, y, 0.1) for x, y in ((0, 0), (far, 0), (0, 1))]
+        solids.update(make.world(mesh).markers)
+        assert extent(solids.blocking)[2] == pytest.approx(far)
 
 
 def test_a_robot_is_seen_from_above_and_knows_where_its_laser_is():

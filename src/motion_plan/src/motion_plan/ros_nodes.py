@@ -167,7 +167,7 @@ class ObstacleAvoidanceNode:
 
 def reading_laser():
     """Run the node reading_laser."""
-    run_node('reading_laser', ReadingLaserNode)
+    run_node('reading_laser', ReadingLaserNode, only_prints=True)
 
 
 def go_to_point():

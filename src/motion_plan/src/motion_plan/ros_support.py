@@ -13,6 +13,7 @@ from sensor_msgs.msg import LaserScan
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from m2wr_lockstep.controller import Controller
+from m2wr_view.pipes import go_on_unread
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
 from motion_plan.regions import RegionReader, ScanError
@@ -52,11 +53,18 @@ def shut_down_beside():
         signal.signal(number, on_signal)
 
 
-def run_node(name, make_node):
+def _end_unread():
+    # not in the midst of the line that could not be written, which shutting down may want to follow with another
+    threading.Thread(target=rospy.signal_shutdown, args=('nobody reads what is printed',), daemon=True).start()
+
+
+def run_node(name, make_node, only_prints=False):
     """Start the node ``name``, run what ``make_node()`` returns and leave with its exit code.
 
-    A NodeError ends in one fatal line and exit code 1, not in a traceback.
+    A NodeError ends in one fatal line and exit code 1, not in a traceback.  A node that only prints ends when nobody
+    reads it any more; any other goes on.
     """
+    go_on_unread(_end_unread if only_prints else None)
     rospy.init_node(name)
     shut_down_beside()
     library = logging.getLogger('motion_plan')

@@ -110,9 +110,6 @@ def main(argv=None):
     for path in parser.parse_args(sys.argv[1:] if argv is None else argv).bag:
         try:
             print(report(path), flush=True)
-        except BrokenPipeError:         # whoever read it, `head` say, has seen enough; nor may the exit write to it
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            break
         except ViewError as error:
             sys.stderr.write("bag_report: %s\n" % error)
             code = 1

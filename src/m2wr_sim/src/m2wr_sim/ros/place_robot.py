@@ -1,13 +1,17 @@
-"""Puts a robot where rviz's tool "2D Pose Estimate" points: at the same height, upright, at rest."""
+"""Puts a robot where rviz's tool "2D Pose Estimate" points: at the same height, upright, at rest.
+
+It also says so when the tool "2D Nav Goal" is used and no node drives to goals.
+"""
 import math
 
+import rosgraph
 import rospy
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import GetModelState, SetModelState
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from motion_plan.ros_poses import PoseError, planar_in
 
-_TOPIC = "initialpose"
+_TOPIC, _GOALS = "initialpose", "move_base_simple/goal"
 _SERVICE_PATIENCE = 5.0     # s of wall time
 
 
@@ -53,6 +57,24 @@ class PlaceRobot:
         rospy.loginfo("place_robot: model \"%s\" is at (%.2f, %.2f), heading %.2f rad", self._model, *pose)
 
 
+def others_at(topic, own, subscriptions):
+    """Return the nodes that subscribe to a topic, but for ``own``, of [[topic, [node, ...]], ...]."""
+    return [node for name, nodes in subscriptions if name == topic for node in nodes if node != own]
+
+
+def check_goal(_, system_state=None):
+    """Say who would drive to a goal, if nobody does; ``system_state`` as of :class:`rosgraph.Master`."""
+    topic, own = rospy.resolve_name(_GOALS), rospy.get_name()
+    try:
+        subscriptions = (system_state or rosgraph.Master(own).getSystemState)()[1]
+    except (rosgraph.MasterException, OSError):
+        return              # the run is ending
+    if not others_at(topic, own, subscriptions):
+        rospy.logwarn("2D Nav Goal: no node takes goals from %s, so nothing drives there. Bug 2 does, for the model "
+                      "m2wr: roslaunch m2wr_sim bug2.launch, or in a simulation that runs: roslaunch motion_plan "
+                      "bug2.launch", topic)
+
+
 def main():
     """Entry point; returns the exit code."""
     rospy.init_node("place_robot", disable_rostime=True)
@@ -67,5 +89,6 @@ def main():
         services.append(rospy.ServiceProxy(name, kind))
     node = PlaceRobot(str(rospy.get_param("~model", "m2wr")), str(rospy.get_param("~frame", "odom")), *services)
     rospy.Subscriber(_TOPIC, PoseWithCovarianceStamped, node.take, queue_size=1)
+    rospy.Subscriber(_GOALS, PoseStamped, check_goal, queue_size=1)
     rospy.spin()
     return 0

@@ -21,6 +21,9 @@ _CHUNK_KB = 256             # written at once; what is lost when the recorder is
 _CLOSING = 12.0             # s of wall time for the recorder to close its file; roslaunch waits for 15
 _LOOK = 0.1                 # s between two looks at the recorder
 _INDEX = 256 << 10          # bytes: of all message definitions, more than an index has ever needed
+#: What is left out of all topics: what is published twice, and the states of every link and model, a hundred times a
+#: second; those of robots are in /gazebo/robot_states.
+_NOT_OF_ALL = "^(/rosout_agg|/gazebo/(link_states|model_states|parameter_.*)|.*/parameter_(descriptions|updates))$"
 _SET_DEATH_SIGNAL = 1       # of prctl(2)
 
 
@@ -132,10 +135,12 @@ class Keeper:
         Of the bag.
     words : list of str
         Topics, and ROS's own words such as ``__name:=record``.
+    options : list of str
+        Of rosbag's recorder.
     """
 
-    def __init__(self, path, words):
-        self._path, self._words = path, words
+    def __init__(self, path, words, options=()):
+        self._path, self._words, self._options = path, words, list(options)
         self._ending = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: self._ending.set())
@@ -148,8 +153,8 @@ class Keeper:
             sys.stderr.write("record: an earlier recording of this name was not finished; it is kept as %s\n" % kept)
         command = [find_recorder(), "--lz4", "--tcpnodelay", "--chunksize=%d" % _CHUNK_KB, "-O", self._path]
         # in a session of its own: the one signal it gets is ours. A full disk is an error, not a signal that kills.
-        recorder = subprocess.Popen(command + self._words, start_new_session=True, restore_signals=False,
-                                    preexec_fn=_die_with_parent)
+        recorder = subprocess.Popen(command + self._options + self._words, start_new_session=True,
+                                    restore_signals=False, preexec_fn=_die_with_parent)
         while recorder.poll() is None and not self._ending.wait(_LOOK):
             continue
         if recorder.poll() is None:
@@ -197,11 +202,13 @@ def main(argv=None):
     name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag")
     name.add_argument("-o", dest="prefix", metavar="PREFIX", help="the same, with the time behind")
     parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place")
+    parser.add_argument("--all", action="store_true",
+                        help="record all other topics too, as they come up, but those that match " + _NOT_OF_ALL)
     parser.add_argument("topics", nargs="+", metavar="TOPIC")
     given = parser.parse_args(sys.argv[1:] if argv is None else argv)
     path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))
     path = os.path.abspath(path if path.endswith(".bag") else path + ".bag")
-    keeper = Keeper(path, given.topics)
+    keeper = Keeper(path, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [])
     try:
         keeper.record()
     except RecordError as error:

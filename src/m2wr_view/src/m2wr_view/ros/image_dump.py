@@ -1,5 +1,7 @@
 """Pictures of what goes on: a node that listens to topics, or a command that reads a bag."""
 import argparse
+import ctypes
+import gc
 import logging
 import os
 import signal
@@ -15,11 +17,14 @@ from sensor_msgs.msg import Image
 from m2wr_view.bag_file import open_bag, topic_types
 from m2wr_view.dumping import make_dump
 from m2wr_view.errors import ViewError
-from m2wr_view.scene import TOPICS
+from m2wr_view.renderer import Renderer
+from m2wr_view.scene import TOPICS, Scene
 from m2wr_view.writers import make_writer
 
 log = logging.getLogger("rosout.m2wr_view")
 _REMIND = 5.0           # s of wall time between two lines on what is waited for
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3           # of glibc's mallopt
+_KEPT_FREE, _LARGEST_KEPT = 128 << 20, 32 << 20         # bytes; the largest picture takes 64 MB, one of 800 x 800 3 MB
 
 
 def _parser():
@@ -34,7 +39,28 @@ def _parser():
                         help="what to show [m] (default: everything)")
     parser.add_argument("--speed", type=float, default=5.0,
                         help="of films, in times the simulated time (default: %(default)s)")
+    parser.add_argument("--times", action="store_true",
+                        help="say at the end how much processor time drawing and writing took for a picture")
     return parser
+
+
+def _settle():
+    """Spare each picture what has nothing to do with it.
+
+    Memory for pixels is asked for and given back several times a picture; taken from the system each time, its pages
+    cost more than the drawing.  What has been imported need not be looked at by every collection of garbage, and the
+    first words that are drawn load fonts.
+    """
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError):
+        pass                            # a C library that has no such thing
+    else:
+        mallopt(_M_TRIM_THRESHOLD, _KEPT_FREE)
+        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT)
+    Renderer().draw(Scene())
+    gc.collect()
+    gc.freeze()
 
 
 def _log_to_screen():
@@ -62,6 +88,7 @@ def main(argv=None):
     """Entry point; 0 if all was written, 1 if nothing could be, 2 for wrong usage."""
     words = rospy.myargv(sys.argv if argv is None else ["image_dump"] + argv)[1:]
     options = _parser().parse_args(words)
+    _settle()
     if options.bag:
         _log_to_screen()
         try:
@@ -89,7 +116,8 @@ def dump_bag(options, mappings=None):
         types = topic_types(bag)
         check_topics(path, types, names)
         dump = make_dump(rate, tuple(options.size or (800, 800)), options.view,
-                         _writers(options.out or [os.path.splitext(path)[0] + "_pictures"], rate, options.speed))
+                         _writers(options.out or [os.path.splitext(path)[0] + "_pictures"], rate, options.speed),
+                         clock=_clock(options))
         if dump.failed:
             return 1
         usable = [topic for topic in names if types.get(topic) == TOPICS[names[topic]][0]]
@@ -107,7 +135,13 @@ def dump_bag(options, mappings=None):
     if not dump.count:
         raise ViewError("bag %s: none of its messages has a time; expected /clock or /odom in it" % path)
     log.info("%s", written)
+    for line in dump.timing():
+        log.info("%s", line)
     return 1 if dump.failed else 0
+
+
+def _clock(options):
+    return time.thread_time if options.times else None
 
 
 def check_topics(path, types, names):
@@ -157,6 +191,8 @@ class Node:
             written = dump.close()
         if written:
             rospy.loginfo("written: %s", written)
+        for line in dump.timing():
+            rospy.loginfo("%s", line)
         failed = bool(paths) and dump.failed
         if not dump.count:
             rospy.logwarn("not one picture was drawn: nothing was heard on clock or odom")
@@ -175,7 +211,7 @@ class Node:
         make_dump(rate, tuple(size), view, [])
         self._image = rospy.Publisher("~image", Image, queue_size=2)
         self._dump = make_dump(rate, tuple(size), view, _writers(
-            paths, rate, float(_parameter("speed", None, options.speed))), self._show)
+            paths, rate, float(_parameter("speed", None, options.speed))), self._show, _clock(options))
         for name, (kind, _) in TOPICS.items():
             rospy.Subscriber(name, roslib.message.get_message_class(kind), self._take, name, queue_size=100,
                              tcp_nodelay=True)

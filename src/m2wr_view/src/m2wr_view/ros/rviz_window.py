@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 
+from m2wr_view.ros.is_there import who_is_there
 from m2wr_view.ros.tie import tied
 
 _PATIENCE = 10.0            # s for a display to answer; one at the other end of a broken line never does
@@ -41,11 +42,18 @@ def display_problem(environment, run=subprocess.call):
     return "display %s (DISPLAY) cannot be opened" % name if code == 3 else None
 
 
+def chosen(words, look=who_is_there):
+    """Return words for rviz: of ``--simulation A -d B`` ``-d A`` where something publishes /clock, else ``-d B``."""
+    if words[:1] != ["--simulation"] or words[2:3] != ["-d"] or len(words) < 4:
+        return words
+    return ["-d", words[1] if look("/clock") else words[3]] + words[4:]
+
+
 def main(words=None):
     """Entry point; returns 0 whatever becomes of rviz."""
     words = sys.argv[1:] if words is None else words
     if "-h" in words or "--help" in words:
-        sys.stdout.write("usage: rviz_window [OPTION OF RVIZ ...]\n\n%s\n" % __doc__)
+        sys.stdout.write("usage: rviz_window [--simulation CONFIG -d CONFIG] [OPTION OF RVIZ ...]\n\n%s\n" % __doc__)
         return 0
     problem = display_problem(os.environ)
     program = shutil.which("rviz")
@@ -57,7 +65,7 @@ def main(words=None):
     told = []
     for number in (signal.SIGINT, signal.SIGTERM):      # roslaunch tells the whole group, so rviz hears it as well
         signal.signal(number, lambda received, _: told.append(received))
-    child = subprocess.Popen(tied([program] + words))
+    child = subprocess.Popen(tied([program] + chosen(words)))
     signal_sent = False
     while True:
         try:
