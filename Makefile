@@ -10,7 +10,7 @@ help:  ## list the targets and the variables they take
 	@echo
 	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
 	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
-	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=1  tests run side by side"
+	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run side by side"
 	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counted as failed"
 
 setup:  ## system packages, workspace venv and build: all that the other targets need

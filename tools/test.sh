@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Runs the tests of every package and prints one summary. The set-up has already built the workspace.
 #   TEST_PACKAGES  names of packages, separated by blanks (default: all)
-#   TEST_JOBS      tests run side by side (default 1: a simulation with its nodes keeps two cores busy, and tests that
-#                  measure rates must not be starved)
+#   TEST_JOBS      tests of a package that run side by side (default 2, on one processor 1; a test waits for its nodes
+#                  more than it calculates)
 #   TEST_TIMEOUT   seconds after which the run is ended; what has no result by then counts as failed
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -10,7 +10,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 enter_build_environment
 cd "$WORKSPACE"
 read -r -a packages <<< "${TEST_PACKAGES:-}"
-jobs=${TEST_JOBS:-1}
+processors=$(nproc)
+jobs=${TEST_JOBS:-$((processors < 2 ? 1 : 2))}
 limit=${TEST_TIMEOUT:-2400}
 
 [ -r "$BUILD_STAMP" ] || die "the workspace is not built; run make setup first."
@@ -23,14 +24,21 @@ ROS_LOG_DIR=$WORKSPACE/logs/ros/$(date +%Y%m%d-%H%M%S)
 export ROS_LOG_DIR
 mkdir -p "$ROS_LOG_DIR"
 
+# With bytecode kept, as on a user's machine: without it each of some hundred nodes compiles its sources anew.
+unset PYTHONDONTWRITEBYTECODE
+
 export PYTEST_ADDOPTS=${PYTEST_ADDOPTS:---color=no -q}
+
+# catkin takes -j out of --make-args and hands nothing on for tests, so make is told here; the output of a test stays
+# in one piece.
+export MAKEFLAGS="-j$jobs --output-sync=target"
 
 say "tests: ${packages[*]:-all packages}, $jobs at a time, at most $limit s"
 status=0
 # A job of its own: `timeout` ends the whole group, and an interrupt at the keyboard is handed on to it.
 set -m
 timeout --kill-after=60 "$limit" catkin test --workspace "$WORKSPACE" --profile default --no-status --no-notify \
-    --continue-on-failure -p 1 "${packages[@]}" --make-args "-j$jobs" < /dev/null &
+    --continue-on-failure -p 1 "${packages[@]}" < /dev/null &
 runner=$!
 set +m
 trap 'kill -INT "$runner" 2>/dev/null; wait "$runner" || true; die "tests: interrupted"' INT TERM

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Bad worlds, parameters and launch files: one clear message, no traceback, and an exit code that tells."""
 import os
+import random
 import re
 import signal
 import socket
@@ -39,10 +40,18 @@ LINE = re.compile(r"^(?:\x1b\[\d+m)?\[(?:ERROR|FATAL)\].*$", re.MULTILINE)
 
 
 def free_port():
-    """A port of the loopback interface that nobody uses at the moment."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    """A port of the loopback interface that nobody uses at the moment.
+
+    It is below those that systems hand out by themselves, so that no node of a test beside this one gets it meanwhile.
+    """
+    for port in random.sample(range(20000, 32000), 100):
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:     # somebody's
+                continue
+            return port
+    raise AssertionError("none of 100 ports between 20000 and 32000 is free")
 
 
 class LaunchErrors(unittest.TestCase):

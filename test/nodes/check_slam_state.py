@@ -42,6 +42,20 @@ def newest_map():
         recorder.close()
 
 
+def first_map():
+    """Wait for a map, which is made beside the scans, and return it as the service has it."""
+    found = []
+
+    def answered():
+        try:
+            found.append(rospy.ServiceProxy("/dynamic_map", GetMap)().map)
+        except rospy.ServiceException:
+            pass                            # there is none yet
+        return found
+    wait_until(answered, "a map from the service")
+    return found[-1]
+
+
 class SlamState(unittest.TestCase):
     """Every test starts nodes of its own; time goes on from one to the next."""
 
@@ -174,7 +188,7 @@ class SlamState(unittest.TestCase):
                 robot.stand((x, x, 0.0))
                 node.wait_for_pose(robot.look((0.1, 0.0, 0.0)).header.stamp)
             node.wait_for_text("as large as it may be")
-            grid = rospy.ServiceProxy("/dynamic_map", GetMap)().map.info
+            grid = first_map().info
             self.assertLessEqual(grid.width * grid.height, 100000000)
 
     def test_frames_have_the_prefix_of_tf(self):
@@ -185,10 +199,13 @@ class SlamState(unittest.TestCase):
             transforms = Recorder("/tf", TFMessage)     # not before: the robot takes the first listener for the node
             answer = node.drive(TOUR[:3])
             self.assertEqual(answer.header.frame_id, "r1/map")
-            self.assertEqual(rospy.ServiceProxy("/dynamic_map", GetMap)().map.header.frame_id, "r1/map")
-            wait_until(lambda: any((entry.header.frame_id, entry.child_frame_id) == ("r1/map", "r1/odom")
-                                   for message in transforms.messages for entry in message.transforms),
-                       "the transform r1/map -> r1/odom")
+            self.assertEqual(first_map().header.frame_id, "r1/map")
+
+            def sent():
+                self.robot.tell_time(self.robot.now + 0.02)     # it is sent as time goes on
+                return any((entry.header.frame_id, entry.child_frame_id) == ("r1/map", "r1/odom")
+                           for message in transforms.messages for entry in message.transforms)
+            wait_until(sent, "the transform r1/map -> r1/odom")
             transforms.close()
         # a name that has the prefix already, and one with a slash in front
         with Mapping(self.robot, QUICK + ["_odom_frame:=r1/odom", "_map_frame:=/plan"]) as node:

@@ -1,0 +1,57 @@
+"""`make test` runs as many tests of a package side by side as TEST_JOBS says, by default two where there is room."""
+import os
+import shutil
+import subprocess
+
+import pytest
+
+import workspace_tree as tree
+
+#: As catkin does it: nothing of its own command line reaches make.
+CATKIN = '#!/bin/sh\nexec make -f "{0}/tests.mk" run_tests\n'
+#: Two tests; each waits, for some seconds at most, until as many have begun as shall run together.
+MAKEFILE = """
+run_tests: one two
+one two:
+\t@echo "begin $@" >> {0}/log
+\t@n=0; while [ $$(grep -c begin {0}/log) -lt {1} ] && [ $$n -lt 1000 ]; do sleep 0.01; n=$$((n + 1)); done
+\t@sleep 0.1
+\t@echo "end $@" >> {0}/log
+"""
+
+
+def program(path, text):
+    path.write_text(text)
+    path.chmod(0o755)
+
+
+def begun_and_ended(folder, together, processors, jobs=None):
+    """Run tools/test.sh in a workspace made up; returns the lines of what its two tests did, in order."""
+    for name in ("bin", "tools", "catkin_build", "src", "dropin", "test"):
+        (folder / name).mkdir()
+    for name in ("common.sh", "test.sh", "test_summary.py"):
+        shutil.copy(os.path.join(tree.ROOT, "tools", name), str(folder / "tools" / name))
+    (folder / "catkin_build" / ".m2wr_source_hash").write_text("")
+    (folder / "os-release").write_text('ID=debian\nVERSION_ID="12"\n')
+    (folder / "tests.mk").write_text(MAKEFILE.format(folder, together))
+    program(folder / "bin" / "catkin", CATKIN.format(folder))
+    program(folder / "bin" / "nproc", "#!/bin/sh\necho %d\n" % processors)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("TEST_")}
+    environment.update(PATH="%s:%s" % (folder / "bin", environment["PATH"]),
+                       M2WR_OS_RELEASE=str(folder / "os-release"), **({"TEST_JOBS": str(jobs)} if jobs else {}))
+    done = subprocess.run([str(folder / "tools" / "test.sh")], env=environment, universal_newlines=True,
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=100)
+    assert (folder / "log").exists(), done.stdout
+    return (folder / "log").read_text().split("\n")[:-1]
+
+
+@pytest.mark.parametrize("processors, jobs", [(1, 2), (2, None), (16, None)])
+def test_two_tests_run_together(tmp_path, processors, jobs):
+    assert sorted(begun_and_ended(tmp_path, 2, processors, jobs)[:2]) == ["begin one", "begin two"]
+
+
+@pytest.mark.parametrize("processors, jobs", [(2, 1), (1, None)])
+def test_one_runs_after_the_other(tmp_path, processors, jobs):
+    lines = begun_and_ended(tmp_path, 1, processors, jobs)
+    assert [line.split()[0] for line in lines] == ["begin", "end", "begin", "end"]
+    assert [line.split()[1] for line in lines[::2]] == [line.split()[1] for line in lines[1::2]]
