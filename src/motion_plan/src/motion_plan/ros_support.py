@@ -1,7 +1,6 @@
 """What the nodes share: parameters, logging, the loop, and messages turned into plain values."""
 import logging
 import math
-import signal
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 
 from m2wr_lockstep.controller import Controller
 from m2wr_view.pipes import go_on_unread
+from m2wr_view.ros.starting import start_node
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
 from motion_plan.regions import RegionReader, ScanError
@@ -40,19 +40,6 @@ class RosoutHandler(logging.Handler):
         log.get(record.levelno, rospy.logerr)('%s', record.getMessage())
 
 
-def shut_down_beside():
-    """Let SIGINT and SIGTERM shut ROS down on a thread of its own.
-
-    rospy does it inside the signal, on the thread that may be publishing at that very moment and then waits for ever
-    for a lock that it holds itself.
-    """
-    def on_signal(number, _):
-        threading.Thread(target=rospy.signal_shutdown, args=('signal-%d' % number,)).start()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
-
-
 def _end_unread():
     # not in the midst of the line that could not be written, which shutting down may want to follow with another
     threading.Thread(target=rospy.signal_shutdown, args=('nobody reads what is printed',), daemon=True).start()
@@ -65,8 +52,7 @@ def run_node(name, make_node, only_prints=False):
     reads it any more; any other goes on.
     """
     go_on_unread(_end_unread if only_prints else None)
-    rospy.init_node(name)
-    shut_down_beside()
+    start_node(name)
     library = logging.getLogger('motion_plan')
     library.addHandler(RosoutHandler())
     library.setLevel(logging.INFO)

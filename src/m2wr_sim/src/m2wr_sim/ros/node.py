@@ -65,12 +65,19 @@ def _claim_time():
 def _note_signals():
     """Let SIGINT and SIGTERM only be noted, in the list returned; the loop looks at it between two batches of steps.
 
-    rospy's own handler shuts everything down inside the signal, on the thread that may be in the middle of publishing
-    and then waits for ever for a lock it holds itself.
+    rospy's own handler shuts everything down inside the signal, on the thread that may be in the middle of publishing,
+    or of registering, and then waits for ever for a lock it holds itself.  While the node is being registered a thread
+    beside does that, for nobody looks at the list yet.
     """
     noted = []
+
+    def on_signal(number, _):
+        noted.append(number)
+        if not rospy.core.is_initialized():
+            threading.Thread(target=rospy.signal_shutdown, args=("signal-%d" % number,), daemon=True).start()
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: noted.append(received))
+        signal.signal(number, on_signal)
     return noted
 
 
@@ -227,12 +234,13 @@ def main():
         sys.stderr.write("a simulation runs already: node %s at %s. Stop it first (rosnode kill %s), or start this one "
                          "under another name or master.\n" % (name, address, name))
         return 1
-    try:
-        rospy.init_node("gazebo", disable_rostime=True)     # may wait for a master; rospy's own handler ends that
-    except rospy.ROSInitException:
-        return 1
     signals = _note_signals()
-    if rospy.is_shutdown():
+    try:
+        rospy.init_node("gazebo", disable_rostime=True, disable_signals=True)       # may wait for a master
+    except Exception:                   # of whatever kind: what it was doing was closed under it
+        if not signals:
+            raise
+    if signals or rospy.is_shutdown():
         return 1
     ended = threading.Event()
     rospy.on_shutdown(lambda: (signals.append("shutdown"), ended.wait(_END_PATIENCE)))     # rosnode kill comes this way

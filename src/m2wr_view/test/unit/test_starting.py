@@ -1,0 +1,76 @@
+"""A node that is interrupted at any moment of its start ends."""
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from m2wr_view.ros import starting
+
+PROGRAM = """
+import sys
+import rospy
+from m2wr_view.ros.starting import start_node
+at = sys.argv[1]
+begin = rospy.impl.init.start_node
+
+
+def start(*words, **options):
+    print("begun", flush=True)
+    if at == "fails":
+        raise RuntimeError("of its own")
+    return begin(*words, **options)
+
+
+rospy.impl.init.start_node = start
+start_node("early")
+"""
+
+
+@pytest.fixture
+def begin():
+    """Return a function that starts the program, where no master is, and waits until the node is being registered."""
+    started = []
+
+    def make(word):
+        environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:1")
+        child = subprocess.Popen([sys.executable, "-c", PROGRAM, word], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                 env=environment, universal_newlines=True)
+        started.append(child)
+        assert child.stdout.readline() == "begun\n"
+        return child
+    yield make
+    for child in started:
+        child.kill()
+        child.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_waits_for_a_master_can_be_interrupted(begin, number):
+    child = begin("waits")
+    child.send_signal(number)
+    _, said = child.communicate(timeout=30)
+    assert child.returncode == 1 and "Traceback" not in said
+
+
+def test_a_fault_of_its_own_is_told(begin):
+    _, said = begin("fails").communicate(timeout=30)
+    assert "RuntimeError: of its own" in said
+
+
+def test_the_thread_that_was_interrupted_goes_on(monkeypatch):
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    told = []
+    monkeypatch.setattr(starting.rospy, "signal_shutdown", lambda reason: told.append(
+        (reason, starting.threading.current_thread() is starting.threading.main_thread())))
+    try:
+        starting.shut_down_beside()
+        os.kill(os.getpid(), signal.SIGTERM)
+        for thread in starting.threading.enumerate():
+            if thread is not starting.threading.current_thread() and not thread.daemon:
+                thread.join(5.0)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert told == [("signal-15", False)]
