@@ -27,6 +27,8 @@ def _p(default, unit, low, high, meaning):
     return Parameter(default, unit, low, high, meaning)
 
 
+MOST_CELLS = 1e9            # of the first extent: a byte each in every map that is published
+
 # public name -> parameter. A default of None is filled in from another value, which the meaning names.
 PARAMETERS = {
     "throttle_scans": _p(1, "", 0, 10**9, "process one of this many scans; 0 counts as 1"),
@@ -140,6 +142,12 @@ class GmappingConfig:
             if not values[low] < values[high]:
                 raise ConfigError("parameters {} {} and {} {}: expected the first below the second".format(
                     low, values[low], high, values[high]))
+        columns, rows = ((values[high] - values[low]) / values["delta"] for low, high in (
+            ("xmin", "xmax"), ("ymin", "ymax")))
+        if columns * rows > MOST_CELLS:
+            raise ConfigError("xmin to xmax and ymin to ymax are {:.0f} x {:.0f} cells of delta {} m; expected at most "
+                              "{:g} in all. The map grows where it needs to".format(
+                                  columns, rows, values["delta"], MOST_CELLS))
         values["throttle_scans"] = max(1, values["throttle_scans"])
         if values["tf_delay"] is None:
             values["tf_delay"] = values["transform_publish_period"]

@@ -62,27 +62,30 @@ def _sum_at(xs, ys, dx, dy, raster):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def search(centre, points, turns, blocks, corner, per_metre, raster, coarse, apart_cells, apart_turn, share, best):
+def search(centre, points, turns, allowed, corner, per_metre, raster, coarse, apart_cells, apart_turn, share, best):
     """Find the best offset and turn of ``points`` (2, Q) around ``centre`` (3,), and whether it is the only one.
 
-    Offsets are whole cells within ``blocks`` blocks to either side.  ``best`` (5,) gets the pose, its score between 0
-    and 1, and the score of the best rival that lies more than ``apart_cells`` or ``apart_turn`` away (0 if none comes
-    within ``share`` of the best).
+    Offsets are whole cells, in blocks of BLOCK x BLOCK; ``allowed`` (2 * N + 1, 2 * N + 1) uint8 tells which blocks
+    around the centre are searched, rows along y.  ``best`` (5,) gets the pose, its score between 0 and 1, and the score
+    of the best rival that lies more than ``apart_cells`` or ``apart_turn`` away (0 if none comes within ``share`` of
+    the best).
     """
-    count, side = points.shape[1], 2 * blocks + 1
+    count, side = points.shape[1], allowed.shape[0]
+    blocks = side // 2
     xs = np.empty((turns.shape[0], count), np.int64)
     ys = np.empty((turns.shape[0], count), np.int64)
-    bounds = np.empty(turns.shape[0] * side * side, np.int64)
+    places = np.flatnonzero(allowed)
+    bounds = np.empty(turns.shape[0] * places.shape[0], np.int64)
     shift = BLOCK // 2
     for t in range(turns.shape[0]):
         c, s = math.cos(centre[2] + turns[t]), math.sin(centre[2] + turns[t])
         for k in range(count):
             xs[t, k] = int(math.floor((centre[0] + c * points[0, k] - s * points[1, k] - corner[0]) * per_metre))
             ys[t, k] = int(math.floor((centre[1] + s * points[0, k] + c * points[1, k] - corner[1]) * per_metre))
-        for by in range(side):
-            for bx in range(side):
-                bounds[(t * side + by) * side + bx] = _sum_at(
-                    xs[t], ys[t], (bx - blocks) * BLOCK - shift, (by - blocks) * BLOCK - shift, coarse)
+        for p in range(places.shape[0]):
+            bounds[t * places.shape[0] + p] = _sum_at(
+                xs[t], ys[t], (places[p] % side - blocks) * BLOCK - shift,
+                (places[p] // side - blocks) * BLOCK - shift, coarse)
     order = np.argsort(-bounds)
     top, rival = -1, -1
     top_x = top_y = top_t = 0
@@ -91,9 +94,9 @@ def search(centre, points, turns, blocks, corner, per_metre, raster, coarse, apa
             break
         if bounds[index] <= top and rival >= share * top:
             break
-        t = index // (side * side)
-        first_y = ((index // side) % side - blocks) * BLOCK - shift
-        first_x = (index % side - blocks) * BLOCK - shift
+        t, place = index // places.shape[0], places[index % places.shape[0]]
+        first_y = (place // side - blocks) * BLOCK - shift
+        first_x = (place % side - blocks) * BLOCK - shift
         for dy in range(first_y, first_y + BLOCK):
             for dx in range(first_x, first_x + BLOCK):
                 value = _sum_at(xs[t], ys[t], dx, dy, raster)

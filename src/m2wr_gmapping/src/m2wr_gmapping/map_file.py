@@ -22,18 +22,18 @@ def picture(data, free=25, occupied=65):
     free, occupied : int
         Values up to ``free`` are drawn free, from ``occupied`` on occupied, all others unknown.
     """
-    data = np.asarray(data)
-    grey = np.full(data.shape, UNKNOWN, np.uint8)
-    grey[(data >= 0) & (data <= free)] = FREE
-    grey[data >= occupied] = OCCUPIED
-    return grey[::-1]
+    values = np.arange(256).astype(np.uint8).view(np.int8)
+    shades = np.full(256, UNKNOWN, np.uint8)
+    shades[(values >= 0) & (values <= free)] = FREE
+    shades[values >= occupied] = OCCUPIED
+    return shades[np.ascontiguousarray(data, np.int8).view(np.uint8)[::-1]]
 
 
 def pgm(data, resolution, free=25, occupied=65):
-    """Return the bytes of a map's picture."""
+    """Return a map's picture as the parts of a file: bytes and what can be written like them."""
     grey = picture(data, free, occupied)
     head = "P5\n# CREATOR: map_saver.cpp {:.3f} m/pix\n{} {}\n255\n".format(resolution, grey.shape[1], grey.shape[0])
-    return head.encode() + np.ascontiguousarray(grey).tobytes()
+    return [head.encode(), np.ascontiguousarray(grey)]
 
 
 def description(image, resolution, origin, free_thresh=0.196, occupied_thresh=0.65):
@@ -74,12 +74,12 @@ def save(name, data, resolution, origin, free=25, occupied=65):
         raise ValueError("the map's resolution is {}; expected more than 0".format(resolution))
     paths = [name + ".pgm", name + ".yaml"]
     image = os.path.basename(paths[0]) if os.path.isabs(name) or os.path.dirname(name) else paths[0]
-    contents = [pgm(data, resolution, free, occupied), description(image, resolution, origin).encode()]
+    contents = [pgm(data, resolution, free, occupied), [description(image, resolution, origin).encode()]]
     folder = os.path.dirname(os.path.abspath(name))
     waiting = []
     try:
         for content in contents:
-            waiting.append(complete(folder, content))
+            waiting.append(complete(folder, *content))
         for temporary, path in zip(list(waiting), paths):
             os.replace(temporary, path)
             waiting.remove(temporary)
@@ -96,12 +96,16 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     return paths
 
 
-def complete(folder, content):
-    """Write bytes into a temporary file in ``folder`` and onto the disk; return its path; raises OSError."""
+def complete(folder, *parts):
+    """Write parts, bytes or arrays of them, into a temporary file in ``folder`` and onto the disk; return its path.
+
+    Raises OSError.
+    """
     descriptor, path = tempfile.mkstemp(prefix=".map-", dir=folder)
     try:
         with os.fdopen(descriptor, "wb") as stream:
-            stream.write(content)
+            for part in parts:
+                stream.write(part)
             stream.flush()
             os.fsync(stream.fileno())
         mask = os.umask(0)

@@ -16,6 +16,7 @@ from m2wr_gmapping.tracking import Tracker
 from m2wr_gmapping.workers import Workers
 
 END_POINT_GAP = 0.04        # end points nearer to each other say the same again [m]
+FARTHEST_ODOMETRY = 1e9     # what is beyond is no place: differences of such numbers are no steps any more [m]
 START_WINDOW = np.array([1.0, 0.5])     # so far from where it is said to stand a robot is found on a saved map [m, rad]
 
 
@@ -54,7 +55,7 @@ class Mapper:
         self._plain = config["compatible"]
         self._matcher = (HillClimbMatcher if self._plain else FastMatcher)(config, self._workers)
         self._dense = config["track_between"] and not self._plain
-        self._tracker = None if self._plain else Tracker(self._matcher, config.noise, self._dense)
+        self._tracker = None if self._plain else Tracker(self._matcher, config.noise, self._dense, laser.ahead)
         self._loops = None
         if config["loop_closing"] and not self._plain:
             self._loops = LoopCloser(self._matcher, config["delta"])
@@ -101,8 +102,9 @@ class Mapper:
             If the pose or the stamp is not finite.
         """
         odom_pose = np.asarray(odom_pose, float)
-        if not (np.isfinite(odom_pose).all() and np.isfinite(stamp)):
-            raise ValueError("odometry pose {} at {} is not finite".format(odom_pose.tolist(), stamp))
+        if not (np.isfinite(odom_pose).all() and np.isfinite(stamp) and np.abs(odom_pose).max() < FARTHEST_ODOMETRY):
+            raise ValueError("odometry pose {} at {} is not finite or too far: expected numbers below {:g}".format(
+                odom_pose.tolist(), stamp, FARTHEST_ODOMETRY))
         if self.filter is None:
             return self._first(reading, odom_pose, stamp)
         step = between(self._odom, odom_pose)
@@ -183,9 +185,14 @@ class Mapper:
             self._tracker.restart()
         self._last_processed = stamp
 
-    def _due(self, stamp):
+    def due_at(self, odom_pose, stamp):
+        """Whether a scan from there, as the next one, would be processed for the way driven or the time gone by."""
+        step = between(self._odom, np.asarray(odom_pose, float))
+        return self._due(stamp, float(np.hypot(step[0], step[1])), abs(float(step[2])))
+
+    def _due(self, stamp, further=0.0, turn=0.0):
         config = self.config
-        return (self._distance >= config["linearUpdate"] or self._turn >= config["angularUpdate"]
+        return (self._distance + further >= config["linearUpdate"] or self._turn + turn >= config["angularUpdate"]
                 or 0.0 <= config["temporalUpdate"] < stamp - self._last_processed)
 
     def _process_fully(self, reading, stamp):
@@ -212,15 +219,17 @@ class Mapper:
     def finish(self):
         """Bring the path and the maps to agree with all that is known; call when no scan follows, or before saving."""
         if self._loops is not None and self.filter is not None:
-            self._bend(self._loops.solve(self.filter.tree.path(self.filter.best)))
+            self._bend(self._loops.conclude(self.filter.tree.path(self.filter.best)))
 
     def info(self):
         """Return counts for the log (dict)."""
         found, loops = {}, self._loops
         if self._tracker is not None:
             found["odometry_scale"] = self._tracker.trust.scale.round(3).tolist()
+            found["odometry_bias"] = self._tracker.bias.bias.round(4).tolist()
         if loops is not None:
-            found.update(searches=loops.searches, links=loops.links, closures=loops.closures)
+            found.update(searches=loops.searches, wide_searches=loops.wide_searches, links=loops.links,
+                         closures=loops.closures)
         return found
 
     @property

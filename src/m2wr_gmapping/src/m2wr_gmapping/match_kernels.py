@@ -23,7 +23,7 @@ SHIFT, MASK = 4, 15
 UNIT = 1.0 / 65535
 QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 # settings of the Gauss-Newton matcher
-WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6
+WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6, 7
 # columns of a result row
 POSE, SCORE, LOG_LIKELIHOOD, FOUND, COST, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 7, 13
 STEP_LIMIT, CONVERGED = 0.15, 1e-3
@@ -83,8 +83,11 @@ def partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, h, g):
-    """Normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's own axes."""
+def _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, free, h, g):
+    """Normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's own axes.
+
+    ``free`` is taken off the weight of the tangential residuals.
+    """
     c, s = math.cos(theta), math.sin(theta)
     # the laser's place and the partners are both taken in metres from the table's corner
     x, y = x - frame[0], y - frame[1]
@@ -99,7 +102,7 @@ def _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, h, g):
         ex, ey = c * dx + s * dy, c * dy - s * dx
         nx, ny, an, at = beams[NX, b], beams[NY, b], beams[ARM_N, b], beams[ARM_T, b]
         rn, rt = nx * ex + ny * ey, nx * ey - ny * ex
-        v = w * beams[SLIDE, b]
+        v = w * max(beams[SLIDE, b] - free, 0.0)
         h0 += w * nx * nx + v * ny * ny
         h1 += (w - v) * nx * ny
         h2 += w * nx * an - v * ny * at
@@ -174,7 +177,8 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
     The cost is the robust point-to-line distance of the end points to the mean hit points nearest to them, plus the
     distance from ``predictions`` measured with ``prior`` (3,), inverse variances along the predicted pose's axes. The
     kernel's width halves from round to round, from wide to narrow.  ``results`` rows get pose, score, log-likelihood,
-    partners and the information matrix (upper triangle, laser axes) of the scan alone.
+    partners and the information matrix (upper triangle, laser axes) of the scan alone, in which sliding along straight
+    walls counts for nothing: that weight steadies the search, it is no knowledge.
     """
     which = np.empty(beams.shape[1], np.int64)
     tx, ty = np.empty(beams.shape[1]), np.empty(beams.shape[1])
@@ -189,7 +193,7 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
             found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
             far = 0.0
             for _ in range(STEPS_A_ROUND):
-                _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, h, g)
+                _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, 0.0, h, g)
                 c, s = math.cos(theta), math.sin(theta)
                 px, py = x - predictions[i, 0], y - predictions[i, 1]
                 turn = theta - predictions[i, 2]
@@ -220,7 +224,7 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
             width = max(settings[NARROW], 0.5 * width)
         if not settled:             # else a millimetre ago they were the same
             found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
-        _accumulate(x, y, theta, beams, frame, which, tx, ty, found, settings[NARROW], h, g)
+        _accumulate(x, y, theta, beams, frame, which, tx, ty, found, settings[NARROW], settings[FREE], h, g)
         row[0], row[1] = x, y
         row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
         for k in range(6):

@@ -5,6 +5,7 @@ import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.correlative_kernels import search_window
+from m2wr_gmapping.scan import SLIDE_STRAIGHT
 from m2wr_gmapping.se2 import between
 from m2wr_gmapping.tile_kernels import draw_field
 
@@ -66,6 +67,7 @@ class FastMatcher:
         self._settings[mk.WIDE], self._settings[mk.NARROW] = WIDE, NARROW
         self._settings[mk.ROUNDS], self._settings[mk.SPREAD] = ROUNDS, SPREAD
         self._settings[mk.SIGMA], self._settings[mk.LSIGMA] = config["sigma"], config["lsigma"]
+        self._settings[mk.FREE] = SLIDE_STRAIGHT
         self._particle_settings = self._settings.copy()
         self._particle_settings[mk.WIDE], self._particle_settings[mk.ROUNDS] = NARROW, PARTICLE_ROUNDS
 

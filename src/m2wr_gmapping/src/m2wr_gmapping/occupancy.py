@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from m2wr_gmapping.occupancy_kernels import UNKNOWN, add_scan, read_out
+from m2wr_gmapping.occupancy_kernels import CELLS, SIDE, UNKNOWN, add_scan, read_out
 
-PATCH = 32              # the grid's size is whole patches of that many cells
+PATCH = SIDE            # the grid's size is whole patches of that many cells, and counts are kept by the patch
+FIRST_BLOCKS = 64
 GROWTH = 10.0           # a side that is crossed moves that far beyond what crossed it [m]
 SAME_CELLS, SAME_TURN = 0.3, 0.002      # poses that differ by no more need not be traced anew [cells, rad]
 
@@ -33,6 +34,8 @@ class Grid:
 class Occupancy:
     """Counts along one path; only what has changed since the last map is traced again.
 
+    Counts are kept for those patches that beams have crossed, so memory goes with what was seen, not with the extent.
+
     Parameters
     ----------
     limits : tuple of float
@@ -47,26 +50,29 @@ class Occupancy:
     def __init__(self, limits, resolution, threshold, most_cells=100000000):
         self._resolution, self._threshold, self._most_cells = resolution, threshold, most_cells
         xmin, ymin, xmax, ymax = limits
-        columns = self._patches(math.ceil((xmax - xmin) / resolution))
-        rows = self._patches(math.ceil((ymax - ymin) / resolution))
-        self._origin = np.array([xmin, ymin], float)
-        self._allocate(max(rows, PATCH), max(columns, PATCH))
+        columns, rows = (max(1, math.ceil(span / resolution) // PATCH) for span in (xmax - xmin, ymax - ymin))
+        self._anchor = np.array([xmin, ymin], float)    # a cell's centre that stays: counted and taken out are the same
+        self._shift = np.zeros(2, np.int64)             # its column and row
+        self._table = np.full((rows, columns), -1, np.int32)
+        self._used = np.zeros(1, np.int64)
+        self._blocks = dict(hits=np.empty((FIRST_BLOCKS, CELLS), np.int32),
+                            visits=np.empty((FIRST_BLOCKS, CELLS), np.int32),
+                            values=np.empty((FIRST_BLOCKS, CELLS), np.int8), changed=np.zeros(FIRST_BLOCKS, bool))
         self._poses = np.zeros((0, 3))  # at which each scan has been counted
         self.beyond = False             # whether something did not fit
         self.traced = 0                 # scans added or taken out so far
+        self._empty()
 
-    @staticmethod
-    def _patches(cells):
-        return cells // PATCH * PATCH
+    def _empty(self):
+        """Forget all counts; the extent stays."""
+        self._table[:], self._used[0] = -1, 0
+        self._blocks["changed"][:] = False
 
-    def _allocate(self, rows, columns):
-        self._hits = np.zeros((rows, columns), np.int32)
-        self._visits = np.zeros((rows, columns), np.int32)
-        self._grid = np.full((rows, columns), UNKNOWN, np.int8)
-        self._clean()
-
-    def _clean(self):
-        self._dirty = np.array([2**31, -1, 2**31, -1], np.int64)
+    def _more_blocks(self, least=1):
+        old = len(self._blocks["changed"])
+        new = old + max(old // 4, FIRST_BLOCKS, least)
+        for array in self._blocks.values():
+            array.resize((new,) + array.shape[1:], refcheck=False)      # in place: no second copy at the peak
 
     def update(self, path, readings, exact=False):
         """Bring the counts to a path (K, 3) with its readings.
@@ -80,8 +86,7 @@ class Occupancy:
         kept = (np.abs(path[:known] - self._poses[:known]) <= limit).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # cheaper from nothing
-            shape, self._hits, self._visits, self._grid = self._hits.shape, None, None, None
-            self._allocate(*shape)                  # not set to 0: pages that were never written stay without memory
+            self._empty()
             changed, known = np.zeros(0, int), 0
         for k in changed:
             self._count(self._poses[k], readings[k], -1)
@@ -94,8 +99,14 @@ class Occupancy:
 
     def _count(self, pose, reading, sign):
         self.traced += 1
-        add_scan(pose, reading.rays, reading.ray_hits, self._origin, 1.0 / self._resolution, sign, self._hits,
-                 self._visits, self._dirty)
+        blocks, done = self._blocks, 0
+        while True:
+            done = add_scan(pose, reading.rays, reading.ray_hits, done, self._anchor, 1.0 / self._resolution,
+                            self._shift, sign, self._table, blocks["hits"], blocks["visits"], blocks["values"],
+                            blocks["changed"], self._used)
+            if done >= reading.rays.shape[1]:
+                return
+            self._more_blocks()
 
     def _cover(self, pose, reading):
         """Grow the grid so that a scan fits, the way the original does."""
@@ -104,53 +115,53 @@ class Occupancy:
         y = pose[1] + s * reading.rays[0] + c * reading.rays[1]
         low = np.array([min(pose[0], x.min(initial=pose[0])), min(pose[1], y.min(initial=pose[1]))])
         high = np.array([max(pose[0], x.max(initial=pose[0])), max(pose[1], y.max(initial=pose[1]))])
-        size = np.array(self._hits.shape[::-1])
-        end = self._origin + (size - 1) * self._resolution
-        if (low >= self._origin).all() and (high <= end).all():
+        origin, size = self._origin, np.array(self._table.shape[::-1])
+        end = origin + (size * PATCH - 1) * self._resolution
+        if (low >= origin).all() and (high <= end).all():
             return
-        step = PATCH * self._resolution
-        before = np.where(low < self._origin, np.ceil((self._origin - low + GROWTH) / step), 0).astype(int) * PATCH
-        after = np.where(high > end, np.ceil((high + GROWTH - end) / step), 0).astype(int) * PATCH
-        new = size + before + after
-        if int(new[0]) * int(new[1]) > self._most_cells:
+        if not self._fits(low, high):
             self.beyond = True
             return
-        hits, visits, grid = self._hits, self._visits, self._grid
-        dirty = self._dirty
-        self._origin = self._origin - before * self._resolution
-        self._allocate(new[1], new[0])
-        inside = np.s_[before[1]:before[1] + size[1], before[0]:before[0] + size[0]]
-        self._hits[inside], self._visits[inside], self._grid[inside] = hits, visits, grid
-        if dirty[1] >= 0:
-            self._dirty = dirty + np.repeat(before, 2)
+        step = PATCH * self._resolution
+        before = np.where(low < origin, np.ceil((origin - low + GROWTH) / step), 0).astype(int)
+        after = np.where(high > end, np.ceil((high + GROWTH - end) / step), 0).astype(int)
+        new = size + before + after
+        table = np.full((new[1], new[0]), -1, np.int32)
+        table[before[1]:before[1] + size[1], before[0]:before[0] + size[0]] = self._table
+        self._table, self._shift = table, self._shift + before * PATCH
+
+    def _fits(self, low, high):
+        """Whether a grid that reaches there as well may be made; in floats, which are not too small for any number."""
+        rows, columns = self.bounds
+        spans = np.maximum(high + GROWTH, self._origin + self._resolution * np.array([columns, rows])) \
+            - np.minimum(low - GROWTH, self._origin)
+        with np.errstate(over="ignore"):
+            return bool((spans / self._resolution + PATCH).prod() <= self._most_cells)
 
     def grid(self):
         """Return the map (Grid) of all that was counted."""
-        if self._dirty[1] >= 0:
-            read_out(self._hits, self._visits, self._threshold, *self._dirty.tolist(), self._grid)
-            self._clean()
-        return Grid(self._grid.copy(), self._resolution, self._origin.copy())
+        data = np.full(self.bounds, UNKNOWN, np.int8)
+        blocks = self._blocks
+        read_out(self._threshold, self._table, blocks["hits"], blocks["visits"], blocks["values"], blocks["changed"],
+                 self._used, data)
+        return Grid(data, self._resolution, self._origin)
+
+    @property
+    def _origin(self):
+        return self._anchor - self._shift * self._resolution
 
     @property
     def bounds(self):
         """Rows and columns of the grid."""
-        return self._grid.shape
+        return self._table.shape[0] * PATCH, self._table.shape[1] * PATCH
 
     # ---- saving
 
     def __getstate__(self):
-        """Only the rectangle of the counts that holds any."""
-        rows, columns = (np.flatnonzero(self._visits.any(axis=axis)) for axis in (1, 0))
-        box = [0, 0, 0, 0] if not len(rows) else [rows[0], rows[-1] + 1, columns[0], columns[-1] + 1]
-        state = dict(self.__dict__, box=[int(edge) for edge in box], shape=self._grid.shape)
-        for name in ("_hits", "_visits", "_grid"):
-            state[name] = state[name][box[0]:box[1], box[2]:box[3]].copy()
-        return state
+        """Only the blocks that are in use."""
+        count = int(self._used[0])
+        return dict(self.__dict__, _blocks={name: array[:count] for name, array in self._blocks.items()})
 
     def __setstate__(self, state):
-        (top, bottom, left, right), shape = state.pop("box"), state.pop("shape")
         self.__dict__.update(state)
-        self._allocate(*shape)
-        for name in ("_hits", "_visits", "_grid"):
-            getattr(self, name)[top:bottom, left:right] = state[name]
-        self._dirty = state["_dirty"]
+        self._blocks = {name: np.array(array) for name, array in state["_blocks"].items()}      # resizable

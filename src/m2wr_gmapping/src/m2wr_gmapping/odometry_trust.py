@@ -1,4 +1,4 @@
-"""How far odometry is to be trusted: the user's noise, scaled by what the matches have found of it so far."""
+"""What the matches find of odometry: how far it is to be trusted, and what it errs by all the time."""
 import math
 
 import numpy as np
@@ -8,6 +8,11 @@ LEAST_SHARE = np.array([0.005, 0.005, 0.005])   # and its share of the distance 
 MEMORY = 10.0                                   # steps that the scale remembers
 SURPRISE = 9.0                                  # a step counts for no more than that many times what was expected
 LEAST_TOLD = 0.01           # a scan that says less is not heard
+BIAS_VARIANCES = np.square([0.03, 0.03, 0.03])      # what wheels may err by: scale of ways, of turns, turn a metre
+BIAS_CHANGES = np.array([1.0, 0.0, 1.0]) / 300.0    # share of it by which they may change in a metre
+TOGETHER = 4.0              # the errors of matches that follow each other are alike: as if there were that many fewer
+LEAST_TAUGHT = 0.1         # a scan that says less teaches nothing about the bias
+FAR_OFF = 4.0               # deviations beyond which an error is none of odometry's usual ones
 NARROWEST, WIDEST = 0.1, 30.0    # of the scale
 
 
@@ -66,5 +71,66 @@ class OdometryTrust:
             share = told[axes].sum()
             if share > LEAST_TOLD:
                 excess = float((told[axes] * (ratio[axes] - 1.0)).sum()) / share
-                self.scale[k] *= math.sqrt(1.0 + excess / MEMORY)
+                self.scale[k] *= math.sqrt(1.0 + min(share, 1.0) * excess / MEMORY)
         np.clip(self.scale, NARROWEST, WIDEST, out=self.scale)
+
+
+class OdometryBias:
+    """What odometry errs by all the time: the scale of its way and of its turns, and the turn it has straight ahead.
+
+    Wheels of other diameters than is thought, at another distance, or of two sizes make an error that adds up instead
+    of averaging out, and a match that is held to odometry follows it a little each time. The three are followed by a
+    Kalman filter whose measurements are the errors found by the matches; where a scan says nothing, nothing is learnt.
+
+    Parameters
+    ----------
+    ahead : (2,) float
+        Forward direction of the base in the laser's frame.
+
+    Attributes
+    ----------
+    bias : (3,) float64
+        Scale of ways, scale of turns, turn a metre [rad/m]; what a step of odometry lacks.
+    """
+
+    def __init__(self, ahead):
+        self._ahead = float(ahead[0]), float(ahead[1])
+        self.bias = np.zeros(3)
+        self._covariance = np.diag(BIAS_VARIANCES)
+
+    def forward(self, step):
+        """Return how far a step (3,) leads forwards [m]."""
+        return step[0] * self._ahead[0] + step[1] * self._ahead[1]
+
+    def corrected(self, step):
+        """Return a step (3,) of odometry without the error that it is known to have."""
+        way, turns, drift = self.bias.tolist()
+        return np.array([step[0] * (1.0 + way), step[1] * (1.0 + way),
+                         step[2] * (1.0 + turns) + drift * self.forward(step)])
+
+    def learn(self, error, variance, told, forward, turn):
+        """Take in one stretch.
+
+        Parameters
+        ----------
+        error : (3,) float64
+            Where the scan alone has the pose, from where odometry, corrected, had it.
+        variance : (3,) float64
+            Of odometry over the stretch, without what is always the same.
+        told : (3,) float64
+            How much of each the scan has told, from nothing to all.
+        forward, turn : float
+            Way [m] and turn [rad] by odometry, with their signs.
+        """
+        own = np.arange(3)
+        grown = self._covariance[own, own] + BIAS_VARIANCES * BIAS_CHANGES * abs(forward)
+        self._covariance[own, own] = np.minimum(grown, BIAS_VARIANCES)
+        for axis, row in ((0, np.array([forward, 0.0, 0.0])), (2, np.array([0.0, turn, forward]))):
+            if told[axis] < LEAST_TAUGHT:
+                continue
+            seen, gain = error[axis], self._covariance @ row
+            expected = float(row @ gain) + TOGETHER * variance[axis] / told[axis]
+            if seen * seen > FAR_OFF * FAR_OFF * expected:
+                continue
+            self.bias = self.bias + gain * (seen / expected)
+            self._covariance = self._covariance - np.outer(gain, gain) / expected

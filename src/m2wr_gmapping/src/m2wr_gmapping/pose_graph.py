@@ -1,13 +1,16 @@
 """Poses that fit their relative measurements best: Gauss-Newton on a sparse graph of planar poses."""
+import math
+
 import numpy as np
 
 from m2wr_gmapping.se2 import between, wrap
 
-ITERATIONS = 6
+ITERATIONS, MOST_ITERATIONS = 6, 16     # with the kernel as asked for, and together with those in which it narrows
+NARROWING = 8.0         # of the kernel from one iteration to the next
 CONVERGED = 1e-4
 
 
-def optimise(poses, pairs, measured, information, robust, kernel=1.0):
+def optimise(poses, pairs, measured, information, robust, kernel=1.0, opened=False):
     """Move poses so that the weighted squares of the graph's residuals are least; the first pose stays.
 
     Parameters
@@ -24,6 +27,9 @@ def optimise(poses, pairs, measured, information, robust, kernel=1.0):
         Measurements that may be wrong; their weight falls with their residual (Cauchy).
     kernel : float
         Squared residual, in units of its covariance, at which a robust measurement has lost half its weight.
+    opened : bool
+        Whether to begin with a kernel so wide that the worst of them is heard, and to narrow it: what closes a long
+        loop is far off at first, though it is right.
 
     Returns
     -------
@@ -43,10 +49,12 @@ def optimise(poses, pairs, measured, information, robust, kernel=1.0):
     count = len(poses)
     weights = np.ones(len(pairs))
     places = _places(first, second)
-    for _ in range(ITERATIONS):
+    widening = math.inf if opened else 1.0
+    for k in range(MOST_ITERATIONS):
         residual, a, b = _linearised(poses, first, second, measured)
         squared = np.einsum("ei,eij,ej->e", residual, information, residual)
-        weights = np.where(robust, 1.0 / (1.0 + squared / kernel), 1.0)
+        widening = max(1.0, min(squared[robust].max(initial=0.0) / kernel, widening / NARROWING))
+        weights = np.where(robust, 1.0 / (1.0 + squared / (kernel * widening)), 1.0)
         omega = information * weights[:, None, None]
         at, bt = np.transpose(a, (0, 2, 1)) @ omega, np.transpose(b, (0, 2, 1)) @ omega
         values = np.concatenate([at @ a, at @ b, bt @ a, bt @ b]).reshape(-1)
@@ -57,7 +65,7 @@ def optimise(poses, pairs, measured, information, robust, kernel=1.0):
         solver = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         step = solver.solve(-gradient.reshape(-1)[3:]).reshape(-1, 3)
         poses[1:] += step
-        if np.abs(step).max() < CONVERGED:
+        if widening == 1.0 and (np.abs(step).max() < CONVERGED or k >= ITERATIONS - 1):
             break
     poses[:, 2] = wrap(poses[:, 2])
     return poses, weights

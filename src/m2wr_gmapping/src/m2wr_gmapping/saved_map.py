@@ -67,12 +67,20 @@ class GivenOccupancy(Occupancy):
         reach = saved.resolution * np.array([columns + 1e-3, rows + 1e-3])
         super().__init__((x, y, x + reach[0], y + reach[1]), saved.resolution, threshold)
 
-    def _allocate(self, rows, columns):
-        super()._allocate(rows, columns)
+    def _empty(self):
+        super()._empty()
         saved = self._given
-        x, y = np.rint((np.asarray(saved.origin) - self._origin) / saved.resolution).astype(int)
-        height, width = saved.data.shape
-        inside = np.s_[y:y + height, x:x + width]
-        self._visits[inside] = SURE_VISITS * (saved.data >= 0)
-        self._hits[inside] = SURE_VISITS * (saved.data == 100)
-        self._dirty = np.array([x, x + width - 1, y, y + height - 1], np.int64)
+        height, width = (math.ceil(cells / PATCH) for cells in saved.data.shape)
+        whole = np.full((height * PATCH, width * PATCH), -1, np.int8)
+        whole[:saved.data.shape[0], :saved.data.shape[1]] = saved.data
+        patches = whole.reshape(height, PATCH, width, PATCH).transpose(0, 2, 1, 3).reshape(height, width, -1)
+        rows, columns = np.nonzero((patches >= 0).any(axis=2))
+        known, count = patches[rows, columns], len(rows)
+        if count > len(self._blocks["changed"]):
+            self._more_blocks(count)
+        column, row = self._shift // PATCH          # in which patch the saved map begins
+        self._table[row + rows, column + columns] = np.arange(count)
+        self._used[0], blocks = count, self._blocks
+        blocks["visits"][:count] = SURE_VISITS * (known >= 0)
+        blocks["hits"][:count] = SURE_VISITS * (known == 100)
+        blocks["changed"][:count] = True

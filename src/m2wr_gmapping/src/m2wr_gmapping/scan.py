@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.scan_kernels import apart, surface_normals
+from m2wr_gmapping.scan_kernels import surface_normals, take_in
 
+FARTHEST = 1000.0           # no laser sees farther; drivers without a limit of their own send huge or infinite ones [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
 NORMAL_REACH, NORMAL_SIDE = 0.3, 4
 SLIDE_STRAIGHT = 0.02       # weight of sliding along a straight wall against moving across it
@@ -98,9 +99,9 @@ class LaserModel:
         centre = angle_min + 0.5 * (-span if falling else span)
         angles = -0.5 * span + increment * np.arange(count)
         upside_down = up < 0.0
-        max_range = range_max - 0.01 if max_range is None else max_range
+        max_range = min(range_max - 0.01 if max_range is None else max_range, FARTHEST)
         model = cls(angles, falling != upside_down, centre, np.zeros(3), range_min, range_max, max_range,
-                    max_range if max_urange is None else max_urange)
+                    max_range if max_urange is None else min(max_urange, FARTHEST))
         object.__setattr__(model, "base_from_sensor", model.sensor_pose(translation, quaternion))
         return model
 
@@ -108,6 +109,12 @@ class LaserModel:
     def directions(self):
         """Cosines and sines (2, B) of the beam angles."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)])
+
+    @property
+    def ahead(self):
+        """Forward direction (2,) of the base in the centred laser's frame."""
+        yaw = self.base_from_sensor[2]
+        return np.array([math.cos(yaw), -math.sin(yaw)])
 
     def sensor_pose(self, translation, quaternion):
         """Return the planar pose (3,) of the centred laser from a transform of the laser, both in the parent frame."""
@@ -130,12 +137,8 @@ class LaserModel:
             raise ScanError("the scan has {} ranges; expected {} as in the first one".format(
                 ranges.size, self.angles.size))
         if self.reverse:
-            ranges = ranges[::-1]
-        with np.errstate(invalid="ignore"):
-            ranges = np.where(ranges < self.range_min, self.range_max, ranges)
-            seen = (ranges > 0.0) & (ranges <= self.max_range)          # NaN and infinity are neither
-            hit = seen & (ranges <= self.max_urange)
-        return ScanReading(self, ranges, seen, hit, skip, gap)
+            ranges = np.ascontiguousarray(ranges[::-1])
+        return ScanReading(self, ranges, skip, gap)
 
 
 class ScanReading:
@@ -153,21 +156,14 @@ class ScanReading:
         Which of them also mark their end.
     """
 
-    def __init__(self, laser, ranges, seen, hit, skip, gap):
-        cosines, sines = laser.directions
-        cut = np.minimum(ranges[seen], laser.max_urange)
-        self.rays = np.stack([cut * cosines[seen], cut * sines[seen]]).astype(np.float32)
-        self.ray_hits = hit[seen] & (ranges[seen] < laser.max_urange)
-        self.points = np.stack([ranges[hit] * cosines[hit], ranges[hit] * sines[hit]])
-        used = np.ones(ranges.size, bool)
-        if skip:
-            used[:] = False
-            used[skip::skip + 1] = True
-        used = used[hit]
-        if gap > 0.0:
-            keep = np.empty(self.points.shape[1], bool)
-            apart(self.points, gap, keep)
-            self.points, used = np.ascontiguousarray(self.points[:, keep]), used[keep]
+    def __init__(self, laser, ranges, skip, gap):
+        beams = ranges.size
+        points, used = np.empty((2, beams)), np.empty(beams, bool)
+        rays, ray_hits = np.empty((2, beams), np.float32), np.empty(beams, bool)
+        limits = np.array([laser.range_min, laser.range_max, laser.max_range, laser.max_urange], float)
+        count, seen = take_in(ranges, laser.directions, limits, skip, gap, points, used, rays, ray_hits)
+        # copies: a reading is kept, and what it does not need is not
+        self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()
         # of the thinned points: neighbouring beams on a near wall lie closer together than they are exact
         shape = np.empty((3, self.points.shape[1]))
         surface_normals(self.points, NORMAL_REACH, NORMAL_SIDE, shape)
@@ -178,4 +174,4 @@ class ScanReading:
         beams[mk.ARM_N] = ny * qx - nx * qy
         beams[mk.ARM_T] = nx * qx + ny * qy
         beams[mk.SLIDE] = 1.0 + (SLIDE_STRAIGHT - 1.0) * shape[2]
-        self.beams = np.ascontiguousarray(beams[:, used]) if skip else beams
+        self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams

@@ -3,6 +3,7 @@ import math
 
 from numba import njit
 
+SPARSE, SPARSE_MOST = 1.6, 1.0       # reach by the distance of the nearest neighbour; most of it [m]
 STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line by that along it: of a wall with noise, and of a corner
 
 
@@ -15,7 +16,8 @@ def surface_normals(points, reach, side, out):
     points : (2, B) float64
         End points in the order of their beams [m], laser frame.
     reach : float
-        Neighbours farther than this from the point, or beyond the first that is, do not belong to its surface [m].
+        Neighbours farther than this from the point, or beyond the first that is, do not belong to its surface [m];
+        where beams graze a wall and its points lie far apart, those a little farther than the nearest one do.
     side : int
         Most neighbours taken on either side.
     out : (3, B) float64
@@ -23,9 +25,14 @@ def surface_normals(points, reach, side, out):
         direction to the laser as normal.
     """
     count = points.shape[1]
-    reach2 = reach * reach
     for b in range(count):
         x, y = points[0, b], points[1, b]
+        nearest2 = math.inf
+        for other in (b - 1, b + 1):
+            if 0 <= other < count:
+                dx, dy = points[0, other] - x, points[1, other] - y
+                nearest2 = min(nearest2, dx * dx + dy * dy)
+        reach2 = max(reach * reach, min(SPARSE * SPARSE * nearest2, SPARSE_MOST * SPARSE_MOST))
         n, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
         for direction in (-1, 1):
             for k in range(1, side + 1):
@@ -61,13 +68,51 @@ def surface_normals(points, reach, side, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def apart(points, gap, keep):
-    """Mark in ``keep`` (B,) the end points (2, B) that lie at least ``gap`` [m] from the one marked before."""
-    last = -1
-    for b in range(points.shape[1]):
-        keep[b] = True
-        if last >= 0:
-            dx, dy = points[0, b] - points[0, last], points[1, b] - points[1, last]
-            keep[b] = dx * dx + dy * dy >= gap * gap
-        if keep[b]:
-            last = b
+def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits):
+    """Sort ranges into end points, beams that only clear space, and nothing.
+
+    Parameters
+    ----------
+    ranges : (B,) float64
+        [m], in the order of the directions; NaN and infinite ones see nothing.
+    directions : (2, B) float64
+        Cosines and sines of the beam angles.
+    limits : (4,) float64
+        Ranges below the first [m] count as the second; those above the third count as nothing, those above the fourth
+        clear space only, up to there.
+    skip : int
+        Beams left out of the matching between two used ones.
+    gap : float
+        End points nearer than this to the one before are left out [m]; 0: none.
+    points : (2, B) float64, used : (B,) bool
+        Written: end points [m], and which of them belong to the matching.
+    rays : (2, B) float32, ray_hits : (B,) bool
+        Written: ends of all beams that clear space, and which of them mark their end.
+
+    Returns
+    -------
+    tuple of int
+        Number of end points, and of beams that clear space.
+    """
+    count = seen = 0
+    for b in range(ranges.shape[0]):
+        r = ranges[b]
+        if r < limits[0]:
+            r = limits[1]
+        if not (r > 0.0 and r <= limits[2]):
+            continue
+        cut = min(r, limits[3])
+        rays[0, seen], rays[1, seen] = cut * directions[0, b], cut * directions[1, b]
+        ray_hits[seen] = r < limits[3]
+        seen += 1
+        if not r <= limits[3]:
+            continue
+        x, y = r * directions[0, b], r * directions[1, b]
+        if gap > 0.0 and count > 0:
+            dx, dy = x - points[0, count - 1], y - points[1, count - 1]
+            if not dx * dx + dy * dy >= gap * gap:
+                continue
+        points[0, count], points[1, count] = x, y
+        used[count] = b % (skip + 1) == skip
+        count += 1
+    return count, seen

@@ -52,7 +52,7 @@ class TileMaps:
 
     def _more_tiles(self):
         old = len(self._holders)
-        new = old + max(old // 4, FIRST_TILES)
+        new = old + max(old // 8, FIRST_TILES)
         for name in ("mean", "hits"):
             array = getattr(self, name)
             array.resize((new,) + array.shape[1:], refcheck=False)      # in place: no second copy at the peak
@@ -72,28 +72,28 @@ class TileMaps:
     def cover(self, low, high):
         """Let the table span the box from ``low`` to ``high`` (2,) [m, map frame]; False where the limit forbids it."""
         size = CELLS_A_SIDE * self.resolution
-        first = np.array([math.floor(v / size) - MARGIN for v in low], np.int64)
-        last = np.array([math.floor(v / size) + MARGIN + 1 for v in high], np.int64)
-        if self._corner is None:
-            old_first = old_last = None
-        else:
-            old_first = self._corner
-            old_last = old_first + (self.table.shape[2], self.table.shape[1])
-            if (first + MARGIN > old_first).all() and (last - MARGIN < old_last).all():
+        x, y, end_x, end_y = (math.floor(value / size) for value in (*low, *high))
+        first, last = (x - MARGIN, y - MARGIN), (end_x + MARGIN + 1, end_y + MARGIN + 1)
+        if self._corner is not None:
+            old_x, old_y = self._corner
+            rows, columns = self.table.shape[1:]
+            if x > old_x and y > old_y and end_x + 1 < old_x + columns and end_y + 1 < old_y + rows:
                 return True
             grow = 4 * MARGIN
-            first = np.where(first + MARGIN > old_first, old_first, np.minimum(first - grow, old_first))
-            last = np.where(last - MARGIN < old_last, old_last, np.maximum(last + grow, old_last))
-        if int((last[0] - first[0]) * (last[1] - first[1])) > self._limit:
+            first = (old_x if x > old_x else min(first[0] - grow, old_x),
+                     old_y if y > old_y else min(first[1] - grow, old_y))
+            last = (old_x + columns if end_x + 1 < old_x + columns else max(last[0] + grow, old_x + columns),
+                    old_y + rows if end_y + 1 < old_y + rows else max(last[1] + grow, old_y + rows))
+        if (last[0] - first[0]) * (last[1] - first[1]) > self._limit:
             self.beyond += 1
             return False
         table = np.full((self.count, last[1] - first[1], last[0] - first[0]), -1, np.int32)
-        if old_first is not None:
-            x, y = old_first - first
-            table[:, y:y + self.table.shape[1], x:x + self.table.shape[2]] = self.table
+        if self._corner is not None:
+            x, y = old_x - first[0], old_y - first[1]
+            table[:, y:y + rows, x:x + columns] = self.table
         self.table, self._corner = table, first
         # the lattice is the published map's: cell centres at whole multiples of the resolution
-        self.frame[:2] = first * size - 0.5 * self.resolution
+        self.frame[:2] = np.array(first) * size - 0.5 * self.resolution
         return True
 
     def register(self, particle, pose, points):

@@ -3,8 +3,8 @@ import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.loop_closing import inverse_symmetric
-from m2wr_gmapping.matcher import GOOD_SHARE, Expectation
-from m2wr_gmapping.odometry_trust import OdometryTrust
+from m2wr_gmapping.matcher import DEPENDENT, GOOD_SHARE, Expectation
+from m2wr_gmapping.odometry_trust import LEAST_TAUGHT, OdometryBias, OdometryTrust
 from m2wr_gmapping.se2 import between, compose, inverse
 
 STILL = np.array([0.005, 0.005, 0.005])     # a scan from so near the last matched one tells nothing new [m, m, rad]
@@ -35,6 +35,8 @@ class Tracker:
     noise : MotionNoise
     dense : bool
         Whether all scans are matched, so that a slip of the wheels can be looked at twice.
+    ahead : (2,) float
+        Forward direction of the base in the laser's frame.
 
     Attributes
     ----------
@@ -43,11 +45,13 @@ class Tracker:
     undecided : bool
         Whether scan and odometry contradict each other and it is not known yet which is right.
     trust : OdometryTrust
+    bias : OdometryBias
     """
 
-    def __init__(self, matcher, noise, dense):
+    def __init__(self, matcher, noise, dense, ahead=(1.0, 0.0)):
         self._matcher, self._noise, self._dense = matcher, noise, dense
         self.trust = OdometryTrust(noise)
+        self.bias = OdometryBias(ahead)
         self._answered = None           # score share of a doubt that was answered, way since then
         self.restart()
 
@@ -65,10 +69,13 @@ class Tracker:
         """From here on odometry leads on from ``rel``, which is known with the variances ``slack``."""
         self.expected, self._slack = rel, slack
         self._way = np.zeros(2)         # distance [m] and turns [rad] since then
+        self._signed = np.zeros(2)      # the same forwards and to the left, less what went back again
 
     def advance(self, step):
         """Take in a step (3,) of odometry."""
-        self.rel, self.expected = compose(self.rel, step), compose(self.expected, step)
+        right = self.bias.corrected(step)
+        self.rel, self.expected = compose(self.rel, right), compose(self.expected, right)
+        self._signed = self._signed + (self.bias.forward(step), step[2])
         self._driven, self._since = compose(self._driven, step), compose(self._since, step)
         self._way += _size(step)
 
@@ -162,4 +169,12 @@ class Tracker:
             return
         h = np.array(information, float)
         h[[0, 3, 5]] += 1.0 / self.variances
-        self.trust.learn(between(self.expected, found), np.diag(inverse_symmetric(h)), *self._way)
+        error, variance = between(self.expected, found), np.diag(inverse_symmetric(h))
+        prior = self.variances
+        told = np.maximum(1.0 - variance / prior, 0.0)
+        h = np.array(information, float) / DEPENDENT
+        h[[0, 3, 5]] += 1.0 / prior
+        heard = np.maximum(1.0 - np.diag(inverse_symmetric(h)) / prior, 0.0)
+        # a match is the mean of scan and odometry, weighted by what was told: alone the scan says that much more
+        self.bias.learn(error / np.maximum(told, LEAST_TAUGHT), prior, heard, *self._signed)
+        self.trust.learn(error, variance, *self._way)

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 
+from m2wr_gmapping import graph_kernels, place_search
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.mapper import Mapper
@@ -36,6 +37,12 @@ def rare_work(mapper):
                  np.ones(mk.MATCH_SETTINGS), np.zeros(mk.RESULT_SIZE))
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
     path = particles.tree.path(particles.best)
+    turned, nodes = np.zeros(len(path)), np.arange(len(path))
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+    graph_kernels.drift(path, turned, np.zeros((1, 2), np.int64), np.empty((len(path), 3)))
+    scene = place_search.Scene(path, along, mapper.readings, nodes, turned + 3.0, turned + 0.1)
+    place_search.near_search(scene, nodes)
+    place_search.wide_search(scene, nodes)
     steps = between(path[:-1], path[1:])
     pairs = np.stack([np.arange(len(steps)), np.arange(1, len(path))], -1)
     optimise(path, pairs, steps, np.tile(np.eye(3), (len(steps), 1, 1)), np.zeros(len(steps), bool))

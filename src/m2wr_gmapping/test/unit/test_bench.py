@@ -172,7 +172,35 @@ def test_a_benchmark_ends_with_a_table_and_all_runs(folder, capsys):
     assert (folder / "kept" / "room_report_5_2.yaml").exists()
 
 
+def test_a_benchmark_that_was_ended_goes_on_where_it_was(folder, capsys, monkeypatch):
+    words = [str(folder), "--particles", "2", "--sets", "report", "--set", "linearUpdate=0.5", "xmin=-6", "xmax=6",
+             "ymin=-6", "ymax=6", "--keep", str(folder / "kept"), "--quiet"]
+    assert command.main(words + ["--seeds", "1"]) == 0
+    first, begun = capsys.readouterr().out, []
+
+    def run(line, **_):
+        """In the place of the replay: what it wrote the first time."""
+        begun.append(line)
+        for option, ending in (("--trajectory", ".txt"), ("--stats", ".json")):
+            text = (folder / "kept" / ("room_report_2_1" + ending)).read_text()
+            with open(line[line.index(option) + 1], "w") as stream:
+                stream.write(text)
+        return command.subprocess.CompletedProcess(line, 0, "")
+    monkeypatch.setattr(command.subprocess, "run", run)
+    assert command.main(words + ["--seeds", "1", "--resume"]) == 0
+    assert not begun and capsys.readouterr().out == first
+    assert command.main(words + ["--seeds", "2", "--resume"]) == 0
+    assert len(begun) == 1 and begun[0][begun[0].index("--seed") + 1] == "2"
+    # another program, other parameters, another log, a record that was cut off: all is done again
+    (folder / "kept" / "room_report_2_1.run").write_text('{"key": ')
+    assert command.main(words + ["--seeds", "1", "--resume"]) == 0 and len(begun) == 2
+    assert command.main(words + ["--seeds", "1", "--resume", "--threads", "2"]) == 0 and len(begun) == 3
+    monkeypatch.setattr(command.finished, "program_digest", lambda: "another one")
+    assert command.main(words + ["--seeds", "1", "--resume"]) == 0 and len(begun) == 4
+
+
 @pytest.mark.parametrize("words, told", [
+    ([".", "--resume"], "expected --keep"),
     ([], "no folder"), (["nowhere"], "no such folder"), ([".", "--particles", "0"], "at least 1"),
     ([".", "--set", "delta"], "expected NAME=VALUE"), ([".", "--table", "none.md"], "none.md")])
 def test_words_that_do_not_fit_are_told_at_once(tmp_path, monkeypatch, capsys, words, told):

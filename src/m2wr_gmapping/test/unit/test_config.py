@@ -68,3 +68,9 @@ def test_readme_lists_every_parameter_with_its_default():
             parameter.default, bool) else str(parameter.default)
         assert rows[name][0] == shown and rows[name][1] == parameter.unit, name
         assert rows[name][2] == parameter.meaning, name
+
+
+def test_a_first_extent_of_too_many_cells_is_refused_and_told():
+    with pytest.raises(ConfigError, match="200000 x 200000 cells of delta 0.001 m; expected at most"):
+        GmappingConfig.from_mapping({"delta": 0.001})
+    assert GmappingConfig.from_mapping({"delta": 0.01})["delta"] == 0.01

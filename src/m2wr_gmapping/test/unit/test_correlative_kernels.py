@@ -49,7 +49,7 @@ def test_bounded_search_finds_what_trying_everything_finds(seed):
     rng = np.random.default_rng(seed)
     centre = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-0.1, 0.1)])
     turns, best = np.linspace(-0.2, 0.2, 9), np.zeros(5)
-    ck.search(centre, points, turns, 2, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    ck.search(centre, points, turns, np.ones((5, 5), np.uint8), corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     # whole-cell offsets of the cells that the points fall into without one
     top = max(value(points, centre + [0.1 * dx, 0.1 * dy, turn], corner, raster)
               for turn in turns for dx in range(-10, 10) for dy in range(-10, 10))
@@ -62,12 +62,24 @@ def test_a_second_place_that_fits_as_well_is_reported():
     corner = np.array([-8.0, -8.0])
     twice = np.concatenate([points, points + [[0.0], [1.5]]], axis=1)
     raster, coarse = drawn(twice, corner)
-    best = np.zeros(5)
-    ck.search(np.zeros(3), points, np.zeros(1), 5, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    best, all_of_it = np.zeros(5), np.ones((11, 11), np.uint8)
+    ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     assert best[4] > 0.9 * best[3]
     raster, coarse = drawn(points, corner)
-    ck.search(np.zeros(3), points, np.zeros(1), 5, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     assert best[4] < 0.9 * best[3]
+
+
+def test_only_allowed_blocks_are_searched():
+    points, corner = room(3)
+    raster, coarse = drawn(points, corner)
+    allowed, best = np.zeros((9, 9), np.uint8), np.zeros(5)
+    allowed[4, 7] = 1                   # three blocks to the right of the place that fits
+    ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    assert best[0] == pytest.approx(1.2, abs=0.21) and abs(best[1]) < 0.21 and best[3] < 0.9
+    allowed[4, 4] = 1
+    ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
+    assert np.abs(best[:2]).max() < 0.15 and best[3] > 0.95
 
 
 def test_window_search_finds_the_best_and_prefers_the_middle():

@@ -2,17 +2,23 @@
 import math
 import threading
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
 import rospy
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
 
 from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.occupancy import Occupancy
+from m2wr_gmapping.occupancy import Grid, Occupancy
 from m2wr_gmapping.ros.intake import Intake
+from m2wr_gmapping.ros.missing import name_what_is_missing
+from m2wr_gmapping.ros.outputs import MapOutput
 from m2wr_gmapping.ros.params import tf_prefix, with_prefix
 from m2wr_gmapping.scan import LaserModel
 
@@ -198,3 +204,171 @@ def test_odometry_of_another_kind_of_number_is_taken(ring, laser):
     reading = mapper.reading(tuple(ring.ranges(drive(0.1)[0], laser.angles)))
     assert mapper.process(reading, list(odom[0]), 0).processed
     mapper.close()
+
+
+def waiting_scan(frame, seconds):
+    scan = LaserScan()
+    scan.header.frame_id, scan.header.stamp = frame, rospy.Time.from_sec(seconds)
+    return scan
+
+
+def transform(parent, child, seconds):
+    made = TransformStamped(child_frame_id=child)
+    made.header.frame_id, made.header.stamp = parent, rospy.Time.from_sec(seconds)
+    made.transform.rotation.w = 1.0
+    return made
+
+
+@pytest.fixture
+def intake(monkeypatch):
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
+    return Intake("odom", 500)
+
+
+def test_scans_come_out_in_order_as_soon_as_their_transform_is_known(intake):
+    for k in range(10, 20):
+        intake.on_scan(waiting_scan("laser", 0.1 * k))
+    assert intake._ready() is None
+    for seconds in (1.2, 1.45):         # for the first two there will never be one
+        intake.on_transforms(TFMessage([transform("odom", "laser", seconds)]))
+    found = [intake._ready() for _ in range(4)]
+    assert [round(entry[0].header.stamp.to_sec(), 3) for entry in found[:3]] == [1.2, 1.3, 1.4]
+    assert found[3] is None and intake.waiting == 5 and intake.without_transform == 2
+
+
+def test_a_frame_that_nobody_knows_holds_up_no_other(intake):
+    intake.on_scan(waiting_scan("nowhere", 1.0))
+    intake.on_scan(waiting_scan("laser", 1.1))
+    intake.on_transforms(TFMessage([transform("odom", "laser", 1.05), transform("odom", "laser", 1.2)]))
+    assert intake._ready()[0].header.frame_id == "laser" and intake.without_transform == 1
+
+
+def test_a_transform_that_holds_at_all_times_is_enough(intake):
+    intake.on_scan(waiting_scan("laser", 1.0))
+    assert intake._ready() is None
+    intake.on_transforms(TFMessage([transform("odom", "laser", 0.0)]), static=True)
+    assert intake._ready() is not None
+
+
+def test_a_full_queue_without_transforms_costs_no_time(intake, monkeypatch):
+    asked = []
+
+    class Buffer:
+        def lookup_transform_core(self, target, source, stamp):
+            asked.append(stamp)
+            raise tf2_ros.ExtrapolationException("into the future")
+
+        def get_latest_common_time(self, target, source):
+            return rospy.Time(1)
+    for k in range(400):
+        intake.on_scan(waiting_scan("laser", 2.0 + 0.1 * k))
+    monkeypatch.setattr(intake, "_buffer", Buffer())
+    assert intake._ready() is None and len(asked) == 1
+
+
+def test_memory_stays_flat_while_the_robot_stands_still(ring, laser):
+    """Two thousand scans, a map of each hundredth."""
+    mapper = Mapper(GmappingConfig.from_mapping(dict(particles=5, linearUpdate=0.3)), laser)
+    truth, rng, held = drive(0.2), np.random.default_rng(2), []
+    tracemalloc.start()
+    try:
+        for k in range(len(truth) + 2000):
+            if k < len(truth):
+                pose, ranges = truth[k], ring.ranges(truth[k], laser.angles)
+            mapper.process(mapper.reading(ranges + rng.normal(0.0, 0.01, len(ranges))), pose, 0.1 * k)
+            if k % 100 == 0:
+                mapper.map_of(*mapper.map_request())
+                held.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+        mapper.close()
+    assert mapper.processed > 5
+    assert max(held[3:]) - held[2] < 20000
+
+
+# ---- the way out
+
+class Outlet:
+    """In the place of publishers and services; keeps what is published."""
+
+    sent = []
+
+    def __init__(self, name, *_, **__):
+        self._name = name
+
+    def publish(self, message):
+        Outlet.sent.append((self._name, message))
+
+
+class SlowMapper:
+    """A mapper whose maps take as long as the test wants."""
+
+    entropy, given = 0.0, 0
+
+    def __init__(self):
+        self.go, self.begun, self.asked, self.stamps = threading.Semaphore(0), threading.Semaphore(0), 0, []
+
+    def map_request(self):
+        self.asked += 1
+        self.stamps.append(float(self.asked))
+        return np.full((self.asked, 3), float(self.asked)), []
+
+    def map_of(self, path, readings):
+        self.begun.release()
+        assert self.go.acquire(timeout=60)
+        return Grid(np.full((32, 32), len(path), np.int8), 0.05, np.zeros(2))
+
+    @staticmethod
+    def base_poses(poses):
+        return poses
+
+
+def test_a_map_in_the_making_holds_up_no_scan_and_only_the_newest_waits(monkeypatch):
+    """The original builds the map in the scan's callback, from the first scan on."""
+    monkeypatch.setattr(Outlet, "sent", [])
+    monkeypatch.setattr(rospy, "Publisher", Outlet)
+    monkeypatch.setattr(rospy, "Service", Outlet)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1))
+    output, mapper = MapOutput("map"), SlowMapper()
+    output.ask(mapper)
+    assert mapper.begun.acquire(timeout=60)
+    for _ in range(5):
+        output.ask(mapper)              # would wait for ever if the map were made here
+    assert output.made == 0 and mapper.asked == 6
+    mapper.go.release(2)
+    assert mapper.begun.acquire(timeout=60)
+    output.close()
+    maps = [message for name, message in Outlet.sent if name == "map"]
+    assert [int(message.data[0]) for message in maps] == [1, 6]
+    paths = [message for name, message in Outlet.sent if name == "~path"]
+    assert [len(message.poses) for message in paths] == [1, 6]
+
+
+def test_what_is_missing_at_the_start_is_named(monkeypatch):
+    told, naps = [], iter([False] * 3 + [True] * 100)
+
+    class Nothing:
+        arrived = 0
+    monkeypatch.setattr(rospy.rostime, "wallsleep", lambda _: None)
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: next(naps))
+    monkeypatch.setattr(rospy, "get_published_topics", lambda: [["/front/scan", "sensor_msgs/LaserScan"], ["/x", "y"]])
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    monkeypatch.setattr(rospy, "get_time", lambda: 0.0)
+    name_what_is_missing(Nothing(), "/robot/scan")
+    assert "/clock" in told[0] and "use_sim_time" in told[0]
+    assert "/robot/scan" in told[1] and "/front/scan" in told[1]
+
+
+def test_a_clock_that_is_missing_is_named_even_where_scans_come(monkeypatch):
+    told, clock = [], iter([0.0, 0.0, 5.0])
+
+    class Scans:
+        arrived = 7
+    monkeypatch.setattr(rospy.rostime, "wallsleep", lambda _: None)
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    monkeypatch.setattr(rospy, "get_time", lambda: next(clock))
+    name_what_is_missing(Scans(), "/scan")
+    assert len(told) == 2 and "/clock" in told[0]

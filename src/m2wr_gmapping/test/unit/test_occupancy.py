@@ -123,3 +123,42 @@ def test_a_grid_does_not_grow_beyond_its_limit():
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25, most_cells=100000)
     made.update(np.zeros((1, 3)), [Reading([[900.0, 1.0], [0.0, 0.0]])])
     assert made.beyond and (made.grid().data == 100).sum() == 1
+
+
+def test_counts_are_taken_out_exactly_after_the_grid_has_grown():
+    """On cell borders, where another origin would round another way."""
+    rng = np.random.default_rng(3)
+    made = Occupancy((-0.7, -0.7, 0.7, 0.7), 0.05, 0.25)
+    path = np.column_stack([0.025 * rng.integers(-40, 40, (30, 2)), np.zeros(30)])
+    readings = [Reading(0.025 * rng.integers(-20 * k, 20 * k + 1, (2, 40))) for k in range(1, 31)]
+    for count in range(1, 31):
+        made.update(path[:count], readings[:count], exact=True)
+    assert made.bounds[0] > 500                  # it has grown several times
+    moved = path + [0.5, 0.0, 0.0]
+    for k in range(30):                         # one after the other, so that none is made anew
+        made.update(np.concatenate([moved[:k + 1], path[k + 1:]]), readings, exact=True)
+    grid, anew = made.grid(), Occupancy((-0.7, -0.7, 0.7, 0.7), 0.05, 0.25)
+    anew.update(moved, readings)
+    fresh = anew.grid()
+    x, y = np.rint((fresh.origin - grid.origin) / 0.05).astype(int)
+    rows, columns = fresh.data.shape
+    assert made.traced == 30 + 2 * 30 and min(x, y) >= 0
+    assert np.array_equal(grid.data[y:y + rows, x:x + columns], fresh.data)
+    assert (grid.data >= 0).sum() == (fresh.data >= 0).sum()
+
+
+def test_memory_goes_with_what_was_seen_not_with_the_extent():
+    made = Occupancy((-200.0, -200.0, 200.0, 200.0), 0.05, 0.25)
+    made.update(np.array([[-190.0, -190.0, 0.0], [190.0, 190.0, 0.0]]), [Reading([[1.0], [0.0]])] * 2)
+    assert made.bounds == (8000, 8000) and (made.grid().data == 100).sum() == 2
+    assert sum(array.nbytes for array in made._blocks.values()) < 1e6
+
+
+@pytest.mark.parametrize("far", [1e5, 1e12, 1e200])
+def test_a_beam_or_a_robot_at_an_absurd_place_takes_neither_time_nor_memory(far):
+    made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25, most_cells=10**6)
+    near = Reading([[1.0], [0.0]])
+    made.update(np.array([[0.0, 0.0, 0.0], [far, far, 0.0], [0.5, 0.0, 0.0]]), [near, near, near])
+    assert made.beyond and made.bounds == (192, 192) and (made.grid().data == 100).sum() == 2
+    made.update(np.zeros((4, 3)), [near] * 3 + [Reading([[min(far, 1e5)], [0.0]])])
+    assert made.bounds == (192, 192) and len(made._blocks["changed"]) < 200

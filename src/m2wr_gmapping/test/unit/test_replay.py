@@ -201,10 +201,21 @@ def test_command_at_the_end_is_run_and_its_code_returned(tmp_path, ring, laser):
     assert code == 7 and (tmp_path / "done").exists()
 
 
-def test_an_output_that_cannot_be_written_is_an_error(tmp_path, ring, laser, caplog):
+def test_an_output_whose_folder_is_not_there_is_told_before_the_work(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
-    code, _ = run(tmp_path, "--map", str(tmp_path / "nowhere" / "plan"))
-    assert code == command.FAILED and "nowhere" in caplog.text
+    nowhere = tmp_path / "nowhere"
+    for option in ("--map", "--trajectory", "--stats", "--save-state"):
+        code, _ = run(tmp_path, option, str(nowhere / "plan"))
+        assert code == command.USAGE and "no folder {}: expected one to write into".format(nowhere) in caplog.text
+        caplog.clear()
+
+
+def test_what_cannot_be_written_keeps_nothing_else_from_being_written(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    (tmp_path / "taken").mkdir()                # no file takes the place of a folder
+    code, _ = run(tmp_path, "--trajectory", str(tmp_path / "taken"), "--map", str(tmp_path / "plan"))
+    assert code == command.FAILED and "cannot write {}: ".format(tmp_path / "taken") in caplog.text
+    assert (tmp_path / "plan.pgm").exists() and not list(tmp_path.glob(".replay*"))
 
 
 # ---- going on
@@ -247,7 +258,8 @@ def test_a_state_that_cannot_be_used_is_told(tmp_path, ring, laser, caplog):
         assert run(tmp_path, *words)[0] == command.USAGE and told in caplog.text
     with pytest.raises(SystemExit):
         run(tmp_path, "--pose", "1", "2", "3")
-    code, _ = run(tmp_path, "--save-state", str(tmp_path / "nowhere" / "a.state"))
+    (tmp_path / "a.state").mkdir()              # no file takes the place of a folder
+    code, _ = run(tmp_path, "--save-state", str(tmp_path / "a.state"))
     assert code == command.FAILED and "cannot write the state" in caplog.text
 
 

@@ -4,7 +4,9 @@ import math
 import numpy as np
 import pytest
 
+from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.scan import LaserModel, ScanError
+from m2wr_gmapping.scan_kernels import take_in
 
 UPRIGHT = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -90,3 +92,56 @@ def test_unusable_lasers_are_named(change, words):
 def test_another_number_of_ranges_is_refused():
     with pytest.raises(ScanError, match="4 ranges; expected 3"):
         LaserModel.from_message(-0.1, 0.1, 0.1, 3, 0.1, 9.0).reading([1.0] * 4)
+
+
+@pytest.mark.parametrize("range_max", [math.inf, 3.4e38, 1e9])
+def test_a_driver_without_a_limit_of_its_own_has_beams_that_see_nothing(range_max):
+    laser = LaserModel.from_message(-1.0, 1.0, 0.5, 5, 0.1, range_max)
+    reading = laser.reading([2.0, math.inf, 0.0, range_max, 3.0])
+    assert reading.points.shape[1] == 2 and reading.rays.shape[1] == 2
+    assert np.isfinite(reading.points).all() and np.isfinite(reading.rays).all()
+    assert LaserModel.from_message(-1.0, 1.0, 0.5, 5, 0.1, 30.0, max_urange=math.inf).max_urange <= 1000.0
+
+
+def plain_take_in(ranges, directions, limits, skip, gap):
+    """The same with sets of beams, one rule after the other."""
+    low, instead, most, usable = limits
+    ranges = np.where(np.isnan(ranges) | (ranges >= low), ranges, instead)
+    seen = [b for b, r in enumerate(ranges) if 0.0 < r <= most]
+    rays = [(min(ranges[b], usable) * directions[:, b]) for b in seen]
+    points = []
+    for b in seen:
+        end = ranges[b] * directions[:, b]
+        if ranges[b] <= usable and not (points and gap and np.square(end - points[-1][0]).sum() < gap * gap):
+            points.append((end, b in range(skip, len(ranges), skip + 1)))
+    return points, rays, [ranges[b] < usable for b in seen]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_taking_in_equals_its_plain_twin(seed):
+    rng = np.random.default_rng(seed)
+    beams, skip, gap = int(rng.integers(1, 200)), int(rng.integers(0, 4)), float(rng.choice([0.0, 0.04, 0.5]))
+    ranges = rng.choice([0.05, 3.0, 6.0, 9.0, 0.0, -1.0, math.inf, -math.inf, math.nan, 1e30], beams)
+    ranges = np.where(rng.random(beams) < 0.7, rng.uniform(0.0, 10.0, beams), ranges)
+    angles = np.linspace(-2.0, 2.0, beams)
+    directions = np.stack([np.cos(angles), np.sin(angles)])
+    limits = np.array([0.1, 10.0, 9.0, float(rng.choice([6, 20]))])
+    points, used = np.empty((2, beams)), np.empty(beams, bool)
+    rays, ray_hits = np.empty((2, beams), np.float32), np.empty(beams, bool)
+    count, seen = take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
+    wanted, wanted_rays, wanted_hits = plain_take_in(ranges, directions, limits, skip, gap)
+    assert (count, seen) == (len(wanted), len(wanted_rays))
+    np.testing.assert_array_equal(points[:, :count].T.reshape(-1, 2), np.reshape([end for end, _ in wanted], (-1, 2)))
+    assert used[:count].tolist() == [use for _, use in wanted] and ray_hits[:seen].tolist() == wanted_hits
+    np.testing.assert_allclose(rays[:, :seen].T.reshape(-1, 2), np.reshape(wanted_rays, (-1, 2)), rtol=1e-6)
+
+
+def test_a_wall_that_beams_graze_has_its_normal_although_its_points_lie_far_apart():
+    model = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0)
+    with np.errstate(divide="ignore"):
+        wall = np.where(model.angles > 0.0, 1.2 / np.sin(model.angles), np.inf)
+    beams = model.reading(np.where(wall < 7.0, wall, np.inf)).beams
+    gaps = np.hypot(*np.diff(beams[mk.QX:mk.QY + 1], axis=1))
+    assert gaps.max() > 0.35                            # beyond the reach of near neighbours
+    inner = slice(1, -1)                                # the last point has no neighbour on one side
+    assert np.allclose(np.abs(beams[mk.NY, inner]), 1.0, atol=1e-6) and beams[mk.SLIDE, inner].max() < 0.05

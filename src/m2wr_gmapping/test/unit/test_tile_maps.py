@@ -2,7 +2,9 @@
 import math
 
 import numpy as np
+import pytest
 
+from m2wr_gmapping.tile_kernels import draw_field
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
 
 
@@ -111,3 +113,34 @@ def test_table_does_not_grow_beyond_its_limit():
     fill(maps, 0, (0, 0, 0), np.array([[1.0], [1.0]]))
     fill(maps, 0, (5000, 0, 0), np.array([[1.0], [1.0]]))
     assert maps.beyond == 1 and len(cells(maps, 0)) == 1
+
+
+def test_places_too_far_for_the_table_are_left_out_whatever_their_size():
+    maps = TileMaps(2, 0.05)
+    assert maps.cover(np.zeros(2), np.ones(2))
+    shape = maps.table.shape
+    for far in (1e4, 1e9, 1e15, 1e300):
+        assert not maps.cover(np.full(2, -far), np.full(2, far))
+    assert maps.table.shape == shape and maps.beyond == 4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_field_has_at_each_cell_the_value_of_the_nearest_mean(seed):
+    rng, sigma = np.random.default_rng(seed), 0.05
+    maps = TileMaps(2, 0.05)
+    maps.cover(np.full(2, -3.0), np.full(2, 3.0))
+    maps.register(1, np.array([0.3, -0.2, 0.7]), rng.uniform(-2.0, 2.0, (2, 60)))
+    corner = np.array([20, 60]) + rng.integers(-30, 5, 2)       # partly outside the table
+    field = np.full((70, 90), 7, np.uint8)
+    draw_field(maps.table[1], maps.mean, maps.hits, maps.frame, corner, sigma, field)
+    wanted = np.zeros((74, 94))                 # with a border of two cells, which other means reach into
+    for _, x, y in cells(maps, 1).values():
+        at = (np.array([x, y]) - maps.frame[:2]) / 0.05 - corner
+        column, row = np.floor(at).astype(int)
+        for cy in range(max(row - 2, -2), min(row + 3, 72)):
+            for cx in range(max(column - 2, -2), min(column + 3, 92)):
+                squared = 0.05**2 * np.square(at - [cx + 0.5, cy + 0.5]).sum()
+                wanted[cy + 2, cx + 2] = max(wanted[cy + 2, cx + 2], 255.0 * math.exp(-squared / sigma))
+    wanted, inside = wanted[2:-2, 2:-2], np.s_[4:-4, 4:-4]      # means within two cells of the border are left out
+    assert (wanted[inside] > 100).sum() > 200
+    assert np.abs(field[inside] - wanted[inside]).max() < 8.0

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.motion_model import MotionNoise
-from m2wr_gmapping.odometry_trust import NARROWEST, WIDEST, OdometryTrust
+from m2wr_gmapping.odometry_trust import NARROWEST, WIDEST, OdometryBias, OdometryTrust
 from m2wr_gmapping.se2 import between, compose
 
 NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
@@ -43,6 +43,28 @@ def test_deviations_grow_with_the_way_and_are_the_user_s_at_first():
     near, far = trust.deviations(0.1, 0.0), trust.deviations(10.0, 3.0)
     assert (near < far).all()
     assert far[0] == pytest.approx(0.01 * 10.0 + 0.01 * 3.0, rel=0.5) and far[2] == pytest.approx(0.26, rel=0.5)
+
+
+@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0)])
+def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
+    rng, bias = np.random.default_rng(4), OdometryBias(ahead)
+    variance, lacks = np.square([0.01, 0.01, 0.01]), np.array([-0.02, 0.015, 0.012])
+    for k in range(1500):
+        way, turn = rng.uniform(0.2, 0.5) * (-1.0 if k % 5 == 0 else 1.0), rng.normal(0.0, 0.3)
+        step = np.array([way * ahead[0], way * ahead[1], turn])
+        right = np.array([*step[:2] * (1.0 + lacks[0]), turn * (1.0 + lacks[1]) + lacks[2] * way])
+        error = between(bias.corrected(step), right) + rng.normal(0.0, 0.002, 3)
+        along = error[:2] @ ahead
+        bias.learn(np.array([along, 0.0, error[2]]), variance, np.full(3, 0.9), way, turn)
+    assert bias.bias == pytest.approx(lacks, abs=0.004)
+
+
+def test_a_scan_that_says_little_and_an_error_of_another_kind_teach_no_bias():
+    bias = OdometryBias((1.0, 0.0))
+    for _ in range(50):
+        bias.learn(np.full(3, 0.05), np.full(3, 1e-4), np.full(3, 0.05), 0.5, 0.1)
+        bias.learn(np.full(3, 0.8), np.full(3, 1e-4), np.full(3, 0.9), 0.5, 0.1)
+    assert (bias.bias == 0.0).all()
 
 
 def slipped(mapped, ring, laser, jump, looks, then=0.05):

@@ -13,7 +13,7 @@ import sys
 import tempfile
 from collections import OrderedDict
 
-from m2wr_gmapping.bench import logs, scoring, table
+from m2wr_gmapping.bench import finished, logs, scoring, table
 
 FOLDER_VARIABLE = "M2WR_SLAM_LOGS"
 SETS = OrderedDict((
@@ -64,6 +64,7 @@ def parser():
     add("--converter", metavar="SCRIPT", help="makes bags of CARMEN logs: SCRIPT LOG BAG [--laser-x X], stamps "
         "moved by 1000 s; default: built in")
     add("--keep", metavar="FOLDER", help="keep bags, trajectories, maps and statistics there")
+    add("--resume", action="store_true", help="with --keep: what this program has finished there is not done again")
     add("--json", metavar="FILE", help="write all runs as JSON")
     add("--table", metavar="README.md", help="put the table between the lines '{}' and '{}' of this file".format(
         table.BEGIN, table.END))
@@ -89,6 +90,8 @@ class Benchmark:
     def __init__(self, options, scratch):
         self._options, self._scratch = options, scratch
         self.results = []
+        self._converted = None              # log whose bag is there
+        self._program = finished.program_digest()
 
     def run(self):
         """Measure everything, one run at a time."""
@@ -100,16 +103,15 @@ class Benchmark:
         total = len(found) * len(options.sets) * len(options.particles) * options.seeds
         for log in found:
             bag = os.path.join(self._scratch, log.name + ".bag")
-            self._say("{}: writing the bag".format(log.name))
-            self._convert(log, bag)
             for name in options.sets:
                 for particles in options.particles:
                     for seed in range(1, options.seeds + 1):
                         self._say("{} of {}: {}, {}, {} particles, seed {}".format(
                             len(self.results) + 1, total, log.name, name, particles, seed))
                         self.results.append(self._one(log, bag, name, particles, seed))
-            if not options.keep:
+            if not options.keep and os.path.exists(bag):
                 os.unlink(bag)
+            self._converted = None
         return self.results
 
     def _say(self, text):
@@ -118,7 +120,10 @@ class Benchmark:
             sys.stderr.flush()
 
     def _convert(self, log, bag):
-        laser_x = dict(self._options.laser_x).get(log.name, 0.0)
+        if self._converted == log.name:
+            return
+        self._say("{}: writing the bag".format(log.name))
+        self._converted, laser_x = log.name, self._laser_x(log)
         if log.is_bag or not self._options.converter:
             logs.write_bag(log, bag, laser_x)
             return
@@ -127,10 +132,19 @@ class Benchmark:
         if done.returncode or not os.path.isfile(bag):
             raise BenchmarkError("{} {}: {}".format(self._options.converter, log.path, done.stdout.strip()[-1000:]))
 
+    def _laser_x(self, log):
+        return dict(self._options.laser_x).get(log.name, 0.0)
+
     def _one(self, log, bag, name, particles, seed):
         out = os.path.join(self._scratch, "{}_{}_{}_{}".format(log.name, name, particles, seed))
         parameters = dict(SETS[name], particles=particles, threads=self._options.threads)
         parameters.update(self._options.more)
+        depends = finished.key(program=self._program, parameters=parameters, seed=seed, laser_x=self._laser_x(log),
+                               files=[finished.file_mark(path) for path in [log.path, *sorted(log.truth.values())]])
+        kept = finished.load(out, depends) if self._options.resume else None
+        if kept is not None:
+            return kept
+        self._convert(log, bag)
         command = replay_program() + [
             "--bag_filename", bag, "--seed", str(seed), "--trajectory", out + ".txt", "--map", out, "--stats",
             out + ".json", "--quiet"] + ["_{}:={}".format(*item) for item in parameters.items()]
@@ -144,8 +158,10 @@ class Benchmark:
                 out, done.returncode, done.stdout.strip()[-1000:]))
         with open(out + ".json", encoding="utf-8") as stream:
             statistics = json.load(stream)
-        return dict(log=log.name, set=name, particles=particles, seed=seed, statistics=statistics,
-                    score=scoring.score(log, out + ".txt"))
+        result = dict(log=log.name, set=name, particles=particles, seed=seed, statistics=statistics,
+                      score=scoring.score(log, out + ".txt"))
+        finished.keep(out, depends, result)
+        return result
 
 
 def main(arguments=None):
@@ -154,6 +170,8 @@ def main(arguments=None):
     options = made.parse_args(arguments)
     if not options.folder:
         made.error("no folder: expected one on the command line or in " + FOLDER_VARIABLE)
+    if options.resume and not options.keep:
+        made.error("--resume: expected --keep FOLDER as well, the folder of the runs to go on with")
     if not os.path.isdir(options.folder):
         made.error("{}: no such folder".format(options.folder))
     if options.table:

@@ -88,7 +88,9 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
                     rasterized=True)
     for outline in outlines:
         axes.add_patch(_patch(outline))
-    handles = [Patch(facecolor=MAP_COLOURS[2], label="wall in the map")]
+    handles = [Patch(facecolor=MAP_COLOURS[2], label="wall in the map"),
+               Patch(facecolor=MAP_COLOURS[1], edgecolor="#808080", linewidth=0.5, label="free"),
+               Patch(facecolor=MAP_COLOURS[0], label="unknown")]
     handles += [Line2D([], [], color=WORLD_COLOUR, linewidth=1.5, label="the world")] if len(outlines) else []
     for index, (name, way) in enumerate(ways):
         points = _placed(way[:, :2], offset)
@@ -102,7 +104,7 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(title)
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncol=4, frameon=False)
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncol=5, frameon=False)
     return figure
 
 

@@ -1,20 +1,18 @@
 """``slam_gmapping_replay``: a bag in, a map and a trajectory out, as fast as it goes."""
 import argparse
-import json
 import logging
 import math
-import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 
 import yaml
 
-from m2wr_gmapping import map_file, state
+from m2wr_gmapping import state
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.replay.bag_file import BagError, BagFile
+from m2wr_gmapping.replay import results
 from m2wr_gmapping.replay.beginning import Beginning
 from m2wr_gmapping.replay.map_reading import MapReadingError
 from m2wr_gmapping.replay.source import ScanSource
@@ -172,6 +170,7 @@ class Replay:
         return True
 
     def _map(self, exact=False):
+        self.grid = None                # never two at a time: at its default size one has 16 million cells
         with self.map_watch:
             self.grid = self.mapper.occupancy(exact)
         self.map_watch.piece()
@@ -213,56 +212,16 @@ class Replay:
             resamplings=mapper.filter.resamplings, **mapper.info())
 
 
-def pose_lines(stamps, poses):
-    """Return the text of a trajectory file: stamp x y z qx qy qz qw."""
-    return "".join("{:.9f} {:.6f} {:.6f} 0 0 0 {:.9f} {:.9f}\n".format(
-        stamp, x, y, math.sin(0.5 * theta), math.cos(0.5 * theta)) for stamp, (x, y, theta) in zip(stamps, poses))
-
-
-def _write(path, text):
-    """Replace a file by a complete new one."""
-    folder = os.path.dirname(os.path.abspath(path))
-    descriptor, temporary = tempfile.mkstemp(prefix=".replay-", dir=folder)
-    try:
-        with os.fdopen(descriptor, "w") as stream:
-            stream.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except OSError:
-        os.unlink(temporary)
-        raise
-
-
-def save(replay, options):
-    """Write what was asked for; return the paths."""
-    mapper, written = replay.mapper, []
-    if options.trajectory:
-        _write(options.trajectory, pose_lines(*mapper.trajectory(between_too=False)))
-        written.append(options.trajectory)
-    if options.tracked:
-        _write(options.tracked, pose_lines(*mapper.trajectory()))
-        written.append(options.tracked)
-    if options.online:
-        _write(options.online, pose_lines(*zip(*replay.online)) if replay.online else "")
-        written.append(options.online)
-    if options.map:
-        grid = replay.grid
-        written += map_file.save(options.map, grid.data, grid.resolution, [grid.origin[0], grid.origin[1], 0.0])
-    if options.stats:
-        _write(options.stats, json.dumps(replay.statistics(), indent=2, sort_keys=True) + "\n")
-        written.append(options.stats)
-    if replay.snapshot is not None:
-        state.save(options.save_state, replay.snapshot)
-        written.append(options.save_state)
-    return written
-
-
 def main(arguments=None):
     """Run the command; return its exit code."""
     logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only what is a warning
     for name in (log.name, "m2wr_gmapping"):
         logging.getLogger(name).setLevel(logging.INFO)
     options, parameters = parse(sys.argv[1:] if arguments is None else arguments)
+    missing = results.missing_folders(options)
+    if missing:                                 # before the work, not after it
+        log.error("no folder %s: expected one to write into", ", ".join(missing))
+        return USAGE
     try:
         asked = GmappingConfig.from_mapping(parameters)
         beginning, config = Beginning.from_files(asked, options.load_map, options.pose, options.load_state,
@@ -296,14 +255,14 @@ def main(arguments=None):
     if replay.source.without_transform:
         log.warning("%d of %d scans without a transform, the last: %s", replay.source.without_transform,
                     replay.source.scans, replay.source.why)
-    try:
-        for path in save(replay, options):
-            log.info("wrote %s", path)
-    except (OSError, state.StateError) as error:
+    written, errors = results.save(replay, options)
+    replay.mapper.close()
+    for path in written:
+        log.info("wrote %s", path)
+    for error in errors:
         log.error("%s", error)
+    if errors:
         return FAILED
-    finally:
-        replay.mapper.close()
     if options.on_done and not replay.stopped:
         return subprocess.call(options.on_done, shell=True)
     return INTERRUPTED if replay.stopped else 0

@@ -23,7 +23,7 @@ class ArrayGrid(OccupancyGrid):
         self.info.serialize(buff)
         data = np.ascontiguousarray(self.data, np.int8)
         buff.write(_COUNT.pack(data.size))
-        buff.write(data.tobytes())
+        buff.write(data)            # not its bytes: at the default size those are 16 MB once more
 
     def deserialize(self, str):       # noqa: A002, the name is that of the class above
         """Read the message; ``data`` becomes an array (W * H,) int8."""

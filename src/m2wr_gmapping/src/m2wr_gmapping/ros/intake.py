@@ -143,11 +143,16 @@ class Intake:
         return None
 
     def _ready(self):
+        newest = {}             # source -> newest time with a transform, where its first scan here has none
         for index, scan in enumerate(self._waiting):
+            source, stamp = scan.header.frame_id.lstrip("/"), scan.header.stamp
+            if source in newest and (newest[source] is None or 0 < newest[source].to_nsec() < stamp.to_nsec()):
+                continue        # without this look all that wait would be tried with every transform that comes
             try:
-                found = self._buffer.lookup_transform_core(self._odom, scan.header.frame_id.lstrip("/"),
-                                                           scan.header.stamp)
+                found = self._buffer.lookup_transform_core(self._odom, source, stamp)
             except tf2_ros.TransformException:
+                if source not in newest:
+                    newest[source] = self._newest_common(source)
                 continue
             self.dropped += index                   # for those before, transforms have never been there
             self.without_transform += index
@@ -155,6 +160,13 @@ class Intake:
                 self._waiting.popleft()
             return scan, transform_parts(found), self.generation
         return None
+
+    def _newest_common(self, source):
+        """Newest time at which the transform is known, 0 where it is the same at all times, None where at none."""
+        try:
+            return self._buffer.get_latest_common_time(self._odom, source)
+        except tf2_ros.TransformException:
+            return None
 
     def _complain(self):
         if not self._waiting:

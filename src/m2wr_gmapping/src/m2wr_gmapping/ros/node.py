@@ -15,16 +15,18 @@ from m2wr_gmapping import map_file, state
 from m2wr_gmapping.config import ConfigError
 from m2wr_gmapping.replay.beginning import Beginning
 from m2wr_gmapping.replay.map_reading import MapReadingError
+from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.intake import Intake
+from m2wr_gmapping.ros.missing import name_what_is_missing
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
 from m2wr_gmapping.ros.params import frame, private_parameters, read_parameters, tf_prefix, with_prefix
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.scan import LaserModel, ScanError
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_gmapping.warm_up import warm_up
+from m2wr_view.ros.starting import start_node
 
 SWITCH_INTERVAL = 0.0005    # threads that bring scans must not wait Python's default of 5 ms for the worker [s]
-NO_SCAN_WARNING = 10.0      # [s], wall
 TIMES_KEPT = 200
 
 
@@ -45,15 +47,16 @@ class SlamNode:
         self._lock = threading.RLock()          # of the mapper
         self._mapper, self._beginning = None, beginning
         self._generation = 0
-        self._counted = self._refused = 0
+        self._counted = self._refused = self._passed = 0
+        self._fed = None                        # the mapper that has taken a scan of this run
         self._map_stamp = self._first_stamp = None
         self._times = deque(maxlen=TIMES_KEPT)
         self._intake = Intake(frame(config["odom_frame"]), options.scan_queue)
         self._maps = MapOutput(self._map_frame)
         self._poses = PoseOutput(self._map_frame)
         self._transform = TransformOutput(config)
-        self._diagnostics = Diagnostics(self._intake, lambda: (self._mapper, self._refused, list(self._times)),
-                                        self._maps, options.scan_queue)
+        self._diagnostics = Diagnostics(self._intake, lambda: (
+            self._mapper, self._refused, self._passed, list(self._times)), self._maps, options.scan_queue)
         if beginning.loaded is not None:
             self._show(beginning.loaded)
         self._reconfigure = make_reconfigure(config, self._take_values)
@@ -66,7 +69,8 @@ class SlamNode:
                                        buff_size=2**22, tcp_nodelay=True)
         self._services = [rospy.Service("~save_state", StateFile, self._save_state),
                           rospy.Service("~load_state", StateFile, self._load_state)]
-        threading.Thread(target=self._watch, name="watch", daemon=True).start()
+        threading.Thread(target=name_what_is_missing, args=(intake, self._scans.resolved_name), name="watch",
+                         daemon=True).start()
 
     # ---- parameters that change
 
@@ -137,7 +141,7 @@ class SlamNode:
         self._maps.forget()
         if self._mapper is not None:
             self._mapper.close()
-        self._mapper = self._map_stamp = None
+        self._mapper = self._fed = self._map_stamp = None
 
     # ---- the worker
 
@@ -187,11 +191,17 @@ class SlamNode:
         if frame(scan.header.frame_id) != self._laser_frame:
             raise ScanError("it is of the laser {}; expected {} as in the first one".format(
                 frame(scan.header.frame_id), self._laser_frame))
-        reading, odom_pose = mapper.reading(scan.ranges), mapper.laser.sensor_pose(*odom_from_laser)
+        odom_pose = mapper.laser.sensor_pose(*odom_from_laser)
+        if mapper is self._fed and len(scan.ranges) == len(mapper.laser.angles) \
+                and may_pass(mapper, odom_pose, stamp, self._intake.waiting, self._options.scan_queue):
+            self._passed += 1
+            return
+        reading = mapper.reading(scan.ranges)
         told = self._beginning.connect(mapper, reading, odom_pose, stamp)
         if told:
             rospy.loginfo("%s", told)
         update = mapper.process(reading, odom_pose, stamp)
+        self._fed = mapper
         self._times.append(1e3 * (time.perf_counter() - began))
         if mapper.beyond:
             rospy.logwarn_throttle(30.0, "the map is as large as it may be; what lies beyond is left out. The robot is "
@@ -226,21 +236,6 @@ class SlamNode:
         rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map begins at %.3f", self._laser_frame,
                       len(scan.ranges), abs(scan.angle_increment) * 57.29577951308232, laser.max_urange,
                       scan.header.stamp.to_sec())
-
-    # ---- what is missing
-
-    def _watch(self):
-        """Say so when no scan comes at all."""
-        while not rospy.is_shutdown() and not self._intake.arrived:
-            rospy.rostime.wallsleep(NO_SCAN_WARNING)
-            if self._intake.arrived or rospy.is_shutdown():
-                return
-            try:
-                others = sorted(name for name, kind in rospy.get_published_topics() if kind == LaserScan._type)
-            except (OSError, rospy.ROSException):
-                continue
-            rospy.logwarn("no scan on %s yet; topics with scans: %s", self._scans.resolved_name,
-                          ", ".join(others) or "none")
 
     # ---- the end
 
@@ -277,10 +272,7 @@ def log_through_rospy():
 
 def main():
     """Entry point of the executable; returns the exit code."""
-    try:
-        rospy.init_node("slam_gmapping")
-    except rospy.ROSException:
-        return 1                            # interrupted before there was a master
+    start_node("slam_gmapping")
     sys.setswitchinterval(SWITCH_INTERVAL)
     log_through_rospy()
     try:
@@ -291,6 +283,9 @@ def main():
         if state_file and not os.path.exists(state_file):
             warnings.append("there is no state %s yet: the map begins with nothing" % os.path.abspath(state_file))
             state_file = ""
+        folder = os.path.dirname(os.path.abspath(options.save_on_exit))
+        if options.save_on_exit and not os.path.isdir(folder):
+            warnings.append("~save_on_exit: there is no folder %s, so no map can be written there at the end" % folder)
         if options.initial_pose is not None and not options.map_file:
             warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
         beginning, config = Beginning.from_files(config, os.path.expanduser(options.map_file), options.initial_pose,

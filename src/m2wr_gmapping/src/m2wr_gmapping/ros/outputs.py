@@ -18,6 +18,8 @@ from m2wr_gmapping.se2 import compose, inverse
 from m2wr_gmapping.spread import covariance
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
+SHORTEST_NAP, LONGEST_NAP = 0.001, 0.05     # between two looks at the clock [s], wall
+RATE_SPAN = 0.1             # its speed is measured over that long: it goes in steps [s], wall
 LATE = 0.5                  # share of waiting scans above which the node is late
 
 
@@ -111,7 +113,11 @@ class MapOutput:
 
 
 class TransformOutput:
-    """Publishes map -> odom in ROS time, the identity before the first scan."""
+    """Publishes map -> odom in ROS time, the identity before the first scan.
+
+    The clock is looked at in wall time: to wait for each of its messages, a thousand a second at ten times real time,
+    took more of a core than the filter.
+    """
 
     def __init__(self, config):
         self._parent, self._child = config["map_frame"].lstrip("/"), config["odom_frame"].lstrip("/")
@@ -127,25 +133,19 @@ class TransformOutput:
             self._pose = np.asarray(map_from_odom, float)
 
     def _work(self):
-        due = None
+        pace = Pace()
         while not rospy.is_shutdown():
-            period = self.period
-            try:
-                if period <= 0.0:
-                    rospy.rostime.wallsleep(0.2)
-                    continue
-                now = rospy.get_time()
-                if due is None or due > now + period:           # the first one, or time has jumped back
-                    due = now
-                if now < due:
-                    rospy.sleep(due - now)
-                    continue
-                self._send(rospy.Time.from_sec(now + self.delay))
-                due = due + period if due + period > now else now + period
-            except rospy.ROSTimeMovedBackwardsException:
-                due = None
-            except (rospy.ROSInterruptException, rospy.ROSException):
-                return
+            period, now = self.period, rospy.get_time()
+            if period <= 0.0:
+                pace = Pace()
+                rospy.rostime.wallsleep(0.2)
+            elif pace.due(now, period):
+                try:
+                    self._send(rospy.Time.from_sec(now + self.delay))
+                except rospy.ROSException:
+                    return
+            else:
+                rospy.rostime.wallsleep(pace.nap(now, time.monotonic()))
 
     def _send(self, stamp):
         with self._lock:
@@ -156,6 +156,36 @@ class TransformOutput:
         message.transform.rotation = placed.orientation
         message.transform.translation.x, message.transform.translation.y = placed.position.x, placed.position.y
         self._publisher.publish(TFMessage([message]))
+
+
+class Pace:
+    """When something periodic is due by a clock that may be fast, slow, stand still or jump back."""
+
+    def __init__(self):
+        self._next = None
+        self._rate, self._since = 1.0, None     # of the clock; what it was when that was last measured, and wall time
+
+    def due(self, now, period):
+        """Whether it is time, by the clock ``now`` [s]; a clock at 0 has not begun. If so, the next time is set."""
+        if not now:
+            return False
+        if self._next is None or self._next > now + period:         # the first one, or time has jumped back
+            self._next = now
+        if now < self._next:
+            return False
+        # late ones are made up for by the next one only
+        self._next = self._next + period if self._next + period > now else now + period
+        return True
+
+    def nap(self, now, wall):
+        """Return wall time [s] to wait before the next look, by how fast the clock has gone lately."""
+        if self._since is None:
+            self._since = now, wall
+        elif wall - self._since[1] >= RATE_SPAN:
+            self._rate, self._since = max(0.0, (now - self._since[0]) / (wall - self._since[1])), (now, wall)
+        if self._next is None or not self._rate:
+            return LONGEST_NAP
+        return min(max((self._next - now) / self._rate, SHORTEST_NAP), LONGEST_NAP)
 
 
 class PoseOutput:
@@ -190,7 +220,7 @@ class Diagnostics:
     ----------
     intake : Intake
     counts : callable
-        Returns (mapper or None, scans refused, wall times of the last scans [ms]).
+        Returns (mapper or None, scans refused, scans passed over, wall times of the last scans [ms]).
     maps : MapOutput
     limit : int
         Scans that may wait.
@@ -211,11 +241,12 @@ class Diagnostics:
             rospy.rostime.wallsleep(DIAGNOSTICS_PERIOD)
 
     def _message(self):
-        mapper, refused, times = self._counts()
+        mapper, refused, passed, times = self._counts()
         intake = self._intake
         new, self._dropped = intake.dropped - self._dropped, intake.dropped
         values = [("scans", intake.arrived), ("waiting", intake.waiting), ("dropped", intake.dropped),
-                  ("refused", refused), ("time jumps", intake.generation), ("maps", self._maps.made),
+                  ("refused", refused), ("passed over", passed), ("time jumps", intake.generation),
+                  ("maps", self._maps.made),
                   ("last map [ms]", "%.1f" % self._maps.last_ms),
                   ("mean map [ms]", "%.1f" % (self._maps.total_ms / max(1, self._maps.made))),
                   ("without transform", intake.without_transform), ("peak memory [MiB]", peak_memory_mib())]
