@@ -68,12 +68,15 @@ def query_points(path, along, readings, reach):
     for node in range(len(path) - 1, -1, -1):
         if along[-1] - along[node] > reach:
             break
-        x, y, theta = between(path[-1], path[node])
-        c, s = np.cos(theta), np.sin(theta)
-        px, py = readings[node].points
-        parts.append(np.stack([x + c * px - s * py, y + s * px + c * py]))
+        parts.append(np.stack(_placed(between(path[-1], path[node]), readings[node].points)))
     points = np.concatenate(parts, axis=1)
     return points[:, np.square(points).sum(axis=0) < QUERY_REACH**2]
+
+
+def _placed(pose, points):
+    """Return x (Q,) and y (Q,) of points (2, Q), given in the frame ``pose`` (3,), in the one that it is given in."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return pose[0] + c * points[0] - s * points[1], pose[1] + s * points[0] + c * points[1]
 
 
 def thinned(points, count):
@@ -96,7 +99,8 @@ def coarse_search(pose, query, path, reference, readings, window, turn, raster_c
     window, turn : float
         Half width [m], [rad].
     allowed : function, optional
-        Of the offsets (N,), (N,) of blocks' middles [m]; returns (N, N) bool, which are searched.
+        Of the offsets (N,) of blocks' middles, along x and y alike [m]; returns (N, N) bool, which are searched, rows
+        along y.
 
     Returns
     -------
@@ -302,8 +306,7 @@ def _through(rays, seen, points):
     angle, reach = np.arctan2(rays[1], rays[0]), np.hypot(rays[0], rays[1])
     order = np.argsort(angle, kind="stable")
     angle, reach = angle[order], reach[order]
-    c, s = np.cos(seen[2]), np.sin(seen[2])
-    x, y = seen[0] + c * points[0] - s * points[1], seen[1] + s * points[0] + c * points[1]
+    x, y = _placed(seen, points)
     at, far = np.arctan2(y, x), np.hypot(x, y)
     after = np.searchsorted(angle, at)
     inside = (after > 0) & (after < len(angle))

@@ -245,30 +245,35 @@ class NativeEngine(PyodeEngine):
         return self._library.dGeomGetBody(probe._id())
 
     def _joint_handles(self):
-        """Return the native handles of all joints: a body lists its joints from the one attached last."""
-        handles = {}
-        for parts in self._moving:
-            by_name = {link.spec.name: self._handles[link] for link in parts.links}
-            waiting = {body: self._joints_of(body, _MODEL_JOINTS) for body in by_name.values()}
-            for drive in reversed(parts.joints):
-                for end in {drive.spec.child, drive.spec.parent} - {"world"}:
-                    joint = next(waiting[by_name[end]])
-                    if end == drive.spec.child:
-                        handles[drive] = joint
-        return handles
+        """Return the native handles of all joints."""
+        return self._handles_of(_MODEL_JOINTS, lambda parts: [(drive, drive.spec) for drive in reversed(parts.joints)])
 
     def _motor_handles(self):
-        """Return the native handles of all dampers, as :meth:`_joint_handles` finds joints."""
+        """Return the native handles of all dampers."""
+        def newest_first(parts):
+            made = [(damper, drive.spec) for drive in parts.joints for damper in drive.dampers.values()]
+            return sorted(made, key=lambda entry: -entry[0].number)
+        return self._handles_of(_DAMPERS, newest_first)
+
+    def _handles_of(self, kinds, newest_first):
+        """Return the native handles of what ties bodies together: a body lists its joints from the one attached last.
+
+        Parameters
+        ----------
+        kinds : tuple of int
+            Of libode's joints.
+        newest_first : callable
+            ``newest_first(parts)`` returns all of a model that are of those kinds, as (what the handle is for, Joint).
+        """
         handles = {}
         for parts in self._moving:
             by_name = {link.spec.name: self._handles[link] for link in parts.links}
-            waiting = {body: self._joints_of(body, _DAMPERS) for body in by_name.values()}
-            made = [(damper, drive.spec) for drive in parts.joints for damper in drive.dampers.values()]
-            for damper, spec in sorted(made, key=lambda entry: -entry[0].number):
+            waiting = {body: self._joints_of(body, kinds) for body in by_name.values()}
+            for entry, spec in newest_first(parts):
                 for end in {spec.child, spec.parent} - {"world"}:
-                    motor = next(waiting[by_name[end]])
+                    handle = next(waiting[by_name[end]])
                     if end == spec.child:
-                        handles[damper] = motor
+                        handles[entry] = handle
         return handles
 
     def _joints_of(self, body, kinds):

@@ -3,12 +3,9 @@ import gc
 import logging
 import os
 import signal
-import socket
 import sys
 import threading
 from dataclasses import replace
-from xmlrpc.client import Fault as XmlRpcFault
-from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospkg
@@ -38,12 +35,12 @@ from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
 from m2wr_sim.warm_up import warm_up
+from m2wr_view.ros.is_there import alive
 
 log = logging.getLogger("m2wr_sim")
 
 _END_PATIENCE = 5.0             # s for the loop to end before ROS closes the topics under it
 _TRUTH_RATE = 20.0              # Hz of simulated time
-_PING_PATIENCE = 2.0            # s for a running namesake to answer
 _SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads waiting for Python's default of 5 ms
 
 
@@ -214,15 +211,7 @@ def running_namesake(name):
         address = rosgraph.Master("/m2wr_sim_start").lookupNode(name)
     except (rosgraph.MasterException, OSError):
         return None
-    previous = socket.getdefaulttimeout()
-    socket.setdefaulttimeout(_PING_PATIENCE)
-    try:
-        ServerProxy(address).getPid("/m2wr_sim_start")
-        return address
-    except (OSError, XmlRpcFault):
-        return None
-    finally:
-        socket.setdefaulttimeout(previous)
+    return address if alive(address) else None
 
 
 def main():
