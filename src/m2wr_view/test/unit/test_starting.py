@@ -59,18 +59,32 @@ def test_a_fault_of_its_own_is_told(begin):
     assert "RuntimeError: of its own" in said
 
 
-def test_the_thread_that_was_interrupted_goes_on(monkeypatch):
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_the_thread_that_was_interrupted_goes_on(monkeypatch, number):
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)            # whoever runs this may have nohup in front
     told = []
     monkeypatch.setattr(starting.rospy, "signal_shutdown", lambda reason: told.append(
         (reason, starting.threading.current_thread() is starting.threading.main_thread())))
     try:
         starting.shut_down_beside()
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), number)
         for thread in starting.threading.enumerate():
             if thread is not starting.threading.current_thread() and not thread.daemon:
                 thread.join(5.0)
     finally:
+        for restored, handler in before.items():
+            signal.signal(restored, handler)
+    assert told == [("signal-%d" % number, False)]
+
+
+def test_nohup_keeps_a_node_alive_when_its_terminal_goes():
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        starting.shut_down_beside()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    assert told == [("signal-15", False)]

@@ -7,7 +7,7 @@ import rospy
 
 
 def shut_down_beside():
-    """Let SIGINT and SIGTERM shut ROS down on a thread of its own.
+    """Let SIGINT, SIGTERM and, where nohup does not ignore it, SIGHUP shut ROS down on a thread of its own.
 
     rospy does it inside the signal, on the thread that may be publishing, or registering, at that very moment and then
     waits for ever for a lock that it holds itself.
@@ -15,8 +15,9 @@ def shut_down_beside():
     def on_signal(number, _):
         threading.Thread(target=rospy.signal_shutdown, args=("signal-%d" % number,)).start()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, on_signal)
 
 
 def start_node(name, **options):
