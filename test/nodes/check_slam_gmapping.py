@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """slam_gmapping's names, latching, timing and manners, and its maps against the world they were made in."""
+import json
 import math
 import os
 import signal
@@ -20,7 +21,8 @@ from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from mapping_robot import ROOM, Mapping, Robot, about_z, plane_geometry, walls_apart, xyt  # noqa: E402
+from mapping_robot import (ROOM, Mapping, Robot, about_z, plane_geometry, walls_apart, whole_bag,  # noqa: E402
+                           xyt)
 from sim_probe import (PATIENCE, Recorder, Running, data_path, program, run_checks, run_program,  # noqa: E402
                        wait_until)
 
@@ -299,6 +301,30 @@ class SlamGmapping(unittest.TestCase):
         cells = np.array(message.data, np.int8).reshape(message.info.height, message.info.width)[::-1]
         shown = np.frombuffer(picture[-cells.size:], np.uint8).reshape(cells.shape)
         np.testing.assert_array_equal(cells, np.select([shown == 254, shown == 0], [0, 100], -1))
+
+    def test_the_replay_is_a_node_where_its_map_is_asked_for(self):
+        rospy.set_param("/slam_gmapping/particles", 12)         # as a launch file sets it
+        with tempfile.TemporaryDirectory() as folder:
+            bag, saved, asked = (os.path.join(folder, name) for name in ("drive.bag", "saved", "asked"))
+            whole_bag("boxes_drive", bag)
+            replay = [program("gmapping", "slam_gmapping_replay"), "--bag_filename", bag, "--scan_topic",
+                      "/m2wr/laser/scan", "_base_frame:=link_chassis"] + SMALL[:4]
+            with Running(replay + ["__name:=slam_gmapping"]) as node:
+                node.wait_for_text("the map stays on /map")
+                grid = self.newest_map()
+                self.assertEqual(rospy.ServiceProxy("/dynamic_map", GetMap)().map, grid)
+                self.assertGreater(grid.data.count(100), 150)
+                self.assertEqual(node.end(signal.SIGINT)[0], 0, node.text)
+            saver = "{} -f {}; exit 3".format(program("map_server", "map_saver"), asked)
+            done = run_program(replay + ["--quiet", "--map", saved, "--stats", saved + ".json", "--on_done", saver])
+            self.assertEqual(done.returncode, 3, done.stdout + done.stderr)
+            pictures = []
+            for name in (saved, asked):
+                with open(name + ".pgm", "rb") as stream:
+                    pictures.append(stream.read())
+            with open(saved + ".json", encoding="utf-8") as stream:
+                self.assertEqual(json.load(stream)["particles"], 12)
+        self.assertEqual(*pictures)
 
     def test_map_saver_refuses_thresholds_that_do_not_fit(self):
         done = run_program([program("m2wr_gmapping", "map_saver"), "--occ", "20", "--free", "30"])

@@ -1,11 +1,14 @@
 """Parameters: names, defaults, units and ranges, read from whatever a user wrote."""
 import functools
 import math
+import re
 from dataclasses import dataclass, fields
 
 from m2wr_gmapping.motion_model import MotionNoise
 
 INFINITY = math.inf
+# what is no number to YAML 1.1, though one to everybody else
+EXPONENTIAL = re.compile(r"[-+]?([0-9]+[eE][-+]?|([0-9]+\.[0-9]*|\.[0-9]+)[eE])[0-9]+")
 
 
 class ConfigError(ValueError):
@@ -80,6 +83,13 @@ FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "
 TOLERATED = {"inverted_laser"}
 
 
+def number(value):
+    """Return a number as it is, and one that YAML leaves a string, 1e-3 or 5E2, as a float; anything else is None."""
+    if isinstance(value, str) and EXPONENTIAL.fullmatch(value):
+        return float(value)
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
 def _converted(name, value):
     """Return the value in the parameter's kind, the way the C++ client converts; None where it cannot be."""
     default = PARAMETERS[name].default
@@ -87,7 +97,8 @@ def _converted(name, value):
         return value if isinstance(value, str) else None
     if isinstance(default, bool):
         return bool(value) if isinstance(value, (bool, int)) else None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or math.isnan(value):
+    value = number(value)
+    if value is None or math.isnan(value):
         return None
     if isinstance(default, int):
         if math.isinf(value):

@@ -33,30 +33,38 @@ def stamp_points(pose, points, corner, per_metre, raster):
 def block_maximum(raster, out):
     """Write into ``out`` (H, W) the maximum of the BLOCK x BLOCK cells from each cell on, towards larger indices."""
     height, width = raster.shape
-    rows = np.zeros((height, width), np.uint8)
+    rows = raster.copy()
     for y in range(height):
-        for x in range(width):
-            value = raster[y, x]
-            for k in range(1, min(BLOCK, width - x)):
-                if raster[y, x + k] > value:
-                    value = raster[y, x + k]
-            rows[y, x] = value
+        for k in range(1, min(BLOCK, width)):
+            _raise(rows[y, :width - k], raster[y, k:])
     for y in range(height):
-        for x in range(width):
-            value = rows[y, x]
-            for k in range(1, min(BLOCK, height - y)):
-                if rows[y + k, x] > value:
-                    value = rows[y + k, x]
-            out[y, x] = value
+        out[y] = rows[y]
+        for k in range(1, min(BLOCK, height - y)):
+            _raise(out[y], rows[y + k])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sum_at(xs, ys, dx, dy, raster):
-    """Sum of the raster's values at the shifted cells; cells outside count nothing."""
-    total = 0
+def _raise(values, others):
+    """Raise each of the values (W,) to the other one; so plain that the compiler takes many at a time."""
+    for k in range(values.shape[0]):
+        values[k] = max(values[k], others[k])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _sum_at(xs, ys, spread, dx, dy, raster):
+    """Sum of the raster's values at the shifted cells; cells outside count nothing.
+
+    ``spread`` (4,) holds least and greatest x, least and greatest y.
+    """
+    total, width = 0, raster.shape[1]
+    if spread[0] + dx >= 0 and spread[1] + dx < width and spread[2] + dy >= 0 and spread[3] + dy < raster.shape[0]:
+        flat = raster.reshape(-1)
+        for k in range(xs.shape[0]):
+            total += flat[np.uint64((ys[k] + dy) * width + xs[k] + dx)]
+        return total
     for k in range(xs.shape[0]):
         x, y = xs[k] + dx, ys[k] + dy
-        if x >= 0 and y >= 0 and x < raster.shape[1] and y < raster.shape[0]:
+        if x >= 0 and y >= 0 and x < width and y < raster.shape[0]:
             total += raster[y, x]
     return total
 
@@ -74,6 +82,7 @@ def search(centre, points, turns, allowed, corner, per_metre, raster, coarse, ap
     blocks = side // 2
     xs = np.empty((turns.shape[0], count), np.int64)
     ys = np.empty((turns.shape[0], count), np.int64)
+    spread = np.empty((turns.shape[0], 4), np.int64)
     places = np.flatnonzero(allowed)
     bounds = np.empty(turns.shape[0] * places.shape[0], np.int64)
     shift = BLOCK // 2
@@ -82,9 +91,10 @@ def search(centre, points, turns, allowed, corner, per_metre, raster, coarse, ap
         for k in range(count):
             xs[t, k] = int(math.floor((centre[0] + c * points[0, k] - s * points[1, k] - corner[0]) * per_metre))
             ys[t, k] = int(math.floor((centre[1] + s * points[0, k] + c * points[1, k] - corner[1]) * per_metre))
+        spread[t, 0], spread[t, 1], spread[t, 2], spread[t, 3] = xs[t].min(), xs[t].max(), ys[t].min(), ys[t].max()
         for p in range(places.shape[0]):
             bounds[t * places.shape[0] + p] = _sum_at(
-                xs[t], ys[t], (places[p] % side - blocks) * BLOCK - shift,
+                xs[t], ys[t], spread[t], (places[p] % side - blocks) * BLOCK - shift,
                 (places[p] // side - blocks) * BLOCK - shift, coarse)
     order = np.argsort(-bounds)
     top, rival = -1, -1
@@ -99,7 +109,7 @@ def search(centre, points, turns, allowed, corner, per_metre, raster, coarse, ap
         first_x = (place % side - blocks) * BLOCK - shift
         for dy in range(first_y, first_y + BLOCK):
             for dx in range(first_x, first_x + BLOCK):
-                value = _sum_at(xs[t], ys[t], dx, dy, raster)
+                value = _sum_at(xs[t], ys[t], spread[t], dx, dy, raster)
                 apart = (abs(dx - top_x) > apart_cells or abs(dy - top_y) > apart_cells
                          or abs(turns[t] - turns[top_t]) > apart_turn)
                 if value > top:

@@ -1,9 +1,10 @@
 """Saving a map as map_saver does, a PGM picture and a YAML file, without ever leaving half a map behind."""
 import math
 import os
-import tempfile
 
 import numpy as np
+
+from m2wr_gmapping.whole_files import write_whole
 
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
 
@@ -60,7 +61,7 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     Raises
     ------
     ValueError
-        If the thresholds do not fit or the map holds no cell.
+        If the thresholds do not fit, the map holds no cell or the name none.
     MapFileError
         If a file cannot be written.
     """
@@ -72,55 +73,14 @@ def save(name, data, resolution, origin, free=25, occupied=65):
         raise ValueError("the map has the shape {}; expected rows and columns".format(data.shape))
     if not (math.isfinite(resolution) and resolution > 0.0):
         raise ValueError("the map's resolution is {}; expected more than 0".format(resolution))
+    if not os.path.basename(name):
+        raise ValueError("the map's name is {!r}; expected one of a file, without ending".format(name))
     paths = [name + ".pgm", name + ".yaml"]
     image = os.path.basename(paths[0]) if os.path.isabs(name) or os.path.dirname(name) else paths[0]
     contents = [pgm(data, resolution, free, occupied), [description(image, resolution, origin).encode()]]
-    folder = os.path.dirname(os.path.abspath(name))
-    waiting = []
     try:
-        for content in contents:
-            waiting.append(complete(folder, *content))
-        for temporary, path in zip(list(waiting), paths):
-            os.replace(temporary, path)
-            waiting.remove(temporary)
-        sync_folder(folder)
+        write_whole(*zip(paths, contents))
     except OSError as error:
         raise MapFileError("cannot write the map {}.pgm and .yaml: {}; what was there before is kept".format(
             name, error.strerror or error))
-    finally:
-        for temporary in waiting:
-            try:
-                os.unlink(temporary)
-            except OSError:
-                pass        # it is gone already, which is what is wanted
     return paths
-
-
-def complete(folder, *parts):
-    """Write parts, bytes or arrays of them, into a temporary file in ``folder`` and onto the disk; return its path.
-
-    Raises OSError.
-    """
-    descriptor, path = tempfile.mkstemp(prefix=".map-", dir=folder)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            for part in parts:
-                stream.write(part)
-            stream.flush()
-            os.fsync(stream.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(path, 0o666 & ~mask)
-    except OSError:
-        os.unlink(path)
-        raise
-    return path
-
-
-def sync_folder(folder):
-    """Put a folder's names onto the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -1,4 +1,5 @@
 """Grid mapping from laser scans and odometry: the object that the live node and the replay drive alike."""
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -6,6 +7,7 @@ import numpy as np
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import resampling
 from m2wr_gmapping.hill_climb import HillClimbMatcher
+from m2wr_gmapping.level import LevelWatch
 from m2wr_gmapping.loop_closing import LoopCloser
 from m2wr_gmapping.matcher import FastMatcher
 from m2wr_gmapping.occupancy import Occupancy
@@ -15,7 +17,9 @@ from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.tracking import Tracker
 from m2wr_gmapping.workers import Workers
 
-END_POINT_GAP = 0.04        # end points nearer to each other say the same again [m]
+END_POINT_GAP = 0.04        # end points nearer to each other are one [m]
+LEVEL = (0.0, 0.0)
+PUT_OFF = 2.0               # a tilted scan is processed all the same after so many times the way that makes one due
 FARTHEST_ODOMETRY = 1e9     # what is beyond is no place: differences of such numbers are no steps any more [m]
 START_WINDOW = np.array([1.0, 0.5])     # so far from where it is said to stand a robot is found on a saved map [m, rad]
 
@@ -56,6 +60,7 @@ class Mapper:
         self._matcher = (HillClimbMatcher if self._plain else FastMatcher)(config, self._workers)
         self._dense = config["track_between"] and not self._plain
         self._tracker = None if self._plain else Tracker(self._matcher, config.noise, self._dense, laser.ahead)
+        self._level = LevelWatch(config["delta"])
         self._loops = None
         if config["loop_closing"] and not self._plain:
             self._loops = LoopCloser(self._matcher, config["delta"])
@@ -80,7 +85,7 @@ class Mapper:
         """Return the ScanReading of one message's ranges (B,), the way ``process`` wants it; raises ScanError."""
         return self.laser.reading(ranges, self.config["lskip"], 0.0 if self._plain else END_POINT_GAP)
 
-    def process(self, reading, odom_pose, stamp):
+    def process(self, reading, odom_pose, stamp, slope=LEVEL):
         """Take one scan.
 
         Parameters
@@ -91,6 +96,8 @@ class Mapper:
             Pose of the centred laser in ``odom`` when the scan was taken.
         stamp : float
             Its time [s].
+        slope : (2,) float
+            Of the laser's plane then, see ``LaserModel.slope``. The scan of a robot that rocks is put off if it can be.
 
         Returns
         -------
@@ -102,19 +109,23 @@ class Mapper:
             If the pose or the stamp is not finite.
         """
         odom_pose = np.asarray(odom_pose, float)
-        if not (np.isfinite(odom_pose).all() and np.isfinite(stamp) and np.abs(odom_pose).max() < FARTHEST_ODOMETRY):
+        if not (all(abs(value) < FARTHEST_ODOMETRY for value in odom_pose.tolist()) and math.isfinite(stamp)):
             raise ValueError("odometry pose {} at {} is not finite or too far: expected numbers below {:g}".format(
                 odom_pose.tolist(), stamp, FARTHEST_ODOMETRY))
         if self.filter is None:
             return self._first(reading, odom_pose, stamp)
         step = between(self._odom, odom_pose)
         self._odom = odom_pose
-        self._distance += float(np.hypot(step[0], step[1]))
-        self._turn += abs(float(step[2]))
+        x, y, turn = step.tolist()
+        self._distance += float(np.hypot(x, y))
+        self._turn += abs(turn)
         due = self._due(stamp)
         tracker, tracked = self._tracker, False
         if tracker is None:
             self.filter.drift(step)
+        elif self._level.tilted(slope, reading.points, stamp) and not self._due(stamp, share=1.0 / PUT_OFF):
+            tracker.advance(step)
+            due = False
         else:
             tracker.advance(step)
             if due or (self._dense and tracker.moved):
@@ -190,10 +201,11 @@ class Mapper:
         step = between(self._odom, np.asarray(odom_pose, float))
         return self._due(stamp, float(np.hypot(step[0], step[1])), abs(float(step[2])))
 
-    def _due(self, stamp, further=0.0, turn=0.0):
+    def _due(self, stamp, further=0.0, turn=0.0, share=1.0):
         config = self.config
-        return (self._distance + further >= config["linearUpdate"] or self._turn + turn >= config["angularUpdate"]
-                or 0.0 <= config["temporalUpdate"] < stamp - self._last_processed)
+        return (share * (self._distance + further) >= config["linearUpdate"]
+                or share * (self._turn + turn) >= config["angularUpdate"]
+                or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
 
     def _process_fully(self, reading, stamp):
         particles, tracker = self.filter, self._tracker
@@ -219,7 +231,7 @@ class Mapper:
     def finish(self):
         """Bring the path and the maps to agree with all that is known; call when no scan follows, or before saving."""
         if self._loops is not None and self.filter is not None:
-            self._bend(self._loops.conclude(self.filter.tree.path(self.filter.best)))
+            self._bend(self._loops.conclude(self.filter.tree.path(self.filter.best), self.readings))
 
     def info(self):
         """Return counts for the log (dict)."""

@@ -13,6 +13,11 @@ Array layouts
 ``beams`` (7, B) float64
     End point x, y and unit normal of the surface there, in the laser's frame; lever arm of the normal and of the
     tangent (the residual's derivative by heading); weight of the tangential residual.
+``pairs`` (K * PAIRS,) float64
+    Scratch: the beams that have a partner, LANES of them after another.  Of each such block come first all first
+    values, then all second ones, and so on: the rows of ``beams``, the partner's place [m, from the table's corner] and
+    nine terms of the normal equations.  With offsets that are constant and indices that cannot be negative the compiler
+    works on several beams at a time; sums are taken one beam after another, so that they do not depend on how many.
 """
 import math
 
@@ -26,25 +31,48 @@ QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
 WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6, 7
 # columns of a result row
 POSE, SCORE, LOG_LIKELIHOOD, FOUND, COST, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 7, 13
+LANES, PAIR_ROWS = 128, 18
+PAIRS = LANES * PAIR_ROWS
+_QY, _NX, _NY, _ARM_N, _ARM_T, _SLIDE, _TX, _TY, _T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8 = (
+    np.uint64(LANES * row) for row in range(1, PAIR_ROWS))
 STEP_LIMIT, CONVERGED = 0.15, 1e-3
 STEPS_A_ROUND = 2       # Gauss-Newton steps between two searches for partners
 NULL_DISTANCE2 = 0.5    # squared distance that a beam without a partner counts for in the likelihood
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty):
+def scratch(beams):
+    """Return room for the ``pairs`` of that many beams."""
+    return np.empty((beams // LANES + 1) * PAIRS)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _placed(x, y, c, s, frame, beams, pairs):
+    """Write the end points' places, in cells from the table's corner, where the first two terms will be."""
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    for first in range(0, beams.shape[1], LANES):
+        block = first // LANES * PAIRS
+        qx, qy = beams[QX, first:first + LANES], beams[QY, first:first + LANES]
+        for k in range(qx.shape[0]):
+            j = np.uint64(block + k)
+            pairs[j + _T0] = (x + c * qx[k] - s * qy[k] - ox) * inv
+            pairs[j + _T1] = (y + s * qx[k] + c * qy[k] - oy) * inv
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def partners(x, y, theta, beams, grid, mean, hits, frame, pairs):
     """Find for each end point the nearest mean hit point among the 3 x 3 cells around it.
 
-    Writes the beams that have one into ``which`` (B,) and its place, in cells from the table's corner, into ``tx`` and
-    ``ty`` (B,); returns how many.
+    Writes the beams that have one, and its place, into ``pairs``; returns how many.
     """
     c, s = math.cos(theta), math.sin(theta)
-    ox, oy, inv = frame[0], frame[1], frame[2]
     rows, columns = grid.shape[0] << SHIFT, grid.shape[1] << SHIFT
+    delta = 1.0 / frame[2]
+    _placed(x, y, c, s, frame, beams, pairs)
     found = 0
     for b in range(beams.shape[1]):
-        qx, qy = beams[QX, b], beams[QY, b]
-        fx, fy = (x + c * qx - s * qy - ox) * inv, (y + s * qx + c * qy - oy) * inv
+        j = np.uint64(b // LANES * PAIRS + b % LANES)
+        fx, fy = pairs[j + _T0], pairs[j + _T1]
         if not (fx >= 1.0 and fy >= 1.0 and fx < columns - 1 and fy < rows - 1):
             continue
         ix, iy = int(fx), int(fy)
@@ -77,41 +105,63 @@ def partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty):
                         if d2 < best:
                             best, best_x, best_y = d2, px, py
         if best < 1e9:
-            which[found], tx[found], ty[found] = b, best_x, best_y
+            j = np.uint64(found // LANES * PAIRS + found % LANES)
+            pairs[j], pairs[j + _QY] = beams[QX, b], beams[QY, b]
+            pairs[j + _NX], pairs[j + _NY] = beams[NX, b], beams[NY, b]
+            pairs[j + _ARM_N], pairs[j + _ARM_T], pairs[j + _SLIDE] = beams[ARM_N, b], beams[ARM_T, b], beams[SLIDE, b]
+            pairs[j + _TX], pairs[j + _TY] = best_x * delta, best_y * delta
             found += 1
     return found
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, free, h, g):
+def _terms(x, y, c, s, by_width, free, block, count, pairs):
+    """Write what each of ``count`` beams of a block adds to the normal equations."""
+    for k in range(count):
+        j = np.uint64(block + k)
+        qx, qy, nx, ny = pairs[j], pairs[j + _QY], pairs[j + _NX], pairs[j + _NY]
+        an, at, slide = pairs[j + _ARM_N], pairs[j + _ARM_T], pairs[j + _SLIDE] - free
+        dx, dy = x + c * qx - s * qy - pairs[j + _TX], y + s * qx + c * qy - pairs[j + _TY]
+        u = (dx * dx + dy * dy) * by_width
+        w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))       # exp(-u), close enough for a weight
+        ex, ey = c * dx + s * dy, c * dy - s * dx
+        rn, rt = nx * ex + ny * ey, nx * ey - ny * ex
+        v = w * (slide if slide > 0.0 else 0.0)
+        pairs[j + _T0] = w * nx * nx + v * ny * ny
+        pairs[j + _T1] = (w - v) * nx * ny
+        pairs[j + _T2] = w * nx * an - v * ny * at
+        pairs[j + _T3] = w * ny * ny + v * nx * nx
+        pairs[j + _T4] = w * ny * an + v * nx * at
+        pairs[j + _T5] = w * an * an + v * at * at
+        pairs[j + _T6] = w * nx * rn - v * ny * rt
+        pairs[j + _T7] = w * ny * rn + v * nx * rt
+        pairs[j + _T8] = w * an * rn + v * at * rt
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _accumulate(x, y, theta, frame, pairs, found, width, free, h, g):
     """Normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's own axes.
 
     ``free`` is taken off the weight of the tangential residuals.
     """
     c, s = math.cos(theta), math.sin(theta)
     # the laser's place and the partners are both taken in metres from the table's corner
-    x, y = x - frame[0], y - frame[1]
-    delta, by_width = 1.0 / frame[2], 1.0 / width
+    x, y, by_width = x - frame[0], y - frame[1], 1.0 / width
     h0 = h1 = h2 = h3 = h4 = h5 = g0 = g1 = g2 = 0.0
-    for k in range(found):
-        b = which[k]
-        qx, qy = beams[QX, b], beams[QY, b]
-        dx, dy = x + c * qx - s * qy - tx[k] * delta, y + s * qx + c * qy - ty[k] * delta
-        u = (dx * dx + dy * dy) * by_width
-        w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))       # exp(-u), close enough for a weight
-        ex, ey = c * dx + s * dy, c * dy - s * dx
-        nx, ny, an, at = beams[NX, b], beams[NY, b], beams[ARM_N, b], beams[ARM_T, b]
-        rn, rt = nx * ex + ny * ey, nx * ey - ny * ex
-        v = w * max(beams[SLIDE, b] - free, 0.0)
-        h0 += w * nx * nx + v * ny * ny
-        h1 += (w - v) * nx * ny
-        h2 += w * nx * an - v * ny * at
-        h3 += w * ny * ny + v * nx * nx
-        h4 += w * ny * an + v * nx * at
-        h5 += w * an * an + v * at * at
-        g0 += w * nx * rn - v * ny * rt
-        g1 += w * ny * rn + v * nx * rt
-        g2 += w * an * rn + v * at * rt
+    for first in range(0, found, LANES):
+        block, count = first // LANES * PAIRS, min(LANES, found - first)
+        _terms(x, y, c, s, by_width, free, block, count, pairs)
+        for k in range(count):
+            j = np.uint64(block + k)
+            h0 += pairs[j + _T0]
+            h1 += pairs[j + _T1]
+            h2 += pairs[j + _T2]
+            h3 += pairs[j + _T3]
+            h4 += pairs[j + _T4]
+            h5 += pairs[j + _T5]
+            g0 += pairs[j + _T6]
+            g1 += pairs[j + _T7]
+            g2 += pairs[j + _T8]
     h[0], h[1], h[2], h[3], h[4], h[5] = h0, h1, h2, h3, h4, h5
     g[0], g[1], g[2] = g0, g1, g2
 
@@ -142,32 +192,42 @@ def solve(h, g, step):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row):
-    """Write score, log-likelihood and number of partners of a pose into a result row."""
+def _ratings(x, y, c, s, sigma, by_width, block, count, pairs):
+    """Write of each of ``count`` beams of a block the squared distance, the score's exponent and the robust weight."""
+    for k in range(count):
+        j = np.uint64(block + k)
+        qx, qy = pairs[j], pairs[j + _QY]
+        dx, dy = x + c * qx - s * qy - pairs[j + _TX], y + s * qx + c * qy - pairs[j + _TY]
+        d2 = dx * dx + dy * dy
+        u = d2 * by_width
+        pairs[j + _T0], pairs[j + _T1] = d2, -d2 / sigma
+        pairs[j + _T2] = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _rate(x, y, theta, beams, frame, pairs, found, settings, row):
+    """Write score, log-likelihood and number of partners of a pose, of that many beams, into a result row."""
     c, s = math.cos(theta), math.sin(theta)
     x, y = x - frame[0], y - frame[1]
-    delta = 1.0 / frame[2]
-    score, squared, kept = 0.0, NULL_DISTANCE2 * (beams.shape[1] - found), 0.0
-    by_width = 1.0 / settings[NARROW]
-    for k in range(found):
-        qx, qy = beams[QX, which[k]], beams[QY, which[k]]
-        dx, dy = x + c * qx - s * qy - tx[k] * delta, y + s * qx + c * qy - ty[k] * delta
-        d2 = dx * dx + dy * dy
-        score += math.exp(-d2 / settings[SIGMA])
-        squared += d2
-        u = d2 * by_width
-        kept += 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))
+    score, squared, kept = 0.0, NULL_DISTANCE2 * (beams - found), 0.0
+    for first in range(0, found, LANES):
+        block, count = first // LANES * PAIRS, min(LANES, found - first)
+        _ratings(x, y, c, s, settings[SIGMA], 1.0 / settings[NARROW], block, count, pairs)
+        for k in range(count):
+            j = np.uint64(block + k)
+            squared += pairs[j + _T0]
+            score += math.exp(pairs[j + _T1])
+            kept += pairs[j + _T2]
     row[SCORE], row[LOG_LIKELIHOOD], row[FOUND] = score, -squared / settings[LSIGMA], found
-    row[COST] = 0.5 * settings[NARROW] / (settings[SPREAD] * settings[SPREAD]) * (beams.shape[1] - kept)
+    row[COST] = 0.5 * settings[NARROW] / (settings[SPREAD] * settings[SPREAD]) * (beams - kept)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def rate_pose(x, y, theta, beams, grid, mean, hits, frame, settings, row):
     """Write score, log-likelihood and number of partners of a pose in one particle's map into a result row."""
-    which = np.empty(beams.shape[1], np.int64)
-    tx, ty = np.empty(beams.shape[1]), np.empty(beams.shape[1])
-    found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
-    _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row)
+    pairs = scratch(beams.shape[1])
+    found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+    _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -180,8 +240,7 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
     partners and the information matrix (upper triangle, laser axes) of the scan alone, in which sliding along straight
     walls counts for nothing: that weight steadies the search, it is no knowledge.
     """
-    which = np.empty(beams.shape[1], np.int64)
-    tx, ty = np.empty(beams.shape[1]), np.empty(beams.shape[1])
+    pairs = scratch(beams.shape[1])
     h, g, step = np.zeros(6), np.zeros(3), np.zeros(3)
     per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
     for i in range(first, last):
@@ -190,10 +249,10 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
         width = max(settings[WIDE], settings[NARROW])
         settled = False
         for _ in range(int(settings[ROUNDS])):
-            found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
+            found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
             far = 0.0
             for _ in range(STEPS_A_ROUND):
-                _accumulate(x, y, theta, beams, frame, which, tx, ty, found, width, 0.0, h, g)
+                _accumulate(x, y, theta, frame, pairs, found, width, 0.0, h, g)
                 c, s = math.cos(theta), math.sin(theta)
                 px, py = x - predictions[i, 0], y - predictions[i, 1]
                 turn = theta - predictions[i, 2]
@@ -223,10 +282,10 @@ def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits
                 break
             width = max(settings[NARROW], 0.5 * width)
         if not settled:             # else a millimetre ago they were the same
-            found = partners(x, y, theta, beams, grid, mean, hits, frame, which, tx, ty)
-        _accumulate(x, y, theta, beams, frame, which, tx, ty, found, settings[NARROW], settings[FREE], h, g)
+            found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+        _accumulate(x, y, theta, frame, pairs, found, settings[NARROW], settings[FREE], h, g)
         row[0], row[1] = x, y
         row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
         for k in range(6):
             row[INFORMATION + k] = h[k] * per_variance
-        _rate(x, y, theta, beams, frame, which, tx, ty, found, settings, row)
+        _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)

@@ -1,4 +1,5 @@
 """Matching scans with particles' maps: the fast matcher."""
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.correlative_kernels import search_window
 from m2wr_gmapping.scan import SLIDE_STRAIGHT
 from m2wr_gmapping.se2 import between
-from m2wr_gmapping.tile_kernels import draw_field
+from m2wr_gmapping.tile_kernels import draw_field, tiles_around
 
 WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
 ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for one that is tracked already
@@ -137,8 +138,9 @@ class FastMatcher:
         expected, variances = expectation.pose, expectation.variances
         row = self.match_one(maps, particle, reading, start, expected, 1.0 / variances)
         best = _cost(row, expected, variances)
-        window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
-        if (window > WINDOW_LEAST).any() and expectation.long:
+        if expectation.long:
+            window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
+        if expectation.long and (window > WINDOW_LEAST).any():
             found = self.search(maps, particle, reading, expected, window)
             other = self.match_one(maps, particle, reading, found, expected, 1.0 / variances)
             cost = _cost(other, expected, variances)
@@ -161,32 +163,44 @@ class FastMatcher:
         reach = np.hypot(beams[mk.QX], beams[mk.QY])
         turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
         turns = np.stack([turns, SEARCH_PENALTY * np.square(turns / window[1])], -1)
-        steps = _outwards(window[0], SEARCH_STEP)
-        offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-        squared = np.square(offsets).sum(axis=1)
-        order = np.argsort(squared, kind="stable")
-        offsets = np.column_stack([offsets, SEARCH_PENALTY * squared / window[0]**2])[order]
-        half = int((min(float(reach.max()), SEARCH_REACH) + steps.max()) * maps.frame[2]) + 3
+        squares = _squares(int(np.ceil(window[0] / SEARCH_STEP)))
+        offsets = squares.copy()
+        offsets[:, 2] = SEARCH_PENALTY * squares[:, 2] / window[0]**2
+        farthest = float(offsets[-1, :2].max())
+        half = int((min(float(reach.max()), SEARCH_REACH) + farthest) * maps.frame[2]) + 3
         corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half
         field = np.empty((2 * half + 1, 2 * half + 1), np.uint8)
-        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, WIDE, field)
+        stride = max(1, beams.shape[1] // SEARCH_BEAMS)
+        wanted = np.zeros(maps.table.shape[1:], bool)
+        tiles_around(prediction, float(turns[-1, 0]), len(turns) // 2, beams, stride, farthest, maps.frame, wanted)
+        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, WIDE, wanted, field)
         best = np.empty(4)
-        search_window(prediction, offsets, turns, beams, max(1, beams.shape[1] // SEARCH_BEAMS),
-                      maps.frame[:2] + corner / maps.frame[2], maps.frame[2], field, best)
+        search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
+                      maps.frame[2], field, best)
         return best[:3]
 
 
 def _pull(row, expected, variances):
     """Squared distance of a match from what was expected, in the expectation's deviations."""
-    return float((np.square(between(expected, row[:3])) / variances).sum())
+    (x, y, turn), (xx, yy, tt) = between(expected, row[:3]).tolist(), variances.tolist()
+    return x * x / xx + y * y / yy + turn * turn / tt
 
 
 def _cost(row, expected, variances):
     """Negative logarithm of the probability of a match, but for a constant."""
-    return row[mk.COST] / DEPENDENT + 0.5 * _pull(row, expected, variances)
+    return float(row[mk.COST]) / DEPENDENT + 0.5 * _pull(row, expected, variances)
 
 
 def _outwards(half_width, step):
     """Return multiples of ``step`` up to ``half_width``, from 0 outwards."""
-    count = int(np.ceil(half_width / step))
-    return np.array(sorted(range(-count, count + 1), key=abs)) * step
+    numbers = np.arange(2 * int(np.ceil(half_width / step)) + 1)
+    return np.where(numbers % 2, -1, 1) * ((numbers + 1) // 2) * step
+
+
+@functools.lru_cache(maxsize=16)
+def _squares(count):
+    """Return x, y and squared length of the offsets within ``count`` steps, from the middle outwards; read only."""
+    steps = _outwards(count * SEARCH_STEP, SEARCH_STEP)
+    offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    squared = np.square(offsets).sum(axis=1)
+    return np.column_stack([offsets, squared])[np.argsort(squared, kind="stable")]

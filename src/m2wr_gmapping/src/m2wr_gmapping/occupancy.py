@@ -117,14 +117,16 @@ class Occupancy:
         high = np.array([max(pose[0], x.max(initial=pose[0])), max(pose[1], y.max(initial=pose[1]))])
         origin, size = self._origin, np.array(self._table.shape[::-1])
         end = origin + (size * PATCH - 1) * self._resolution
-        if (low >= origin).all() and (high <= end).all():
+        margin = 0.5 * self._resolution             # cells reach that far around their centres
+        if (low >= origin - margin).all() and (high < end + margin).all():
             return
         if not self._fits(low, high):
             self.beyond = True
             return
-        step = PATCH * self._resolution
-        before = np.where(low < origin, np.ceil((origin - low + GROWTH) / step), 0).astype(int)
-        after = np.where(high > end, np.ceil((high + GROWTH - end) / step), 0).astype(int)
+        cells_before = np.rint((origin - low + GROWTH) / self._resolution)
+        cells = np.rint((high + GROWTH - origin) / self._resolution)
+        before = np.where(low < origin, np.ceil(cells_before / PATCH), 0).astype(int)
+        after = np.where(high > end, np.ceil(cells / PATCH) - size, 0).astype(int)
         new = size + before + after
         table = np.full((new[1], new[0]), -1, np.int32)
         table[before[1]:before[1] + size[1], before[0]:before[0] + size[0]] = self._table

@@ -125,7 +125,7 @@ def read_out(threshold, table, hits, visits, values, changed, used, grid):
         for cell in range(CELLS):
             if visits[block, cell] <= 0:
                 values[block, cell] = UNKNOWN
-            elif hits[block, cell] > threshold * visits[block, cell]:
+            elif hits[block, cell] / visits[block, cell] > threshold:
                 values[block, cell] = OCCUPIED
             else:
                 values[block, cell] = FREE

@@ -3,9 +3,10 @@ import math
 
 import numpy as np
 
-LEAST = np.array([0.004, 0.004, 0.004])         # deviation of no step at all [m, m, rad]
-LEAST_SHARE = np.array([0.005, 0.005, 0.005])   # and its share of the distance and of the turn
+LEAST = 0.004, 0.004, 0.004         # deviation of no step at all [m, m, rad]
+LEAST_SHARE = 0.005, 0.005, 0.005   # and its share of the distance and of the turn
 MEMORY = 10.0                                   # steps that the scale remembers
+FIRST_MEMORY = 1.0                              # the parameters count for as much as that many steps
 SURPRISE = 9.0                                  # a step counts for no more than that many times what was expected
 LEAST_TOLD = 0.01           # a scan that says less is not heard
 BIAS_VARIANCES = np.square([0.03, 0.03, 0.03])      # what wheels may err by: scale of ways, of turns, turn a metre
@@ -36,12 +37,14 @@ class OdometryTrust:
     def __init__(self, noise):
         self._noise = noise
         self.scale = np.ones(2)
+        self._heard = [0.0, 0.0]        # steps that have told of each
 
     def _parts(self, distance, turn):
         """Deviations (3,) by themselves, and what a heading that drifts adds to the one across [m]."""
-        base = self._noise.deviations(np.array([distance, 0.0, turn])) + LEAST
-        base += LEAST_SHARE * np.array([distance, distance, turn])
-        own = base * self.scale[[0, 0, 1]]
+        way, turns = self.scale.tolist()
+        noise = self._noise.deviations((distance, 0.0, turn)).tolist()
+        own = np.array([(part + least + share * size) * scale for part, least, share, size, scale in zip(
+            noise, LEAST, LEAST_SHARE, (distance, distance, turn), (way, way, turns))])
         return own, 0.5 * distance * own[2]
 
     def deviations(self, distance, turn):
@@ -63,16 +66,21 @@ class OdometryTrust:
             Way since the start of the stretch [m], [rad].
         """
         own, aside = self._parts(distance, turn)
-        squared = np.square(own) + np.array([0.0, aside * aside, 0.0])
-        told = np.maximum(1.0 - variance / squared, 0.0)    # what the scan says of each, from nothing to all
-        ratio = np.minimum(np.square(error) / squared / np.maximum(told, 1e-3), SURPRISE)
-        told[1] *= own[1] * own[1] / squared[1]             # the rest of what is across is the heading's
-        for k, axes in enumerate(([0, 1], [2])):
-            share = told[axes].sum()
+        squared = np.square(own)
+        across = squared[1]
+        squared[1] += aside * aside
+        told = np.maximum(1.0 - variance / squared, 0.0).tolist()   # what the scan says of each, from nothing to all
+        excess = [min(part * part / whole / max(heard, 1e-3), SURPRISE) - 1.0
+                  for part, whole, heard in zip(error.tolist(), squared.tolist(), told)]
+        told[1] *= float(across) / float(squared[1])            # the rest of what is across is the heading's
+        for k, axes in enumerate(((0, 1), (2,))):
+            share = sum(told[axis] for axis in axes)
             if share > LEAST_TOLD:
-                excess = float((told[axes] * (ratio[axes] - 1.0)).sum()) / share
-                self.scale[k] *= math.sqrt(1.0 + min(share, 1.0) * excess / MEMORY)
-        np.clip(self.scale, NARROWEST, WIDEST, out=self.scale)
+                mean = sum(told[axis] * excess[axis] for axis in axes) / share
+                self._heard[k] += min(share, 1.0)
+                memory = min(FIRST_MEMORY + self._heard[k], MEMORY)
+                scale = float(self.scale[k]) * math.sqrt(1.0 + min(share, 1.0) * mean / memory)
+                self.scale[k] = min(max(scale, NARROWEST), WIDEST)
 
 
 class OdometryBias:
@@ -114,7 +122,7 @@ class OdometryBias:
         Parameters
         ----------
         error : (3,) float64
-            Where the scan alone has the pose, from where odometry, corrected, had it.
+            Where the scan alone has the pose, from where odometry, corrected, had it; in the laser's axes, as all here.
         variance : (3,) float64
             Of odometry over the stretch, without what is always the same.
         told : (3,) float64
@@ -122,14 +130,18 @@ class OdometryBias:
         forward, turn : float
             Way [m] and turn [rad] by odometry, with their signs.
         """
-        own = np.arange(3)
-        grown = self._covariance[own, own] + BIAS_VARIANCES * BIAS_CHANGES * abs(forward)
-        self._covariance[own, own] = np.minimum(grown, BIAS_VARIANCES)
-        for axis, row in ((0, np.array([forward, 0.0, 0.0])), (2, np.array([0.0, turn, forward]))):
-            if told[axis] < LEAST_TAUGHT:
+        grown = self._covariance.diagonal() + BIAS_VARIANCES * BIAS_CHANGES * abs(forward)
+        np.fill_diagonal(self._covariance, np.minimum(grown, BIAS_VARIANCES))
+        x, y = self._ahead              # a laser may look aside or backwards
+        xx, yy = x * x, y * y
+        along = x * error[0] + y * error[1], xx * variance[0] + yy * variance[1], xx * told[0] + yy * told[1]
+        for (seen, own, heard), row in ((along, (forward, 0.0, 0.0)),
+                                        ((error[2], variance[2], told[2]), (0.0, turn, forward))):
+            if heard < LEAST_TAUGHT:
                 continue
-            seen, gain = error[axis], self._covariance @ row
-            expected = float(row @ gain) + TOGETHER * variance[axis] / told[axis]
+            row = np.array(row)
+            gain = self._covariance @ row
+            expected = float(row @ gain) + TOGETHER * own / heard
             if seen * seen > FAR_OFF * FAR_OFF * expected:
                 continue
             self.bias = self.bias + gain * (seen / expected)

@@ -57,7 +57,7 @@ class ParticleFilter:
     @property
     def best(self):
         """Index of the particle with the largest total weight."""
-        return int(np.argmax(self.weight_sums))
+        return int(self.weight_sums.argmax())
 
     @property
     def n_eff(self):
@@ -103,11 +103,9 @@ class ParticleFilter:
 
     def _sampled(self, poses, information, deviations):
         """Draw from Gaussians of the given information plus that of the motion, around the poses."""
-        h = np.empty((len(poses), 3, 3))
-        for k, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
-            h[:, i, j] = h[:, j, i] = information[:, k]
-        h[:, range(3), range(3)] += 1.0 / np.square(deviations)
-        lower = np.linalg.cholesky(h)
+        h = information[:, (0, 1, 2, 1, 3, 4, 2, 4, 5)]
+        h[:, ::4] += 1.0 / np.square(deviations)
+        lower = np.linalg.cholesky(h.reshape(-1, 3, 3))
         draws = np.linalg.solve(np.transpose(lower, (0, 2, 1)), self.normals()[..., None])[..., 0]
         return compose(poses, DRAWN * draws)
 

@@ -17,20 +17,52 @@ AGAIN, AGAIN_TURN = 0.5, 0.08           # window in which a wide find is looked 
 BESIDE, BESIDE_TURN = 0.3, 0.06         # window of a place that is not the only one that fits
 ROOM = 2.5                  # a wide search looks no farther than this from where the robot has been before [m]
 BEYOND = 1.3                # rivals are looked for that much farther than the newest node may have drifted
-ALIKE, ALIKE_TURN, ALIKE_SHARE = 15.0, 0.1, 0.8     # so far around [m, rad] a place that looks alike spoils a find
+ALIKE, ALIKE_TURN = 15.0, 0.1           # places that look alike are looked for so far around [m, rad]
+ALIKE_SHARE, ALIKE_LONG = 0.8, 0.7      # what looks alike by that share of the score, and along a long stretch
 FINE_REACH = 5.0            # old nodes that near to the found pose make the map of the fine match [m]
 REFERENCE_NODES = 24        # old scans that make a map or the raster of a near search
-WIDE_NODES = 160            # old scans that make the raster of a wide search
+WIDE_NODES, LONG_NODES = 160, 320       # old scans that make the raster of a wide search
+JOINED_NODES = 4.0          # and more of them for each metre of a stretch that is matched together [1/m]
 FINE_SHARE, FINE_FOUND = 0.5, 0.6       # least score and partners of the fine match, as shares of the beams
 FINE_PRIOR = np.array([0.3, 0.3, 0.15])  # how far the fine match may be from the coarse one [m, m, rad]
+JOINED_SPACING, JOINED_BEAMS = 0.1, 400     # cell that gives one beam to a match of several scans [m]; about so many
 FEWEST_POINTS = 30          # of a query
 QUERY_REACH = 12.0          # farther end points take no part: they would make the raster large [m]
 NEAR_PATH = 3.0             # path whose scans a near search takes together [m]
 QUERY_POINTS, WIDE_POINTS = 160, 240
-WIDE_QUERIES = (10.0, WIDE_RASTER, np.inf), (3.0, NEAR_RASTER, 6.0)  # path [m], cell [m], and for shifts up to [m]
+WIDE_PATH, LONG_PATH, SHORT_PATH = 10.0, 24.0, 3.0      # path whose scans a wide search takes together [m]
+SHORT_SHIFT = 6.0           # the shortest one only where no more than that has drifted [m]
 WIDE_SPACING = 0.25         # cell that gives one point to the query of a wide search [m]
 LOOKED_THROUGH = 0.4        # a scan looks through a surface if it reaches that much farther [m]
 LOOKS = 3                   # scans of the query, and of the old ones times four, that are held against each other
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Beams (7, M) of several scans, for the matcher."""
+
+    beams: np.ndarray
+
+
+@dataclass(frozen=True)
+class Place:
+    """What a wide search has found.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        Of the newest node.
+    score : float
+    reach : float
+        Path whose scans fit there [m].
+    alike : bool
+        Whether a place that it cannot be looks like this one, or where it is thought to be, if that is far from here.
+    """
+
+    pose: np.ndarray
+    score: float
+    reach: float
+    alike: bool
 
 
 @dataclass(frozen=True)
@@ -62,7 +94,7 @@ class Scene:
         return np.hypot(self.path[:, 0] - self.path[-1, 0], self.path[:, 1] - self.path[-1, 1])
 
 
-def query_points(path, along, readings, reach):
+def query_points(path, along, readings, reach, away=QUERY_REACH):
     """Return end points (2, Q) of the scans on the last ``reach`` metres of the path, in the newest node's frame."""
     parts = []
     for node in range(len(path) - 1, -1, -1):
@@ -70,7 +102,7 @@ def query_points(path, along, readings, reach):
             break
         parts.append(np.stack(_placed(between(path[-1], path[node]), readings[node].points)))
     points = np.concatenate(parts, axis=1)
-    return points[:, np.square(points).sum(axis=0) < QUERY_REACH**2]
+    return points[:, np.square(points).sum(axis=0) < away**2]
 
 
 def _placed(pose, points):
@@ -86,9 +118,14 @@ def thinned(points, count):
 
 def spread_out(points, spacing):
     """Return one of the points (2, Q) for each cell of ``spacing`` [m]: what was seen often counts once."""
+    return points[:, spread_first(points, spacing)]
+
+
+def spread_first(points, spacing):
+    """Return the numbers (M,) of those that ``spread_out`` takes."""
     cells = np.floor(points / spacing).astype(np.int64)
     _, first = np.unique(cells[0] * 100003 + cells[1], return_index=True)
-    return points[:, np.sort(first)]
+    return np.sort(first)
 
 
 def coarse_search(pose, query, path, reference, readings, window, turn, raster_cell, allowed=None):
@@ -163,7 +200,9 @@ def near_search(scene, old):
 def wide_search(scene, old):
     """Look for the newest node wherever it may have drifted away from, along the old path.
 
-    The scans of a long stretch are searched first; a robot that has only just come back has a short one in common.
+    The scans of a stretch are searched together. Where several places fit, those of a longer stretch may tell which:
+    ten metres of a corridor look alike more often than all of it does. A robot that has only just come back has a short
+    stretch in common.
 
     Parameters
     ----------
@@ -173,44 +212,81 @@ def wide_search(scene, old):
 
     Returns
     -------
-    pose : (3,) float64 or None
+    Place or None
+    """
+    shift = float(scene.shift[old].max())
+    reach, reference = WIDE_PATH, old[::max(1, -(-len(old) // WIDE_NODES))]
+    query, best, score = _stretch(scene, old, reference, reach, WIDE_RASTER)
+    if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
+        reach = LONG_PATH
+        query, best, score = _stretch(scene, old, _before(scene, reach, BEYOND * shift + reach), reach, WIDE_RASTER)
+    elif best[3] < RASTER_SCORE and query.shape[1] >= FEWEST_POINTS and shift <= SHORT_SHIFT:
+        reach = SHORT_PATH
+        query, best, score = _stretch(scene, old, reference, reach, NEAR_RASTER)
+    if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
+        return None
+    away, moved = scene.path[old, :2] - scene.path[-1, :2], best[:2] - scene.path[-1, :2]
+    if not ((np.hypot(*(away - moved).T) < ROOM) & (np.hypot(*moved) <= scene.shift[old])).any():
+        return None
+    alike = _elsewhere(scene, query)
+    if np.hypot(*moved) > ROOM:
+        alike = max(alike, _unmoved(scene, query, reach))
+    if alike > RIVAL * score:
+        return None
+    return Place(best[:3], best[3], reach, alike > (ALIKE_LONG if reach == LONG_PATH else ALIKE_SHARE) * score)
+
+
+def _stretch(scene, old, reference, reach, cell):
+    """Search the scans of the last ``reach`` metres around the old nodes, in a raster of the ``reference`` nodes.
+
+    Returns
+    -------
+    query : (2, Q) float64
+    best : (5,) float64
+        As ``coarse_search`` returns it, of the finest search there was; all 0 where there is too little to search.
     score : float
-        0 where nothing was found.
+        Of the first search.
     """
     path, readings, pose = scene.path, scene.readings, scene.path[-1]
-    reference = old[::max(1, -(-len(old) // WIDE_NODES))]
-    away, shifts = path[old, :2] - pose[:2], scene.shift[old]
-    shift, turn = float(shifts.max()), float(scene.turn[old].max())
-    for reach, cell, most in WIDE_QUERIES:
-        query = thinned(spread_out(query_points(path, scene.along, readings, reach), WIDE_SPACING), WIDE_POINTS)
-        if query.shape[1] < FEWEST_POINTS or shift > most:
-            return None, 0.0
-        best = coarse_search(pose, query, path, reference, readings, BEYOND * shift, turn, cell,
-                             lambda middles: _allowed(middles, away, np.zeros(len(away)), BEYOND * shifts))
-        score = best[3]
-        if score >= RASTER_SCORE and best[4] <= RIVAL * score:
-            best = coarse_search(best[:3], query, path, reference, readings, AGAIN, AGAIN_TURN, NEAR_RASTER)
-        if best[3] >= RASTER_SCORE:
-            break
-    if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
-        return None, 0.0
-    moved = best[:2] - pose[:2]
-    within = (np.hypot(*(away - moved).T) < ROOM) & (np.hypot(*moved) <= shifts)
-    if not within.any() or _elsewhere(scene, query, score):
-        return None, 0.0
-    return best[:3], best[3]
+    query = query_points(path, scene.along, readings, reach, max(reach, QUERY_REACH))
+    query = thinned(spread_out(query, WIDE_SPACING), WIDE_POINTS)
+    if query.shape[1] < FEWEST_POINTS or not len(reference):
+        return query, np.zeros(5), 0.0
+    away, shifts, turn = path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
+    best = coarse_search(pose, query, path, reference, readings, BEYOND * float(shifts.max()), turn, cell,
+                         lambda middles: _allowed(middles, away, np.zeros(len(away)), BEYOND * shifts))
+    score = float(best[3])
+    if score >= RASTER_SCORE and best[4] <= RIVAL * score:
+        best = coarse_search(best[:3], query, path, reference, readings, AGAIN, AGAIN_TURN, NEAR_RASTER)
+    return query, best, score
 
 
-def _elsewhere(scene, query, score):
-    """Return whether the query looks like a place that it cannot be: then looks tell nothing here."""
+def _before(scene, reach, distance):
+    """Return old nodes within ``distance`` [m] that are not among the last ``reach`` metres, LONG_NODES at most."""
+    known = scene.old[(scene.distance[scene.old] < distance)
+                      & (scene.along[scene.old] < scene.along[-1] - reach - ROOM)]
+    return known[::max(1, -(-len(known) // LONG_NODES))]
+
+
+def _unmoved(scene, query, reach):
+    """Return the score of the query where it is thought to be: what fits there as well need not be elsewhere."""
+    reference = _before(scene, reach, QUERY_REACH + reach)
+    if not len(reference):
+        return 0.0
+    return coarse_search(scene.path[-1], query, scene.path, reference, scene.readings, BESIDE, BESIDE_TURN,
+                         WIDE_RASTER)[3]
+
+
+def _elsewhere(scene, query):
+    """Return the score of the best place that it cannot be: looks tell little where it is high."""
     path, known = scene.path, scene.old[scene.distance[scene.old] < ALIKE + ROOM]
     if not len(known):
-        return False
+        return 0.0
     reference = known[::max(1, -(-len(known) // WIDE_NODES))]
     away, least = path[known, :2] - path[-1, :2], BEYOND * scene.shift[known] + APART
     best = coarse_search(path[-1], query, path, reference, scene.readings, ALIKE, ALIKE_TURN, WIDE_RASTER,
                          lambda middles: _allowed(middles, away, least, np.full(len(away), ALIKE)))
-    return best[3] > ALIKE_SHARE * score
+    return best[3]
 
 
 def _allowed(middles, away, least, most):
@@ -239,8 +315,37 @@ def _allowed(middles, away, least, most):
     return near
 
 
-def fine_match(matcher, resolution, scene, old, pose):
-    """Match the newest scan near ``pose`` in a map of the old nodes around it.
+def joined(scene, reach):
+    """Return the scans (Joined) of the last ``reach`` metres, as if the newest node had seen what they have."""
+    path, along, parts = scene.path, scene.along, []
+    for node in range(len(path) - 1, -1, -1):
+        if along[-1] - along[node] > reach:
+            break
+        beams, pose = scene.readings[node].beams.copy(), between(path[-1], path[node])
+        beams[[mk.QX, mk.QY]] = _placed(pose, beams[[mk.QX, mk.QY]])
+        beams[[mk.NX, mk.NY]] = _placed([0.0, 0.0, pose[2]], beams[[mk.NX, mk.NY]])
+        parts.append(beams[:, np.square(beams[[mk.QX, mk.QY]]).sum(axis=0) < QUERY_REACH**2])
+    beams = np.concatenate(parts, axis=1)
+    beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], JOINED_SPACING)], JOINED_BEAMS)
+    qx, qy, nx, ny = beams[[mk.QX, mk.QY, mk.NX, mk.NY]]
+    beams[mk.ARM_N], beams[mk.ARM_T] = ny * qx - nx * qy, nx * qx + ny * qy
+    return Joined(beams)
+
+
+def fine_match(matcher, resolution, scene, old, pose, reach=0.0):
+    """Match the newest scan, or those of a stretch, near ``pose`` in a map of the old nodes around it.
+
+    Parameters
+    ----------
+    matcher : FastMatcher
+    resolution : float
+        Cell size of that map [m].
+    scene : Scene
+    old : (C,) int
+        Nodes to take.
+    pose : (3,) float64
+    reach : float
+        Path whose scans are matched together [m]; 0: the newest one alone.
 
     Returns
     -------
@@ -249,19 +354,21 @@ def fine_match(matcher, resolution, scene, old, pose):
     row : (13,) float64
         Result row of ``match_kernels``.
     around : (A,) int
-        The old nodes; None in place of all three where the scan does not fit.
+        The old nodes; None in place of all three where the scans do not fit.
     """
     path, readings = scene.path, scene.readings
     distance = np.hypot(path[old, 0] - pose[0], path[old, 1] - pose[1])
     order = np.argsort(distance, kind="stable")
-    around = old[order][distance[order] < FINE_REACH][:REFERENCE_NODES]
-    if not len(around):
+    further = min(reach, QUERY_REACH)
+    around = old[order][distance[order] < FINE_REACH + further][:REFERENCE_NODES + int(JOINED_NODES * further)]
+    reading = joined(scene, reach) if reach else readings[-1]
+    beams = reading.beams.shape[1]
+    if not len(around) or not beams:
         return None
     maps = TileMaps(1, resolution, NEVER)
     for node in around:
         _write(maps, path[node], readings[node])
-    row = matcher.match_one(maps, 0, readings[-1], pose, pose, 1.0 / np.square(FINE_PRIOR))
-    beams = readings[-1].beams.shape[1]
+    row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(FINE_PRIOR))
     if row[mk.SCORE] < FINE_SHARE * beams or row[mk.FOUND] < FINE_FOUND * beams:
         return None
     return int(around[0]), row, around
@@ -275,22 +382,22 @@ def _write(maps, pose, reading):
         maps.register(0, pose, reading.points)
 
 
-def looked_through(scene, row, around):
+def looked_through(scene, pose, around):
     """Return which share of end points new and old scans look through, of those that lie where the others look.
 
     Parameters
     ----------
     scene : Scene
-    row : (13,) float64
+    pose : (3,) float64
         Where the newest scan would have been taken; those before it stay where they are, seen from there.
     around : (A,) int
         Old nodes.
     """
     path, readings = scene.path, scene.readings
-    wanted = scene.along[-1] - np.linspace(0.0, WIDE_QUERIES[0][0], LOOKS)
+    wanted = scene.along[-1] - np.linspace(0.0, WIDE_PATH, LOOKS)
     nodes = np.unique(np.clip(np.searchsorted(scene.along, wanted), 0, len(path) - 1))
     through = total = 0
-    for pose, node in zip(compose(row[:3], between(path[-1], path[nodes])), nodes):
+    for pose, node in zip(compose(pose, between(path[-1], path[nodes])), nodes):
         for other in around[:4 * LOOKS:4]:
             for eye, seen, reading, others in ((pose, path[other], readings[node], readings[other]),
                                                (path[other], pose, readings[other], readings[node])):

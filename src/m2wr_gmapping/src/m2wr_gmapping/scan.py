@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.scan_kernels import surface_normals, take_in
+from m2wr_gmapping.scan_kernels import take_in, with_normals
 
 FARTHEST = 1000.0           # no laser sees farther; drivers without a limit of their own send huge or infinite ones [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
@@ -80,13 +80,20 @@ class LaserModel:
         Raises
         ------
         ScanError
-            If the scan has no beams, an angle is not finite, or the laser is mounted neither upright nor upside down.
+            If the scan has no beams, an angle is not finite, all beams point one way, no range is left between the
+            limits, or the laser is mounted neither upright nor upside down.
         """
         if count < 1:
             raise ScanError("the scan has no ranges; expected at least one beam")
         if not all(math.isfinite(v) for v in (angle_min, angle_max, angle_increment)):
             raise ScanError("angle_min {}, angle_max {}, angle_increment {}: expected finite numbers".format(
                 angle_min, angle_max, angle_increment))
+        if count > 1 and not angle_increment:
+            raise ScanError("{} beams with angle_increment 0: expected one that is not".format(count))
+        max_range = min(range_max - 0.01 if max_range is None else max_range, FARTHEST)
+        if not max_range > max(0.0, range_min):       # a range_min that is no number is no limit
+            raise ScanError("range_min {}, range_max {}, beams used up to {} m: expected limits that leave some range; "
+                            "the parameter maxRange stands in for range_max".format(range_min, range_max, max_range))
         translation, quaternion = base_from_laser or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         up = rotation(quaternion)[2, 2]
         if abs(abs(up) - 1.0) > TILT_TOLERANCE:
@@ -99,7 +106,6 @@ class LaserModel:
         centre = angle_min + 0.5 * (-span if falling else span)
         angles = -0.5 * span + increment * np.arange(count)
         upside_down = up < 0.0
-        max_range = min(range_max - 0.01 if max_range is None else max_range, FARTHEST)
         model = cls(angles, falling != upside_down, centre, np.zeros(3), range_min, range_max, max_range,
                     max_range if max_urange is None else min(max_urange, FARTHEST))
         object.__setattr__(model, "base_from_sensor", model.sensor_pose(translation, quaternion))
@@ -109,6 +115,11 @@ class LaserModel:
     def directions(self):
         """Cosines and sines (2, B) of the beam angles."""
         return np.stack([np.cos(self.angles), np.sin(self.angles)])
+
+    @functools.cached_property
+    def limits(self):
+        """The four limits (4,) as ``scan_kernels.take_in`` wants them."""
+        return np.array([self.range_min, self.range_max, self.max_range, self.max_urange], float)
 
     @property
     def ahead(self):
@@ -121,11 +132,20 @@ class LaserModel:
         turned = rotation(quaternion) @ np.array([math.cos(self.centre), math.sin(self.centre), 0.0])
         return np.array([translation[0], translation[1], math.atan2(turned[1], turned[0])])
 
+    def slope(self, quaternion):
+        """Return the rise (2,) a metre along x and y of the centred laser, from the quaternion of its transform."""
+        x, y, z, w = (float(value) for value in quaternion)
+        by = 2.0 / (x * x + y * y + z * z + w * w)
+        ahead, aside = by * (x * z - y * w), by * (y * z + x * w)
+        c, s = math.cos(self.centre), math.sin(self.centre)
+        side = 1.0 if by * (x * x + y * y) <= 1.0 else -1.0         # upside down the centred laser is turned over
+        return np.array([ahead * c + aside * s, side * (aside * c - ahead * s)])
+
     def reading(self, ranges, skip=0, gap=0.0):
         """Return the ScanReading of one message's ranges (B,).
 
-        ``skip`` beams (``lskip``) are left out of the matching between two used ones; so are end points, there and in
-        the particles' maps, that lie nearer than ``gap`` [m] to the one before: they say the same again.
+        ``skip`` beams (``lskip``) are left out of the matching between two used ones. End points nearer than ``gap``
+        [m] to one before count, there and in the particles' maps, as one with it: their mean.
 
         Raises
         ------
@@ -160,18 +180,10 @@ class ScanReading:
         beams = ranges.size
         points, used = np.empty((2, beams)), np.empty(beams, bool)
         rays, ray_hits = np.empty((2, beams), np.float32), np.empty(beams, bool)
-        limits = np.array([laser.range_min, laser.range_max, laser.max_range, laser.max_urange], float)
-        count, seen = take_in(ranges, laser.directions, limits, skip, gap, points, used, rays, ray_hits)
+        count, seen = take_in(ranges, laser.directions, laser.limits, skip, gap, points, used, rays, ray_hits)
         # copies: a reading is kept, and what it does not need is not
         self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()
         # of the thinned points: neighbouring beams on a near wall lie closer together than they are exact
-        shape = np.empty((3, self.points.shape[1]))
-        surface_normals(self.points, NORMAL_REACH, NORMAL_SIDE, shape)
-        beams = np.empty((mk.BEAM_ROWS, self.points.shape[1]))
-        beams[mk.QX:mk.QY + 1] = self.points
-        beams[mk.NX:mk.NY + 1] = shape[:2]
-        (qx, qy), (nx, ny) = self.points, shape[:2]
-        beams[mk.ARM_N] = ny * qx - nx * qy
-        beams[mk.ARM_T] = nx * qx + ny * qy
-        beams[mk.SLIDE] = 1.0 + (SLIDE_STRAIGHT - 1.0) * shape[2]
+        beams = np.empty((mk.BEAM_ROWS, count))
+        with_normals(self.points, NORMAL_REACH, NORMAL_SIDE, SLIDE_STRAIGHT, beams)
         self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams

@@ -68,6 +68,22 @@ def surface_normals(points, reach, side, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def with_normals(points, reach, side, straight, beams):
+    """Write end points (2, B) and what their surface is like as beams (7, B), in the layout of ``match_kernels``.
+
+    ``reach`` and ``side`` are those of ``surface_normals``, ``straight`` weighs sliding along a straight wall.
+    """
+    shape = beams[2:5]          # the third of these rows holds straightness until the lever arm takes its place
+    surface_normals(points, reach, side, shape)
+    for b in range(points.shape[1]):
+        qx, qy, nx, ny, straightness = points[0, b], points[1, b], shape[0, b], shape[1, b], shape[2, b]
+        beams[0, b], beams[1, b] = qx, qy
+        beams[4, b] = ny * qx - nx * qy
+        beams[5, b] = nx * qx + ny * qy
+        beams[6, b] = 1.0 + (straight - 1.0) * straightness
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits):
     """Sort ranges into end points, beams that only clear space, and nothing.
 
@@ -83,9 +99,10 @@ def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
     skip : int
         Beams left out of the matching between two used ones.
     gap : float
-        End points nearer than this to the one before are left out [m]; 0: none.
+        End points that follow one nearer than this [m] become one with it, their mean; 0: none. Leaving them out
+        would choose, where beams graze a wall, those that noise has moved on, and turn the wall.
     points : (2, B) float64, used : (B,) bool
-        Written: end points [m], and which of them belong to the matching.
+        Written: end points [m], and which of them belong to the matching; of several in one the first decides.
     rays : (2, B) float32, ray_hits : (B,) bool
         Written: ends of all beams that clear space, and which of them mark their end.
 
@@ -94,7 +111,8 @@ def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
     tuple of int
         Number of end points, and of beams that clear space.
     """
-    count = seen = 0
+    count = seen = together = 0
+    first_x = first_y = 0.0
     for b in range(ranges.shape[0]):
         r = ranges[b]
         if r < limits[0]:
@@ -108,10 +126,12 @@ def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
         if not r <= limits[3]:
             continue
         x, y = r * directions[0, b], r * directions[1, b]
-        if gap > 0.0 and count > 0:
-            dx, dy = x - points[0, count - 1], y - points[1, count - 1]
-            if not dx * dx + dy * dy >= gap * gap:
-                continue
+        if together > 0 and (x - first_x) * (x - first_x) + (y - first_y) * (y - first_y) < gap * gap:
+            together += 1
+            points[0, count - 1] += (x - points[0, count - 1]) / together
+            points[1, count - 1] += (y - points[1, count - 1]) / together
+            continue
+        first_x, first_y, together = x, y, 1
         points[0, count], points[1, count] = x, y
         used[count] = b % (skip + 1) == skip
         count += 1

@@ -14,6 +14,16 @@ def _wrapped(angle):
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
+def _cos_sin(a):
+    """Cosine and sine of the headings of poses (..., 3).
+
+    Of a copy: of a strided array numpy takes another way, with other last bits, where the result happens to come to lie
+    right behind it in memory.
+    """
+    theta = a[..., 2].copy()
+    return np.cos(theta), np.sin(theta)
+
+
 def compose(a, b):
     """Return a (+) b: the pose ``b``, given in the frame ``a``, in the frame in which ``a`` is given.
 
@@ -31,7 +41,7 @@ def compose(a, b):
         (ax, ay, at), (bx, by, bt) = a.tolist(), b.tolist()
         c, s = math.cos(at), math.sin(at)
         return np.array([ax + c * bx - s * by, ay + s * bx + c * by, _wrapped(at + bt)])
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    c, s = _cos_sin(a)
     return np.stack([a[..., 0] + c * b[..., 0] - s * b[..., 1],
                      a[..., 1] + s * b[..., 0] + c * b[..., 1],
                      wrap(a[..., 2] + b[..., 2])], -1)
@@ -40,7 +50,7 @@ def compose(a, b):
 def inverse(a):
     """Return the pose whose composition with ``a`` is the identity."""
     a = np.asarray(a, float)
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    c, s = _cos_sin(a)
     return np.stack([-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap(-a[..., 2])], -1)
 
 
@@ -53,5 +63,5 @@ def between(a, b):
         dx, dy = bx - ax, by - ay
         return np.array([c * dx + s * dy, c * dy - s * dx, _wrapped(bt - at)])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    c, s = _cos_sin(a)
     return np.stack([c * dx + s * dy, c * dy - s * dx, wrap(b[..., 2] - a[..., 2])], -1)

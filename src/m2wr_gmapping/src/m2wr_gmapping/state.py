@@ -9,7 +9,6 @@ import inspect
 import io
 import json
 import math
-import os
 import pickle
 import zlib
 from dataclasses import dataclass
@@ -18,9 +17,9 @@ import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.map_file import complete, sync_folder
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.whole_files import write_whole
 
 MAGIC = b"m2wr_gmapping state\n"
 VERSION = 2             # goes up whenever the same attributes come to mean something else
@@ -128,15 +127,8 @@ def save(path, taken):
     """Write a snapshot to a file; an older file is replaced only by a complete new one. Raises StateError."""
     packed = zlib.compress(taken, 1)
     head = dict(version=VERSION, bytes=len(packed), sha256=hashlib.sha256(packed).hexdigest())
-    folder = os.path.dirname(os.path.abspath(path))
     try:
-        waiting = complete(folder, MAGIC + json.dumps(head).encode() + b"\n" + packed)
-        try:
-            os.replace(waiting, path)
-        except OSError:
-            os.unlink(waiting)
-            raise
-        sync_folder(folder)
+        write_whole((path, (MAGIC, json.dumps(head).encode(), b"\n", packed)))
     except OSError as error:
         raise StateError("cannot write the state {}: {}; what was there before is kept".format(
             path, error.strerror or error))

@@ -19,6 +19,7 @@ from numba import njit
 
 SHIFT, MASK, CELLS = 4, 15, 256
 UNIT, MOST_HITS = 1.0 / 65535, 255
+TURNS_TOGETHER = 4              # turns that tiles_around looks at as if they were one
 PLACES, PLACE_SHIFT = 8, 13     # places of a mean in its cell that draw_field tells apart, a side: the upper three bits
 
 
@@ -140,7 +141,45 @@ def _stamp_values(by_sigma, stamps):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def draw_field(grid, mean, hits, frame, corner, sigma, field):
+def tiles_around(centre, widest, count, points, stride, reach, frame, wanted):
+    """Mark the tiles whose means come near the points of a scan that is turned about its pose.
+
+    Parameters
+    ----------
+    centre : (3,) float64
+        Pose of the scan.
+    widest : float
+        How far it is turned to either side [rad].
+    count : int
+        Number of steps in which it is.
+    points : (R, B) float64
+        End points in the first two rows [m, laser frame]; every ``stride``-th is used.
+    reach : float
+        Marked is what lies so near, along either axis [m], or shares a value of ``draw_field`` with such a cell.
+    wanted : (H, W) bool
+        Written: True where a tile is marked; others stay.
+    """
+    between = widest / max(1, count) * TURNS_TOGETHER
+    rows, columns = wanted.shape[0] << SHIFT, wanted.shape[1] << SHIFT
+    for t in range(2 * count // TURNS_TOGETHER + 1):
+        theta = centre[2] - widest + (t + 0.5) * between
+        c, s = math.cos(theta), math.sin(theta)
+        for b in range(0, points.shape[1], stride):
+            qx, qy = points[0, b], points[1, b]
+            around = (reach + 0.5 * between * (abs(qx) + abs(qy))) * frame[2] + 4.0
+            fx = (centre[0] + c * qx - s * qy - frame[0]) * frame[2]
+            fy = (centre[1] + s * qx + c * qy - frame[1]) * frame[2]
+            if not (fx + around >= 0.0 and fy + around >= 0.0 and fx - around < columns and fy - around < rows):
+                continue
+            first_x, last_x = int(max(fx - around, 0.0)) >> SHIFT, int(min(fx + around, columns - 1.0)) >> SHIFT
+            first_y, last_y = int(max(fy - around, 0.0)) >> SHIFT, int(min(fy + around, rows - 1.0)) >> SHIFT
+            for ty in range(first_y, last_y + 1):
+                for tx in range(first_x, last_x + 1):
+                    wanted[ty, tx] = True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def draw_field(grid, mean, hits, frame, corner, sigma, wanted, field):
     """Draw the mean hit points of one map into a dense field of match values.
 
     Parameters
@@ -151,6 +190,8 @@ def draw_field(grid, mean, hits, frame, corner, sigma, field):
         Cell of the table at ``field[0, 0]``; may lie outside the table.
     sigma : float
         Denominator of the value's exponent [m^2].
+    wanted : (H, W) bool
+        Tiles that are drawn.
     field : (h, w) uint8
         Written: 255 exp(-d^2 / sigma), d the distance of a cell's centre to the nearest mean within two cells, else 0.
         A mean counts as if it were in the middle of its eighth of the cell, so a sixteenth off at most.
@@ -164,7 +205,7 @@ def draw_field(grid, mean, hits, frame, corner, sigma, field):
     for ty in range(first_y, last_y):
         for tx in range(first_x, last_x):
             tile = grid[ty, tx]
-            if tile < 0:
+            if tile < 0 or not wanted[ty, tx]:
                 continue
             for cell in range(CELLS):
                 if hits[tile, cell] == 0:

@@ -2,25 +2,38 @@
 import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.loop_closing import inverse_symmetric
+from m2wr_gmapping.loop_graph import inverse_symmetric
 from m2wr_gmapping.matcher import DEPENDENT, GOOD_SHARE, Expectation
 from m2wr_gmapping.odometry_trust import LEAST_TAUGHT, OdometryBias, OdometryTrust
 from m2wr_gmapping.se2 import between, compose, inverse
 
-STILL = np.array([0.005, 0.005, 0.005])     # a scan from so near the last matched one tells nothing new [m, m, rad]
-LONG_STEP = np.array([0.15, 0.15, 0.1])     # after such a step a plain match may be caught beside the right place
+STILL = 0.005, 0.005, 0.005                 # a scan from so near the last matched one tells nothing new [m, m, rad]
+LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a plain match may be caught beside the right place
 SLIP_FLOOR, SLIP_SHARE = np.array([0.2, 0.3]), 0.4      # how far a slip leads aside [m, rad]; growth with the step
 SLIP_SEEN = np.array([0.15, 0.1])           # a slip is believed when it is still there that much later [m, rad]
 SLIP_LOOKS = 20                             # or has been seen so often in a row
 SLIP_AGREES = np.array([0.1, 0.1, 0.1])     # and is the same within this [m, m, rad]
 SLIP_LEFT = np.square([0.05, 0.05, 0.03])   # variance that odometry has after a slip was found [m^2, m^2, rad^2]
 ASK_AGAIN, WORSE_SHARE = np.array([0.15, 0.15]), 0.1    # way [m, rad], or fall of the score, after which to doubt anew
-UNEXPLAINED = np.array([0.05, 0.05, 0.03])  # errors of odometry that it should not be left to carry poses with
+UNEXPLAINED = 0.05, 0.05, 0.02              # errors of odometry that move what is 2.5 m away by a cell [m, m, rad]
 
 
 def _size(step):
     """Distance [m] and turn [rad] of a step (3,)."""
-    return np.array([np.hypot(step[0], step[1]), abs(step[2])])
+    x, y, turn = step.tolist()
+    return np.array([np.hypot(x, y), abs(turn)])
+
+
+def _variances(information, prior):
+    """Variances (3,) of what a scan (6,), upper triangle, and a prior (3,) of variances tell together."""
+    h = information.copy()
+    h[[0, 3, 5]] += 1.0 / prior
+    return inverse_symmetric(h).diagonal()
+
+
+def _exceeds(step, limits):
+    """Whether any part of a step (3,) is larger than its limit."""
+    return any(abs(value) > limit for value, limit in zip(step.tolist(), limits))
 
 
 class Tracker:
@@ -75,14 +88,14 @@ class Tracker:
         """Take in a step (3,) of odometry."""
         right = self.bias.corrected(step)
         self.rel, self.expected = compose(self.rel, right), compose(self.expected, right)
-        self._signed = self._signed + (self.bias.forward(step), step[2])
+        self._signed = self._signed + np.array([self.bias.forward(step), step[2]])
         self._driven, self._since = compose(self._driven, step), compose(self._since, step)
         self._way += _size(step)
 
     @property
     def moved(self):
         """Whether odometry has moved since the last match."""
-        return bool((np.abs(self._since) > STILL).any())
+        return _exceeds(self._since, STILL)
 
     @property
     def undecided(self):
@@ -92,7 +105,7 @@ class Tracker:
     @property
     def unexplained(self):
         """Whether odometry does not lead from the last processed scan to where the newest one was found."""
-        return bool((np.abs(between(self._driven, self.rel)) > UNEXPLAINED).any())
+        return _exceeds(between(self._driven, self.rel), UNEXPLAINED)
 
     @property
     def variances(self):
@@ -116,9 +129,10 @@ class Tracker:
         beams = reading.beams.shape[1]
         if not beams:
             return False
-        at_once = not self._dense or bool((np.abs(step) > LONG_STEP).any())
+        long = _exceeds(step, LONG_STEP)
+        at_once = not self._dense or long
         expectation = Expectation(compose(anchor, self.expected), self.variances, SLIP_FLOOR + SLIP_SHARE * _size(step),
-                                  bool((np.abs(step) > LONG_STEP).any()), self._good_share(step))
+                                  long, self._good_share(step))
         row, slipped = self._matcher.track(maps, particle, reading, compose(anchor, self.rel), expectation)
         self.rel = between(anchor, row[:3])
         share = row[mk.SCORE] / beams
@@ -167,14 +181,10 @@ class Tracker:
         """
         if self._slack.any():           # then it is not odometry's error alone
             return
-        h = np.array(information, float)
-        h[[0, 3, 5]] += 1.0 / self.variances
-        error, variance = between(self.expected, found), np.diag(inverse_symmetric(h))
         prior = self.variances
+        error, variance = between(self.expected, found), _variances(information, prior)
         told = np.maximum(1.0 - variance / prior, 0.0)
-        h = np.array(information, float) / DEPENDENT
-        h[[0, 3, 5]] += 1.0 / prior
-        heard = np.maximum(1.0 - np.diag(inverse_symmetric(h)) / prior, 0.0)
+        heard = np.maximum(1.0 - _variances(information / DEPENDENT, prior) / prior, 0.0)
         # a match is the mean of scan and odometry, weighted by what was told: alone the scan says that much more
         self.bias.learn(error / np.maximum(told, LEAST_TAUGHT), prior, heard, *self._signed)
         self.trust.learn(error, variance, *self._way)

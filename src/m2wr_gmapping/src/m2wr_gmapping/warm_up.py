@@ -39,7 +39,7 @@ def rare_work(mapper):
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
-    graph_kernels.drift(path, turned, np.zeros((1, 2), np.int64), np.empty((len(path), 3)))
+    graph_kernels.drift(path, turned, np.zeros((1, 2), np.int64), 0, np.empty((len(path), 3)))
     scene = place_search.Scene(path, along, mapper.readings, nodes, turned + 3.0, turned + 0.1)
     place_search.near_search(scene, nodes)
     place_search.wide_search(scene, nodes)

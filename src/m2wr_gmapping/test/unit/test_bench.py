@@ -202,7 +202,8 @@ def test_a_benchmark_that_was_ended_goes_on_where_it_was(folder, capsys, monkeyp
 @pytest.mark.parametrize("words, told", [
     ([".", "--resume"], "expected --keep"),
     ([], "no folder"), (["nowhere"], "no such folder"), ([".", "--particles", "0"], "at least 1"),
-    ([".", "--set", "delta"], "expected NAME=VALUE"), ([".", "--table", "none.md"], "none.md")])
+    ([".", "--set", "delta"], "expected NAME=VALUE"), ([".", "--table", "none.md"], "none.md"),
+    ([".", "--json", "nowhere/all.json"], "no folder")])
 def test_words_that_do_not_fit_are_told_at_once(tmp_path, monkeypatch, capsys, words, told):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv(command.FOLDER_VARIABLE, raising=False)

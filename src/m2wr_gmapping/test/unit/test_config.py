@@ -4,8 +4,9 @@ import os
 import re
 
 import pytest
+import yaml
 
-from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig
+from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig, number
 
 README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")
 
@@ -45,6 +46,18 @@ def test_values_of_another_kind_leave_the_default_and_are_listed(name, given):
 def test_values_out_of_range_are_named_with_their_range(given, words):
     with pytest.raises(ConfigError, match=re.escape(words)):
         GmappingConfig.from_mapping(given)
+
+
+@pytest.mark.parametrize("text", ["1e-3", "+5E2", "-2e0", "1.5e3", ".5e1", "3.e2"])
+def test_numbers_that_yaml_leaves_strings_are_numbers(text):
+    assert isinstance(yaml.safe_load(text), str)
+    assert number(text) == float(text)
+    assert GmappingConfig.from_mapping({"minimumScore": text})["minimumScore"] == float(text)
+
+
+@pytest.mark.parametrize("text", ["5", "e5", ".e5", "1e", "0x1e5", "1e5 m", "", "inf", "1_0e3"])
+def test_other_strings_are_no_numbers(text):
+    assert number(text) is None and GmappingConfig.from_mapping({"particles": text}).unusable
 
 
 def test_unknown_names_are_listed_and_ten_thousand_particles_are_allowed():

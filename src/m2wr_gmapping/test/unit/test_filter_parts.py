@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping import loop_closing, resampling
+from m2wr_gmapping import loop_graph, resampling
 from m2wr_gmapping.motion_model import MotionNoise, sample_motion
 from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.se2 import between, compose, inverse, wrap
@@ -19,6 +19,18 @@ def test_poses_compose_and_invert():
     assert np.allclose(between(a, compose(a, b))[:, :2], b[:, :2])
     assert np.allclose(compose(a, inverse(a)), 0.0)
     assert -math.pi <= compose([0, 0, 3.0], [0, 0, 3.0])[2] < math.pi
+
+
+def test_poses_come_out_the_same_wherever_they_lie_in_memory():
+    rng = np.random.default_rng(3)
+    poses = rng.normal(size=(196, 3))
+    found = set()
+    for _ in range(400):
+        scattered = [np.empty(size) for size in rng.integers(1, 4000, int(rng.integers(1, 30)))]
+        copy = poses.copy()
+        found.add((compose(copy, poses[0]).tobytes(), between(copy, poses[0]).tobytes(), inverse(copy).tobytes()))
+        del scattered
+    assert len(found) == 1
 
 
 def test_motion_noise_follows_the_step():
@@ -155,7 +167,7 @@ def test_covariance_of_a_match_agrees_with_the_library(seed):
     root = np.random.default_rng(seed).normal(size=(3, 3))
     h = root @ root.T * 50.0
     prior, floor = np.array([0.1, 0.2, 0.05]), np.array([1e-4, 2e-4, 3e-5])
-    wanted = np.linalg.inv(h / loop_closing.DEPENDENT + np.diag(prior**-2)) + np.diag(floor)
+    wanted = np.linalg.inv(h / loop_graph.DEPENDENT + np.diag(prior**-2)) + np.diag(floor)
     upper = h[np.triu_indices(3)]
-    assert np.allclose(loop_closing.covariance(upper, prior, floor), wanted)
-    assert np.allclose(loop_closing.information_of(upper, prior, floor), np.linalg.inv(wanted))
+    assert np.allclose(loop_graph.covariance(upper, prior, floor), wanted)
+    assert np.allclose(loop_graph.information_of(upper, prior, floor), np.linalg.inv(wanted))

@@ -1,22 +1,16 @@
 """What the original does wrong and its users know: none of it here. Lasers and bad input have tests of their own."""
 import math
 import threading
-import time
 import tracemalloc
 
 import numpy as np
 import pytest
 import rospy
-import tf2_ros
-from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import LaserScan
-from tf2_msgs.msg import TFMessage
 
 from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.occupancy import Grid, Occupancy
-from m2wr_gmapping.ros.intake import Intake
 from m2wr_gmapping.ros.missing import name_what_is_missing
 from m2wr_gmapping.ros.outputs import MapOutput
 from m2wr_gmapping.ros.params import tf_prefix, with_prefix
@@ -137,49 +131,6 @@ def test_a_run_with_odometry_that_stands_still_keeps_to_the_walls(ring, laser):
 
 # ---- the way in
 
-class FakeTime:
-    """A clock that goes on with every look at it, and lets other threads in between."""
-
-    def __init__(self):
-        self._lock, self._ticks = threading.Lock(), 0
-
-    def now(self):
-        with self._lock:
-            self._ticks += 1
-            found = rospy.Time(0, 1000 * self._ticks)
-        time.sleep(0)
-        return found
-
-
-def test_threads_that_look_at_the_clock_together_see_no_jump(monkeypatch):
-    clock = FakeTime()
-    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
-    monkeypatch.setattr(rospy.Time, "now", clock.now)
-    intake = Intake("odom", 10)
-
-    def bring(count):
-        for _ in range(count):
-            intake._look_at_clock()
-
-    threads = [threading.Thread(target=bring, args=(2000,)) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert intake.generation == 0
-
-
-def test_a_clock_that_goes_back_is_a_jump(monkeypatch):
-    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
-    intake = Intake("odom", 10)
-    for seconds, generation in ((10.0, 0), (11.0, 0), (11.0, 0), (10.5, 1), (10.6, 1)):
-        monkeypatch.setattr(rospy.Time, "now", lambda seconds=seconds: rospy.Time.from_sec(seconds))
-        scan = LaserScan()
-        scan.header.stamp = rospy.Time.from_sec(seconds)
-        intake.on_scan(scan)
-        assert intake.generation == generation
-
-
 @pytest.mark.parametrize("prefix, given, wanted", [
     ("", {}, ("base_link", "odom", "map")), ("r1", {}, ("r1/base_link", "r1/odom", "r1/map")),
     ("r1", {"odom_frame": "/odom", "map_frame": "r1/map"}, ("r1/base_link", "odom", "r1/map")),
@@ -204,66 +155,6 @@ def test_odometry_of_another_kind_of_number_is_taken(ring, laser):
     reading = mapper.reading(tuple(ring.ranges(drive(0.1)[0], laser.angles)))
     assert mapper.process(reading, list(odom[0]), 0).processed
     mapper.close()
-
-
-def waiting_scan(frame, seconds):
-    scan = LaserScan()
-    scan.header.frame_id, scan.header.stamp = frame, rospy.Time.from_sec(seconds)
-    return scan
-
-
-def transform(parent, child, seconds):
-    made = TransformStamped(child_frame_id=child)
-    made.header.frame_id, made.header.stamp = parent, rospy.Time.from_sec(seconds)
-    made.transform.rotation.w = 1.0
-    return made
-
-
-@pytest.fixture
-def intake(monkeypatch):
-    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
-    return Intake("odom", 500)
-
-
-def test_scans_come_out_in_order_as_soon_as_their_transform_is_known(intake):
-    for k in range(10, 20):
-        intake.on_scan(waiting_scan("laser", 0.1 * k))
-    assert intake._ready() is None
-    for seconds in (1.2, 1.45):         # for the first two there will never be one
-        intake.on_transforms(TFMessage([transform("odom", "laser", seconds)]))
-    found = [intake._ready() for _ in range(4)]
-    assert [round(entry[0].header.stamp.to_sec(), 3) for entry in found[:3]] == [1.2, 1.3, 1.4]
-    assert found[3] is None and intake.waiting == 5 and intake.without_transform == 2
-
-
-def test_a_frame_that_nobody_knows_holds_up_no_other(intake):
-    intake.on_scan(waiting_scan("nowhere", 1.0))
-    intake.on_scan(waiting_scan("laser", 1.1))
-    intake.on_transforms(TFMessage([transform("odom", "laser", 1.05), transform("odom", "laser", 1.2)]))
-    assert intake._ready()[0].header.frame_id == "laser" and intake.without_transform == 1
-
-
-def test_a_transform_that_holds_at_all_times_is_enough(intake):
-    intake.on_scan(waiting_scan("laser", 1.0))
-    assert intake._ready() is None
-    intake.on_transforms(TFMessage([transform("odom", "laser", 0.0)]), static=True)
-    assert intake._ready() is not None
-
-
-def test_a_full_queue_without_transforms_costs_no_time(intake, monkeypatch):
-    asked = []
-
-    class Buffer:
-        def lookup_transform_core(self, target, source, stamp):
-            asked.append(stamp)
-            raise tf2_ros.ExtrapolationException("into the future")
-
-        def get_latest_common_time(self, target, source):
-            return rospy.Time(1)
-    for k in range(400):
-        intake.on_scan(waiting_scan("laser", 2.0 + 0.1 * k))
-    monkeypatch.setattr(intake, "_buffer", Buffer())
-    assert intake._ready() is None and len(asked) == 1
 
 
 def test_memory_stays_flat_while_the_robot_stands_still(ring, laser):

@@ -4,12 +4,17 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping import graph_kernels, place_search
+from m2wr_gmapping import graph_kernels, loop_closing, place_search
+from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.loop_graph import LoopGraph, way_along
+from m2wr_gmapping.loop_growth import LoopGrowth
 from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.matcher import FastMatcher
 from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.scan import LaserModel
 from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.workers import Workers
 
 STEP = 0.25
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 10.0)
@@ -86,7 +91,7 @@ def odometry(truth, rng, way, turn):
     return np.array(poses)
 
 
-def mapped(world, seed, way=0.02, turn=0.1, **parameters):
+def mapped(world, seed, way=0.02, turn=0.1, finish=True, **parameters):
     """A mapper after a drive, and the truth at its nodes."""
     rng = np.random.default_rng(seed)
     walls, corners = world(rng) if world is ring else world()
@@ -97,7 +102,8 @@ def mapped(world, seed, way=0.02, turn=0.1, **parameters):
     mapper = Mapper(GmappingConfig.from_mapping(dict(values, **parameters)), LASER)
     for k, (pose, at) in enumerate(zip(truth, odom)):
         mapper.process(mapper.reading(ranges(walls, pose) + rng.normal(0.0, 0.015, len(LASER.angles))), at, 0.1 * k)
-    mapper.finish()
+    if finish:
+        mapper.finish()
     nodes = np.round(np.array(mapper.stamps) / 0.1).astype(int)
     return mapper, truth[nodes]
 
@@ -112,16 +118,159 @@ def apart(mapper, truth):
 
 def false_links(mapper, truth):
     found = [(old, new, between(between(truth[old], truth[new]), measured))
-             for old, new, measured, _ in mapper._loops._links]
+             for old, new, measured, _ in mapper._loops.graph.links]
     return [(old, new) for old, new, error in found if math.hypot(error[0], error[1]) > 1.0]
 
 
-def test_a_wide_loop_is_closed():
-    open_mapper, truth = mapped(ring, 11, loop_closing=False)
-    assert apart(open_mapper, truth).max() > 1.0          # otherwise this shows nothing
-    mapper, truth = mapped(ring, 11)
-    assert apart(mapper, truth).max() < 0.4 and mapper.info()["links"] > 5
-    assert not false_links(mapper, truth)
+@pytest.fixture(scope="module")
+def open_ring():
+    """A mapper that has closed no loop, after a drive round a ring and a bit more, and the truth at its nodes."""
+    mapper, truth = mapped(ring, 11, turn=0.2, loop_closing=False)
+    assert apart(mapper, truth).max() > 1.0          # otherwise this shows nothing
+    return mapper, truth
+
+
+def test_a_wide_loop_is_closed_from_its_first_metre_on(open_ring):
+    mapper, truth = mapped(ring, 11, turn=0.2, finish=False)
+    assert apart(mapper, truth).max() < 0.3 and not false_links(mapper, truth)
+    along = way_along(truth)
+    again = along[[new for new in range(len(truth)) if along[new] > 60.0
+                   and np.hypot(*(truth[along < 60.0] - truth[new])[:, :2].T).min() < 0.5]]
+    linked = along[[link[1] for link in mapper._loops.graph.links]]
+    assert linked.min() < again.min() + 5.0 and len(linked) > 15
+
+
+def graph_of(mapper):
+    """A graph without links of a mapper's path, the path, and its readings."""
+    path = mapper.filter.tree.path(mapper.filter.best)
+    graph = LoopGraph(FastMatcher(mapper.config, Workers(1)), mapper.config["delta"])
+    for _ in range(len(path) - 1):
+        graph.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02))
+    return graph, path, mapper.readings
+
+
+def test_a_link_grows_along_the_loop_it_closes(open_ring):
+    mapper, truth = open_ring
+    graph, path, readings = graph_of(mapper)
+    old = int(np.argmin(np.hypot(*(truth[:150] - truth[-20])[:, :2].T)))
+    link = (old, len(path) - 20, between(truth[old], truth[-20]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
+    graph.links.append(link)
+    along, drifted = way_along(truth), truth.copy()
+    drifted[200:, :2] += 0.04 * np.abs(along[-20] - along[200:, None])      # the more, the farther from the link
+    growth = LoopGrowth(graph)
+    growth.begin_at([link])
+    growth.advance(drifted, along, readings, 1000)
+    assert len(graph.links) > 15 and not growth.fronts and growth.bends
+    for first, second, measured, _ in graph.links[1:]:
+        error = between(between(truth[first], truth[second]), measured)
+        assert math.hypot(error[0], error[1]) < 0.3 and second != link[1]
+
+
+def test_a_link_that_is_wrong_does_not_grow(open_ring):
+    mapper, truth = open_ring
+    graph, path, readings = graph_of(mapper)
+    link = (10, len(path) - 20, np.array([3.0, 0.0, 1.0]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
+    graph.links.append(link)
+    growth = LoopGrowth(graph)
+    growth.begin_at([link])
+    growth.advance(path, way_along(path), readings, 1000)
+    assert len(graph.links) == 1 and not growth.fronts
+
+
+def test_places_of_long_ago_are_looked_at_again(open_ring):
+    mapper, truth = open_ring
+    graph, path, readings = graph_of(mapper)
+    correct = truth.copy()
+    away = np.array([0.6, 0.3, 0.0])                # a closure elsewhere has left the new part that far beside
+    new = way_along(truth) > 100.0
+    correct[new] = compose(away, correct[new])
+    old = int(np.argmin(np.hypot(*(truth[:150] - truth[-1])[:, :2].T)))
+    graph.links.append((old, len(path) - 1, between(correct[old], correct[-1]), np.eye(3)))
+    growth = LoopGrowth(graph)
+    growth.review(way_along(correct))
+    growth.advance(correct, way_along(correct), readings, 1000)
+    assert growth.bends and growth.tears and len(graph.links) > 10
+    for first, second, measured, _ in graph.links[1:]:
+        error = between(between(truth[first], truth[second]), measured)
+        assert math.hypot(error[0], error[1]) < 0.3
+
+
+def find(along, correction=0.0, clear=False, alike=False, drift=10.0):
+    link = (0, 1, None, None)
+    return loop_closing._Find(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift)
+
+
+@pytest.mark.parametrize("finds, enough", [
+    ([find(0.0)], False), ([find(0.0), find(3.0)], False), ([find(0.0), find(1.5), find(3.0)], True),
+    ([find(0.0, clear=True), find(0.5, clear=True)], False), ([find(0.0, clear=True), find(1.2, clear=True)], True),
+    ([find(0.0), find(1.2, drift=3.0)], True), ([find(0.0), find(1.0), find(2.0)], False),
+    ([find(1.0 * k, alike=k == 0) for k in range(4)], False), ([find(1.0 * k, alike=k == 0) for k in range(7)], True)])
+def test_what_is_less_clear_must_be_found_more_often(finds, enough):
+    assert loop_closing._enough(finds) == enough
+
+
+@pytest.mark.parametrize("alike, beside, believed", [(False, 0.0, True), (True, 0.0, False), (True, 1.2, True)])
+def test_among_places_alike_one_is_believed_only_if_the_robot_cannot_be_where_it_is_thought_to_be(
+        monkeypatch, alike, beside, believed):
+    walls = np.array(box(0.0, 0.0, 6.0, 4.0))
+    reading = LASER.reading(ranges(walls, np.array([0.0, 0.0, 0.0])))
+    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05)
+    path = np.array([[0.0, 0.0, 0.0], [0.0, beside, 0.0]])
+    along, old = np.array([0.0, 40.0]), np.array([0])
+    scene = place_search.Scene(path, along, [reading, reading], old, np.full(2, 5.0), np.ones(2))
+    monkeypatch.setattr(place_search, "wide_search", lambda *_: place_search.Place(np.zeros(3), 0.9, 10.0, alike))
+    found = closer._wide_find(scene, old)
+    assert (found is not None) == believed
+    if believed:
+        assert np.abs(found.pose).max() < 0.02 and found.correction[1] == pytest.approx(-beside, abs=0.02)
+
+
+def corridor(passages, length=70.0, width=2.0):
+    """Walls of a corridor along x with passages 1.5 m wide and 5 m deep on both sides at the places ``passages``."""
+    walls = []
+    for side in (-1, 1):
+        at, y, out = -5.0, side * width / 2, side * (width / 2 + 5.0)
+        for x in passages:
+            walls += [(at, y, x, y), (x, y, x, out), (x, out, x + 1.5, out), (x + 1.5, out, x + 1.5, y)]
+            at = x + 1.5
+        walls.append((at, y, length, y))
+    return np.array(walls)
+
+
+@pytest.mark.parametrize("passages", [(10.0, 15.0), ()])
+def test_where_ten_metres_look_alike_a_longer_stretch_tells_the_place(passages):
+    truth = np.zeros((61, 3))
+    truth[:, 0] = np.arange(61) * 0.5
+    rng = np.random.default_rng(5)
+    seen = [LASER.reading(np.minimum(ranges(corridor(passages), pose), 6.0) + rng.normal(0.0, 0.01, len(LASER.angles)))
+            for pose in truth]
+    path = np.concatenate([truth, truth])
+    path[61:] = compose([0.7, 1.5, 0.02], path[61:])
+    along = np.concatenate([truth[:, 0], truth[:, 0] + 100.0])
+    old = np.arange(61)
+    scene = place_search.Scene(path, along, seen + seen, old, np.full(122, 5.0), np.full(122, 0.15))
+    found = place_search.wide_search(scene, old)
+    if passages:
+        assert found.reach == place_search.LONG_PATH and np.abs(found.pose - truth[-1]).max() < 0.3
+    else:
+        assert found is None                # nothing tells along a plain corridor
+
+
+def test_scans_of_a_stretch_are_joined_as_if_one_had_seen_all():
+    walls = np.array(box(0.0, 0.0, 8.0, 5.0))
+    path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
+    readings = [LASER.reading(ranges(walls, pose)) for pose in path]
+    scene = place_search.Scene(path, np.arange(10) * 0.2, readings, np.array([0]), np.zeros(10), np.zeros(10))
+    beams = place_search.joined(scene, 1.0).beams
+    x, y = compose(path[-1], np.stack([beams[mk.QX], beams[mk.QY], np.zeros(beams.shape[1])], -1))[:, :2].T
+    assert np.maximum(np.abs(x) / 4.0, np.abs(y) / 2.5).max() < 1.001 and beams.shape[1] > 150
+    far = np.hypot(beams[mk.QX], beams[mk.QY]) > 1.0
+    assert (np.minimum(np.abs(np.abs(x) - 4.0), np.abs(np.abs(y) - 2.5)) < 1e-6).all() and far.any()
+    turned = compose([0.0, 0.0, path[-1, 2]], np.stack([beams[mk.NX], beams[mk.NY], np.zeros(beams.shape[1])], -1))
+    held = np.hypot(beams[mk.NX], beams[mk.NY]) > 0.5
+    assert (np.abs(turned[held, :2]).max(axis=1) > 0.99).mean() > 0.9       # normals stand on the walls
+    assert np.allclose(beams[mk.ARM_N], beams[mk.NY] * beams[mk.QX] - beams[mk.NX] * beams[mk.QY])
+    assert np.allclose(beams[mk.ARM_T], beams[mk.NX] * beams[mk.QX] + beams[mk.NY] * beams[mk.QY])
 
 
 def test_an_aisle_that_looks_like_another_is_not_taken_for_it():
@@ -136,21 +285,21 @@ def test_an_aisle_that_looks_like_another_is_not_taken_for_it():
 def test_drift_is_that_of_the_best_way_through_the_graph(seed):
     rng = np.random.default_rng(seed)
     path, variances = np.cumsum(rng.normal(0.0, 1.0, (30, 3)), axis=0), rng.uniform(0.0, 0.1, 30)
-    links = rng.integers(0, 30, (seed, 2))
+    links, source = rng.integers(0, 30, (seed, 2)), (29, 29, 0, 12, 20)[seed]
     edges = {}
     for k in range(1, 30):
         size = math.hypot(*(path[k] - path[k - 1])[:2])
-        lever = size * math.hypot(*(path[-1] - 0.5 * (path[k] + path[k - 1]))[:2])
+        lever = size * math.hypot(*(path[source] - 0.5 * (path[k] + path[k - 1]))[:2])
         edges[k - 1, k] = edges[k, k - 1] = np.array([lever, variances[k], size])
     for a, b in links:
         edges[a, b] = edges[b, a] = np.zeros(3)
-    best = {29: np.zeros(3)}
+    best = {source: np.zeros(3)}
     for _ in range(60):                 # Bellman and Ford
         for (a, b), cost in edges.items():
             if a in best and (b not in best or best[a][0] + cost[0] < best[b][0] - 1e-12):
                 best[b] = best[a] + cost
     out = np.empty((30, 3))
-    graph_kernels.drift(path, variances, links.astype(np.int64).reshape(-1, 2), out)
+    graph_kernels.drift(path, variances, links.astype(np.int64).reshape(-1, 2), source, out)
     assert np.allclose(out, [best[k] for k in range(30)])
 
 
@@ -177,6 +326,6 @@ def test_what_cannot_be_seen_through_speaks_against_a_place():
     readings = [LASER.reading(np.minimum(ranges(wall, np.zeros(3)), 9.0)) for wall in (near, far, near)]
     path, along = np.zeros((3, 3)), np.array([0.0, 20.0, 40.0])
     scene = place_search.Scene(path, along, readings, np.array([0, 1]), np.zeros(3), np.zeros(3))
-    row = np.zeros(13)
-    assert place_search.looked_through(scene, row, np.array([0])) == 0.0
-    assert place_search.looked_through(scene, row, np.array([1])) > 0.4
+    pose = np.zeros(3)
+    assert place_search.looked_through(scene, pose, np.array([0])) == 0.0
+    assert place_search.looked_through(scene, pose, np.array([1])) > 0.4

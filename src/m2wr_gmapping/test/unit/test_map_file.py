@@ -1,6 +1,7 @@
 """Map files: their bytes, and that an older map survives whatever goes wrong."""
 import errno
 import os
+import tempfile
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def test_a_full_disk_keeps_the_old_map(tmp_path, monkeypatch, fault):
     def full(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(map_file.tempfile if fault == "mkstemp" else map_file.os, fault, full)
+    monkeypatch.setattr(tempfile if fault == "mkstemp" else os, fault, full)
     with pytest.raises(map_file.MapFileError, match="No space left.*is kept"):
         map_file.save(name, DATA + 1, 0.1, [0.0, 0.0, 0.0])
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
@@ -48,10 +49,10 @@ def test_a_folder_that_is_not_there_is_named(tmp_path):
 
 @pytest.mark.parametrize("arguments, words", [
     (dict(free=70, occupied=65), "thresholds"), (dict(data=np.zeros((0, 3))), "shape"),
-    (dict(resolution=0.0), "resolution")])
+    (dict(resolution=0.0), "resolution"), (dict(name=""), "name"), (dict(name="/tmp/"), "name")])
 def test_nonsense_is_refused(tmp_path, arguments, words):
-    values = dict(data=DATA, resolution=0.05, origin=[0.0, 0.0, 0.0])
+    values = dict(name=str(tmp_path / "plan"), data=DATA, resolution=0.05, origin=[0.0, 0.0, 0.0])
     values.update(arguments)
     with pytest.raises(ValueError, match=words):
-        map_file.save(str(tmp_path / "plan"), **values)
+        map_file.save(**values)
     assert not list(tmp_path.iterdir())

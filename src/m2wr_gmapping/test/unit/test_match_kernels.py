@@ -8,7 +8,7 @@ from m2wr_gmapping import hill_climb_kernels as hk
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
 
-SETTINGS = np.array([0.05, 0.01, 8, 0.05, 0.05, 0.075])
+SETTINGS = np.array([0.05, 0.01, 8, 0.05, 0.05, 0.075, 0.0])
 
 
 def cloud(seed, count=150):
@@ -100,6 +100,33 @@ def test_information_is_large_across_walls_and_small_along_one():
                    maps.hits, maps.frame, np.full(3, 1e-6), SETTINGS, results)
     xx, yy = results[0, mk.INFORMATION], results[0, mk.INFORMATION + 3]
     assert yy > 30.0 * xx > 0.0
+
+
+def slow_information(maps, beams, pose, free):
+    """Upper triangle of the sum of J^T W J over the beams with a partner, one after the other."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    total = np.zeros((3, 3))
+    for qx, qy, nx, ny, arm_n, arm_t, slide in beams.T:
+        d2 = slow_nearest(maps, pose[0] + c * qx - s * qy, pose[1] + s * qx + c * qy)
+        if d2 is not None:
+            u = d2 / SETTINGS[mk.NARROW]
+            w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u / 6.0)))
+            across, along = np.array([nx, ny, arm_n]), np.array([-ny, nx, arm_t])
+            total += w * (np.outer(across, across) + max(slide - free, 0.0) * np.outer(along, along))
+    return total[np.triu_indices(3)] / SETTINGS[mk.SPREAD]**2
+
+
+@pytest.mark.parametrize("count, free", [(3, 0.0), (64, 0.01), (65, 0.0), (200, 0.02)])     # less and more than a block
+def test_information_equals_its_plain_twin(count, free):
+    maps, beams = cloud(6, count)
+    settings, results = SETTINGS.copy(), np.zeros((1, mk.RESULT_SIZE))
+    settings[mk.FREE] = free
+    start = np.array([[0.01, -0.02, 0.01]])
+    mk.match_poses(start, start, 0, 1, np.zeros(1, np.int64), beams, maps.table, maps.mean, maps.hits, maps.frame,
+                   np.full(3, 100.0), settings, results)
+    wanted = slow_information(maps, beams, results[0, :3], free)
+    assert np.allclose(results[0, mk.INFORMATION:], wanted, rtol=1e-2, atol=1e-2 * np.abs(wanted).max())
+    assert results[0, 3:6] == pytest.approx(slow_rating(maps, beams, results[0, :3]), rel=1e-2)
 
 
 def test_a_prior_holds_a_pose_where_the_scan_says_nothing():

@@ -45,7 +45,7 @@ def plain(path, readings, origin, shape, resolution, threshold):
             if hit:
                 visits[y1, x1] += 1
                 hits[y1, x1] += 1
-    return np.where(visits == 0, -1, np.where(hits > threshold * visits, 100, 0))
+    return np.where(visits == 0, -1, np.where(hits / np.maximum(visits, 1) > threshold, 100, 0))
 
 
 def scans(seed, count=12):
@@ -110,6 +110,30 @@ def test_a_crossed_side_moves_ten_metres_beyond_and_others_stay():
     grid = made.grid()
     assert grid.origin[0] <= -19.0 and abs(grid.origin[0] / 0.05 - round(grid.origin[0] / 0.05)) < 1e-6
     assert (grid.data == 100).sum() == 2
+
+
+@pytest.mark.parametrize("high, columns", [(9.0, 480), (9.02, 480), (9.03, 512), (10.62, 512),
+                                           (10.63, 544)])
+def test_a_grid_that_grows_has_the_originals_size(high, columns):
+    """Cells up to 10 m beyond, counted from the first one, rounded up to patches of 32."""
+    made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25)
+    made.update(np.zeros((1, 3)), [Reading([[high], [0.0]])])
+    assert made.bounds == (192, columns) and columns == 32 * math.ceil(round((high + 15.0) / 0.05) / 32)
+
+
+def test_half_a_cell_beyond_the_first_centre_is_still_inside():
+    made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25)
+    made.update(np.zeros((1, 3)), [Reading([[-5.02, 4.57], [0.0, 0.0]])])
+    assert made.bounds == (192, 192) and (made.grid().data == 100).sum() == 2
+
+
+@pytest.mark.parametrize("threshold, looks", [(0.29, 100), (0.1, 30), (0.7, 10), (0.57, 100)])
+def test_a_share_of_hits_that_equals_the_threshold_is_free(threshold, looks):
+    made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, threshold)
+    hits = round(threshold * looks)
+    readings = [Reading([[1.0], [0.0]])] * hits + [Reading([[1.5], [0.0]], [False])] * (looks - hits)
+    made.update(np.zeros((looks, 3)), readings)
+    assert hits / looks == threshold and (made.grid().data == 100).sum() == 0
 
 
 def test_values_are_unknown_free_and_occupied_only():

@@ -21,6 +21,12 @@ SETTINGS = ["_particles:=5", "_linearUpdate:=0.5", "_xmin:=-5", "_xmax:=5", "_ym
             "_base_frame:=base", "--quiet"]
 
 
+@pytest.fixture(autouse=True)
+def no_master(monkeypatch):
+    """Nothing here needs a master, and one that happens to be there is left alone."""
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
+
+
 def transform(parent, child, stamp, pose):
     message = TransformStamped()
     message.header.frame_id, message.header.stamp, message.child_frame_id = parent, stamp, child
@@ -87,6 +93,19 @@ def test_every_scan_is_used_however_late_its_transform(tmp_path, ring, laser, la
     assert (tmp_path / "plan.pgm").stat().st_size > 10000 and (tmp_path / "plan.yaml").exists()
 
 
+def test_one_transform_far_ahead_costs_no_scan(tmp_path, ring, laser):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser, late=12)
+    with rosbag.Bag(str(tmp_path / "drive.bag"), "a") as bag:
+        messages = list(bag.read_messages())
+    with rosbag.Bag(str(tmp_path / "drive.bag"), "w") as bag:
+        for index, (topic, message, stamp) in enumerate(messages):
+            if index == len(messages) // 2:
+                bag.write("/tf", TFMessage([transform("odom", "base", rospy.Time(10**6), (0.0, 0.0, 0.0))]), stamp)
+            bag.write(topic, message, stamp)
+    code, stats = run(tmp_path)
+    assert code == 0 and stats["scans"] == len(truth) and stats["without_transform"] == 0
+
+
 def test_statistics_say_what_was_done(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     _, stats = run(tmp_path)
@@ -112,8 +131,28 @@ def test_the_first_scans_are_left_out_on_demand(tmp_path, ring, laser):
     run(tmp_path, "--trajectory", str(tmp_path / "whole"))
     run(tmp_path, "_settle_time:=1.0", "--trajectory", str(tmp_path / "late"))
     assert table(tmp_path / "late")[0, 0] >= table(tmp_path / "whole")[0, 0] + 1.0
-    with pytest.raises(SystemExit):
-        run(tmp_path, "_settle_time:=soon")
+    assert run(tmp_path, "_settle_time:=soon")[0] == command.USAGE
+
+
+def test_a_run_that_leaves_nothing_behind_says_so(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    assert command.main(["--bag_filename", str(tmp_path / "drive.bag")] + SETTINGS) == 0
+    assert "nothing is kept" in caplog.text
+
+
+def test_scans_that_are_all_left_out_are_told(tmp_path, ring, laser, caplog):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    for parameter in ("_throttle_scans:=5000", "_settle_time:=1e4"):
+        assert run(tmp_path, parameter)[0] == command.FAILED and "leave out all" in caplog.text
+        caplog.clear()
+
+
+@pytest.mark.parametrize("words", [["--max_duration_buffer", "0"], ["--max_duration_buffer", "nan"],
+                                   ["--max_duration_buffer", "1e12"], ["_particles:=[1,2"], ["--seed", "x"]])
+def test_words_that_make_no_sense_are_told_at_once(tmp_path, words, capsys):
+    with pytest.raises(SystemExit) as left:
+        run(tmp_path, *words)
+    assert left.value.code == command.USAGE and words[0].partition(":=")[0] in capsys.readouterr().err
 
 
 def test_only_processed_scans_where_that_is_wanted(tmp_path, ring, laser):
@@ -131,6 +170,37 @@ def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path, ring, laser, share,
     code, stats = run(tmp_path)
     assert code == 0 and 0 < stats["scans"] <= len(truth)
     assert "broken at byte" in caplog.text
+
+
+def stamps_of(path, topic="/scan"):
+    with BagFile(str(path)) as bag:
+        return [LaserScan().deserialize(message.data).header.stamp.to_sec() for message in bag.messages(
+            lambda name: name == topic)], bag.damage
+
+
+def test_a_chunk_that_is_cut_off_is_read_up_to_there(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    whole, _ = stamps_of(tmp_path / "drive.bag")
+    content = (tmp_path / "drive.bag").read_bytes()
+    last, ends = 0, np.linspace(5000, len(content), 40).astype(int)
+    for end in ends:
+        (tmp_path / "cut.bag").write_bytes(content[:end])
+        found, damage = stamps_of(tmp_path / "cut.bag")
+        assert found == whole[:len(found)] and len(found) >= last and (damage is None) == (end == ends[-1])
+        last = len(found)
+        assert found or end < 20000         # not only whole chunks, of 20000 bytes
+    assert last == len(whole)
+
+
+def test_a_hole_in_a_chunk_costs_its_rest_and_nothing_behind_it(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    whole, _ = stamps_of(tmp_path / "drive.bag")
+    content = bytearray((tmp_path / "drive.bag").read_bytes())
+    content[42000:42400] = bytes(400)
+    (tmp_path / "hole.bag").write_bytes(bytes(content))
+    found, damage = stamps_of(tmp_path / "hole.bag")
+    assert "broken at byte" in damage and found[0] == whole[0] and found[-1] == whole[-1]
+    assert set(found) < set(whole) and len(found) > len(whole) - 30
 
 
 def test_random_bytes_never_raise(tmp_path, ring, laser):
@@ -179,7 +249,9 @@ def test_unreachable_score_and_unknown_parameters_are_said(tmp_path, ring, laser
     assert command.main(["--bag_filename", str(tmp_path / "drive.bag"), "_delta:=-1"]) == command.USAGE
 
 
-def test_an_interrupt_saves_what_is_there(tmp_path, ring, laser, monkeypatch):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_end_saves_what_is_there(tmp_path, ring, laser, monkeypatch, number):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)            # whoever runs this may have nohup in front
     write_bag(tmp_path / "drive.bag", ring, laser)
     scan, seen = command.Replay._scan, []
 
@@ -187,7 +259,7 @@ def test_an_interrupt_saves_what_is_there(tmp_path, ring, laser, monkeypatch):
         scan(self, *arguments)
         seen.append(1)
         if len(seen) == 20:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
 
     monkeypatch.setattr(command.Replay, "_scan", interrupted)
     code, stats = run(tmp_path, "--map", str(tmp_path / "plan"))

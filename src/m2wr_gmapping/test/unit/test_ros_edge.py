@@ -10,6 +10,7 @@ from nav_msgs.srv import GetMapResponse
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.occupancy import Grid
 from m2wr_gmapping.ros.convert import ArrayGrid, ArrayMapAnswer, covariance36, grid_message
+from m2wr_gmapping.ros import params
 from m2wr_gmapping.ros.params import NODE_PARAMETERS, NodeOptions, read_parameters
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, description
 
@@ -61,6 +62,16 @@ def test_parameters_of_the_node_are_taken_out_and_named_when_wrong():
     text = "\n".join(warnings)
     assert "scan_queue: 'many'" in text and "~bogus" in text and "sigma: 'wide'" in text
     assert len(warnings) == 3
+
+
+@pytest.mark.parametrize("given, wanted", [({}, (None, None)), ({"maxRange": 8}, (8.0, None)),
+                                           ({"maxUrange": 3.5, "particles": 4}, (None, 3.5)),
+                                           ({"maxRange": -1}, (7.0, 6.0)), ({"maxRange": "far"}, (None, None))])
+def test_ranges_are_those_at_the_first_scan(monkeypatch, given, wanted):
+    monkeypatch.setattr(params, "private_parameters", lambda: given)
+    monkeypatch.setattr(params.rospy, "logwarn", lambda *_: None)
+    config = params.read_ranges(GmappingConfig.from_mapping({"maxRange": 7, "maxUrange": 6, "particles": 9}))
+    assert (config["maxRange"], config["maxUrange"], config["particles"]) == wanted + (9,)
 
 
 def test_every_option_of_the_node_is_told():

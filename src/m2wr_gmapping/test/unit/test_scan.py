@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.scan import LaserModel, ScanError
-from m2wr_gmapping.scan_kernels import take_in
+from m2wr_gmapping.scan import LaserModel, ScanError, rotation
+from m2wr_gmapping.scan_kernels import surface_normals, take_in, with_normals
 
 UPRIGHT = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -81,12 +81,24 @@ def test_normals_are_across_a_wall_and_corners_have_none():
 
 @pytest.mark.parametrize("change, words", [
     (dict(count=0), "no ranges"), (dict(angle_min=math.nan), "finite"),
+    (dict(angle_increment=0.0), "angle_increment 0"), (dict(range_max=0.0), "range_max 0.0"),
+    (dict(range_max=math.nan), "range_max nan"), (dict(range_max=-5.0), "maxRange"),
+    (dict(range_min=9.5), "range_min 9.5"), (dict(max_range=0.0), "up to 0.0 m"),
     (dict(base_from_laser=((0, 0, 0), (0.0, math.sin(0.2), 0.0, math.cos(0.2)))), "tilted")])
 def test_unusable_lasers_are_named(change, words):
     fields = dict(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, count=21, range_min=0.1, range_max=9.0)
     fields.update(change)
     with pytest.raises(ScanError, match=words):
         LaserModel.from_message(**fields)
+
+
+@pytest.mark.parametrize("change", [dict(range_max=0.0, max_range=8.0), dict(range_min=math.nan), dict(range_min=-1.0),
+                                    dict(count=1, angle_increment=0.0)])
+def test_lasers_whose_odd_fields_leave_some_range_are_taken(change):
+    fields = dict(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, count=21, range_min=0.1, range_max=9.0)
+    fields.update(change)
+    model = LaserModel.from_message(**fields)
+    assert model.reading(np.full(fields["count"], 3.0)).points.shape[1] == fields["count"]
 
 
 def test_another_number_of_ranges_is_refused():
@@ -109,12 +121,16 @@ def plain_take_in(ranges, directions, limits, skip, gap):
     ranges = np.where(np.isnan(ranges) | (ranges >= low), ranges, instead)
     seen = [b for b, r in enumerate(ranges) if 0.0 < r <= most]
     rays = [(min(ranges[b], usable) * directions[:, b]) for b in seen]
-    points = []
+    groups = []
     for b in seen:
         end = ranges[b] * directions[:, b]
-        if ranges[b] <= usable and not (points and gap and np.square(end - points[-1][0]).sum() < gap * gap):
-            points.append((end, b in range(skip, len(ranges), skip + 1)))
-    return points, rays, [ranges[b] < usable for b in seen]
+        if ranges[b] > usable:
+            continue
+        if groups and gap and np.square(end - groups[-1][0][0]).sum() < gap * gap:
+            groups[-1][0].append(end)
+        else:
+            groups.append(([end], b in range(skip, len(ranges), skip + 1)))
+    return [(np.mean(ends, axis=0), use) for ends, use in groups], rays, [ranges[b] < usable for b in seen]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -131,9 +147,55 @@ def test_taking_in_equals_its_plain_twin(seed):
     count, seen = take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
     wanted, wanted_rays, wanted_hits = plain_take_in(ranges, directions, limits, skip, gap)
     assert (count, seen) == (len(wanted), len(wanted_rays))
-    np.testing.assert_array_equal(points[:, :count].T.reshape(-1, 2), np.reshape([end for end, _ in wanted], (-1, 2)))
+    np.testing.assert_allclose(points[:, :count].T.reshape(-1, 2), np.reshape([end for end, _ in wanted], (-1, 2)),
+                               rtol=0.0, atol=1e-12)
     assert used[:count].tolist() == [use for _, use in wanted] and ray_hits[:seen].tolist() == wanted_hits
     np.testing.assert_allclose(rays[:, :seen].T.reshape(-1, 2), np.reshape(wanted_rays, (-1, 2)), rtol=1e-6)
+
+
+def test_noise_does_not_turn_a_wall_whose_end_points_lie_close_together():
+    model = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 719, 720, 0.1, 10.0, None, 8.0, 6.0)
+    rng, turns = np.random.default_rng(0), []
+    for _ in range(60):
+        with np.errstate(divide="ignore"):
+            ranges = 2.5 / np.maximum(np.sin(model.angles), 0.0) + 0.01 * rng.standard_normal(720)     # wall at y = 2.5
+        x, y = model.reading(ranges, 0, 0.04).points
+        turns.append(np.polyfit(x, y, 1)[0])
+    assert abs(np.mean(turns)) < 1.2e-4 and np.sqrt(np.mean(np.square(turns))) < 3.3e-4       # rad
+
+
+def test_slope_is_the_rise_along_the_centred_laser():
+    def turned(roll, pitch, yaw):
+        (cr, cp, cy), (sr, sp, sy) = np.cos([roll / 2, pitch / 2, yaw / 2]), np.sin([roll / 2, pitch / 2, yaw / 2])
+        return np.array([sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+                         cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy])
+
+    ahead = LaserModel.from_message(-1.0, 1.0, 0.01, 201, 0.1, 10.0)
+    assert ahead.slope(turned(0.0, 0.0, 2.0)) == pytest.approx([0.0, 0.0])
+    assert ahead.slope(turned(0.0, 0.1, 2.0)) == pytest.approx([-math.sin(0.1), 0.0])       # nods: looks down ahead
+    assert ahead.slope(3.0 * turned(0.2, 0.0, 2.0)) == pytest.approx([0.0, math.sin(0.2)])  # of any length
+    left = LaserModel.from_message(0.5 * math.pi - 1.0, 0.5 * math.pi + 1.0, 0.01, 201, 0.1, 10.0)
+    assert left.slope(turned(0.0, 0.1, 0.5)) == pytest.approx([0.0, math.sin(0.1)])         # ahead is on its right
+    over = LaserModel.from_message(-1.0, 0.4, 0.01, 141, 0.1, 10.0, ((0, 0, 0), turned(math.pi, 0.0, 0.0)))
+    rotated = turned(math.pi - 0.05, 0.08, 1.0)
+    for x, y in ((3.0, 0.0), (0.0, 2.0), (-1.0, 4.0)):      # the same points, seen from the laser's own frame
+        c, s = math.cos(over.centre), math.sin(over.centre)
+        own = np.array([c * x + s * y, s * x - c * y, 0.0])
+        assert over.slope(rotated) @ (x, y) == pytest.approx((rotation(rotated) @ own)[2])
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 90])
+def test_beams_have_normals_lever_arms_and_weights(count):
+    points = np.random.default_rng(count).uniform(-2.0, 2.0, (2, count))
+    beams, shape = np.full((mk.BEAM_ROWS, count), np.nan), np.empty((3, count))
+    with_normals(points, 0.3, 4, 0.02, beams)
+    surface_normals(points, 0.3, 4, shape)
+    for b in range(count):
+        normal, straightness = shape[:2, b], shape[2, b]
+        tangent = np.array([-normal[1], normal[0]])
+        turned = np.array([-points[1, b], points[0, b]])        # how the end point moves with the heading
+        assert np.allclose(beams[:, b], [*points[:, b], *normal, normal @ turned, tangent @ turned,
+                                         1.0 - 0.98 * straightness])
 
 
 def test_a_wall_that_beams_graze_has_its_normal_although_its_points_lie_far_apart():

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping.tile_kernels import draw_field
+from m2wr_gmapping.tile_kernels import draw_field, tiles_around
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
 
 
@@ -124,6 +124,35 @@ def test_places_too_far_for_the_table_are_left_out_whatever_their_size():
     assert maps.table.shape == shape and maps.beyond == 4
 
 
+def everywhere(maps):
+    return np.ones(maps.table.shape[1:], bool)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_field_of_marked_tiles_is_complete_where_turned_and_shifted_points_fall(seed):
+    rng = np.random.default_rng(seed)
+    maps = TileMaps(1, 0.05)
+    maps.cover(np.full(2, -12.0), np.full(2, 12.0))
+    maps.register(0, np.zeros(3), rng.uniform(-11.0, 11.0, (2, 4000)))
+    centre, points = rng.uniform(-3.0, 3.0, 3), rng.uniform(-4.0, 4.0, (2, 3))
+    reach, widest, count = float(rng.uniform(0.1, 0.8)), float(rng.uniform(0.02, 0.9)), int(rng.integers(1, 12))
+    marked = np.zeros(maps.table.shape[1:], bool)
+    tiles_around(centre, widest, count, points, 1, reach, maps.frame, marked)
+    assert 0 < marked.sum() < marked.size       # the points are few: not all of the map is near one
+    corner = np.zeros(2, np.int64)
+    whole, part = (np.zeros((marked.shape[0] * 16, marked.shape[1] * 16), np.uint8) for _ in range(2))
+    draw_field(maps.table[0], maps.mean, maps.hits, maps.frame, corner, 0.05, everywhere(maps), whole)
+    draw_field(maps.table[0], maps.mean, maps.hits, maps.frame, corner, 0.05, marked, part)
+    assert (whole != part).any()
+    for theta in centre[2] + np.linspace(-widest, widest, 2 * count + 1):
+        c, s = math.cos(theta), math.sin(theta)
+        for x, y in np.array([[c, -s], [s, c]]).dot(points).T + centre[:2]:
+            (left, low), (right, high) = (
+                np.clip(((np.array([x, y]) + side - maps.frame[:2]) * 20.0).astype(int), 0, None)
+                for side in (-reach, reach))
+            np.testing.assert_array_equal(whole[low:high + 1, left:right + 1], part[low:high + 1, left:right + 1])
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_field_has_at_each_cell_the_value_of_the_nearest_mean(seed):
     rng, sigma = np.random.default_rng(seed), 0.05
@@ -132,7 +161,7 @@ def test_a_field_has_at_each_cell_the_value_of_the_nearest_mean(seed):
     maps.register(1, np.array([0.3, -0.2, 0.7]), rng.uniform(-2.0, 2.0, (2, 60)))
     corner = np.array([20, 60]) + rng.integers(-30, 5, 2)       # partly outside the table
     field = np.full((70, 90), 7, np.uint8)
-    draw_field(maps.table[1], maps.mean, maps.hits, maps.frame, corner, sigma, field)
+    draw_field(maps.table[1], maps.mean, maps.hits, maps.frame, corner, sigma, everywhere(maps), field)
     wanted = np.zeros((74, 94))                 # with a border of two cells, which other means reach into
     for _, x, y in cells(maps, 1).values():
         at = (np.array([x, y]) - maps.frame[:2]) / 0.05 - corner

@@ -45,7 +45,7 @@ def test_deviations_grow_with_the_way_and_are_the_user_s_at_first():
     assert far[0] == pytest.approx(0.01 * 10.0 + 0.01 * 3.0, rel=0.5) and far[2] == pytest.approx(0.26, rel=0.5)
 
 
-@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0)])
+@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
 def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
     rng, bias = np.random.default_rng(4), OdometryBias(ahead)
     variance, lacks = np.square([0.01, 0.01, 0.01]), np.array([-0.02, 0.015, 0.012])
@@ -54,8 +54,7 @@ def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
         step = np.array([way * ahead[0], way * ahead[1], turn])
         right = np.array([*step[:2] * (1.0 + lacks[0]), turn * (1.0 + lacks[1]) + lacks[2] * way])
         error = between(bias.corrected(step), right) + rng.normal(0.0, 0.002, 3)
-        along = error[:2] @ ahead
-        bias.learn(np.array([along, 0.0, error[2]]), variance, np.full(3, 0.9), way, turn)
+        bias.learn(error, variance, np.full(3, 0.9), way, turn)
     assert bias.bias == pytest.approx(lacks, abs=0.004)
 
 
@@ -112,3 +111,15 @@ def test_a_wall_alone_leaves_the_way_along_it_to_odometry(laser):
         mapper.process(mapper.reading(ranges), np.array([0.05 * k, 0.0, 0.0]), 0.1 * k)
     assert mapper.pose == pytest.approx([19.95, 0.0, 0.0], abs=0.06)
     mapper.close()
+
+
+def test_exact_odometry_is_believed_after_a_few_steps_and_doubted_again_when_it_errs():
+    trust = OdometryTrust(MotionNoise())
+    before = trust.deviations(1.0, 0.0)
+    for _ in range(6):
+        trust.learn(np.zeros(3), np.square([0.003, 0.003, 0.002]), 1.0, 0.0)
+    believed = trust.deviations(1.0, 0.0)
+    assert (believed < 0.45 * before).all()
+    for _ in range(6):
+        trust.learn(2.0 * before, np.square([0.003, 0.003, 0.002]), 1.0, 0.0)
+    assert (trust.deviations(1.0, 0.0) > 2.0 * believed).all()

@@ -4,7 +4,7 @@ import importlib
 from m2wr_gmapping.warm_up import warm_up
 
 MODULES = ("correlative_kernels", "graph_kernels", "hill_climb_kernels", "match_kernels", "occupancy_kernels",
-           "scan_kernels", "tile_kernels", "tree_kernels")
+           "pose_graph_kernels", "scan_kernels", "tile_kernels", "tree_kernels")
 
 
 def compiled():

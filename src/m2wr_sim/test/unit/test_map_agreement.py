@@ -1,4 +1,6 @@
 """A map against its world: a perfect map agrees, a shifted or doubled one does not."""
+import copy
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,12 @@ def test_the_picture_shows_a_wrong_wall_in_red(truth):
 def test_a_world_with_nothing_at_the_lasers_height_is_refused():
     with pytest.raises(WorldError, match="nothing at the height of the laser"):
         Truth(load_world(WORLD), height=2.0)
+
+
+def test_one_truth_draws_any_grid_like_a_fresh_one(truth):
+    for shape, resolution, origin in (((60, 80), 0.05, (-2.0, -1.5)), ((30, 40), 0.1, (-2.0, -1.5)),
+                                      ((90, 60), 0.05, (-1.02, -2.2)), ((60, 80), 0.05, (-2.0, -1.5))):
+        fresh = copy.copy(truth)
+        fresh._step = None
+        drawn = truth.drawn(shape, resolution, np.array(origin))
+        assert np.array_equal(drawn, fresh.drawn(shape, resolution, np.array(origin))) and len(np.unique(drawn)) == 3

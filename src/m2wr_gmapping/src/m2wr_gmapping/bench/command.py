@@ -14,6 +14,7 @@ import tempfile
 from collections import OrderedDict
 
 from m2wr_gmapping.bench import finished, logs, scoring, table
+from m2wr_gmapping.whole_files import write_whole
 
 FOLDER_VARIABLE = "M2WR_SLAM_LOGS"
 SETS = OrderedDict((
@@ -164,6 +165,23 @@ class Benchmark:
         return result
 
 
+def tell(benchmark, options, put):
+    """Print the table of a Benchmark, ``put`` it into a document, write all runs as JSON; returns whether it could."""
+    text = table.markdown(benchmark.results)
+    sys.stdout.write(text)
+    try:
+        if options.table and put:
+            table.put(options.table, text)
+        if options.json:
+            runs = dict(machine=platform.processor() or platform.machine(), cores=os.cpu_count(),
+                        threads=options.threads, further=dict(options.more), runs=benchmark.results)
+            write_whole((options.json, [json.dumps(runs, indent=1, sort_keys=True).encode()]))
+    except OSError as error:
+        sys.stderr.write("benchmark: {}\n".format(error))
+        return False
+    return True
+
+
 def main(arguments=None):
     """Entry point; returns the exit code."""
     made = parser()
@@ -179,6 +197,9 @@ def main(arguments=None):
             table.check(options.table)              # before an hour of work, not after it
         except (OSError, ValueError) as error:
             made.error(str(error))
+    folder = os.path.dirname(os.path.abspath(options.json or "."))
+    if options.json and not os.path.isdir(folder):
+        made.error("--json {}: no folder {}".format(options.json, folder))
     if options.keep:
         os.makedirs(options.keep, exist_ok=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))     # what is below is ended and cleared away
@@ -191,16 +212,8 @@ def main(arguments=None):
             code = FAILED
         except KeyboardInterrupt:
             code = INTERRUPTED
-    if benchmark.results:
-        text = table.markdown(benchmark.results)
-        sys.stdout.write(text)
-        if options.json:
-            with open(options.json, "w", encoding="utf-8") as stream:
-                json.dump(dict(machine=platform.processor() or platform.machine(), cores=os.cpu_count(),
-                               threads=options.threads, further=dict(options.more), runs=benchmark.results), stream,
-                          indent=1, sort_keys=True)
-        if options.table and not code:
-            table.put(options.table, text)
+    if benchmark.results and not tell(benchmark, options, put=not code):
+        return FAILED
     return code
 
 

@@ -10,6 +10,7 @@ from collections import namedtuple
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_CHUNK, OP_CONNECTION = 2, 5, 7
+LARGEST_CHUNK = 2**30       # of a file that is cut off; a larger one is a length that is wrong
 
 Message = namedtuple("Message", "topic type data")
 log = logging.getLogger(__name__)
@@ -45,6 +46,22 @@ def _unpacked(fields, data):
     if kind == b"lz4":
         return _lz4(data, struct.unpack("<I", fields[b"size"])[0])
     raise BagError("compression {!r} of a chunk: expected none, bz2 or lz4".format(kind.decode(errors="replace")))
+
+
+class _EndOfFile(BagError):
+    """Nothing can be read any more: the file ends, or nobody knows where the next record begins."""
+
+
+def _is_plain_chunk(fields):
+    return fields.get(b"op") == bytes([OP_CHUNK]) and fields.get(b"compression", b"none") == b"none"
+
+
+def _piece(records, at):
+    """Return the bytes after the length at ``at``, and where they end."""
+    size = struct.unpack_from("<I", records, at)[0]
+    if at + 4 + size > len(records):
+        raise BagError("a record in a chunk is longer than the chunk")
+    return records[at + 4:at + 4 + size], at + 4 + size
 
 
 class BagFile:
@@ -92,7 +109,8 @@ class BagFile:
     def messages(self, wanted):
         """Yield a Message for each one of the topics for which ``wanted(topic)`` holds.
 
-        A record that cannot be read ends the bag; ``damage`` then says where and why.
+        What cannot be read is left out, as little as may be: the rest of a chunk, or of the file where the length of a
+        record is wrong. ``damage`` then says where and why.
         """
         while True:
             at = self._stream.tell()
@@ -100,29 +118,40 @@ class BagFile:
                 record = self._record()
                 if record is None:
                     return
-                fields, data = record
-                found = list(self._inside(fields, data, wanted))
-            except (BagError, OSError, ValueError, EOFError, KeyError, struct.error) as error:
-                self.damage = "{}: broken at byte {} of {}: {}".format(self._path, at, self._size, error)
+                for message in self._inside(*record, wanted):
+                    yield message
+            except _EndOfFile as error:
+                self._damaged(at, error)
                 return
+            except (BagError, OSError, ValueError, EOFError, KeyError, struct.error) as error:
+                self._damaged(at, error)
             self.fraction = self._stream.tell() / max(1, self._size)
-            for message in found:
-                yield message
+
+    def _damaged(self, at, error):
+        if self.damage is None:
+            self.damage = "{}: broken at byte {} of {}: {}".format(self._path, at, self._size, error)
 
     def _record(self):
+        """Return header fields and data of the next record, None at the end; of a chunk cut off what is there."""
+        at = self._stream.tell()
         head = self._stream.read(4)
         if not head:
             return None
-        header = self._exactly(struct.unpack("<I", head)[0] if len(head) == 4 else 4)
+        fields = _fields(self._exactly(struct.unpack("<I", head)[0] if len(head) == 4 else 4))
+        if b"op" not in fields:
+            raise _EndOfFile("no record")
         size = struct.unpack("<I", self._exactly(4))[0]
-        return _fields(header), self._exactly(size)
+        if size > self._size - self._stream.tell() and size < LARGEST_CHUNK and _is_plain_chunk(fields):
+            self._damaged(at, "the file ends in the middle of a chunk")
+            size = self._size - self._stream.tell()
+        return fields, self._exactly(size)
 
     def _exactly(self, size):
         if size > self._size:
-            raise BagError("a length of {} bytes".format(size))
+            raise _EndOfFile("a length of {} bytes".format(size))
         data = self._stream.read(size)
         if len(data) != size:
-            raise BagError("the file ends in the middle of a record")
+            raise _EndOfFile("the file ends in the middle of a record")
         return data
 
     def _inside(self, fields, data, wanted):
@@ -130,13 +159,10 @@ class BagFile:
         if kind == OP_CHUNK:
             records, at = _unpacked(fields, data), 0
             while at + 8 <= len(records):
-                size = struct.unpack_from("<I", records, at)[0]
-                inner = _fields(records[at + 4:at + 4 + size])
-                at += 4 + size
-                size = struct.unpack_from("<I", records, at)[0]
-                for message in self._inside(inner, records[at + 4:at + 4 + size], wanted):
+                header, at = _piece(records, at)
+                content, at = _piece(records, at)
+                for message in self._inside(_fields(header), content, wanted):
                     yield message
-                at += 4 + size
         elif kind == OP_CONNECTION:
             topic = fields[b"topic"].decode()
             self._connections[fields[b"conn"]] = topic, _fields(data)[b"type"].decode()

@@ -10,11 +10,12 @@ import time
 import yaml
 
 from m2wr_gmapping import state
-from m2wr_gmapping.config import ConfigError, GmappingConfig
+from m2wr_gmapping.config import ConfigError, GmappingConfig, number
 from m2wr_gmapping.replay.bag_file import BagError, BagFile
 from m2wr_gmapping.replay import results
 from m2wr_gmapping.replay.beginning import Beginning
 from m2wr_gmapping.replay.map_reading import MapReadingError
+from m2wr_gmapping.replay.master import master_answers
 from m2wr_gmapping.replay.source import ScanSource
 from m2wr_gmapping.replay.statistics import Stopwatch, peak_memory_mib
 from m2wr_gmapping.scan import LaserModel, ScanError
@@ -23,6 +24,7 @@ from m2wr_gmapping.warm_up import warm_up
 log = logging.getLogger("slam_gmapping_replay")
 PROGRESS_PERIOD = 1.0       # [s]
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
+LONGEST_BUFFER = 1e9        # a duration of ROS holds no more than twice that [s]
 
 
 def parse(arguments):
@@ -32,7 +34,7 @@ def parse(arguments):
     add = parser.add_argument
     add("--bag_filename", required=True, metavar="FILE", help="ROS 1 bag with scans and transforms")
     add("--scan_topic", metavar="TOPIC", help="topic of the scans (default: /scan, or what scan:= says)")
-    add("--seed", type=int, default=0, help="seed of all random numbers")
+    add("--seed", type=int, metavar="N", help="seed of all random numbers (0)")
     add("--max_duration_buffer", type=float, default=99999.0, metavar="S", help="time that transforms are kept [s]")
     add("--on_done", metavar="COMMAND", help="shell command run at the end")
     add("--trajectory", metavar="FILE", help="final path of the base, each processed scan: stamp x y z qx qy qz qw")
@@ -47,28 +49,54 @@ def parse(arguments):
     add("--pose", nargs=3, type=float, metavar=("X", "Y", "YAW"),
         help="where the base stands on it at the first scan [m, rad] (default: as the odometry says)")
     add("--quiet", action="store_true", help="no progress")
-    plain, parameters, remaps = [], {}, {}
+    plain, parameters, remaps, launched = [], {}, {}, False
     for word in arguments:
         name, assigned, value = word.partition(":=")
         if not assigned or name.startswith("--"):
             plain.append(word)
         elif name.startswith("__"):
-            continue
+            launched = launched or name == "__name"
         elif name.startswith("_"):
-            parameters[name[1:]] = yaml.safe_load(value)
+            try:
+                parameters[name[1:]] = yaml.safe_load(value)
+            except yaml.YAMLError as error:
+                parser.error("{}: no value that YAML can read: {}".format(word, str(error).splitlines()[0]))
         else:
             remaps[name.lstrip("/")] = value
     options = parser.parse_args(plain)
     if options.pose and not options.load_map:
         parser.error("--pose {:g} {:g} {:g}: expected --load-map as well".format(*options.pose))
+    if not 0.0 < options.max_duration_buffer < LONGEST_BUFFER:
+        parser.error("--max_duration_buffer {:g}: expected seconds, above 0 and below {:g}".format(
+            options.max_duration_buffer, LONGEST_BUFFER))
     if options.scan_topic is None:
         options.scan_topic = remaps.get("scan", "/scan")
-    parameters.setdefault("seed", options.seed)
-    options.settle_time = parameters.pop("settle_time", 0.0)
-    if isinstance(options.settle_time, bool) or not isinstance(options.settle_time, (int, float)) \
-            or not options.settle_time >= 0.0:
-        parser.error("_settle_time:={}: expected a number of seconds, at least 0".format(options.settle_time))
+    options.launched = launched         # by a launch file, which gives a node its name
     return options, parameters
+
+
+def settle_time(parameters):
+    """Take the parameter ``settle_time`` out of others (dict) and return it [s]; raises ConfigError."""
+    given = parameters.pop("settle_time", 0.0)
+    value = number(given)
+    if value is None or not value >= 0.0:
+        raise ConfigError("parameter settle_time is {!r}; expected a number of seconds, at least 0".format(given))
+    return value
+
+
+def files_wanted(options):
+    """Whether a file is asked for."""
+    return any(getattr(options, name) for name in results.NAMES)
+
+
+def as_node(options):
+    """Return the ReplayNode of this run, or None: launch files and those who ask for the map on its topic need one."""
+    if files_wanted(options) and not (options.launched or options.on_done):
+        return None
+    if not master_answers():
+        return None
+    from m2wr_gmapping.ros.replay_node import ReplayNode        # not where no master is needed
+    return ReplayNode((log.name, "m2wr_gmapping"))
 
 
 class Replay:
@@ -81,10 +109,15 @@ class Replay:
     config : GmappingConfig
     beginning : Beginning, optional
         What the map begins on, if not on nothing.
+    settle : float
+        Scans of that many seconds after the first one are left out.
+    node : ReplayNode, optional
+        That publishes each map.
     """
 
-    def __init__(self, bag, options, config, beginning=None):
-        self._bag, self._options, self._config = bag, options, config
+    def __init__(self, bag, options, config, beginning=None, settle=0.0, node=None):
+        self.bag, self._options, self._config = bag, options, config
+        self._settle, self._node = settle, node
         self._beginning = beginning or Beginning()
         self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
                                  options.max_duration_buffer)
@@ -94,7 +127,7 @@ class Replay:
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
         self.stopped = False
         self.refused = 0
-        self._arrived = 0
+        self._arrived = self._left_out = 0
         self._map_stamp = None
         self._first_stamp = None
         self.snapshot = None            # of the mapper after the last scan, where a state is to be saved
@@ -115,6 +148,7 @@ class Replay:
             self._progress()
             self._arrived += 1
             if self._arrived % self._config["throttle_scans"]:
+                self._left_out += 1
                 continue
             try:
                 self._scan(scan, odom_from_laser)
@@ -133,7 +167,8 @@ class Replay:
     def _scan(self, scan, odom_from_laser):
         stamp = scan.header.stamp.to_sec()
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
-        if stamp < self._first_stamp + self._options.settle_time:
+        if stamp < self._first_stamp + self._settle:
+            self._left_out += 1
             return
         if self.mapper is None and not self._begin(scan):
             return
@@ -141,7 +176,7 @@ class Replay:
         with self.filter_watch:
             reading, odom_pose = self.mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
             told = self._beginning.connect(self.mapper, reading, odom_pose, stamp)
-            update = self.mapper.process(reading, odom_pose, stamp)
+            update = self.mapper.process(reading, odom_pose, stamp, laser.slope(odom_from_laser[1]))
         if told:
             log.info("%s", told)
         if update.processed:
@@ -174,6 +209,8 @@ class Replay:
         with self.map_watch:
             self.grid = self.mapper.occupancy(exact)
         self.map_watch.piece()
+        if self._node is not None:
+            self._node.show(self.grid, self.mapper.entropy, self._config["map_frame"].lstrip("/"))
 
     def _progress(self, last=False):
         if self._options.quiet or (not last and time.monotonic() - self._told < PROGRESS_PERIOD):
@@ -181,7 +218,7 @@ class Replay:
         self._told = time.monotonic()
         processed = 0 if self.mapper is None else self.mapper.processed
         sys.stderr.write("\r{:5.1f} %  {} scans, {} processed{}".format(
-            100.0 if last and not self.stopped else 100.0 * self._bag.fraction, self.source.scans, processed,
+            100.0 if last and not self.stopped else 100.0 * self.bag.fraction, self.source.scans, processed,
             "\n" if last else ""))
         sys.stderr.flush()
 
@@ -191,11 +228,14 @@ class Replay:
         if self.mapper is not None and self.mapper.filter is not None:
             return None
         if not source.scans:
-            topics = ", ".join("{} ({})".format(*item) for item in sorted(self._bag.topics.items()))
+            topics = ", ".join("{} ({})".format(*item) for item in sorted(self.bag.topics.items()))
             return "no scan on {}; the bag has {}".format(self._options.scan_topic, topics or "no topics")
         if not source.frames:
             return "no transforms on /tf or /tf_static in the bag; a scan needs {} -> its frame".format(
                 self._config["odom_frame"])
+        if self._left_out and not self.refused:
+            return "no scan could be used: throttle_scans {} and settle_time {:g} leave out all {}".format(
+                self._config["throttle_scans"], self._settle, self._left_out)
         return "no scan could be used. {}. Frames in the bag: {}; parameters odom_frame {}, base_frame {}".format(
             source.why or "See the warning above", ", ".join(sorted(source.frames)), self._config["odom_frame"],
             self._config["base_frame"])
@@ -212,6 +252,62 @@ class Replay:
             resamplings=mapper.filter.resamplings, **mapper.info())
 
 
+def prepare(options, parameters, node):
+    """Return the Replay that options, parameters (dict) and those of the node ask for.
+
+    Raises
+    ------
+    ConfigError, BagError, MapReadingError, StateError
+        If a value or a file cannot be used.
+    """
+    if options.seed is not None:
+        parameters.setdefault("seed", options.seed)
+    if node is not None:
+        parameters = dict(node.parameters(), **parameters)
+    settle = settle_time(parameters)
+    asked = GmappingConfig.from_mapping(parameters)
+    beginning, config = Beginning.from_files(asked, options.load_map, options.pose, options.load_state,
+                                             not options.new_odometry)
+    replay = Replay(BagFile(options.bag_filename), options, config, beginning, settle, node)
+    for label, names in (("unknown parameters, ignored", asked.unknown),
+                         ("of the wrong kind, ignored", asked.unusable),
+                         ("those of the state hold", beginning.differing(parameters))):
+        if names:
+            log.warning("%s: %s", label, ", ".join(names))
+    return replay
+
+
+def run_and_save(replay, options):
+    """Run a replay to its end or the first signal to end, and write what was asked for; returns the exit code."""
+    ends = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:               # nohup ignores it
+        ends.append(signal.SIGHUP)
+    before = [(end, signal.signal(end, replay.stop)) for end in ends]
+    try:
+        replay.run()
+        if replay.bag.damage:
+            log.warning("%s; what comes before it was used", replay.bag.damage)
+        if replay.mapper is not None and replay.mapper.beyond:
+            log.warning("the map became as large as it may be; what lies beyond was left out")
+        complaint, source = replay.complaint(), replay.source
+        if complaint:
+            log.error("%s: %s", options.bag_filename, complaint)
+            return FAILED
+        if source.without_transform:
+            log.warning("%d of %d scans without a transform, the last: %s", source.without_transform, source.scans,
+                        source.why)
+        written, errors = results.save(replay, options)     # whole, whatever signals come
+    finally:
+        for end, handler in before:
+            signal.signal(end, handler)
+    replay.mapper.close()
+    for path in written:
+        log.info("wrote %s", path)
+    for error in errors:
+        log.error("%s", error)
+    return FAILED if errors else INTERRUPTED if replay.stopped else 0
+
+
 def main(arguments=None):
     """Run the command; return its exit code."""
     logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only what is a warning
@@ -222,47 +318,33 @@ def main(arguments=None):
     if missing:                                 # before the work, not after it
         log.error("no folder %s: expected one to write into", ", ".join(missing))
         return USAGE
+    node = as_node(options)
     try:
-        asked = GmappingConfig.from_mapping(parameters)
-        beginning, config = Beginning.from_files(asked, options.load_map, options.pose, options.load_state,
-                                                 not options.new_odometry)
-        bag = BagFile(options.bag_filename)
+        return work(options, parameters, node)
     except (ConfigError, BagError, MapReadingError, state.StateError) as error:
         log.error("%s", error)
         return USAGE
-    for label, names in (("unknown parameters, ignored", asked.unknown),
-                         ("of the wrong kind, ignored", asked.unusable),
-                         ("those of the state hold", beginning.differing(parameters))):
-        if names:
-            log.warning("%s: %s", label, ", ".join(names))
+    finally:
+        if node is not None:
+            node.leave()
+
+
+def work(options, parameters, node=None):
+    """Do what options and parameters (dict) ask for, what follows included; returns the exit code.
+
+    Raises as ``prepare``.
+    """
+    replay = prepare(options, parameters, node)
     warm_up()
-    with bag:
-        replay = Replay(bag, options, config, beginning)
-        before = {number: signal.signal(number, replay.stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            replay.run()
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-        if bag.damage:
-            log.warning("%s; what comes before it was used", bag.damage)
-    if replay.mapper is not None and replay.mapper.beyond:
-        log.warning("the map became as large as it may be; what lies beyond was left out")
-    complaint = replay.complaint()
-    if complaint:
-        log.error("%s: %s", options.bag_filename, complaint)
-        return FAILED
-    if replay.source.without_transform:
-        log.warning("%d of %d scans without a transform, the last: %s", replay.source.without_transform,
-                    replay.source.scans, replay.source.why)
-    written, errors = results.save(replay, options)
-    replay.mapper.close()
-    for path in written:
-        log.info("wrote %s", path)
-    for error in errors:
-        log.error("%s", error)
-    if errors:
-        return FAILED
-    if options.on_done and not replay.stopped:
+    if node is not None:
+        node.on_end(replay.stop)
+    with replay.bag:
+        code = run_and_save(replay, options)
+    if not code and options.on_done:
         return subprocess.call(options.on_done, shell=True)
-    return INTERRUPTED if replay.stopped else 0
+    if not code and not files_wanted(options):
+        if node is not None:
+            node.stay()
+        else:
+            log.warning("nothing is kept: no file was asked for, such as --map, and there is no master")
+    return code

@@ -2,9 +2,9 @@
 import json
 import math
 import os
-import tempfile
 
 from m2wr_gmapping import map_file, state
+from m2wr_gmapping.whole_files import write_whole
 
 NAMES = ("trajectory", "tracked", "online", "map", "stats", "save_state")       # options that name files
 
@@ -24,16 +24,9 @@ def missing_folders(options):
 
 def _write(path, text):
     """Replace a file by a complete new one; raises OSError with its name."""
-    temporary = None
     try:
-        descriptor, temporary = tempfile.mkstemp(prefix=".replay-", dir=os.path.dirname(os.path.abspath(path)))
-        with os.fdopen(descriptor, "w") as stream:
-            stream.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        write_whole((path, [text.encode()]))
     except OSError as error:
-        if temporary is not None:
-            os.unlink(temporary)
         raise OSError("cannot write {}: {}; what was there before is kept".format(path, error.strerror or error))
     return [path]
 

@@ -7,10 +7,12 @@ import tf2_ros
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
+from m2wr_gmapping.replay.far_ahead import FarAhead
 from m2wr_gmapping.scan import transform_parts
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
+GAP = 3600.0            # between two transforms of one frame there is no longer one, or the later one is wrong [s]
 PATIENCE = 30.0         # a transform may come that much later, in time of the bag, than the scan it is for [s]
 
 
@@ -36,6 +38,7 @@ class ScanSource:
         self._topic = "/" + scan_topic.lstrip("/")
         self._odom, self._base = odom_frame.lstrip("/"), base_frame.lstrip("/")
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(buffer_length))
+        self._far_ahead = FarAhead(GAP)
         self._waiting = deque()
         self._newest = 0.0
         self.scans = self.without_transform = self.unreadable = 0
@@ -83,7 +86,7 @@ class ScanSource:
             try:
                 if message.topic == TF_STATIC:
                     self._buffer.set_transform_static(transform, "bag")
-                else:
+                elif not self._far_ahead.has(transform.child_frame_id, transform.header.stamp):
                     self._buffer.set_transform(transform, "bag")
                     self._newest = max(self._newest, transform.header.stamp.to_sec())
             except tf2_ros.TransformException as error:

@@ -6,10 +6,11 @@ from collections import deque
 import rospy
 import tf2_ros
 
+from m2wr_gmapping.replay.far_ahead import FarAhead
 from m2wr_gmapping.scan import transform_parts
 
 BUFFER = 60.0               # time that transforms are kept [s]
-JUMP = 1.0                  # a stamp that much older than the last one is a jump back in time [s]
+JUMP = 1.0                  # a clock or stamps that much older than before are a jump back in time [s]
 LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
 WAIT_WARNING = 5.0          # wall time after which a scan that waits is worth a word [s]
 
@@ -22,6 +23,9 @@ class Intake:
     odom_frame : str
     limit : int
         Scans that may wait; the oldest is dropped first.
+    map_frame : str, optional
+        Transforms from there to the odometry's frame are what comes of the scans, here or, in a bag, elsewhere: not
+        needed.
 
     Attributes
     ----------
@@ -35,15 +39,17 @@ class Intake:
         The transform that has been waited for too long, empty when none is.
     """
 
-    def __init__(self, odom_frame, limit):
-        self._odom, self._limit = odom_frame, limit
+    def __init__(self, odom_frame, limit, map_frame=None):
+        self._odom, self._limit, self._map = odom_frame, limit, map_frame
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
+        self._far_ahead = FarAhead(BUFFER)
         self._news = threading.Condition()
         self._waiting = deque()
         self._frames = set()
-        self._clock = self._clock_before = rospy.Time(0)
+        self._present = self._time_before = rospy.Time(0)       # what the clock, or else the newest scan, says
         self._left_over_until = 0.0
-        self._newest_stamp = None
+        self._taken_stamp = None            # of the newest scan handed out
+        self._odd_stamp = None              # of a scan that looked like a jump back in time, if it was the last one
         self._blocked_since = None
         self._closed = False
         self.generation = 0
@@ -55,21 +61,30 @@ class Intake:
     def on_transforms(self, message, static=False):
         """Take a TFMessage in."""
         self._look_at_clock()
-        for transform in message.transforms:
-            transform.header.frame_id = transform.header.frame_id.lstrip("/")
-            transform.child_frame_id = transform.child_frame_id.lstrip("/")
-            self._frames.update((transform.header.frame_id, transform.child_frame_id))
-            try:
-                if static:
-                    self._buffer.set_transform_static(transform, "tf")
-                else:
-                    self._buffer.set_transform(transform, "tf")
-            except tf2_ros.TransformException as error:
-                rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (
-                    transform.header.frame_id, transform.child_frame_id, error))
-        with self._news:
+        with self._news:                # a jump in time must not come in between
+            for transform in message.transforms:
+                transform.header.frame_id = transform.header.frame_id.lstrip("/")
+                transform.child_frame_id = transform.child_frame_id.lstrip("/")
+                if transform.header.frame_id != self._map or transform.child_frame_id != self._odom:
+                    self._put_transform(transform, static)
             if self._waiting:
                 self._news.notify()
+
+    def _put_transform(self, transform, static):
+        parent, child, stamp = transform.header.frame_id, transform.child_frame_id, transform.header.stamp
+        self._frames.update((parent, child))
+        try:
+            if static:
+                self._buffer.set_transform_static(transform, "tf")
+            elif self._is_left_over(stamp):
+                return
+            elif self._far_ahead.has(child, stamp):
+                rospy.logwarn_throttle(10.0, "transform %s -> %s at %.3f left out: far ahead of the one before" % (
+                    parent, child, stamp.to_sec()))
+            else:
+                self._buffer.set_transform(transform, "tf")
+        except tf2_ros.TransformException as error:
+            rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (parent, child, error))
 
     def on_scan(self, scan):
         """Take a LaserScan in."""
@@ -80,46 +95,68 @@ class Intake:
             if self._is_left_over(stamp):
                 self.dropped += 1
                 return
-            newest = self._newest_stamp
-            if newest is not None and (newest - stamp).to_sec() > JUMP:
-                self._jumped("the scans' stamps have jumped back from %.3f to %.3f" % (
-                    newest.to_sec(), stamp.to_sec()))
-            elif newest is not None and stamp <= newest:
-                self.dropped += 1
-                rospy.logwarn_throttle(5.0, "scan at %.3f dropped: it comes after one at %.3f" % (
-                    stamp.to_sec(), newest.to_sec()))
-                return
-            self._newest_stamp = stamp
-            self._waiting.append(scan)
-            if len(self._waiting) > self._limit:
-                self._waiting.popleft()
-                self.dropped += 1
-                rospy.logwarn_throttle(5.0, "%d scans wait, which is the most: the oldest are dropped (%d of %d so far)"
-                                       % (self._limit, self.dropped, self.arrived))
+            last = self._taken_stamp
+            if last is None and self._waiting:
+                last = self._waiting[-1].header.stamp
+            if last is not None and (last - stamp).to_sec() > JUMP:
+                if self._odd_stamp is None or stamp <= self._odd_stamp:
+                    self._odd_stamp = stamp
+                    self.dropped += 1
+                    rospy.logwarn_throttle(5.0, "scan at %.3f dropped: the last one was at %.3f, and time has jumped "
+                                           "back only if the next one says so too" % (stamp.to_sec(), last.to_sec()))
+                    return
+                self._jumped("the scans' stamps have", last, stamp, self._taken_stamp is not None)
+            self._odd_stamp = None
+            if rospy.rostime.is_wallclock():
+                self._present = stamp
+            self._put(scan)
             self._news.notify()
 
+    def _put(self, scan):
+        """Let a scan wait in its place by time; those that wait for times far ahead must not hold up the others."""
+        waiting, stamp = self._waiting, scan.header.stamp
+        place = len(waiting)
+        while place and stamp < waiting[place - 1].header.stamp:
+            place -= 1
+        before = waiting[place - 1].header.stamp if place else self._taken_stamp
+        if before is not None and stamp <= before:
+            self.dropped += 1
+            rospy.logwarn_throttle(5.0, "scan at %.3f dropped: it comes after one at %.3f" % (
+                stamp.to_sec(), before.to_sec()))
+            return
+        waiting.insert(place, scan)
+        if len(waiting) > self._limit:
+            waiting.popleft()
+            self.dropped += 1
+            rospy.logwarn_throttle(5.0, "%d scans wait, which is the most: the oldest are dropped (%d of %d so far)" % (
+                self._limit, self.dropped, self.arrived))
+
     def _is_left_over(self, stamp):
-        """Whether a scan was under way when the clock jumped back; it would look like the future for a long time."""
-        return (time.monotonic() < self._left_over_until and (stamp - self._clock).to_sec() > JUMP
-                and abs((stamp - self._clock_before).to_sec()) < LEFT_OVER)
+        """Whether what has this stamp was under way when time jumped back: a future that ends what is to come."""
+        return (time.monotonic() < self._left_over_until and (stamp - self._present).to_sec() > JUMP
+                and abs((stamp - self._time_before).to_sec()) < LEFT_OVER)
 
     def _look_at_clock(self):
         if rospy.rostime.is_wallclock():
             return
         with self._news:
             now = rospy.Time.now()          # under the lock, or two threads could bring their times in the wrong order
-            if now < self._clock and now.to_sec():
-                self._clock_before, self._left_over_until = self._clock, time.monotonic() + LEFT_OVER
-                self._jumped("the clock has jumped back from %.3f to %.3f" % (self._clock.to_sec(), now.to_sec()))
-            self._clock = now
+            if not now:
+                return
+            if (self._present - now).to_sec() > JUMP:       # less comes of a bag's own /clock beside that of its player
+                self._jumped("the clock has", self._present, now)
+            self._present = max(self._present, now)
 
-    def _jumped(self, what):
-        self.generation += 1
+    def _jumped(self, what, before, now, anew=True):
+        self.generation += bool(anew)
         self.dropped += len(self._waiting)
         self._waiting.clear()
         self._buffer.clear()
-        self._newest_stamp = self._blocked_since = None
-        rospy.logwarn("%s: transforms and waiting scans are forgotten and the map begins anew", what)
+        self._far_ahead.forget()
+        self._taken_stamp = self._odd_stamp = self._blocked_since = None
+        self._time_before, self._present, self._left_over_until = before, now, time.monotonic() + LEFT_OVER
+        rospy.logwarn("%s jumped back from %.3f to %.3f: transforms and waiting scans are forgotten%s", what,
+                      before.to_sec(), now.to_sec(), " and the map begins anew" if anew else "")
 
     # ---- called by the worker
 
@@ -158,6 +195,7 @@ class Intake:
             self.without_transform += index
             for _ in range(index + 1):
                 self._waiting.popleft()
+            self._taken_stamp = stamp
             return scan, transform_parts(found), self.generation
         return None
 

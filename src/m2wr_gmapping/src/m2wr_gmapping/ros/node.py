@@ -19,7 +19,7 @@ from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.intake import Intake
 from m2wr_gmapping.ros.missing import name_what_is_missing
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
-from m2wr_gmapping.ros.params import frame, private_parameters, read_parameters, tf_prefix, with_prefix
+from m2wr_gmapping.ros.params import frame, private_parameters, read_parameters, read_ranges, tf_prefix, with_prefix
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.scan import LaserModel, ScanError
 from m2wr_gmapping.srv import StateFile, StateFileResponse
@@ -51,7 +51,7 @@ class SlamNode:
         self._fed = None                        # the mapper that has taken a scan of this run
         self._map_stamp = self._first_stamp = None
         self._times = deque(maxlen=TIMES_KEPT)
-        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue)
+        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, self._map_frame)
         self._maps = MapOutput(self._map_frame)
         self._poses = PoseOutput(self._map_frame)
         self._transform = TransformOutput(config)
@@ -200,7 +200,7 @@ class SlamNode:
         told = self._beginning.connect(mapper, reading, odom_pose, stamp)
         if told:
             rospy.loginfo("%s", told)
-        update = mapper.process(reading, odom_pose, stamp)
+        update = mapper.process(reading, odom_pose, stamp, mapper.laser.slope(odom_from_laser[1]))
         self._fed = mapper
         self._times.append(1e3 * (time.perf_counter() - began))
         if mapper.beyond:
@@ -218,6 +218,8 @@ class SlamNode:
         if mount is None:
             raise ScanError("no mount of the laser, " + self._intake.missing(
                 self._base, scan.header.frame_id, scan.header.stamp))
+        if self._beginning.loaded is None:
+            self._config = read_ranges(self._config)
         config = self._config
         laser = LaserModel.from_message(
             scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
@@ -244,7 +246,9 @@ class SlamNode:
         self._intake.close()
         self._worker.join()
         self._maps.close()
-        mapper, name = self._mapper, self._options.save_on_exit
+        mapper, name, loaded = self._mapper, self._options.save_on_exit, self._beginning.loaded
+        if mapper is None and loaded is not None:
+            mapper = loaded.mapper          # no scan has gone on with it
         if mapper is None:
             if name:
                 rospy.logwarn("there is no map to save as %s: no scan has been processed", name)

@@ -23,6 +23,33 @@ RATE_SPAN = 0.1             # its speed is measured over that long: it goes in s
 LATE = 0.5                  # share of waiting scans above which the node is late
 
 
+class MapTopics:
+    """``map``, ``map_metadata`` and ``~entropy``, all latched, and the service ``dynamic_map`` with the newest map."""
+
+    def __init__(self, frame):
+        self._frame = frame
+        self._map = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
+        self._info = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
+        self._entropy = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
+        self._newest = None
+        self._service = rospy.Service("dynamic_map", GetMap, self._answer)
+
+    def publish(self, grid, entropy):
+        """Publish a Grid; returns its message. The entropy is published where it is above 0."""
+        message = grid_message(grid, self._frame, rospy.Time.now())
+        self._newest = message
+        self._map.publish(message)
+        self._info.publish(message.info)
+        if entropy > 0.0:
+            self._entropy.publish(Float64(entropy))
+        return message
+
+    def _answer(self, _):
+        if self._newest is None:
+            raise rospy.ServiceException("there is no map yet: no scan has been processed")
+        return ArrayMapAnswer(self._newest)
+
+
 class MapOutput:
     """Makes and publishes the map on a thread of its own; of requests that come meanwhile the newest is kept.
 
@@ -36,18 +63,14 @@ class MapOutput:
 
     def __init__(self, frame):
         self._frame = frame
-        self._map = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
-        self._info = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
-        self._entropy = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
+        self._topics = MapTopics(frame)
         self._path = rospy.Publisher("~path", Path, queue_size=1, latch=True)
         self._news = threading.Condition()
         self._request, self._closed = None, False
-        self.newest = None
         self.made, self.last_ms, self.total_ms = 0, 0.0, 0.0
         self.busy = threading.Lock()            # held while a map is made: its mapper's counts are being changed
         self._thread = threading.Thread(target=self._work, name="map", daemon=True)
         self._thread.start()
-        self._service = rospy.Service("dynamic_map", GetMap, self._answer)
 
     def ask(self, mapper):
         """Ask for the map as it is known now; between two scans."""
@@ -79,13 +102,7 @@ class MapOutput:
 
     def _publish(self, mapper, path, readings, stamps, entropy):
         began = time.perf_counter()
-        grid = mapper.map_of(path, readings)
-        message = grid_message(grid, self._frame, rospy.Time.now())
-        self.newest = grid, message
-        self._map.publish(message)
-        self._info.publish(message.info)
-        if entropy > 0.0:
-            self._entropy.publish(Float64(entropy))
+        message = self._topics.publish(mapper.map_of(path, readings), entropy)
         self._path.publish(self._path_message(mapper.base_poses(path[mapper.given:]), stamps, message.header))
         self.made += 1
         self.last_ms = 1e3 * (time.perf_counter() - began)
@@ -98,11 +115,6 @@ class MapOutput:
             entry.header.frame_id, entry.header.stamp = self._frame, rospy.Time.from_sec(stamp)
             message.poses.append(entry)
         return message
-
-    def _answer(self, _):
-        if self.newest is None:
-            raise rospy.ServiceException("there is no map yet: no scan has been processed")
-        return ArrayMapAnswer(self.newest[1])
 
     def close(self):
         """End the thread; returns when the map in hand is done."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import rospy
 
-from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.config import ConfigError, GmappingConfig, number
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,10 @@ def read_parameters(given):
         if name not in filtered:
             continue
         value, default = filtered.pop(name), getattr(NodeOptions, name)
-        kind = float if default is None else type(default)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if kind in (int, float) and number and value >= LEAST.get(name, -math.inf):
-            own[name] = kind(value)
+        kind, amount = float if default is None else type(default), number(value)
+        if kind in (int, float) and amount is not None and math.isfinite(amount) \
+                and amount >= LEAST.get(name, -math.inf):
+            own[name] = kind(amount)
         elif kind in (str, bool) and isinstance(value, kind):
             own[name] = value
         else:
@@ -88,6 +88,24 @@ def read_parameters(given):
     if config.unusable:
         warnings.append("parameters of the wrong kind, the default is used: ~" + ", ~".join(config.unusable))
     return config, NodeOptions(**own), warnings
+
+
+AT_FIRST_SCAN = ("maxRange", "maxUrange")      # the original reads these then, all others at the start
+
+
+def read_ranges(config):
+    """Return a GmappingConfig with ``maxRange`` and ``maxUrange`` as they stand on the server now.
+
+    Where the server does not answer, or has a value that cannot be used, those of ``config`` stay.
+    """
+    try:
+        given = private_parameters()
+        now = GmappingConfig.from_mapping({name: given[name] for name in AT_FIRST_SCAN if name in given})
+    except (OSError, rospy.ROSException, ConfigError) as error:
+        rospy.logwarn("%s are taken as at the start: %s", " and ".join(AT_FIRST_SCAN), error)
+        return config
+    values = dict(config.as_dict(), **{name: now[name] for name in AT_FIRST_SCAN})
+    return replace(config, values=tuple(values.items()))
 
 
 def tf_prefix():

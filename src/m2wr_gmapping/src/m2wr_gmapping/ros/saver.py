@@ -8,6 +8,7 @@ import rospy
 
 from m2wr_gmapping import map_file
 from m2wr_gmapping.ros.convert import ArrayGrid
+from m2wr_view.ros.starting import start_node
 
 WAIT_WARNING = 5.0      # [s], wall
 
@@ -39,7 +40,7 @@ def main():
     """Entry point of the executable; returns the exit code."""
     options = parse(rospy.myargv(sys.argv)[1:])
     try:
-        rospy.init_node("map_saver", anonymous=True, disable_rostime=True)
+        start_node("map_saver", anonymous=True, disable_rostime=True)
     except rospy.ROSException:
         return 1
     came, found = threading.Event(), []

@@ -87,6 +87,7 @@ class Truth:
         if not outlines:
             raise WorldError("the world has nothing at the height of the laser, %.2f m; expected walls" % height)
         self._corners = [_segments(outline) for outline in outlines]
+        self._step = self._points = None        # of the surfaces found last
 
     def drawn(self, shape, resolution, origin):
         """Return the truth (H, W) on a grid: INSIDE an obstacle, WALL where a surface that can be seen crosses the
@@ -104,16 +105,26 @@ class Truth:
         grid = np.full(shape, OUTSIDE, np.uint8)
         for corners in self._corners:
             self._fill(grid, corners, resolution, origin)
-        for index, corners in enumerate(self._corners):
-            points = self._border(corners, STEP * resolution)
-            hidden = np.zeros(len(points), bool)
-            for other, polygon in enumerate(self._corners):
-                if other != index:
-                    hidden |= _inside(points, polygon)
-            cells = np.floor((points[~hidden] - origin) / resolution + 0.5).astype(int)
-            seen = (cells >= 0).all(axis=1) & (cells[:, 0] < shape[1]) & (cells[:, 1] < shape[0])
-            grid[cells[seen, 1], cells[seen, 0]] = WALL
+        cells = np.floor((self._surfaces(STEP * resolution) - origin) / resolution + 0.5).astype(int)
+        seen = (cells >= 0).all(axis=1) & (cells[:, 0] < shape[1]) & (cells[:, 1] < shape[0])
+        grid[cells[seen, 1], cells[seen, 0]] = WALL
         return grid
+
+    def _surfaces(self, step):
+        """Return points (N, 2) a ``step`` [m] apart along all borders but where they lie within another obstacle."""
+        if step != self._step:              # one map is like the other: most of the time goes into this
+            found = []
+            for index, corners in enumerate(self._corners):
+                points = self._border(corners, step)
+                hidden = np.zeros(len(points), bool)
+                for other, polygon in enumerate(self._corners):
+                    if other != index and len(polygon):
+                        near = ((points >= polygon.min(axis=0)) & (points <= polygon.max(axis=0))).all(axis=1)
+                        if near.any():
+                            hidden[near] |= _inside(points[near], polygon)
+                found.append(points[~hidden])
+            self._step, self._points = step, np.concatenate(found)
+        return self._points
 
     @staticmethod
     def _border(corners, step):

@@ -17,8 +17,10 @@ from m2wr_sim.report.map_agreement import LASER_HEIGHT, SLICE, Truth, compare, f
 from m2wr_sim.report.summary import obstacle_outlines
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world
+from m2wr_view.ros.starting import start_node
 
 SCALE = 3           # pixels a cell
+LOOK = 0.5          # between two looks at whether ROS has ended [s], wall
 
 
 def read_saved(path):
@@ -74,7 +76,7 @@ class LiveComparison:
     def run(self):
         """Compare until ROS ends; returns the exit code."""
         while not rospy.is_shutdown():
-            self._news.wait()
+            self._news.wait(LOOK)           # what on_shutdown calls comes before is_shutdown() says so
             self._news.clear()
             message, self._newest = self._newest, None
             if message is not None:
@@ -103,7 +105,7 @@ def main(argv=None):
     try:
         truth = read_truth(options.world, options.height)
         if options.live:
-            rospy.init_node("compare_map", disable_rostime=True)
+            start_node("compare_map", disable_rostime=True)
             return LiveComparison(truth).run()
         data, resolution, origin = read_saved(options.map)
     except (SimError, rospy.ROSException) as error:

@@ -1,0 +1,220 @@
+"""The best particle's path as a graph: steps, links between nodes far apart in time, and the path that fits them."""
+import numpy as np
+
+from m2wr_gmapping import graph_kernels, place_search
+from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.matcher import DEPENDENT
+from m2wr_gmapping.pose_graph import optimise
+from m2wr_gmapping.se2 import between, compose, wrap
+
+OLD = 12.0                  # a node that many metres of path back is old [m]
+SHIFT_FLOOR, TURN_FLOOR = 0.5, 0.1      # least half width of a search [m], [rad]
+HEADING_DRIFT = 0.0005      # what a heading drifts that only scans hold, along a way without an end of it [rad/m]
+DEVIATIONS = 2.5            # half width of the search, in deviations of the drift
+NEAR = 2.0                  # what has drifted by less is searched with the newest scans alone [m]
+SHIFT_MOST, TURN_MOST = 30.0, 0.6       # widest search [m], [rad]
+BESIDE = 2.0                # an old place is met again that far beside the path [m]
+UNHELD = np.array([10.0, 10.0, 1.0])    # deviations where nothing is known [m, m, rad]
+LINK_FLOOR = np.square([0.02, 0.02, 0.008])     # variance that no link beats [m^2, m^2, rad^2]
+STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # nor any step from one node to the next
+BEND = np.array([0.04, 0.04, 0.01])     # nodes that move by more are worth a new map [m, m, rad]
+HELD_SHARE = 0.085          # a match must be held across its best direction by that share of what it is along it
+OUTLIER = 12.0              # squared residual of a link, in covariances, that halves its weight
+UPPER = np.triu_indices(3)
+FIRST_NODES = 1024
+
+
+def inverse_symmetric(h):
+    """Inverse (3, 3) of a symmetric matrix given as xx, xy, xt, yy, yt, tt; calling the library costs more."""
+    a, b, c, d, e, f = h.tolist()
+    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
+    by = 1.0 / (a * p + b * q + c * r)
+    xy, xt, yt = q * by, r * by, (b * c - a * e) * by
+    return np.array([[p * by, xy, xt], [xy, (a * f - c * c) * by, yt], [xt, yt, (a * d - b * b) * by]])
+
+
+def covariance(information, deviations, floor):
+    """Covariance (3, 3) of a match.
+
+    Parameters
+    ----------
+    information : (6,) float64
+        Upper triangle of the scan's information.
+    deviations : (3,) float
+        Of a prior.
+    floor : (3,) float
+        Variances added in the end.
+    """
+    h = np.asarray(information, float) / DEPENDENT
+    h[[0, 3, 5]] += 1.0 / np.square(deviations)
+    found = inverse_symmetric(h)
+    found[[0, 1, 2], [0, 1, 2]] += floor
+    return found
+
+
+def information_of(information, deviations, floor):
+    """Inverse (3, 3) of ``covariance``."""
+    return inverse_symmetric(covariance(information, deviations, floor)[UPPER])
+
+
+def link_of(path, node, row, slides=False):
+    """Old node, newest node, measured pose and information of a match; none along the direction in which it slides."""
+    found = covariance(row[mk.INFORMATION:], UNHELD if slides else place_search.FINE_PRIOR, LINK_FLOOR)
+    if slides:
+        _, axes = np.linalg.eigh(found[:2, :2])
+        found[:2, :2] += UNHELD[0]**2 * np.outer(axes[:, 1], axes[:, 1])
+    return node, len(path) - 1, between(path[node], row[:3]), inverse_symmetric(found[UPPER])
+
+
+def held(row):
+    """Whether a match is held across its best direction as well."""
+    h = row[mk.INFORMATION:]
+    weak, strong = np.linalg.eigvalsh([[h[0], h[1]], [h[1], h[3]]])
+    return bool(weak >= HELD_SHARE * strong)
+
+
+def change_of(path, pose):
+    """How far (3,) a pose is from that of the newest node."""
+    change = np.abs(pose - path[-1])
+    change[2] = abs(wrap(pose[2] - path[-1, 2]))
+    return change
+
+
+def way_along(path):
+    """Length (K,) of a path (K, 3) up to each node [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1])))])
+
+
+class LoopGraph:
+    """Steps and links of a path.
+
+    Parameters
+    ----------
+    matcher : FastMatcher
+    resolution : float
+        Cell size of the fine match [m].
+
+    Attributes
+    ----------
+    links : list of (old node, newer node, (3,) measured pose of the newer seen from the old, (3, 3) its information)
+    searches, closures : int
+        Near searches, and times that the path has been bent.
+    """
+
+    def __init__(self, matcher, resolution):
+        self._matcher, self._resolution = matcher, resolution
+        self._steps = []                    # measured pose of each node from the one before, [0] unused
+        self._step_information = []
+        self._step_variances = np.zeros(FIRST_NODES)    # of the place by the step to each node [m^2], and spare room
+        self._link_nodes = np.zeros((0, 2), np.int64)   # of ``links``, which only become more
+        self.links = []
+        self.searches = self.closures = 0
+
+    def add_step(self, information, deviations):
+        """Say how well the newest node is known from the one before (see ``covariance``)."""
+        found = covariance(information, deviations, STEP_FLOOR)
+        self._step_information.append(inverse_symmetric(found[UPPER]))
+        newest = len(self._step_information)
+        if newest == len(self._step_variances):
+            self._step_variances = np.concatenate([self._step_variances, np.zeros(newest)])
+        self._step_variances[newest] = found[0, 0] + found[1, 1]
+
+    def scene(self, path, along, readings, node, correction=None):
+        """Return the path as it was when ``node`` was the newest one, and which of its old nodes it may have met again.
+
+        Parameters
+        ----------
+        path : (K, 3) float64
+        along : (K,) float64
+            Length of the path up to each node [m].
+        readings : sequence of K ScanReading
+        node : int
+        correction : (3,) float64, optional
+            Moves, in the map's axes, what is not old.
+
+        Returns
+        -------
+        scene : Scene
+        near, far : (C,) int
+            Old nodes from which the node may have drifted by little, and by more.
+        """
+        old = np.flatnonzero(along[node] - along > OLD)
+        shift, turn = self._drift(path, node)
+        if node < len(path) - 1 or correction is not None:
+            path, along, readings = path[:node + 1].copy(), along[:node + 1], readings[:node + 1]
+            shift, turn = shift[:node + 1], turn[:node + 1]
+        if correction is not None:
+            path[len(old):] = compose(correction, path[len(old):])
+        scene = place_search.Scene(path, along, readings, old, shift, turn)
+        met = old[scene.distance[old] < place_search.BEYOND * shift[old] + BESIDE]
+        return scene, met[shift[met] <= NEAR], met[shift[met] > NEAR]
+
+    def _drift(self, path, node):
+        """Return how far ``node`` may have drifted from each node, (K,) [m] and (K,) [rad]."""
+        out = np.empty((len(path), 3))
+        if len(self._link_nodes) < len(self.links):
+            self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
+        graph_kernels.drift(path, self._step_variances[:len(path)], self._link_nodes, node, out)
+        shift = SHIFT_FLOOR + DEVIATIONS * (HEADING_DRIFT * out[:, 0] + np.sqrt(out[:, 1]))
+        turn = TURN_FLOOR + DEVIATIONS * HEADING_DRIFT * out[:, 2]
+        return np.minimum(shift, SHIFT_MOST), np.minimum(turn, TURN_MOST)
+
+    def near_link(self, scene, near, reach=0.0):
+        """Search close to where the scene's newest node is thought to be.
+
+        Parameters
+        ----------
+        scene : Scene
+        near : (C,) int
+            Nodes to look among.
+        reach : float
+            Path whose scans take part in the fine match [m]; 0: the newest alone.
+
+        Returns
+        -------
+        link : tuple or None
+            As in ``links``.
+        pose : (3,) float64
+        slides : bool
+            Whether other places fit as well, or walls hold the scans of the stretch in one direction only; then nothing
+            is known along the other.
+        """
+        self.searches += 1
+        pose, slides = place_search.near_search(scene, near)
+        found = None if pose is None else place_search.fine_match(
+            self._matcher, self._resolution, scene, near, pose, reach)
+        if found is None:
+            return None, None, False
+        node, row, _ = found
+        # along a plain wall the scan fits best where old ones saw all of it, and a second search finds the same
+        moved = (change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any()
+        slides = slides or ((reach > 0.0 or moved) and not held(row))
+        return link_of(scene.path, node, row, slides), row[:3].copy(), slides
+
+    def fine_match(self, scene, old, pose, reach):
+        """Return ``place_search.fine_match`` with this graph's matcher and cells."""
+        return place_search.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
+
+    def solve(self, path, opened=False):
+        """Return the path (K, 3) that fits all steps and links best, or None where it hardly moves.
+
+        ``opened``: whether there are new links that lead far, see ``pose_graph``.
+        """
+        if not self.links:
+            return None
+        for k in range(len(self._steps), len(path)):
+            self._steps.append(between(path[k - 1], path[k]) if k else np.zeros(3))
+        count = len(path)
+        chain = np.stack([np.arange(count - 1), np.arange(1, count)], -1)
+        pairs = np.concatenate([chain, np.array([link[:2] for link in self.links])])
+        measured = np.concatenate([np.array(self._steps[1:]), np.array([link[2] for link in self.links])])
+        information = np.concatenate([np.array(self._step_information[:count - 1]),
+                                      np.array([link[3] for link in self.links])])
+        robust = np.arange(len(pairs)) >= count - 1
+        bent, self.link_weights = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
+        shift = np.abs(bent - path)
+        shift[:, 2] = np.abs(wrap(bent[:, 2] - path[:, 2]))
+        if (shift <= BEND).all():
+            return None
+        self.closures += 1
+        return bent

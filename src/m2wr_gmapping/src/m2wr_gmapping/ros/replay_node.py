@@ -1,0 +1,60 @@
+"""The replay as a node of its own: with parameters from the server, and its map on topics and service.
+
+That is what it is where a launch file starts it, where a command of ``--on_done`` may ask for the map, and where no
+file was asked for. Otherwise it needs no master and looks for none.
+"""
+import logging
+
+import rospy
+
+from m2wr_gmapping.ros.outputs import MapTopics
+from m2wr_gmapping.ros.params import NODE_PARAMETERS, private_parameters
+from m2wr_view.ros.starting import start_node
+
+NAME = "slam_gmapping"
+
+
+class ReplayNode:
+    """Registers the node ``slam_gmapping``, or the name and the remappings of the command line.
+
+    Parameters
+    ----------
+    loggers : sequence of str
+        Whose lines go to the screen and to /rosout from now on: registering takes away the handlers there were.
+    """
+
+    def __init__(self, loggers):
+        start_node(NAME)
+        rosout = logging.getLogger("rosout")
+        for name in loggers:
+            logging.getLogger(name).handlers, logging.getLogger(name).propagate = rosout.handlers, rosout.propagate
+        self._topics = None
+
+    def parameters(self):
+        """Return the filter's private parameters (dict): the server's, with those of the command line among them."""
+        own = set(NODE_PARAMETERS) - {"settle_time"}
+        return {name: value for name, value in private_parameters().items() if name not in own}
+
+    def show(self, grid, entropy, frame):
+        """Publish a map, and answer with it from now on."""
+        if self._topics is None:
+            self._topics = MapTopics(frame)
+        try:
+            self._topics.publish(grid, entropy)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():
+                raise
+
+    def on_end(self, stop):
+        """Call ``stop`` when ROS ends the node."""
+        rospy.on_shutdown(stop)
+
+    def stay(self):
+        """Keep the map on the topics until somebody ends the node."""
+        rospy.loginfo("the map stays on %s and the service %s; Ctrl-C ends that", rospy.resolve_name("map"),
+                      rospy.resolve_name("dynamic_map"))
+        rospy.spin()
+
+    def leave(self):
+        """Take the node off the graph."""
+        rospy.signal_shutdown("done")
