@@ -21,6 +21,15 @@ def messages_of(path):
     return topics
 
 
+def read_order(path):
+    """Return ``{topic: [bytes, ...]}`` as rosbag's reader gives them, sorted by recorded time."""
+    topics = {}
+    with rosbag.Bag(path) as bag:
+        for topic, raw, _ in bag.read_messages(raw=True):
+            topics.setdefault(topic, []).append(raw[1])
+    return topics
+
+
 def first_difference(first, second):
     """Return a sentence on where two lists of :func:`messages_of` differ, or None."""
     for number, (one, other) in enumerate(zip(first, second)):

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from bag_bytes import first_difference, messages_of  # noqa: E402
+from bag_bytes import first_difference, messages_of, read_order  # noqa: E402
 from check_launch_errors import free_port  # noqa: E402
 from sim_probe import program, run_checks, run_program  # noqa: E402
 
@@ -32,6 +32,7 @@ class Repeat(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.mkdtemp()
         cls.addClassCleanup(shutil.rmtree, cls.folder)
+        cls.shown = {}              # as rosbag's reader gives the messages, by run
         with ThreadPoolExecutor(2) as pool:
             runs = [pool.submit(cls.record, *arguments) for arguments in (
                 ("fast", "real_time_factor:=0", "seed:=3"),
@@ -50,6 +51,7 @@ class Repeat(unittest.TestCase):
             patience=LIMIT)
         if done.returncode != 0:
             raise AssertionError("run %s ended with %d\n%s\n%s" % (name, done.returncode, done.stdout, done.stderr))
+        cls.shown[name] = read_order(bag)
         return messages_of(bag)
 
     def test_the_runs_are_whole(self):
@@ -64,6 +66,11 @@ class Repeat(unittest.TestCase):
         for topic in EXPECTED:
             with self.subTest(topic):
                 self.assertIsNone(first_difference(self.fast[topic], self.paced[topic]))
+
+    def test_readers_show_the_same_order(self):
+        for topic in EXPECTED:
+            with self.subTest(topic):
+                self.assertIsNone(first_difference(self.shown["fast"][topic], self.shown["paced"][topic]))
 
     def test_another_seed_gives_other_scans(self):
         self.assertIsNotNone(first_difference(self.fast["/m2wr/laser/scan"], self.other["/m2wr/laser/scan"]))

@@ -171,6 +171,19 @@ class SlowSubscriber(unittest.TestCase):
         wait_until(lambda: "/vanished" not in subscribers(SCAN), "the closed connection to go")
         self.assert_nothing_was_missed_here(self.scans.next(200))
 
+    def test_a_newcomer_that_does_not_say_who_it_is_keeps_nobody_out(self):
+        """rospy would wait for it for a minute, in the one thread that lets others in."""
+        _, _, (_, address, port) = simulation_node().requestTopic("/silent", SCAN, [["TCPROS"]])
+        for begun in (b"", b"\xff\xff", struct.pack("<I", 1000) + b"callerid="):
+            newcomer = socket.create_connection((address, port), PATIENCE)
+            self.addCleanup(newcomer.close)
+            newcomer.sendall(begun)
+        started = time.monotonic()
+        other = Stuck("/behind_the_silent", SCAN, LaserScan)
+        self.addCleanup(other.socket.close)
+        self.assertEqual(other.header["topic"], SCAN)
+        self.assertLess(time.monotonic() - started, 20.0)
+
     def test_the_node_ends_no_connection_of_a_healthy_subscriber_and_counts_for_it(self):
         before = time.monotonic()
         scans = self.scans.next(200)

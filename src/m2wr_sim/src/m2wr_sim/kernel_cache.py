@@ -2,9 +2,13 @@
 
 A kernel that calls kernels of another file, or takes constants from there, would go on with what it was compiled with
 after that other file has changed.  So all caches of a folder are dropped when any module in it has changed.
+
+Nor does numba read what was compiled when the package was installed if it cannot write there too: then each user gets
+a copy, which is quicker than to compile anew.
 """
 import hashlib
 import os
+import shutil
 
 try:
     from numba import njit
@@ -41,11 +45,23 @@ def refresh(path):
         for name in os.listdir(cache):
             if name.endswith((".nbi", ".nbc")):
                 _remove(os.path.join(cache, name))
+        beside = os.path.join(folder, "__pycache__")
+        if os.path.realpath(cache) != os.path.realpath(beside) and _read(os.path.join(beside, _STAMP)) == now:
+            _copy(beside, cache)
         with open(stamp + ".%d" % os.getpid(), "w") as stream:
             stream.write(now)
         os.replace(stamp + ".%d" % os.getpid(), stamp)
     except OSError:
         return
+
+
+def _copy(source, cache):
+    """Copy compiled kernels; their indices last, so that whoever reads one finds what it names."""
+    for name in sorted(os.listdir(source), key=lambda name: name.endswith(".nbi")):
+        if name.endswith((".nbi", ".nbc")):
+            begun = os.path.join(cache, "%s.%d" % (name, os.getpid()))
+            shutil.copyfile(os.path.join(source, name), begun)
+            os.replace(begun, os.path.join(cache, name))
 
 
 def _place(module):

@@ -48,6 +48,28 @@ def test_a_change_beside_the_kernels_drops_them_and_only_them(folder, name, text
     assert len(cached(folder)) == 2
 
 
+def test_who_cannot_write_where_the_kernels_are_gets_a_copy(folder, tmp_path, monkeypatch):
+    fill(folder)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "users"))
+    kernel_cache.refresh(str(folder / "__init__.py"))
+    elsewhere, = (tmp_path / "users").iterdir()
+    assert sorted(path.name for path in elsewhere.iterdir()) == ["kernels.run-7.py311.1.nbc", "kernels.run-7.py311.nbi",
+                                                                 "kernels.sha1"]
+    for name in cached(folder):         # once only: what the user has compiled since then stays
+        (elsewhere / name).write_bytes(b"of the user")
+    kernel_cache.refresh(str(folder / "__init__.py"))
+    assert {(elsewhere / name).read_bytes() for name in cached(folder)} == {b"of the user"}
+
+
+def test_kernels_of_other_modules_are_not_copied(folder, tmp_path, monkeypatch):
+    fill(folder)
+    (folder / "numbers.py").write_text("SIZE = 5\n")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "users"))
+    kernel_cache.refresh(str(folder / "__init__.py"))
+    elsewhere, = (tmp_path / "users").iterdir()
+    assert [path.name for path in elsewhere.iterdir()] == ["kernels.sha1"]
+
+
 def test_kernels_that_numba_keeps_elsewhere_are_dropped_there(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "users"))     # as where the modules are root's
     kernel_cache.refresh(str(folder / "__init__.py"))

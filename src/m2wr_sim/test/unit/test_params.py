@@ -92,3 +92,23 @@ def test_worlds_are_found_by_path_then_in_the_folder(tmp_path, monkeypatch):
     assert find_world("b", str(folder)) == str(elsewhere / "b.world")
     with pytest.raises(WorldError, match="nowhere.world.*cannot be read.*%s.*%s" % (elsewhere, folder)):
         find_world("nowhere.world", str(folder))
+
+
+@pytest.mark.parametrize("text, number", [("1e-3", 0.001), ("2E-3", 0.002), ("5.e-3", 0.005)])
+def test_a_number_with_an_exponent_may_be_written_without_dot_and_sign(text, number):
+    """YAML takes it for a text."""
+    assert read_config({"step": text})[0].step == number
+
+
+@pytest.mark.parametrize("text", ["e3", "1e", "1e-3x", "--1e3", "1e400"])
+def test_what_only_looks_like_an_exponent_is_refused(text):
+    with pytest.raises(ParameterError, match="parameter ~real_time_factor is .* expected a .*number"):
+        read_config({"real_time_factor": text})
+
+
+def test_a_listener_with_topics_needs_no_quotes():
+    assert read_config({"lockstep_listeners": [{"/rec": "/clock /odom"}, "/other"]})[0].lockstep_listeners == [
+        "/rec: /clock /odom", "/other"]
+    for bad in ({"/a": "/b", "/c": "/d"}, {}, 7):
+        with pytest.raises(ParameterError, match="expected a list of names"):
+            read_config({"lockstep_listeners": [bad]})

@@ -74,6 +74,13 @@ def test_nothing_that_can_be_read_is_said(tmp_path, content):
     assert rescue(str(tmp_path / "other.bag")) == "nothing was recorded"
 
 
+@pytest.mark.parametrize("messages, told", [(0, "nothing was recorded"), (3, "%s is complete")])
+def test_a_bag_without_messages_is_not_called_complete(tmp_path, messages, told):
+    path = str(tmp_path / "run.bag")
+    write_bag(path, messages)
+    assert rescue(path) == (told % path if "%" in told else told)
+
+
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
     check_place(str(tmp_path / "run.bag"))
     assert os.listdir(str(tmp_path)) == []
@@ -146,4 +153,4 @@ def test_a_recorder_that_breaks_is_told(keeper):
 @pytest.mark.skipif(shutil.which("roscore") is None, reason="no recorder without ROS")
 def test_rosbags_recorder_is_found():
     done = subprocess.run([record_run.find_recorder(), "--help"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    assert b"--chunksize" in done.stdout and b"--tcpnodelay" in done.stdout
+    assert b"--chunksize" in done.stdout and b"--tcpnodelay" in done.stdout and b"--min-space" in done.stdout

@@ -9,6 +9,7 @@ import rospy
 import tf2_ros
 from geometry_msgs.msg import PointStamped
 from m2wr_view.outlines import point_distances
+from m2wr_view.ros.starting import start_node
 
 from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate
@@ -146,7 +147,7 @@ class ClickObstacles:
 
 def main():
     """Entry point; returns the exit code."""
-    rospy.init_node("click_obstacles", disable_rostime=True)
+    start_node("click_obstacles", disable_rostime=True)
     try:
         config = read_parameters(rospy.get_param)
     except SimError as error:

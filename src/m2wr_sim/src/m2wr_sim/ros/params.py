@@ -1,6 +1,7 @@
 """The node's parameters: each read once, checked, and kept in one frozen record."""
 import math
 import os
+import re
 from dataclasses import dataclass, field, fields
 from typing import Dict, List, Optional
 
@@ -90,6 +91,7 @@ class NodeConfig:
 _NUMBERS = {"real_time_factor": float, "seed": int, "step": float, "pub_clock_frequency": float,
             "pub_state_frequency": float, "world_markers_rate": float, "command_timeout": float,
             "joint_state_rate": float, "lockstep_patience": float}
+_EXPONENT = re.compile(r"[-+]?[0-9]+\.?[0-9]*[eE][-+]?[0-9]+$")
 
 
 def read_config(parameters):
@@ -124,6 +126,8 @@ def _typed(name, value):
         if name == "real_time_factor" and value == "":
             return None
         whole = _NUMBERS[name] is int
+        if isinstance(value, str) and not whole and _EXPONENT.match(value):
+            value = float(value)        # no number for rosparam's YAML, which wants a dot and a sign
         if isinstance(value, bool) or not isinstance(value, (int, float)) or (
                 whole and not (math.isfinite(value) and value == int(value))):
             raise ParameterError("parameter ~%s is %r; expected %s"
@@ -139,6 +143,9 @@ def _typed(name, value):
                                  % (value,))
         return value
     if name in ("lockstep_controllers", "lockstep_replies", "lockstep_listeners"):
+        if isinstance(value, list):     # "/NODE: /TOPIC" without quotes is a pair for YAML
+            value = [": ".join(map(str, *entry.items())) if isinstance(entry, dict) and len(entry) == 1 else entry
+                     for entry in value]
         if not isinstance(value, list) or not all(isinstance(entry, str) and entry.strip() for entry in value):
             raise ParameterError("parameter ~%s is %r; expected a list of names" % (name, value))
         return value

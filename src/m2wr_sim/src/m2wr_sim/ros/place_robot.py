@@ -9,6 +9,7 @@ import rospy
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import GetModelState, SetModelState
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from m2wr_view.ros.starting import start_node
 from motion_plan.ros_poses import PoseError, planar_in
 
 _TOPIC, _GOALS = "initialpose", "move_base_simple/goal"
@@ -77,7 +78,7 @@ def check_goal(_, system_state=None):
 
 def main():
     """Entry point; returns the exit code."""
-    rospy.init_node("place_robot", disable_rostime=True)
+    start_node("place_robot", disable_rostime=True)
     services = []
     for name, kind in (("/gazebo/get_model_state", GetModelState), ("/gazebo/set_model_state", SetModelState)):
         while not rospy.is_shutdown():

@@ -17,7 +17,10 @@ import rosbag
 import rospkg
 import rospy
 
+from m2wr_sim.ros.bag_order import settle_times
+
 _CHUNK_KB = 256             # written at once; what is lost when the recorder is killed
+_SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take
 _CLOSING = 12.0             # s of wall time for the recorder to close its file; roslaunch waits for 15
 _LOOK = 0.1                 # s between two looks at the recorder
 _INDEX = 256 << 10          # bytes: of all message definitions, more than an index has ever needed
@@ -105,7 +108,7 @@ def rescue(path):
     """
     left = path + ".active"
     if not os.path.exists(left):
-        return "%s is complete" % path if os.path.exists(path) else "nothing was recorded"
+        return "%s is complete" % path if _has_messages(path) else "nothing was recorded"
     try:
         check_room(left)
         with rosbag.Bag(left, "a", allow_unindexed=True) as bag:
@@ -119,6 +122,15 @@ def rescue(path):
         return "nothing was recorded"
     os.replace(left, path)
     return "%d messages up to there are in %s" % (count, path)
+
+
+def _has_messages(path):
+    """Tell whether there is a bag with something in it, or one that only its reader can judge."""
+    try:
+        with rosbag.Bag(path) as bag:
+            return bag.get_message_count() > 0
+    except Exception:                   # of what kind depends on where it stumbles
+        return os.path.exists(path)
 
 
 def _die_with_parent():
@@ -137,10 +149,12 @@ class Keeper:
         Topics, and ROS's own words such as ``__name:=record``.
     options : list of str
         Of rosbag's recorder.
+    in_order : bool
+        Let readers of the bag see each topic in the order in which it was recorded: runs in lockstep repeat that, too.
     """
 
-    def __init__(self, path, words, options=()):
-        self._path, self._words, self._options = path, words, list(options)
+    def __init__(self, path, words, options=(), in_order=False):
+        self._path, self._words, self._options, self._in_order = path, words, list(options), in_order
         self._ending = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: self._ending.set())
@@ -151,7 +165,8 @@ class Keeper:
         kept = keep_earlier(self._path)
         if kept:
             sys.stderr.write("record: an earlier recording of this name was not finished; it is kept as %s\n" % kept)
-        command = [find_recorder(), "--lz4", "--tcpnodelay", "--chunksize=%d" % _CHUNK_KB, "-O", self._path]
+        command = [find_recorder(), "--lz4", "--tcpnodelay", "--chunksize=%d" % _CHUNK_KB,
+                   "--min-space=%dM" % _SPACE_MB, "-O", self._path]
         # in a session of its own: the one signal it gets is ours. A full disk is an error, not a signal that kills.
         recorder = subprocess.Popen(command + self._options + self._words, start_new_session=True,
                                     restore_signals=False, preexec_fn=_die_with_parent)
@@ -173,6 +188,12 @@ class Keeper:
                 rescue(self._path)))
         if not self._ending.is_set():
             raise RecordError("the recorder has ended by itself; %s" % rescue(self._path))
+        if self._in_order and os.path.exists(self._path):
+            try:
+                settle_times(self._path)
+            except (OSError, ValueError) as error:
+                sys.stderr.write("record: the bag is complete, but where several nodes publish on one topic, readers "
+                                 "may show another order than was recorded: %s\n" % error)
 
     def wait(self):
         """Wait until told to end."""
@@ -201,20 +222,22 @@ def main(argv=None):
     name = parser.add_mutually_exclusive_group(required=True)
     name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag")
     name.add_argument("-o", dest="prefix", metavar="PREFIX", help="the same, with the time behind")
-    parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place")
+    parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place; the bag "
+                        "shows each topic in the order in which it was recorded")
     parser.add_argument("--all", action="store_true",
                         help="record all other topics too, as they come up, but those that match " + _NOT_OF_ALL)
     parser.add_argument("topics", nargs="+", metavar="TOPIC")
     given = parser.parse_args(sys.argv[1:] if argv is None else argv)
     path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))
     path = os.path.abspath(path if path.endswith(".bag") else path + ".bag")
-    keeper = Keeper(path, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [])
+    lockstep = given.lockstep.lower() == "true"
+    keeper = Keeper(path, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [], in_order=lockstep)
     try:
         keeper.record()
     except RecordError as error:
         sys.stderr.write("record: %s. The run goes on without a recording.\n" % error)
         sys.stderr.flush()
-        if given.lockstep.lower() == "true":
+        if lockstep:
             keeper.listen()
         else:
             keeper.wait()

@@ -6,6 +6,7 @@ import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import LaserScan
 
+from m2wr_view.ros.starting import start_node
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import RegionReader, ScanError
 
@@ -51,7 +52,7 @@ def main(argv=None):
     parser.add_argument("--name", default="robot", help="name of the robots, without their numbers")
     parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first")
     arguments = parser.parse_args(rospy.myargv(argv)[1:])
-    rospy.init_node("wander_robots", anonymous=True)
+    start_node("wander_robots", anonymous=True)
     logging.getLogger("motion_plan").setLevel(logging.WARNING)      # not a line for every turn of every robot
     wanderers = [Wanderer("%s%d" % (arguments.name, arguments.first + k)) for k in range(arguments.robots)]
     rospy.loginfo("driving %d robots", len(wanderers))

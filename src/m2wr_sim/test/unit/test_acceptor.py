@@ -1,0 +1,77 @@
+"""Newcomers that do not say who they are keep nobody waiting."""
+import socket
+import struct
+import threading
+
+import pytest
+from rospy.impl.tcpros_base import TCPServer
+
+from m2wr_sim.ros.acceptor import accept_side_by_side, header_is_there
+
+
+@pytest.fixture
+def server():
+    """Return a server as rospy's, that reads two bytes of each newcomer, and what they were as they come."""
+    read, arrived = [], threading.Event()
+
+    def receive(connection, _):
+        connection.settimeout(20.0)
+        read.append(connection.recv(2))
+        arrived.set()
+
+    server = TCPServer(receive)
+    server.start()
+    server.read, server.arrived = read, arrived
+    yield server
+    server.shutdown()
+
+
+def connect(server, data=b""):
+    """Return a connection to a server that has sent some bytes."""
+    connection = socket.create_connection(("127.0.0.1", server.port), timeout=20.0)
+    connection.sendall(data)
+    return connection
+
+
+def test_a_newcomer_that_is_silent_or_says_half_keeps_nobody_out(server):
+    assert accept_side_by_side(server)
+    silent = [connect(server), connect(server)]
+    talker = connect(server, b"hi")
+    assert server.arrived.wait(10.0) and server.read == [b"hi"]
+    for connection in silent + [talker]:
+        connection.close()
+
+
+def test_the_silent_one_is_heard_when_it_speaks(server):
+    accept_side_by_side(server)
+    late = connect(server)
+    connect(server, b"on").close()
+    assert server.arrived.wait(10.0)
+    server.arrived.clear()
+    late.sendall(b"at")
+    assert server.arrived.wait(10.0) and server.read == [b"on", b"at"]
+    late.close()
+
+
+@pytest.mark.parametrize("sent, whole", [(b"", False), (b"\x05\0\0", False), (b"\x05\0\0\0abcd", False),
+                                         (b"\x05\0\0\0abcde", True), (b"\x05\0\0\0abcdefgh", True),
+                                         (struct.pack("<I", 0xffffffff) + b"abc", False), (b"\0\0\0\0", False),
+                                         (b"\0\0\0\0x", True)])
+def test_a_header_is_there_when_all_of_it_is(sent, whole):
+    here, there = socket.socketpair()
+    with here, there:
+        here.settimeout(20.0)
+        there.sendall(sent)
+        assert header_is_there(here) is whole
+        assert here.recv(99) == sent if sent else True      # nothing was taken
+
+
+def test_a_connection_that_is_gone_has_none():
+    here, there = socket.socketpair()
+    there.close()
+    with here:
+        assert header_is_there(here) is False
+
+
+def test_without_a_server_nothing_is_changed():
+    assert accept_side_by_side(object()) is False
