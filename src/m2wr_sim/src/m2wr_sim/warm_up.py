@@ -20,7 +20,7 @@ def warm_up(engine_kind="auto"):
             link = Link("link", collisions=(Collision("shape", geometry),))
             handle = engine.add_model(Model(name, (link,), static=static), IDENTITY)
         engine.step(2)
-        engine.pose_reader([(handle.links["link"], IDENTITY)])(np.zeros((1, 3)), np.zeros((1, 4)))
+        engine.pose_reader([(handle.links["link"], IDENTITY)], np.zeros((1, 7)))()
     finally:
         engine.close()
 

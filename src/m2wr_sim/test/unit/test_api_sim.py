@@ -397,6 +397,20 @@ def test_a_model_without_a_drive_cannot_be_commanded():
         assert result.odometry is None and result.scan is None and sim.lasers() == ()
 
 
+@pytest.mark.parametrize("arguments, error", [
+    ({"poses": (1e9, 0.0, 0.0)}, ModelError), ({"poses": {"m2wr": (0.0, -1.1e6, 0.5)}}, ModelError),
+    ({"poses": (1.0, 1.0, 0.0), "seed": -1}, ParameterError), ({"poses": {"nobody": (1.0, 1.0, 0.0)}}, NotFoundError),
+    ({"poses": (math.nan, 0.0, 0.0), "seed": 2}, ValueError)])
+def test_a_reset_that_is_refused_changes_nothing(m2wr_record, arguments, error):
+    with Sim("empty", m2wr_record, pose=(3.0, 2.0, 0.0), seed=1) as sim:
+        sim.step((0.5, 0.0), 0.2)
+        before = sim.pose()
+        with pytest.raises(error):
+            sim.reset(**arguments)
+        assert sim.pose() == before and sim.simulator.config.seed == 1
+        assert sim.reset()["m2wr"].position == (3.0, 2.0, 0.1)
+
+
 def test_a_closed_simulation_says_so(m2wr_record):
     sim = Sim("empty", m2wr_record)
     sim.close()

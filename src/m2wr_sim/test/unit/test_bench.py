@@ -180,7 +180,7 @@ def from_source(monkeypatch):
 
 @pytest.mark.parametrize("arguments", [
     ("--step", "0"), ("--step", "0.03"), ("--step", "nan"), ("--robots", "0"), ("--beams", "0"), ("--duration", "0"),
-    ("--engine", "bullet"), ("--clients", "2"), ("--obstacles", "-1"), ("--compare", "rust")])
+    ("--engine", "bullet"), ("--clients", "2"), ("--soak", "0"), ("--obstacles", "-1"), ("--compare", "rust")])
 def test_arguments_out_of_range_are_refused(arguments, capsys):
     with pytest.raises(SystemExit) as ended:
         command.main(arguments)
@@ -286,6 +286,18 @@ def test_the_whole_node_is_measured_with_a_listener():
     assert set(result["received"]) == {"/clock", "/tf", "/robot0/scan", "/robot0/odom", "/robot0/joint_states"}
     assert all(count > 0 for count in result["received"].values())
     assert 0.0 < result["startup_s"] < 60.0 and result["factor"] > 1.0 and result["messages"] == 0
+
+
+def test_a_soak_tells_the_memory_after_each_minute():
+    pytest.importorskip("rosmaster", reason="needs ROS's master")
+    done = subprocess.run([sys.executable, "-m", "m2wr_sim.bench.command", "--soak", "2", "--step", "0.01", "--json"],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout.splitlines()[-1])["result"]
+    memory = result["memory_by_minute_mb"]
+    assert len(memory) == 3 and all(10.0 < value <= result["memory_mb"] for value in memory)
+    assert result["late_growth_mb"] == pytest.approx(max(0.0, memory[2] - memory[1]))
+    assert table.lines(result).count("memory after minute") == 3
 
 
 def test_the_models_of_the_reference_are_sound():

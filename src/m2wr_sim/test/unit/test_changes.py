@@ -48,7 +48,8 @@ def test_a_static_link_takes_its_shape_along_for_rays(make_rig, build):
     changes.set_link_state(rig.simulator, model, "link", at(7.0), REST, REST)
     rig.simulator.refresh_scene()
     assert rig.engine.link_pose(model.handle.links["link"])[0] == (7.0, 0.0, 0.0)
-    assert model.sight._positions[0] == pytest.approx((7.0, 0.0, 0.0))
+    scene = rig.simulator.scene
+    assert scene.spheres[:3, scene.rows_of("wall")[0]] == pytest.approx((7.0, 0.0, 0.0))
 
 
 def test_gravity_is_switched_for_one_link(make_rig, build):

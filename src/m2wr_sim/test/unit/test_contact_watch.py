@@ -133,3 +133,21 @@ def test_a_watch_keeps_of_each_pair_the_newest_step():
     for entry in (report(1, "b", 0.1), report(1, "b", 0.2), report(1, "c", 0.3), report(2, "b", 0.4)):
         watch.add(entry)
     assert watch.drain() == [[report(2, "b", 0.4)], [report(1, "c", 0.3)]] and watch.drain() == []
+
+
+def test_many_contacts_at_once_hide_none_that_was_short(build):
+    pytest.importorskip("numba", reason="the compiled loop needs numba")
+    found = []
+    for kind in ("native", "pyode"):
+        engine = engine_of(kind, EngineSettings())
+        engine.add_model(build.ground(), at())
+        for index in range(30):                 # 120 contacts in every step: in 100 steps more than are kept in between
+            engine.add_model(crate("crate%d" % index), at(2.0 * index, 0.0, 0.2499))
+        ball = engine.add_model(sphere("ball", -5.0, 0.0, 0.0999, 0.1, static=False), at(-5.0, 0.0, 0.0999))
+        watch = engine.watch_contacts([full("ground_plane")])
+        engine.set_link_velocity(ball.links["link"], (0.0, 0.0, 3.0), (0.0, 0.0, 0.0))
+        engine.step(100)
+        found.append(watch.drain())
+        engine.close()
+    assert len(found[0]) == 31 and found[0] == found[1]
+    assert {pair[0].second: pair[0].step for pair in found[0]}[full("ball")] < 5

@@ -3,6 +3,7 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from m2wr_sim.physics.engine import Touch
 from m2wr_sim.ros import diagnostics
 from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.transport import Dropped
@@ -182,3 +183,16 @@ def test_a_reset_does_no_harm(monkeypatch):
     rig.simulator.now_ns = rig.simulator.steps = 0
     rig.run()
     assert rig.newest()[2]["steps per second"] == "0" and rig.newest()[2]["real-time factor"] == "0.00"
+
+
+def test_of_many_touches_at_once_some_are_told_and_the_rest_counted(monkeypatch):
+    rig, lines = Rig(monkeypatch), []
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: lines.append(text % values))
+    rig.simulator.touches = [Touch(1, "a%d::l::c" % k, "b::l::c", (0.0, 0.0, 0.0), 0.001) for k in range(50)]
+    for _ in range(2):
+        rig.run()
+    assert len(lines) == 21 and lines[19].startswith("a19::l::c touches b::l::c at (0.00, 0.00, 0.00), 1.0 mm deep")
+    assert lines[20] == "and 30 more pairs touch for the first time"
+    rig.simulator.touches.append(Touch(2, "a50::l::c", "b::l::c", (0.0, 0.0, 0.0), 0.001))
+    rig.run()
+    assert len(lines) == 22 and lines[21].startswith("a50::l::c touches")

@@ -6,6 +6,7 @@ import pytest
 
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Noise, Plane, RayScan, Sphere
+from m2wr_sim.sensors import packed_kernels
 from m2wr_sim.sensors.laser import LaserSensor, warm_up
 from m2wr_sim.sensors.scene import Scene
 
@@ -252,5 +253,28 @@ def test_warm_up_compiles_everything_a_scan_needs():
     before = [len(kernel.signatures) for kernel in kernels]
     scene = world((Sphere(0.5), (2.0, 0.0, 0.0), 7.5))
     laser(noise=Noise("gaussian", 0.0, 0.01), resolution=0.5, vertical_samples=2).cast(scene, ORIGIN)
-    scene.set_poses(np.array([0]), np.zeros((1, 3)), np.ones((1, 4)))
+    scene.set_poses(np.array([0]), np.ones((1, 7)))
     assert [len(kernel.signatures) for kernel in kernels] == before == [1, 1, 1, 1]
+
+
+@pytest.mark.skipif(not packed_kernels.COMPILED, reason="nothing is compiled here")
+@pytest.mark.parametrize("changes", [{}, dict(vertical_samples=3, vertical_min_angle=-0.2, vertical_max_angle=0.3),
+                                     dict(noise=Noise("gaussian", 0.02, 0.05)), dict(samples=1)])
+def test_one_call_scans_as_two_kernels_do_to_the_bit(changes):
+    at_once, apart, scene, draw = laser(**changes), laser(**changes), Scene(2), np.random.default_rng(4)
+    apart._block = None
+    for turn in range(12):                              # the scene grows meanwhile
+        for _ in range(turn % 3):
+            shape = (Sphere(0.4), Box((0.5, 1.0, 2.0)))[int(draw.integers(2))]
+            scene.add(shape, (tuple(draw.uniform(-6.0, 6.0, 3) * (1, 1, 0.1)), ORIGIN[1]), "crowd")
+        pose = (tuple(draw.uniform(-1.0, 1.0, 3)), tuple(draw.normal(size=4)))
+        readings = [one.cast(scene, pose)[0].tobytes() for one in (at_once, apart)]
+        assert readings[0] == readings[1]
+    assert np.isfinite(at_once.cast(scene, ORIGIN)[0]).any()
+
+
+def test_a_scanner_moves_from_scene_to_scene():
+    sensor, worlds = laser(samples=1), [world((Sphere(0.5), (distance, 0.0, 0.0))) for distance in (2.0, 3.0)]
+    worlds.append(world((Sphere(0.5), (4.0, 0.0, 0.0), 1.0)))           # one that reflects, which goes another way
+    assert [float(sensor.cast(scene, ORIGIN)[0][0]) for scene in worlds + worlds[::-1]] == pytest.approx(
+        [1.5, 2.5, 3.5, 3.5, 2.5, 1.5], abs=1e-6)

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.ros.loop import Loop, Pacer, ShuttingDown, _Request
+from m2wr_sim.ros.loop import Loop, Pacer, ShuttingDown, _Request, batch_length
 
 MS = 1000000
 
@@ -154,6 +154,23 @@ def test_housekeeping_does_not_wait_for_a_slow_schedule(simulator):
     assert simulator.now_ns <= 20 * MS
 
 
+@pytest.mark.parametrize("factor, step_ms, batch_ms", [
+    (0.0, 1, 10), (1.0, 1, 10), (0.2, 1, 10), (0.1, 1, 5), (0.05, 1, 2), (0.05, 5, 5), (0.001, 1, 1), (0.1, 3, 3)])
+def test_slow_time_comes_in_short_pieces(factor, step_ms, batch_ms):
+    assert batch_length(factor, step_ms * MS) == batch_ms * MS
+
+
+def test_at_a_twentieth_of_real_time_nothing_jumps(simulator, monkeypatch):
+    """What falls due within a batch is sent when it begins: a long one would show 200 ms of the wall at once."""
+    ends, advance = [], simulator.advance
+    monkeypatch.setattr(simulator, "advance", lambda until_ns, *lazily: (ends.append(until_ns),
+                                                                         advance(until_ns, *lazily))[1])
+    with Running(simulator, factor=0.05) as running:
+        running.wait(lambda: simulator.now_ns >= 12 * MS)
+    ends = sorted(set(ends))
+    assert len(ends) >= 6 and all(later - earlier <= 2 * MS for earlier, later in zip([0] + ends, ends))
+
+
 def test_time_passes_however_many_requests_come(simulator):
     """Each request brings the next one, as clients do that ask again as soon as they have an answer."""
     asked = []
@@ -194,6 +211,22 @@ def test_after_the_end_requests_are_refused(simulator):
         running.stop()
         with pytest.raises(ShuttingDown):
             running.loop.call(lambda: None)
+
+
+def test_the_end_does_not_wait_for_a_batch_of_slow_steps(simulator, build):
+    simulator.spawn(build.box("other", 0.4, 0, 0.25, static=False), build.at(0.4, 0.0, 0.25))
+    engine, looks = simulator.engine, []
+
+    def look():
+        looks.append(engine._steps)
+        loop.end_if_asked()
+
+    loop = Loop(simulator, 0.0, lambda: len(looks) == 3, lambda: None)
+    engine.crowded, engine.between = 0, look        # every step takes long then
+    loop.run()
+    assert looks == [1, 2, 3] and simulator.now_ns >= 10 * MS
+    with pytest.raises(ShuttingDown):
+        loop.call(lambda: None)
 
 
 def test_a_request_that_waits_at_the_end_is_refused(simulator):

@@ -253,21 +253,40 @@ def test_full_turns_are_counted_and_survive_a_change_of_the_world():
         engine.close()
 
 
+@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)])
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (math.pi, 0.0, 0.0), (0.3, -0.2, -3.0)])
+def test_a_hinge_at_rest_reads_the_same_zero(axis, turn):
+    signs = []
+    for engine_class in (PyodeEngine, native.NativeEngine):
+        engine = engine_class(EngineSettings(gravity=(0.0, 0.0, 0.0)))
+        links = tuple(Link(name, pose=((x, 0.0, 0.0), NO_TURN), inertial=Inertial())
+                      for name, x in (("one", 0.0), ("two", 0.5)))
+        hinge = Joint("hinge", "revolute", "one", "two", axis=Axis(axis))
+        handle = engine.add_model(Model("pair", links, (hinge,)), ((0.0, 0.0, 1.0), quaternion_from_rpy(*turn)))
+        engine.step(4)
+        signs.append((engine.joint_angle(handle.joints["hinge"]),
+                      math.copysign(1.0, engine.joint_angle(handle.joints["hinge"]))))
+        engine.close()
+    assert signs[0] == signs[1]
+
+
 def test_poses_of_shapes_are_those_of_the_slow_way():
     engine, robots, free = build(native.NativeEngine)
     offset = ((0.1, -0.2, 0.3), quaternion_from_rpy(0.3, -0.2, 1.0))
     parts = [(link, offset) for handle in robots + free for link in handle.links.values()]
-    read, slow = engine.pose_reader(parts), Engine.pose_reader(engine, parts)
-    results = [(np.zeros((len(parts), 3)), np.zeros((len(parts), 4))) for _ in range(2)]
+    results = [np.zeros((len(parts), 7)) for _ in range(2)]
+    read, slow = engine.pose_reader(parts, results[0]), Engine.pose_reader(engine, parts, results[1])
     for extra in range(2):
         engine.step(300)
-        for reader, arrays in zip((read, slow), results):
-            reader(*arrays)
-        assert all(np.array_equal(one, two) for one, two in zip(*results))
+        read()
+        slow()
+        assert np.array_equal(*results) and np.all(results[0][:, 3:].any(axis=1))
         engine.add_model(solid("extra%d" % extra, Sphere(0.1), 1.0), ((5.0, 5.0 + extra, 1.0), NO_TURN))
+    with pytest.raises(ValueError, match=r"expected \(%d, 7\)" % len(parts)):
+        engine.pose_reader(parts, results[0][1:])
     engine.remove_model(free[0])
     with pytest.raises(KeyError):
-        read(*results[0])
+        read()
     engine.close()
 
 

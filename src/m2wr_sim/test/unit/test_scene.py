@@ -79,7 +79,9 @@ def test_version_grows_with_every_change():
     versions.append(scene.version)
     scene.set_pose(row, *at(3.0))
     versions.append(scene.version)
-    scene.set_poses(np.array([row]), np.zeros((1, 3)), np.array([UPRIGHT]))
+    scene.set_poses(np.array([row]), np.array([(0.0, 0.0, 0.0) + tuple(UPRIGHT)]))
+    versions.append(scene.version)
+    scene.mover(np.array([row]), np.ones((1, 7)))()
     versions.append(scene.version)
     scene.remove_owner("a")
     versions.append(scene.version)
@@ -90,28 +92,51 @@ def test_many_poses_equal_single_ones():
     rng = np.random.default_rng(0)
     positions, angles = rng.normal(size=(6, 3)), rng.uniform(-3, 3, (6, 3))
     turns = np.array([quaternion_from_rpy(*row) for row in angles])
-    one, many = Scene(6), Scene(6)
-    for scene in (one, many):
+    one, many, moved = Scene(6), Scene(6), Scene(2)
+    for scene in (one, many, moved):
         rows = np.array([scene.add(Box((1, 2, 3)), ORIGIN, 0) for _ in range(6)])
-    many.set_poses(rows, positions, 3.0 * turns)        # of any length
+    poses = np.hstack((positions, 3.0 * turns))         # of any length
+    many.set_poses(rows, poses)
     for row in rows:
         one.set_pose(row, positions[row], turns[row])
         np.testing.assert_allclose(one.shapes[row, :9].reshape(3, 3), matrix_from_quaternion(turns[row]), atol=1e-14)
     np.testing.assert_allclose(many.shapes, one.shapes, atol=1e-14)
     np.testing.assert_array_equal(many.spheres, one.spheres)
+    late = np.zeros_like(poses)
+    move = moved.mover(rows, late)
+    move()
+    late[:] = poses
+    for _ in range(2):
+        move()
+        np.testing.assert_array_equal(moved.shapes[:6], many.shapes)
+        np.testing.assert_array_equal(moved.spheres[:, :6], many.spheres)
+        for _ in range(moved.capacity):                 # the tables grow under the mover
+            moved.add(Sphere(0.5), ORIGIN, "more")
+        late[:] += 1.0
+        move()
+        late[:] = poses
 
 
 def test_rows_outside_the_table_are_not_written():
     scene = Scene(2)
     scene.add(Sphere(0.5), at(2.0), "a")
     before = scene.spheres.copy()
-    scene.set_poses(np.array([-1, 2, 99]), np.ones((3, 3)), np.ones((3, 4)))
+    scene.set_poses(np.array([-1, 2, 99]), np.ones((3, 7)))
+    scene.mover(np.array([-1, 2, 99]), np.ones((3, 7)))()
     np.testing.assert_array_equal(scene.spheres, before)
 
 
 def test_wrong_shapes_of_pose_arrays_are_refused():
-    with pytest.raises(ValueError, match=r"expected \(1, 3\) and \(1, 4\)"):
-        Scene(2).set_poses(np.array([0]), np.zeros((1, 4)), np.zeros((1, 4)))
+    with pytest.raises(ValueError, match=r"expected \(1, 7\)"):
+        Scene(2).set_poses(np.array([0]), np.zeros((1, 4)))
+
+
+@pytest.mark.parametrize("rows, poses", [
+    (np.array([0]), np.zeros((2, 7))), (np.array([0]), np.zeros((1, 7), np.float32)),
+    (np.array([0], np.int32), np.zeros((1, 7))), (np.array([0, 1]), np.zeros((2, 14))[:, ::2])])
+def test_arrays_that_cannot_be_handed_over_by_address_are_refused(rows, poses):
+    with pytest.raises(ValueError, match="expected"):
+        Scene(2).mover(rows, poses)
 
 
 def test_plane_keeps_its_normal_when_turned_and_follows_its_position():

@@ -7,7 +7,6 @@ from m2wr_sim.plugins.diff_drive import DiffDrive
 from m2wr_sim.plugins.laser import Laser
 from m2wr_sim.runtime.ports import Ports
 from m2wr_sim.runtime.simulator import Simulator
-from m2wr_sim.sensors.laser import LaserSensor
 
 #: When a robot senses: at the rates of its description, at the end of each step, or (lasers) not at all.
 SENSING = ("due", "now", "off")
@@ -100,8 +99,7 @@ class DirectLaser(Laser):
         self.scan = None
         if rewound:
             self._schedule.restart()
-            # a new one: the bias of the noise depends on the seed, too
-            self._laser = LaserSensor(self._ctx.sensor.ray, self._ctx.rng("noise"))
+            self._make_laser()          # a new one: the bias of the noise depends on the seed, too
 
 
 _DIRECT = {DiffDrive: DirectDrive, Laser: DirectLaser}

@@ -9,10 +9,10 @@ from m2wr_sim.api.devices import SENSING, DirectDrive, DirectLaser, DirectSimula
 from m2wr_sim.api.loading import read_robot, read_world
 from m2wr_sim.api.records import Observation, StepResult, Touch
 from m2wr_sim.control.diff_drive import CONVENTIONS
-from m2wr_sim.errors import NotFoundError, ParameterError
+from m2wr_sim.errors import ModelError, NotFoundError, ParameterError
 from m2wr_sim.geometry import compose, quaternion_from_rpy
 from m2wr_sim.model.types import RayScan
-from m2wr_sim.physics.engine import settings_from_physics, whole_step
+from m2wr_sim.physics.engine import FARTHEST, settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.runtime.entities import tell
 from m2wr_sim.runtime.simulator import SimConfig
@@ -277,14 +277,23 @@ class Sim:
         Returns
         -------
         StepResult
+
+        Raises
+        ------
+        NotFoundError, ModelError, ParameterError
+            If a robot is not there, a pose is too far out for the engine, or the seed is none; all stays as it was.
         """
         simulator = self.simulator
-        if poses is not None:
-            for name, pose in (poses if isinstance(poses, dict) else {None: poses}).items():
-                model = simulator.models[self._name(name)]
-                model.reset_pose = compose(_full_pose(pose), model.record.pose)
-        if seed is not None:
-            simulator.config = replace(simulator.config, seed=_checked_seed(seed))
+        places = {} if poses is None else poses if isinstance(poses, dict) else {None: poses}
+        models = [(simulator.models[self._name(name)], _full_pose(pose)) for name, pose in places.items()]
+        seed = simulator.config.seed if seed is None else _checked_seed(seed)
+        for model, pose in models:
+            if not all(abs(value) <= FARTHEST for value in pose[0]):
+                raise ModelError("position %s for \"%s\": expected at most %g m from the origin"
+                                 % (pose[0], model.name, FARTHEST))
+        for model, pose in models:
+            model.reset_pose = compose(pose, model.record.pose)
+        simulator.config = replace(simulator.config, seed=seed)
         simulator.reset_simulation()
         if self.world.state is not None:
             simulator.apply_state(self.world.state)

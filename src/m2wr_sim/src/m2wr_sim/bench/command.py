@@ -53,6 +53,8 @@ def parser():
     made.add_argument("--clients", type=int, choices=(0, 1), default=0,
                       help="1: the whole node with a process that listens to every topic of the robots, /clock and /tf")
     made.add_argument("--node", action="store_true", help="the whole node also where nobody listens")
+    made.add_argument("--soak", type=_whole(1), metavar="MINUTES",
+                      help="the whole node for so many simulated minutes: its memory after each")
     made.add_argument("--factor", type=float, default=0.0,
                       help="real-time factor asked of the node; 0: as fast as it can (default)")
     made.add_argument("--simulator", choices=sorted(others.MAKERS), help="measure another simulator in the same case")
@@ -108,6 +110,8 @@ def measure_node(options, folder):
                 stream.write(found)
             found = path
         with WholeNode(found, _case(options, None), options.clients, options.factor, free_port()) as node:
+            if options.soak:
+                return node.soak(options.soak, Progress("node"))
             result = node.measure(options.duration, Progress("node"))
     if not options.factor:
         alone = table.run_case(_arguments(options))
@@ -166,7 +170,7 @@ def run(options, folder):
         return compare_with_other(options)
     if options.simulator:
         return others.measure(options.simulator, _case(options, _load(options, folder)), Progress(options.simulator))
-    if options.clients or options.node:
+    if options.clients or options.node or options.soak:
         return measure_node(options, folder)
     return in_process.measure(_case(options, _load(options, folder)), Progress("physics and scans"))
 
@@ -186,7 +190,7 @@ def main(argv=None):
         return 130
     if options.json:
         asked = {name: getattr(options, name) for name in ("world", "obstacles", "robots", "step", "beams", "duration",
-                                                           "engine", "clients", "factor")}
+                                                           "engine", "clients", "factor", "soak")}
         sys.stdout.write(json.dumps({"asked": asked, "machine": machine.describe(), "result": result}) + "\n")
     else:
         sys.stdout.write(table.lines(result))

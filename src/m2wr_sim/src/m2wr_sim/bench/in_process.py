@@ -93,7 +93,7 @@ class _Scanner(Plugin):
         self._simulator = simulator
         self.laser = LaserSensor(sensor.ray, np.random.default_rng(seed))
         link = model.handle.links[model.record.links[0].name]
-        self._look = simulator.engine.pose_reader([(link, sensor.pose)])
+        self._look = simulator.engine.pose_reader([(link, sensor.pose)], self.laser.pose)
         self._schedule = SensorSchedule(sensor.update_rate)
         self.ranges = None
 
@@ -107,7 +107,7 @@ class _Scanner(Plugin):
         if self._schedule.due(now_ns):
             simulator = self._simulator
             simulator.refresh_scene()
-            self._look(self.laser.position, self.laser.orientation)
+            self._look()
             self.ranges = self.laser.cast(simulator.scene)[0]
 
 

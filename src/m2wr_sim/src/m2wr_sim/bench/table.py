@@ -21,6 +21,7 @@ _MEANINGS = (
     ("load", "processor time per time", "%.3f"),
     ("memory_mb", "peak memory [MB]", "%.0f"),
     ("growth_mb", "growth of memory in the span [MB]", "%.2f"),
+    ("late_growth_mb", "growth of memory after the first minute [MB]", "%.2f"),
     ("messages", "messages of the solver", "%d"),
     ("touches", "touches of robots", "%d"),
     ("c_step_us", "the same step in C [us]", "%.2f"),
@@ -55,7 +56,8 @@ OTHERS = (("1 robot, 1 ms", ("--duration", "10")), ("1 robot, 5 ms", ("--step", 
 def lines(result):
     """Return the figures of one case as text, a line each."""
     rows = [(meaning, form % result[key]) for key, meaning, form in _MEANINGS if result.get(key) is not None]
-    width = max(len(meaning) for meaning, _ in rows)
+    width, by_minute = max(len(meaning) for meaning, _ in rows), result.get("memory_by_minute_mb", ())
+    rows += [("memory after minute %d [MB]" % minute, "%.2f" % memory) for minute, memory in enumerate(by_minute)]
     return "".join("%-*s  %s\n" % (width, meaning, value) for meaning, value in rows)
 
 

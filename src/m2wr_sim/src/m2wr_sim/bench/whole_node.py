@@ -22,6 +22,7 @@ _PATIENCE = 60.0            # s to wait for anything the node is to do
 _NODE = "import sys; from m2wr_sim.ros.node import main; sys.exit(main())"
 _TICKS = os.sysconf("SC_CLK_TCK")
 _POLL = 0.25                # s between two looks at the simulated time
+_SOAK_POLL = 0.05           # s; at full speed a minute is over in about one
 
 
 class _Lines:
@@ -200,6 +201,27 @@ class WholeNode:
                 "messages_per_s": sum(received.values()) / seconds,
                 "growth_mb": memory_mb("VmRSS", self._node.pid) - memory,
                 "memory_mb": memory_mb("VmHWM", self._node.pid), "messages": self._solver_messages()}
+
+    def soak(self, minutes, progress=lambda share: None):
+        """Let so many simulated minutes pass and look at the node's memory after each.
+
+        Returns
+        -------
+        dict
+            ``memory_by_minute_mb``: resident memory at the start and after each minute; ``late_growth_mb``: how far it
+            rose above what it was after the first minute, at most.
+        """
+        begun, memory = self._world_properties().sim_time, []
+        while True:
+            self._check()
+            passed = (self._world_properties().sim_time - begun) / 60.0
+            while len(memory) <= min(passed, minutes):
+                memory.append(memory_mb("VmRSS", self._node.pid))
+            progress(min(1.0, passed / minutes))
+            if len(memory) > minutes:
+                return {"memory_by_minute_mb": memory, "late_growth_mb": max(memory[1:]) - memory[1],
+                        "memory_mb": memory_mb("VmHWM", self._node.pid), "startup_s": self.startup}
+            time.sleep(_SOAK_POLL)
 
     def _solver_messages(self):
         status = rospy.wait_for_message("/diagnostics", DiagnosticArray, timeout=_PATIENCE).status[0]

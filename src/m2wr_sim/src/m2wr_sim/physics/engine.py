@@ -11,6 +11,7 @@ from typing import Dict, Tuple
 
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import compose
+from m2wr_sim.physics.crowds import CROWDED
 
 log = logging.getLogger(__name__)
 
@@ -55,10 +56,17 @@ class EngineSettings:
 
 
 class Engine(abc.ABC):
-    """A world of rigid bodies."""
+    """A world of rigid bodies.
+
+    A step in which more than ``crowded`` contacts between movable models hang together is solved iteratively, whatever
+    the solver, and such a step alone: the direct solver would take seconds for robots spawned into one another.  After
+    each of those ``between``, if it is set, is called without arguments; what it raises ends :meth:`step` early.
+    """
 
     settings: EngineSettings
     solver_messages = 0
+    crowded = CROWDED
+    between = None
 
     @abc.abstractmethod
     def add_model(self, model, pose, name=None):
@@ -150,26 +158,27 @@ class Engine(abc.ABC):
     def collisions(self, handle):
         """Return ``[(link, Collision, movable), ...]`` of a model, in load order."""
 
-    def pose_reader(self, parts):
+    def pose_reader(self, parts, poses):
         """Return a function that writes the present world poses of shapes fixed to links.
 
         Parameters
         ----------
         parts : list of (int, pose)
             Link, and the pose of the shape in the link frame.
+        poses : (n, 7) float64
+            Written by the function, C-contiguous: position x y z [m], orientation x y z w.
 
         Returns
         -------
         callable
-            ``read(positions, orientations)`` fills (n, 3) and (n, 4) float64 arrays, quaternions as x y z w.  It is of
-            no use once one of the links has been removed.
+            ``read()``.  It is of no use once one of the links has been removed.
         """
-        def read(positions, orientations):
-            poses = {}
+        def read():
+            known = {}
             for index, (link, offset) in enumerate(parts):
-                if link not in poses:
-                    poses[link] = self.link_pose(link)
-                positions[index], orientations[index] = compose(poses[link], offset)
+                if link not in known:
+                    known[link] = self.link_pose(link)
+                poses[index, :3], poses[index, 3:] = compose(known[link], offset)
 
         return read
 

@@ -23,8 +23,8 @@ from m2wr_sim.physics.pyode_engine import PyodeEngine
 log = logging.getLogger(__name__)
 
 _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES, layout.H_HINGES,
-             layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_NOW,
-             layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
+             layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_CROWDS,
+             layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
 _MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
 _DAMPERS = (9, 10)                  # dJointType: angular and linear motor
@@ -76,15 +76,18 @@ class NativeEngine(PyodeEngine):
             return
         if self._words is None:
             self._fill_block()
-        news = False
-        while count:
-            taken = kernels.run(self._words, count)             # fewer than wanted where its log is full
-            news, taken = taken < 0, abs(taken)
-            count -= taken
-            self._steps += taken
-            if news:
+        run, words = kernels.run, self._words
+        while True:
+            taken = run(words, count)               # fewer than wanted where a list is full, below 0 with news
+            self._steps += abs(taken)
+            if taken == count:
+                return
+            count -= abs(taken)
+            if taken < 0:
                 self._read_news()
-        if news and 2 * self._words[layout.H_BEFORE_COUNT] > self._touching_room:
+            if not count:
+                break
+        if 2 * words[layout.H_BEFORE_COUNT] > self._touching_room:
             self._make_room()
 
     def _read_news(self):
@@ -93,14 +96,30 @@ class NativeEngine(PyodeEngine):
             self._read_log()
         if words[layout.H_REPORT_COUNT]:
             self._read_reports()
+        if words[layout.H_CROWDED]:
+            words[layout.H_CROWDED] = 0
+            self._tell_crowd(self._crowd_members, int(words[layout.H_CROWD]))
         if words[layout.H_LOST]:
             self._tell_lost()
+
+    def _crowd_members(self):
+        """Return the names of the models in the largest crowd of the last step."""
+        words = self._words
+        start = int(words[layout.H_CROWDS])
+        rows = range(start, start + len(self._moving) * layout.CROWD_WORDS, layout.CROWD_WORDS)
+        leaders = {}
+        for row in rows:                # who stands for another comes before it
+            if words[row + layout.X_STEP] == words[layout.H_STEPS]:
+                leaders[row] = leaders.get(int(words[row + layout.X_FOR]), row)
+        largest = [row for row, leader in leaders.items() if leader == row and words[row + layout.X_AWAKE]
+                   and words[row + layout.X_CONTACTS] == words[layout.H_CROWD]]
+        return sorted(parts.name for parts, row in zip(self._moving, rows) if leaders.get(row) in largest[:1])
 
     def _make_room(self):
         """Give the touches of one step more room before it is used up; tell of any that were lost."""
         count, missed = int(self._words[layout.H_BEFORE_COUNT]), int(self._words[layout.H_MISSED])
         if missed:
-            log.warning("step %d: more things touch at once than there was room for; %d contacts are not told",
+            log.warning("step %d: more things touch at once than there was room for; %d touches are not told",
                         self._steps, missed)
         if 2 * count > self._touching_room:
             self._forget_block()
@@ -125,7 +144,7 @@ class NativeEngine(PyodeEngine):
                  len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
                  len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
                  len(self._damped_links) * layout.DAMPED_WORDS, len(self._handles),
-                 len(self._handles) * layout.FENCE_WORDS, touching, touching,
+                 len(self._handles) * layout.FENCE_WORDS, len(self._moving) * layout.CROWD_WORDS, touching, touching,
                  log_room * layout.LOG_WORDS,
                  layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0)
         words = np.zeros(layout.HEADER_WORDS + sum(sizes), np.uint64)
@@ -142,7 +161,7 @@ class NativeEngine(PyodeEngine):
         words[layout.H_STATIC], words[layout.H_MOVING] = self._static_space._id(), self._moving_space._id()
         words[layout.H_CLASS_COUNT] = len(representatives)
         words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
-        self._values[layout.H_DT] = self._dt
+        self._values[layout.H_DT], words[layout.H_CROWD_LIMIT] = self._dt, self.crowded
         words[layout.H_QUICK], words[layout.H_STEPS] = self.settings.solver == "quick", self._steps
         self._fill_pairs(self._values, starts[layout.H_PAIRS], representatives)
         self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)
@@ -154,6 +173,7 @@ class NativeEngine(PyodeEngine):
     def _fill_geoms(self, start, geoms, classes):
         meets_itself = {link.name: index + 1 for parts in self._moving if parts.self_colliding
                         for index, link in enumerate(parts.links) if link.spec.self_collide}
+        models = {parts.name: index for index, parts in enumerate(self._moving)}
         self._rows, self._row_shapes = [], [shape for _, shape in geoms]
         self._words[layout.H_WATCHING] = bool(self._watches)
         for index, (geom, shape) in enumerate(geoms):
@@ -162,6 +182,7 @@ class NativeEngine(PyodeEngine):
             self._words[row + layout.G_BODY] = self._library.dGeomGetBody(geom._id()) or 0
             self._words[row + layout.G_LINK] = meets_itself.get(shape.link, 0)
             self._words[row + layout.G_WATCHED] = shape.name in self._watched
+            self._words[row + layout.G_MODEL] = models.get(shape.model, 0)
             self._library.dGeomSetData(geom._id(), index + 1)
             self._rows.append(shape.name)
 
@@ -335,20 +356,25 @@ class NativeEngine(PyodeEngine):
         super().configure(settings)
         self._forget_block()
 
-    def pose_reader(self, parts):
+    def pose_reader(self, parts, poses):
         entries = [self._links[link] for link, _ in parts]
         if not parts or any(entry.body is None for entry in entries):
-            return super().pose_reader(parts)
-        bodies, shifts, makeup = None, None, -1
-        offsets = np.array([tuple(position) + tuple(orientation) for _, (position, orientation) in parts], dtype=float)
+            return super().pose_reader(parts, poses)
+        if poses.shape != (len(parts), 7):              # compiled code would write beside it
+            raise ValueError("poses of %d shapes: an array of %s, expected (%d, 7)"
+                             % (len(parts), poses.shape, len(parts)))
+        table, makeup, read_poses = np.zeros((len(parts), layout.SHAPE_WORDS), np.uint64), -1, kernels.read_poses
+        shifts, offsets = np.split(table.view(np.float64)[:, layout.SHAPE_SHIFT:],
+                                   [layout.SHAPE_OFFSET - layout.SHAPE_SHIFT], axis=1)      # views
+        offsets[:] = [tuple(position) + tuple(orientation) for _, (position, orientation) in parts]
 
-        def read(positions, orientations):
-            nonlocal bodies, shifts, makeup
+        def read():
+            nonlocal makeup
             if makeup != self._makeup:          # a handle must not be used once its body may be gone
+                table[:, 0] = [self._handles[self._links[link]] for link, _ in parts]
+                shifts[:] = [self._links[link].com for link, _ in parts]
                 makeup = self._makeup
-                bodies = np.array([self._handles[self._links[link]] for link, _ in parts], np.uint64)
-                shifts = np.array([self._links[link].com for link, _ in parts], dtype=float)
-            kernels.read_poses(bodies, shifts, offsets, positions, orientations)
+            read_poses(table, poses)
 
         return read
 

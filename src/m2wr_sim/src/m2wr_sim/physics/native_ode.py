@@ -85,6 +85,11 @@ def _count_message(number, text, _):
     log.debug("ODE message %d: %s", number, text)
 
 
+def random_seed():
+    """Return where the random sequence is that ODE's iterative solver orders its rows by."""
+    return 0 if _library is None else _library.dRandGetSeed() & 0xffffffff
+
+
 def seed_random(seed):
     """Restart the random sequence that ODE's iterative solver orders its rows by."""
     if _library is not None:

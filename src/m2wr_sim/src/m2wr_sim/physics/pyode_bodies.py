@@ -41,10 +41,11 @@ class ModelParts:
 class Shape:
     """What the contact callback needs to know of a geom."""
 
-    __slots__ = ("name", "collision", "wheel", "moves", "link", "body", "stiffer")
+    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer")
 
-    def __init__(self, name, collision, wheel, link, body, stiffer):
-        self.name, self.collision, self.wheel, self.link, self.body = name, collision, wheel, link, body
+    def __init__(self, name, collision, wheel, model, link, body, stiffer):
+        self.name, self.collision, self.wheel = name, collision, wheel
+        self.model, self.link, self.body = model, link, body
         self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
 
 
@@ -323,6 +324,6 @@ def describe_loss(step, dt, parts, link):
     motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
                                        drive.joint.getParam(PARAM_FMAX))
               for drive in parts.joints if drive.spec.kind in ("revolute", "prismatic")]
-    return ("step %d (%g ms each): %s is at %s and moves at %s m/s; the world has come apart and cannot go on. "
-            "Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
-                            ", ".join(motors) or "none"))
+    return ("step %d (%g ms each): %s is at %s and moves at %s m/s, turning at %s rad/s; the world has come apart and "
+            "cannot go on. Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
+                                          link.body.getAngularVel(), ", ".join(motors) or "none"))

@@ -16,6 +16,7 @@ from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
 from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import MODE_FDIR1, STEEP, load_class, pair_surface, reduced
+from m2wr_sim.physics.crowds import Crowds
 from m2wr_sim.physics.engine import TOO_FAST, Engine, LinkState, ModelHandle, Touch
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
 
@@ -46,6 +47,7 @@ class PyodeEngine(Engine):
         self._touching, self._touched, self._touches = {}, {}, []
         self._watches, self._watched, self._felt = [], frozenset(), []
         self._felt_since = {}                   # joint -> number of the step before the first one felt
+        self._crowds = Crowds()
         self._messages = native_ode.MessageCounter()
         PyodeEngine.configure(self, settings)
 
@@ -120,7 +122,8 @@ class PyodeEngine(Engine):
                 bodies.place_geom(geom, link.pose, collision.pose)
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
-        self._shapes[geom] = bodies.Shape(where, collision, wheel_pose is not None, link.name, body, parts.stiffer)
+        self._shapes[geom] = bodies.Shape(where, collision, wheel_pose is not None, parts.name, link.name, body,
+                                          parts.stiffer)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
@@ -184,7 +187,6 @@ class PyodeEngine(Engine):
     def step(self, count):
         world, group, static, moving = self._world, self._contact_group, self._static_space, self._moving
         near = self._near
-        advance = world.quickStep if self.settings.solver == "quick" else world.step
         # libode ends the process when it meets what is no number: a body must be found before it gets there
         speeds = [(parts, link, link.body.getLinearVel, link.body.getAngularVel)
                   for parts in moving for link in parts.links]
@@ -192,13 +194,14 @@ class PyodeEngine(Engine):
             self._steps += 1
             if self._damped_joints or self._damped_links:
                 dampers.slow_down(self._damped_joints, self._damped_links)
+            self._crowds.clear()
             for parts in moving:
                 ode.collide2(parts.space, static, None, near)
                 if parts.self_colliding:
                     parts.space.collide(None, self._near_itself)
             if len(moving) > 1:
                 self._moving_space.collide(None, near)
-            advance(self._dt)
+            crowded = self._solve(world)
             if self._felt:
                 self._hand_out_contacts()
             group.empty()
@@ -208,6 +211,28 @@ class PyodeEngine(Engine):
                 if not sum(map(abs, linear() + angular())) < TOO_FAST:
                     raise SimError(bodies.describe_loss(self._steps, self._dt, parts, link))
             self._unwrap()
+            if crowded:
+                self._tell_crowd(self._crowds.members, self._crowds.largest)
+
+    def _solve(self, world):
+        """Find the forces and move the bodies; returns whether that was done iteratively for a crowd's sake."""
+        if self.settings.solver == "quick":
+            world.quickStep(self._dt)
+        elif self._crowds.largest <= self.crowded:
+            world.step(self._dt)
+        else:
+            before = native_ode.random_seed()
+            native_ode.seed_random(self._steps)     # the same step is the same whatever was drawn before
+            world.quickStep(self._dt)
+            native_ode.seed_random(before)
+            return True
+        return False
+
+    def _tell_crowd(self, names, contacts):
+        """Say that models are in one another; let the caller end what takes long."""
+        self._crowds.tell(self._steps, self._dt, names, contacts, self.settings.iterations)
+        if self.between is not None:
+            self.between()
 
     def _near_itself(self, _, first, second):
         """Contacts inside a model: only between two links that ask for it and share no joint."""
@@ -239,12 +264,12 @@ class PyodeEngine(Engine):
                                    self.settings, min(one.stiffer, two.stiffer))
         # ODE exchanges the two as things move; a touch of a pair is the same touch either way
         names = tuple(sorted((one.name, two.name)))
-        pair = None if surface is None else (surface, one.body, two.body, names)
+        pair = None if surface is None else (surface, one, two, names)
         self._pairs[(first, second)] = pair
         return pair
 
     def _make_contacts(self, pair, first, second, found):
-        surface, one, two, names = pair
+        surface, one, two, names = pair[0], pair[1].body, pair[2].body, pair[3]
         watched = self._watched and not self._watched.isdisjoint(names)
         if len(found) > 1 and (surface.merge or len(found) > surface.max_contacts):
             described = [contact.getContactGeomParams()[:3] for contact in found]
@@ -252,6 +277,8 @@ class PyodeEngine(Engine):
             for contact, (position, normal, depth) in zip(found, kept):
                 contact.setContactGeomParams(position, normal, depth, first, second)
             found = found[:len(kept)]
+        if one is not None and two is not None:
+            self._crowds.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
         for contact in found:
             mu, mu2 = surface.mu, surface.mu2
             if not surface.ground or surface.steep_mu != mu:
@@ -481,6 +508,7 @@ class PyodeEngine(Engine):
         return [geom for geom in parts.geoms if self._shapes[geom].moves]
 
     def close(self):
+        self.between = None
         for parts in list(self._parts.values()):
             self._release(parts)
         self._parts.clear()

@@ -12,16 +12,17 @@ from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_
 from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
     CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL,
-    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, DAMPED_WORDS, GEOM_WORDS, G_BODY, G_CLASS, G_LINK,
-    G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT, H_CALLBACK,
-    H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
-    H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM,
-    H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE,
-    H_SLEEPERS, H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MAX_FOUND,
-    MAX_REPORTS, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE,
-    P_BOUNCE_VELOCITY, P_GROUND, P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM,
-    P_SOFT_ERP, P_STEEP_MU, P_VALID, REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SPACE_WORDS, S_GEOM_COUNT,
-    S_MEETS_ITSELF, TOUCH_WORDS)
+    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, CROWD_WORDS, DAMPED_WORDS, GEOM_WORDS, G_BODY, G_CLASS,
+    G_LINK, G_MODEL, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT,
+    H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_CROWD, H_CROWDED, H_CROWDS, H_CROWD_LIMIT,
+    H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS, H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS, H_GROUP,
+    H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM, H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS,
+    H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE, H_SLEEPERS, H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS,
+    H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MANY_REPORTS, MAX_FOUND, MAX_REPORTS, MODE_FDIR1, PAIR_WORDS,
+    P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE, P_BOUNCE_VELOCITY, P_GROUND,
+    P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM, P_SOFT_ERP, P_STEEP_MU, P_VALID,
+    REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT, SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF,
+    TOUCH_WORDS, X_AWAKE, X_CONTACTS, X_FOR, X_STEP)
 
 _TOO_FAST = 1e9         # m/s and rad/s, as in engine
 _PARAM_VEL = 2
@@ -40,6 +41,7 @@ _geom_quaternion = types.ExternalFunction("dGeomGetQuaternion", types.void(_hand
 _create_contact = types.ExternalFunction("dJointCreateContact", _handle(_handle, _handle, _handle))
 _attach = types.ExternalFunction("dJointAttach", types.void(_handle, _handle, _handle))
 _enable = types.ExternalFunction("dBodyEnable", types.void(_handle))
+_is_enabled = types.ExternalFunction("dBodyIsEnabled", types.int32(_handle))
 _set_feedback = types.ExternalFunction("dJointSetFeedback", types.void(_handle, _handle))
 _group_empty = types.ExternalFunction("dJointGroupEmpty", types.void(_handle))
 _connected = types.ExternalFunction("dAreConnected", types.int32(_handle, _handle))
@@ -61,16 +63,14 @@ _set_angular_velocity = types.ExternalFunction(
     "dBodySetAngularVel", types.void(_handle, types.float64, types.float64, types.float64))
 _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.float64))
 _world_quick_step = types.ExternalFunction("dWorldQuickStep", types.int32(_handle, types.float64))
+_random_seed = types.ExternalFunction("dRandGetSeed", types.uintp())
+_seed_random = types.ExternalFunction("dRandSetSeed", types.void(types.uintp))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _note_touch(words, values, one, two, at):
-    """Remember that two geoms touch in this step; only the first contact of a pair counts."""
+    """Remember that two geoms touch in this step, and where."""
     count = words[H_NOW_COUNT]
-    for index in range(count):
-        row = words[H_NOW] + index * TOUCH_WORDS
-        if words[row] == one and words[row + 1] == two:
-            return
     if count == words[H_TOUCHING_ROOM]:
         words[H_MISSED] += np.uint64(1)
         return
@@ -84,7 +84,7 @@ def _note_touch(words, values, one, two, at):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _report(words, values, joint, geom_one, geom_two, one, two, at):
-    """Write down a contact and let the solver add the forces; past ``MAX_REPORTS`` the oldest gives way.
+    """Write down a contact and let the solver add the forces; past ``MAX_REPORTS`` in a step the first give way.
 
     A body that sleeps is not solved and would feel nothing, so what touches a watched geom is kept awake.
     """
@@ -121,6 +121,35 @@ def _friction_direction(words, values, geom, pair, at):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _stands_for(words, model):
+    """Return the row of the model that stands for all those that a model touches in this step, directly or not."""
+    row = np.int64(words[H_CROWDS] + model * np.uint64(CROWD_WORDS))
+    if words[row + X_STEP] != words[H_STEPS]:
+        words[row + X_STEP], words[row + X_FOR] = words[H_STEPS], np.uint64(row)
+        words[row + X_CONTACTS] = words[row + X_AWAKE] = np.uint64(0)
+    while words[row + X_FOR] != np.uint64(row):
+        words[row + X_FOR] = words[np.int64(words[row + X_FOR]) + X_FOR]        # shorter the next time
+        row = np.int64(words[row + X_FOR])
+    return row
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _join(words, geom_one, geom_two, count):
+    """Count contacts between two movable models, as Crowds does."""
+    first, second = _stands_for(words, words[geom_one + G_MODEL]), _stands_for(words, words[geom_two + G_MODEL])
+    row, other = min(first, second), max(first, second)
+    if row != other:
+        words[other + X_FOR] = np.uint64(row)
+        words[row + X_CONTACTS] += words[other + X_CONTACTS]
+        words[row + X_AWAKE] |= words[other + X_AWAKE]
+    words[row + X_CONTACTS] += np.uint64(count)
+    if words[row + X_AWAKE] == 0 and (_is_enabled(words[geom_one + G_BODY]) or _is_enabled(words[geom_two + G_BODY])):
+        words[row + X_AWAKE] = np.uint64(1)
+    if words[row + X_AWAKE] != 0 and words[row + X_CONTACTS] > words[H_CROWD]:
+        words[H_CROWD] = words[row + X_CONTACTS]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _contacts(words, values, one, two):
     """Make the contact joints of two geoms, as PyodeEngine does."""
     row_one, row_two = _geom_data(one), _geom_data(two)
@@ -148,6 +177,9 @@ def _contacts(words, values, one, two):
         spread(values, first, count, limit)
         count = limit
     ground, both_move = values[pair + P_GROUND] != 0.0, values[pair + P_BOTH_MOVE] != 0.0
+    if both_move:
+        _join(words, geom_one, geom_two, count)
+    noted = ground          # libode brings a pair once a step, and of its contacts the first counts
     watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
     for index in range(count):
         at = first + index * CONTACT_WORDS
@@ -156,7 +188,8 @@ def _contacts(words, values, one, two):
         if steep and values[pair + P_STEEP_MU] < mu:
             mu = values[pair + P_STEEP_MU]
             mu2 = min(mu2, mu)
-        if not ground and (steep or both_move):
+        if not noted and (steep or both_move):
+            noted = True
             _note_touch(words, values, min(row_one, row_two), max(row_one, row_two), at)
         words[at + C_MODE] = np.uint64(values[pair + P_MODE])
         if words[at + C_MODE] & MODE_FDIR1:
@@ -248,7 +281,8 @@ def _unwrap(words, values):
         raw = _hinge_angle(words[row])
         predicted = values[row + 1] + values[row + 2]
         values[row + 2] = 0.0
-        values[row + 1] = raw + 2.0 * math.pi * np.rint((predicted - raw) / (2.0 * math.pi))
+        # plus zero, for -0 turns are none: a hinge at rest reads 0, never -0
+        values[row + 1] = raw + (2.0 * math.pi * np.rint((predicted - raw) / (2.0 * math.pi)) + 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -271,12 +305,16 @@ def _lost_body(words):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _log_touches(words, values):
     """Log the pairs that touch now and did not in the last step, then make now the last step."""
+    past, before = 0, np.int64(words[H_BEFORE_COUNT])
     for index in range(np.int64(words[H_NOW_COUNT])):
         row = np.int64(words[H_NOW]) + index * TOUCH_WORDS
         known = False
-        for past in range(np.int64(words[H_BEFORE_COUNT])):
+        for _ in range(before):         # from behind the one found last: the order is nearly that of the last step
             other = np.int64(words[H_BEFORE]) + past * TOUCH_WORDS
-            known = known or (words[row] == words[other] and words[row + 1] == words[other + 1])
+            past = past + 1 if past + 1 < before else 0
+            if words[row] == words[other] and words[row + 1] == words[other + 1]:
+                known = True
+                break
         count = np.int64(words[H_LOG_COUNT])
         if not known:
             log = np.int64(words[H_LOG]) + count * LOG_WORDS
@@ -289,12 +327,28 @@ def _log_touches(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _solve(words, world, dt, quick):
+    """Let libode find the forces and move the bodies, as PyodeEngine does."""
+    if quick:
+        _world_quick_step(world, dt)
+    elif words[H_CROWD] <= words[H_CROWD_LIMIT]:
+        _world_step(world, dt)
+    else:
+        before = _random_seed()
+        _seed_random(words[H_STEPS])
+        _world_quick_step(world, dt)
+        _seed_random(before)
+        words[H_CROWDED] = np.uint64(1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def run(words, steps):
     """Take ``steps`` steps; ``words`` is the block as uint64.
 
-    Returns the number of steps taken, which is less where the log of touches might overflow, and after a step that left
-    a body nowhere or too fast; the body's number is then in ``H_LOST``.  The number is negative where there is anything
-    for the caller to read in the block: most of the time there is not, and looking there costs it more than a step.
+    Returns the number of steps taken, which is less where the log of touches or the ring of reports might overflow,
+    after each step with a crowd in it, and after one that left a body nowhere or too fast; the body's number is then in
+    ``H_LOST``.  The number is negative where there is anything for the caller to read in the block: most of the time
+    there is not, and looking there costs it more than a step.
     """
     values = words.view(np.float64)
     dt = values[H_DT]
@@ -304,11 +358,13 @@ def run(words, steps):
     damped = words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
     taken = looked = 0
     astray = 0.0
-    while taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]:
+    while (taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]
+           and words[H_REPORT_COUNT] < MANY_REPORTS and not words[H_CROWDED]):
         taken += 1
         words[H_STEPS] += np.uint64(1)
         if damped:
             _damp(words, values)
+        words[H_CROWD] = np.uint64(0)
         asked = 0
         for index in range(space_count):
             row = spaces + index * SPACE_WORDS
@@ -325,10 +381,7 @@ def run(words, steps):
                 _space_collide(words[row], data, words[H_CALLBACK_ITSELF])
         if asked > 1:
             _space_collide(words[H_MOVING], data, callback)
-        if quick:
-            _world_quick_step(world, dt)
-        else:
-            _world_step(world, dt)
+        _solve(words, world, dt, quick)
         _group_empty(group)
         if words[H_NOW_COUNT] or words[H_BEFORE_COUNT]:
             _log_touches(words, values)
@@ -343,32 +396,31 @@ def run(words, steps):
     if taken != looked:
         _unwrap(words, values)
     crowded = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_TOUCHING_ROOM]
-    return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or crowded else taken
+    return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or words[H_CROWDED] or crowded else taken
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def read_poses(bodies, shifts, offsets, positions, orientations):
+def read_poses(shapes, poses):
     """Write the world poses of shapes that are fixed to bodies.
 
     Parameters
     ----------
-    bodies : (n,) uint64
-        Body of each shape.
-    shifts : (n, 3) float64
-        Centre of mass of its link, in link axes.
-    offsets : (n, 7) float64
-        Pose of the shape in the link frame: x y z, then the quaternion x y z w.
-    positions, orientations : (n, 3), (n, 4) float64
-        Written; quaternions are x y z w.
+    shapes : (n, SHAPE_WORDS) uint64
+        Body of each shape; as floats the centre of mass of its link, in link axes; the pose of the shape in the link
+        frame: x y z, then the quaternion x y z w.
+    poses : (n, 7) float64
+        Written; in the same order.
     """
-    for k in range(bodies.shape[0]):
-        at, turn = carray(_position(bodies[k]), (3,)), carray(_quaternion(bodies[k]), (4,))
+    values = shapes.view(np.float64)
+    for k in range(shapes.shape[0]):
+        at, turn = carray(_position(shapes[k, 0]), (3,)), carray(_quaternion(shapes[k, 0]), (4,))
+        shift, offset = values[k, SHAPE_SHIFT:SHAPE_OFFSET], values[k, SHAPE_OFFSET:]
         w, x, y, z = turn[0], turn[1], turn[2], turn[3]
-        cx, cy, cz = rotate(x, y, z, w, shifts[k, 0], shifts[k, 1], shifts[k, 2])
-        dx, dy, dz = rotate(x, y, z, w, offsets[k, 0], offsets[k, 1], offsets[k, 2])
-        positions[k, 0], positions[k, 1], positions[k, 2] = at[0] - cx + dx, at[1] - cy + dy, at[2] - cz + dz
-        qx, qy, qz, qw = offsets[k, 3], offsets[k, 4], offsets[k, 5], offsets[k, 6]
-        orientations[k, 0] = w * qx + x * qw + y * qz - z * qy
-        orientations[k, 1] = w * qy - x * qz + y * qw + z * qx
-        orientations[k, 2] = w * qz + x * qy - y * qx + z * qw
-        orientations[k, 3] = w * qw - x * qx - y * qy - z * qz
+        cx, cy, cz = rotate(x, y, z, w, shift[0], shift[1], shift[2])
+        dx, dy, dz = rotate(x, y, z, w, offset[0], offset[1], offset[2])
+        poses[k, 0], poses[k, 1], poses[k, 2] = at[0] - cx + dx, at[1] - cy + dy, at[2] - cz + dz
+        qx, qy, qz, qw = offset[3], offset[4], offset[5], offset[6]
+        poses[k, 3] = w * qx + x * qw + y * qz - z * qy
+        poses[k, 4] = w * qy - x * qz + y * qw + z * qx
+        poses[k, 5] = w * qz + x * qy - y * qx + z * qw
+        poses[k, 6] = w * qw - x * qx - y * qy - z * qz

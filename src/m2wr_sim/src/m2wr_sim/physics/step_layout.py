@@ -5,13 +5,15 @@ Everything the callback needs lies in one block of 8-byte words, which it sees a
 ====================  =======================================================================================
 words                 content
 ====================  =======================================================================================
-0 .. 47               header, see the ``H_`` names; sections are given by their first word
+0 .. 55               header, see the ``H_`` names; sections are given by their first word
 H_CONTACTS            ``MAX_FOUND`` dContact structures of ``CONTACT_WORDS`` words
 H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
 H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
-                      whether its contacts are watched
+                      whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static)
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
+H_CROWDS              ``CROWD_WORDS`` words a movable model: step in which it last touched another, who stands for it
+                      (itself or one before it); for all those it stands for: contacts, whether any is awake
 H_FENCES              ``FENCE_WORDS`` words a body: radius round it that holds its geoms, where it was last looked about
 H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns, way since then by its rates
 H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
@@ -31,8 +33,8 @@ import numpy as np
  H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
  H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
  H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_FENCED, H_FENCES, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
- H_FOUND, H_SLEEPERS, H_DT) = range(45)
-HEADER_WORDS = 48
+ H_FOUND, H_SLEEPERS, H_DT, H_CROWDS, H_CROWD, H_CROWD_LIMIT, H_CROWDED) = range(49)
+HEADER_WORDS = 56
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
 CONTACT_WORDS = 31
@@ -45,15 +47,20 @@ PAIR_WORDS = 20
 (P_VALID, P_MODE, P_MU, P_MU2, P_STEEP_MU, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
  P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND) = range(19)
 
-GEOM_WORDS = 4
-G_CLASS, G_BODY, G_LINK, G_WATCHED = 0, 1, 2, 3
+GEOM_WORDS = 5
+G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL = range(GEOM_WORDS)
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 FENCE_WORDS = 4
+CROWD_WORDS = 4
+X_STEP, X_FOR, X_CONTACTS, X_AWAKE = range(CROWD_WORDS)
 HINGE_WORDS = 3
 DAMPED_WORDS = 7
 
 TOUCH_WORDS, TOUCHING_ROOM = 6, 128     # of pairs that touch in one step, to begin with
 LOG_WORDS, SPARE_LOG = 7, 256           # the log has room for one step more than that
 REPORT_WORDS, MAX_REPORTS = 26, 1024
+MANY_REPORTS = MAX_REPORTS // 2         # from here on they are read before another step, which may bring as many
 R_GEOMETRY, R_FEEDBACK = 3, 10
+
+SHAPE_WORDS, SHAPE_SHIFT, SHAPE_OFFSET = 11, 1, 4       # of a shape whose pose is read, in a table of its own

@@ -29,10 +29,9 @@ class Laser(LazySensor):
         namespace = spec.spec.find("robotNamespace")
         namespace = "" if namespace is None else namespace or ctx.model_name
         try:
-            self._laser = LaserSensor(ctx.sensor.ray, ctx.rng("noise"))
+            self._make_laser()
         except ValueError as error:
             raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
-        self._look = ctx.physics.pose_reader([(ctx.sensor_link, ctx.sensor.pose)])
         if self._laser.range_min >= self._laser.range_max:
             spec.problems.append("nothing is between a <min> range of %g m and a <max> of %g m; every reading is inf"
                                  % (self._laser.range_min, self._laser.range_max))
@@ -47,13 +46,19 @@ class Laser(LazySensor):
         header.angle_increment = self._laser.angle_increment
         header.range_min, header.range_max = told_limit(self._laser.range_min), told_limit(self._laser.range_max)
 
+    def _make_laser(self):
+        """Make a scanner whose noise begins anew, and what writes its pose."""
+        ctx = self._ctx
+        self._laser = LaserSensor(ctx.sensor.ray, ctx.rng("noise"))
+        self._look = ctx.physics.pose_reader([(ctx.sensor_link, ctx.sensor.pose)], self._laser.pose)
+
     def wanted(self):
         """Tell whether anybody listens to the scans."""
         return self._port is not None and self._port.wanted()
 
     def measure(self):
         """Take a scan now; returns the sensor's own arrays of ranges and intensities."""
-        self._look(self._laser.position, self._laser.orientation)
+        self._look()
         self._ctx.refresh_scene()
         return self._laser.cast(self._ctx.scene)
 

@@ -2,24 +2,26 @@
 import rospy
 from rospy import rostime
 
+_condition = rostime.get_rostime_cond()         # the one of the process
+_new_time, _Time = rospy.Time.__new__, rospy.Time
+
 
 def stamp_of(now_ns):
     """Return a simulated time [ns], not below 0, as a rospy.Time, to the nanosecond."""
-    stamp = rospy.Time.__new__(rospy.Time)      # the constructor's checks cost more than all else that a stamp needs
+    stamp = _new_time(_Time)            # the constructor's checks cost more than all else that a stamp needs
     stamp.secs, stamp.nsecs = divmod(now_ns, 1000000000)
     return stamp
 
 
 def set_ros_time(stamp):
     """Make ``stamp`` this node's own ROS time and wake whoever sleeps in it, as a subscription to /clock would."""
-    condition = rostime.get_rostime_cond()
     rostime._rostime_current = stamp
-    condition.acquire()
+    _condition.acquire()
     try:
-        if condition._waiters:                  # for the most part nobody sleeps, and this is done with every clock
-            condition.notify_all()
+        if _condition._waiters:                 # for the most part nobody sleeps, and this is done with every clock
+            _condition.notify_all()
     finally:
-        condition.release()
+        _condition.release()
 
 
 def read_pose(pose):

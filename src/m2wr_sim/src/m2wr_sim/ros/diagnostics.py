@@ -4,28 +4,19 @@ import time
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from m2wr_sim.bench.machine import memory_mb
 from m2wr_sim.ros.convert import stamp_of
 
 _PERIOD = 1.0           # s of wall time
 _SHARE = 0.9            # of a rate; what stays below is told
+_TOLD = 20              # touches that are logged one by one at a time
 _ENOUGH = 20            # messages that should have come before a rate is judged
 
 
 def _memory():
-    """Return ``[(name, MB), ...]`` of this process's memory now and at its highest, as far as the system tells.
-
-    Not by the system call: its peak is no less than that of the process that started this one.
-    """
-    told = []
-    try:
-        with open("/proc/self/status") as stream:
-            for line in stream:
-                for key, name in (("VmRSS:", "memory [MB]"), ("VmHWM:", "memory at its highest [MB]")):
-                    if line.startswith(key):
-                        told.append((name, "%.0f" % (int(line.split()[1]) * 1.024e-3)))
-    except (OSError, IndexError, ValueError):
-        pass
-    return sorted(told)
+    """Return ``[(name, MB), ...]`` of this process's memory now and at its highest, as far as the system tells."""
+    figures = ("memory [MB]", memory_mb("VmRSS")), ("memory at its highest [MB]", memory_mb("VmHWM"))
+    return [(name, "%.0f" % size) for name, size in figures if size]
 
 
 class Diagnostics:
@@ -169,13 +160,17 @@ class Diagnostics:
         touches = self._simulator.touches
         if len(touches) < self._seen:       # the simulation was reset
             self._seen, self._reported = 0, set()
-        new = False
+        told = 0
         for touch in touches[self._seen:]:
             pair = (touch.first, touch.second)
             if pair not in self._reported:
-                new = True
+                told += 1
                 self._reported.add(pair)
+                if told > _TOLD:
+                    continue
                 rospy.logwarn("%s touches %s at (%.2f, %.2f, %.2f), %.1f mm deep, at %.2f s", touch.first, touch.second,
                               *touch.position, 1000.0 * touch.depth, self._simulator.now_ns * 1e-9)
+        if told > _TOLD:
+            rospy.logwarn("and %d more pairs touch for the first time", told - _TOLD)
         self._seen = len(touches)
-        return new
+        return told > 0

@@ -5,6 +5,8 @@ import threading
 import time
 
 _BATCH_NS = 10000000        # of simulated time between two looks at the request queue
+_BATCH_WALL = 0.05          # s on the wall that a batch stands for at most, or viewers would see it as a jump
+_SLOW = _BATCH_NS * 1e-9 / _BATCH_WALL      # real-time factor below which batches are shorter for that
 _IDLE_WAIT = 0.1            # s, while paused
 _MAX_LAG = 0.1              # s of wall time that may be caught up before the schedule is moved
 _LIGHT = 0.001              # s of processor time that a batch may take on average for the engine to be left behind
@@ -45,6 +47,13 @@ def _nothing():
     """Do nothing, in the loop's thread."""
 
 
+def batch_length(factor, step_ns):
+    """Return how much simulated time [ns] to let pass at once, for a real-time factor (0: as fast as it can)."""
+    if not 0.0 < factor < _SLOW:
+        return _BATCH_NS
+    return max(int(_BATCH_WALL * 1e9 * factor) // step_ns, 1) * step_ns
+
+
 class Pacer:
     """Keeps simulated time in step with the wall clock.
 
@@ -83,7 +92,8 @@ class Loop:
     stopping : callable
         Tells when to end.
     on_turn : callable
-        Called about every 10 to 50 ms of simulated time, and while idle, for housekeeping; must be quick.
+        Called about every 10 to 50 ms of simulated time, and while idle or waiting for long, for housekeeping; must be
+        quick.
     lockstep : Lockstep, optional
         Lets time pass in the simulator's place, when it is open.
     """
@@ -91,7 +101,7 @@ class Loop:
     def __init__(self, simulator, factor, stopping, on_turn, lockstep=None):
         self._simulator, self._stopping, self._on_turn = simulator, stopping, on_turn
         self._lockstep, self._served = lockstep, False
-        self._pacer = Pacer(factor)
+        self._factor, self._pacer = factor, Pacer(factor)
         self._requests = queue.SimpleQueue()
         # waited for in the queue's place: a signal at the very end of a SimpleQueue's time-out makes that wait endless;
         # a lock that is free when something has come, for waiting on it is a single call
@@ -102,7 +112,7 @@ class Loop:
 
     def set_factor(self, factor):
         """Go on with another real-time factor; to be called in the loop's thread."""
-        self._pacer = Pacer(factor)
+        self._factor, self._pacer = factor, Pacer(factor)
 
     def call(self, function):
         """Run ``function()`` in the loop's thread between two steps and return what it returns."""
@@ -119,6 +129,11 @@ class Loop:
     def stopping(self):
         """Tell whether the loop is to end."""
         return self._stopping()
+
+    def end_if_asked(self):
+        """Raise ShuttingDown if the loop is to end; for what takes long in the loop's thread."""
+        if self._stopping():
+            raise ShuttingDown("the simulation is shutting down")
 
     def _put(self, request):
         self._requests.put(request)
@@ -137,8 +152,7 @@ class Loop:
         """
         deadline = time.monotonic() + seconds
         while not condition():
-            if self._stopping():
-                raise ShuttingDown("the simulation is shutting down")
+            self.end_if_asked()
             left = deadline - time.monotonic()
             if left <= 0.0:
                 return False
@@ -167,7 +181,7 @@ class Loop:
             self._refuse_all()
 
     def _run_batch(self, simulator):
-        """Let about 10 ms pass and wait for the clock on the wall."""
+        """Let about 10 ms pass, less where time is slow, and wait for the clock on the wall."""
         self._turns += 1
         if self._turns % _SAMPLE == 0 and self._lockstep is None:
             self._choose()
@@ -175,7 +189,8 @@ class Loop:
         advance = simulator.advance if self._lockstep is None else self._lockstep.advance
         # ends of batches lie on a grid, so that requests do not move moments that depend on them
         step_ns = simulator.step_ns
-        end_ns = max((simulator.now_ns // _BATCH_NS + 1) * _BATCH_NS, simulator.now_ns + step_ns)
+        batch_ns = batch_length(self._factor, step_ns) if 0.0 < self._factor < _SLOW else _BATCH_NS
+        end_ns = max((simulator.now_ns // batch_ns + 1) * batch_ns, simulator.now_ns + step_ns)
         self._served = False
         while simulator.now_ns + step_ns <= end_ns:
             if lazily:

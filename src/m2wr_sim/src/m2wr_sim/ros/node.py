@@ -21,6 +21,7 @@ from m2wr_sim.model.types import Physics
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
+from m2wr_sim.ros.acceptor import accept_side_by_side
 from m2wr_sim.ros.api_performance import Performance
 from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.gazebo_api import GazeboApi
@@ -160,6 +161,7 @@ def run(config, stopping):
         if lockstep is not None:
             lockstep.attach(loop, simulator)
         simulator.ports.answer_through(loop.call)
+        simulator.engine.between = loop.end_if_asked
         log.info("world \"%s\" is ready%s: %d models, step %g ms, %s", name,
                  "" if name == config.world else " in place of \"%s\"" % config.world, len(simulator.models),
                  simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as it can")
@@ -231,6 +233,7 @@ def main():
             raise
     if signals or rospy.is_shutdown():
         return 1
+    accept_side_by_side()
     ended = threading.Event()
     rospy.on_shutdown(lambda: (signals.append("shutdown"), ended.wait(_END_PATIENCE)))     # rosnode kill comes this way
     _claim_time()

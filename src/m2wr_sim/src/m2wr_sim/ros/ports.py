@@ -30,25 +30,25 @@ class _Port:
 
     def __init__(self, channels, topic, message_class):
         self._channels = channels
-        self._publisher, self._channel = channels.open(topic, message_class)
-        self.wanted = self._channel.connected       # asked before every stretch of steps
-        self.topic = self._channel.topic
+        self._publisher, self.channel = channels.open(topic, message_class)
+        self.wanted = self.channel.connected        # asked before every stretch of steps
+        self.topic = self.channel.topic
 
     def publish(self, message):
         """Send a message, or a record that makes one; returns at once whatever the subscribers do."""
         try:
-            self._channel.publish(message)
+            self.channel.publish(message)
         except (rospy.ROSException, AttributeError, ValueError):
             if not rospy.is_shutdown():         # a topic closes under our hands only when the node goes down
                 raise
 
     def latch(self):
         """Let whoever subscribes later have the last message as well; it must not change once it is published."""
-        self._channel.latch()
+        self.channel.latch()
 
     def close(self):
         """Stop publishing on the topic."""
-        self._channels.close(self._publisher, self._channel)
+        self._channels.close(self._publisher, self.channel)
 
 
 class _Subscription:
@@ -164,7 +164,7 @@ class RosPorts(Ports):
             subscription.callback(message)
 
     def transform(self, stamp, parent, child, position, orientation):
-        if not self._transforms.wanted():
+        if not self._transforms.channel.impl.connections:
             return
         transform = self._transform
         transform.header.stamp, transform.header.frame_id, transform.child_frame_id = stamp, parent, child
@@ -195,6 +195,6 @@ class RosPorts(Ports):
         """Publish the time and make it this node's own ROS time, without a subscription to itself."""
         self._clock_ns, self._stamp = now_ns, stamp_of(now_ns)
         set_ros_time(self._stamp)
-        if self._clock.wanted():
+        if self._clock.channel.impl.connections:        # as wanted(), without a call
             self._clock_message.clock = self._stamp
             self._clock.publish(self._clock_message)

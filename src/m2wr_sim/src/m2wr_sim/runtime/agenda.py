@@ -39,8 +39,9 @@ class Agenda:
         before, after, acting = ([entry for entry in entries if _overrides(entry[0], name)]
                                  for name in ("next_before", "next_after", "after_step"))
         # with the time at which each wants to be called, as it has said last
-        self._before, self._after = ([[_NEVER_NS, entry] for entry in asked] for asked in (before, after))
-        self._acting, self.stale = acting, False
+        self._before, self._after = ([[_NEVER_NS, entry, getattr(entry[0], name)] for entry in asked]
+                                     for name, asked in (("next_before", before), ("next_after", after)))
+        self._acting, self.stale = [(entry, entry[0].after_step) for entry in acting], False
 
     def act(self, now_ns, step_ns, anew):
         """Let plugins act before the next step that want to, and find out how far the engine may run for their sake.
@@ -49,18 +50,23 @@ class Agenda:
         """
         first_ns, calm_ns, sample_ns = now_ns + step_ns, _NEVER_NS, _NEVER_NS
         for row in self._before:
-            entry = row[1]
             if anew:
-                row[0] = self._wish(entry, entry[0].next_before, now_ns)
+                try:                    # as in _wish, without a call: most of what there is to do goes through here
+                    wanted_ns = row[2](now_ns)
+                    row[0] = _NEVER_NS if wanted_ns is None else wanted_ns
+                except Exception:
+                    self._failed(row[1])
+                    row[0] = _NEVER_NS
             if row[0] <= first_ns:
+                entry = row[1]
                 self._catch_up()
                 self._wish(entry, entry[0].before_step, first_ns)
-                row[0] = self._wish(entry, entry[0].next_before, first_ns)
+                row[0] = self._wish(entry, row[2], first_ns)
             if row[0] < calm_ns:
                 calm_ns = row[0]
         for row in self._after:
             if anew:
-                row[0] = self._wish(row[1], row[1][0].next_after, now_ns)
+                row[0] = self._wish(row[1], row[2], now_ns)
             if row[0] < sample_ns:
                 sample_ns = row[0]
         self.calm_ns, self.sample_ns = calm_ns - step_ns, sample_ns
@@ -68,12 +74,15 @@ class Agenda:
     def measure(self, now_ns, again):
         """Let plugins look at the state; ``again`` asks those that wanted to when they want to do so next."""
         self._catch_up()
-        for entry in self._acting:
-            self._wish(entry, entry[0].after_step, now_ns)
+        for entry, after_step in self._acting:
+            try:                        # as in _wish, without a call
+                after_step(now_ns)
+            except Exception:
+                self._failed(entry)
         if again:
             for row in self._after:
                 if row[0] <= now_ns:
-                    row[0] = self._wish(row[1], row[1][0].next_after, now_ns)
+                    row[0] = self._wish(row[1], row[2], now_ns)
             self.sample_ns = min([row[0] for row in self._after], default=_NEVER_NS)
 
     def _wish(self, entry, function, time_ns):

@@ -124,17 +124,16 @@ class SceneRows:
 
     def __init__(self, parts):
         self.parts = parts
-        self._rows = np.array([row for row, _, _ in parts], dtype=np.int64)
-        self._positions = np.zeros((len(parts), 3))
-        self._orientations = np.zeros((len(parts), 4))
-        self._read = None
+        self._read = self._move = None
 
     def refresh(self, engine, scene):
         """Write the present poses into the scene."""
         if self._read is None:
-            self._read = engine.pose_reader([part[1:] for part in self.parts])
-        self._read(self._positions, self._orientations)
-        scene.set_poses(self._rows, self._positions, self._orientations)
+            poses = np.zeros((len(self.parts), 7))
+            self._read = engine.pose_reader([part[1:] for part in self.parts], poses)
+            self._move = scene.mover(np.array([part[0] for part in self.parts], dtype=np.int64), poses)
+        self._read()
+        self._move()
 
 
 def relative(state, reference):

@@ -117,7 +117,7 @@ class LocalPorts(Ports):
         return any(subscription.newest is not None for subscription in self.subscriptions.values())
 
     def deliver(self):
-        for subscription in list(self.subscriptions.values()):
+        for subscription in list(self.subscriptions.values()) if self.subscriptions else ():
             if subscription.open and subscription.newest is not None:
                 message, subscription.newest = subscription.newest, None
                 subscription.callback(message)

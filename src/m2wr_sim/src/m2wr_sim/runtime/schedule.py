@@ -41,7 +41,7 @@ class StrictSchedule:
 
     def next_due(self, now_ns, step_ns):
         """Return the time [ns] of the first step at which this is due; in the past where nobody asked for long."""
-        return first_step(self._last_ns + self.period_ns + 1, now_ns, step_ns)
+        return now_ns - (now_ns - self._last_ns - self.period_ns - 1) // step_ns * step_ns      # as first_step
 
     def elapsed(self, now_ns):
         """Return the time [ns] since the last tick was due: a period and a step where ticks are punctual."""
@@ -111,11 +111,10 @@ class SensorSchedule:
 
     def next_due(self, now_ns, step_ns):
         """Return the time [ns] of the first step after ``now_ns`` at which this is due."""
-        earliest = now_ns + step_ns
         if self._last_ns is None:
-            return earliest
-        wanted = self._last_ns + self.period_ns - self._carry_ns
-        return max(earliest, first_step(wanted, now_ns, step_ns))
+            return now_ns + step_ns
+        ahead_ns = self._last_ns + self.period_ns - self._carry_ns - now_ns
+        return now_ns + (-(-ahead_ns // step_ns) * step_ns if ahead_ns > step_ns else step_ns)     # as first_step
 
     def due(self, now_ns):
         """Tell whether it is due now, and if so count the tick."""

@@ -336,7 +336,8 @@ class Simulator:
         agenda = self._agenda
         anew = not lazily or first_ns > self._hold_ns or agenda.stale or self.ports.waiting()
         if anew:
-            self._catch_up()
+            if self._owed:
+                self._catch_up()
             self.ports.deliver()
             # who is not told to look lazily may change things without a word, between this call and the next
             self._hold_ns = first_ns + _HOLD_NS if lazily else 0
@@ -347,10 +348,16 @@ class Simulator:
             agenda.fill(self._active + self.observers)
         if anew or first_ns > agenda.calm_ns:
             agenda.act(now_ns, step_ns, anew)
-        stop_ns = min(until_ns, agenda.calm_ns, agenda.sample_ns, self._clock_due_ns - step_ns)
-        if lazily:
-            stop_ns = min(stop_ns, self._hold_ns)
-        count = max(1, (stop_ns - now_ns) // step_ns)
+        stop_ns = self._clock_due_ns - step_ns          # the least of these; to compare costs less than to call min
+        if until_ns < stop_ns:
+            stop_ns = until_ns
+        if agenda.calm_ns < stop_ns:
+            stop_ns = agenda.calm_ns
+        if agenda.sample_ns < stop_ns:
+            stop_ns = agenda.sample_ns
+        if lazily and self._hold_ns < stop_ns:
+            stop_ns = self._hold_ns
+        count = (stop_ns - now_ns) // step_ns if stop_ns > first_ns else 1
         self._owed += count
         self.steps += count
         self.now_ns = now_ns = now_ns + count * step_ns
@@ -371,7 +378,9 @@ class Simulator:
         if self._owed:
             owed, self._owed = self._owed, 0
             self.engine.step(owed)
-            self._collect_touches()
+            touches = self.engine.drain_touches()
+            if touches:
+                self._collect(touches)
 
     def hand_over(self, context, function, message):
         """Give a plugin, known by its context, a message that has come for it."""
@@ -396,8 +405,8 @@ class Simulator:
         else:
             self._stop_plugin(entry)
 
-    def _collect_touches(self):
-        for touch in self.engine.drain_touches():
+    def _collect(self, touches):
+        for touch in touches:
             for name in {side.split("::")[0] for side in (touch.first, touch.second)}:
                 if name in self.models and not self.models[name].record.static:
                     self.touch_counts[name] = self.touch_counts.get(name, 0) + 1

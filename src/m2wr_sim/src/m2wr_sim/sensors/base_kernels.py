@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 try:
-    from numba import njit
+    from numba import njit, types
+    from numba.extending import intrinsic
 except ImportError:
     njit = None
 
@@ -23,6 +24,15 @@ def kernel(function):
         return njit(cache=True, **options)(function)
     except RuntimeError:    # no folder that could hold the cache
         return njit(**options)(function)
+
+
+if HAVE_NUMBA:
+    @intrinsic
+    def pointer(_, address):
+        """Return an address as the pointer that numba's ``carray`` asks for; in compiled code only."""
+        def convert(context, builder, __, arguments):
+            return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+        return types.voidptr(types.uintp), convert
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Mesh, RayScan, Sphere
-from m2wr_sim.sensors import mesh_kernels, ray_kernels as kernels, reading_kernels
+from m2wr_sim.sensors import mesh_kernels, packed_kernels as packed, ray_kernels as kernels, reading_kernels
 from m2wr_sim.sensors.noise import NoiseModel
 from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
 from m2wr_sim.sensors.scene import Scene
@@ -40,8 +40,8 @@ class LaserSensor:
         inf, as in Gazebo's messages.
     angles : (count,) float64
         Azimuth of each reading.  A single sample looks along 0, wherever the limits are.
-    position, orientation : (1, 3), (1, 4) float64
-        Where the sensor's frame is in world, quaternion x y z w; whoever knows writes it there, see :meth:`cast`.
+    pose : (1, 7) float64
+        Where the sensor's frame is in world, x y z and x y z w; whoever knows writes it there, see :meth:`cast`.
 
     Raises
     ------
@@ -79,11 +79,13 @@ class LaserSensor:
         self._ranges = np.empty(self.count * self.vertical_count, np.float32)
         self._intensities, self._lit = np.zeros_like(self._ranges), False
         self._frame = np.zeros(kernels.FRAME_SIZE)
-        self.position, self.orientation = self._frame[None, :3], self._frame[None, 3:7]
+        self.pose = self._frame[None, :7]
         self._frame[kernels.RANGE_MIN:kernels.COUNT] = (
             self.range_min, self.range_max, azimuths[0], azimuths[1] - azimuths[0] if azimuths.size > 1 else 0.0)
         self._settings = np.array([self.range_min, self.range_max, self._noise.shift, self._noise.stddev,
                                    self._noise.precision, 0.0])
+        self._block = np.zeros(packed.SCAN_WORDS, np.uint64) if packed.COMPILED and self._blend is None else None
+        self._spheres = self._shapes = None     # of the scene that the block speaks of
 
     def cast(self, scene, sensor_pose=None, ignore_owner=None):
         """Take a scan.
@@ -94,7 +96,7 @@ class LaserSensor:
             What can be hit.
         sensor_pose : ((x, y, z), (x, y, z, w)), optional
             Of the sensor's frame in world: beams leave along its x axis at angle 0, its z axis is up.  A pose that is
-            not finite hits nothing.  None: what ``position`` and ``orientation`` say.
+            not finite hits nothing.  None: what ``pose`` says.
         ignore_owner : hashable, optional
             An owner in ``scene`` to look through; Gazebo has no such thing.
 
@@ -115,9 +117,33 @@ class LaserSensor:
             frame[3], frame[4], frame[5], frame[6] = sensor_pose[1]
         frame[kernels.COUNT] = scene.count
         frame[kernels.IGNORED] = -1 if ignore_owner is None else scene.owner_id(ignore_owner)
-        if self._order.shape[1] != scene.shapes.shape[0]:
-            self._order = np.empty((2, scene.shapes.shape[0]), np.int32)
-        hits = self._hits if scene.has_retro else self._no_hits
+        self._settings[5] = self._noise.advance(self._ranges.size)
+        if self._shapes is not scene.shapes:
+            self._meet(scene)
+        if self._block is None or scene.has_retro or scene.forest:
+            self._cast_apart(scene)
+        else:
+            packed.scan(self._block)
+        if scene.has_retro:
+            self._light(scene.shapes[:, kernels.RETRO])
+        elif self._lit:
+            self._intensities[:], self._lit = 0.0, False
+        return self._ranges, self._intensities
+
+    def _meet(self, scene):
+        """Prepare for the tables of a scene, which are replaced when they grow."""
+        self._spheres, self._shapes = scene.spheres, scene.shapes
+        self._order = np.empty((2, self._shapes.shape[0]), np.int32)
+        if self._block is not None:
+            address = [values.ctypes.data for values in (
+                self._distances, self._ranges, self._beams, self._rows, self._frame, self._spheres, self._shapes,
+                self._order, self._noise.normals, self._settings)]
+            self._block[:] = (address[:3] + [self._beams.shape[1], address[3], self._rows.shape[0]] + address[4:7]
+                              + [self._shapes.shape[0]] + address[7:9] + [self._noise.normals.size, address[9]])
+
+    def _cast_apart(self, scene):
+        """Take a scan step by step: where there are meshes or reflecting shapes, or readings between rays."""
+        frame, hits = self._frame, self._hits if scene.has_retro else self._no_hits
         found = _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
                            self._order)
         if scene.forest:
@@ -125,13 +151,7 @@ class LaserSensor:
             _cast_meshes(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
                          self._order, found, forest.nodes, forest.triangles, forest.trees)
         distances = self._distances if self._blend is None else self._blended(self._distances)
-        self._settings[5] = self._noise.advance(distances.size)
         reading_kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
-        if scene.has_retro:
-            self._light(scene.shapes[:, kernels.RETRO])
-        elif self._lit:
-            self._intensities[:], self._lit = 0.0, False
-        return self._ranges, self._intensities
 
     def reset(self, rng):
         """Start the noise anew from ``rng``; see :meth:`NoiseModel.reset`."""
@@ -160,10 +180,12 @@ class LaserSensor:
 
 def warm_up(rng):
     """Compile the kernels, or load them from their cache, so that no scan has to wait for it."""
-    scene = Scene(2)
-    scene.add(Sphere(1.0), IDENTITY, "warm_up")
+    scene, sensor = Scene(2), LaserSensor(RayScan(samples=2, range_max=2.0), rng)
+    row = scene.add(Sphere(1.0), IDENTITY, "warm_up")
+    scene.mover(np.array([row], np.int64), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))()
+    sensor.cast(scene, IDENTITY)
     scene.add(Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), IDENTITY, "warm_up")
-    LaserSensor(RayScan(samples=2, range_max=2.0), rng).cast(scene, IDENTITY)
+    sensor.cast(scene, IDENTITY)
 
 
 def _checked_count(direction, samples, resolution):

@@ -39,16 +39,16 @@ CROWD = 100             # shapes within reach from which on most stand behind ot
 
 
 @kernel
-def write_poses(spheres, shapes, rows, positions, quaternions):
-    """Move shapes: write centre and rotation of each of ``rows`` (n,) from world poses (n, 3) and (n, 4)."""
+def write_poses(spheres, shapes, rows, poses):
+    """Move shapes: write centre and rotation of each of ``rows`` (n,) from world poses (n, 7), x y z and x y z w."""
     for k in range(rows.shape[0]):
         row = rows[k]
         if row < 0 or row >= shapes.shape[0]:
             continue
         for axis in range(3):
-            spheres[axis, row] = positions[k, axis]
+            spheres[axis, row] = poses[k, axis]
         if shapes[row, KIND] != PLANE:      # a plane's normal is given in world axes
-            matrix = rotation(quaternions[k, 0], quaternions[k, 1], quaternions[k, 2], quaternions[k, 3])
+            matrix = rotation(poses[k, 3], poses[k, 4], poses[k, 5], poses[k, 6])
             for column in range(9):
                 shapes[row, column] = matrix[column]
             if shapes[row, KIND] == MESH:

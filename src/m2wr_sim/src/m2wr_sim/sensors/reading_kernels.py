@@ -5,6 +5,8 @@ import numpy as np
 
 from m2wr_sim.sensors.base_kernels import kernel
 
+SETTINGS_SIZE = 6
+
 
 @kernel
 def finish_ranges(out, ranges, normals, settings):

@@ -4,6 +4,7 @@ import math
 import numpy as np
 
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Plane, Sphere
+from m2wr_sim.sensors import packed_kernels as packed
 from m2wr_sim.sensors.mesh_tree import Forest
 from m2wr_sim.sensors.ray_kernels import (BOX, CYLINDER, HALF, KIND, MESH, OWNER, PLANE, RETRO, SHAPE_SIZE, SPHERE,
                                           TREE, write_poses)
@@ -45,9 +46,7 @@ class Scene:
         self._ids = {}          # owner -> the number that stands for it in the table
         self._next_id = 0
         self._free = []
-        self._one_row = np.zeros(1, np.int64)
-        self._one_position = np.zeros((1, 3))
-        self._one_quaternion = np.zeros((1, 4))
+        self._one_row, self._one_pose = np.zeros(1, np.int64), np.zeros((1, 7))
 
     def __len__(self):
         return sum(len(rows) for rows in self._rows.values())
@@ -132,32 +131,56 @@ class Scene:
 
     def set_pose(self, row, position, quaternion):
         """Move one shape to a world pose (x, y, z), (x, y, z, w)."""
-        self._one_row[0], self._one_position[0], self._one_quaternion[0] = row, position, quaternion
-        self.set_poses(self._one_row, self._one_position, self._one_quaternion)
+        self._one_row[0], self._one_pose[0, :3], self._one_pose[0, 3:] = row, position, quaternion
+        self.set_poses(self._one_row, self._one_pose)
 
-    def set_poses(self, rows, positions, quaternions):
+    def set_poses(self, rows, poses):
         """Move many shapes.
 
         Parameters
         ----------
         rows : (n,) int64
             Rows as ``add`` returned them; no row outside the table is written.
-        positions : (n, 3) float64
-            World positions [m].
-        quaternions : (n, 4) float64
-            World orientations x y z w, of any length but 0.  A shape with a pose that is not finite is not seen.
+        poses : (n, 7) float64
+            World positions [m] and orientations x y z w, these of any length but 0.  A shape with a pose that is not
+            finite is not seen.
 
         Raises
         ------
         ValueError
-            If the shapes of the arrays differ from the above.
+            If the shape of ``poses`` differs from the above.
         """
-        n = len(rows)
-        if positions.shape != (n, 3) or quaternions.shape != (n, 4):
-            raise ValueError("scene poses for %d rows: positions %s and quaternions %s, expected (%d, 3) and (%d, 4)"
-                             % (n, positions.shape, quaternions.shape, n, n))
-        write_poses(self.spheres, self.shapes, rows, positions, quaternions)
+        if poses.shape != (len(rows), 7):
+            raise ValueError("scene poses for %d rows: %s, expected (%d, 7)" % (len(rows), poses.shape, len(rows)))
+        write_poses(self.spheres, self.shapes, rows, poses)
         self.version += 1
+
+    def mover(self, rows, poses):
+        """Return a function that does :meth:`set_poses` of these very arrays, at less cost, whenever it is called.
+
+        Raises
+        ------
+        ValueError
+            If the arrays are not of the shapes and kinds that ``set_poses`` asks for, without gaps.
+        """
+        if rows.dtype != np.int64 or poses.dtype != np.float64 or poses.shape != (rows.size, 7) or not (
+                rows.flags.c_contiguous and poses.flags.c_contiguous):
+            raise ValueError("scene poses for %d rows: %s of %s, expected (%d, 7) of float64"
+                             % (rows.size, poses.shape, poses.dtype, rows.size))
+        if not packed.COMPILED:
+            return lambda: self.set_poses(rows, poses)
+        block, table = np.zeros(packed.MOVE_WORDS, np.uint64), None
+
+        def move():
+            nonlocal table
+            if table is not self.shapes:        # it has grown
+                table = self.shapes
+                block[:] = (self.spheres.ctypes.data, table.ctypes.data, table.shape[0], rows.ctypes.data,
+                            poses.ctypes.data, rows.size)
+            packed.move(block)
+            self.version += 1
+
+        return move
 
     def _take_row(self):
         if self._free:
