@@ -5,6 +5,7 @@ import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import resampling
+from m2wr_gmapping.matcher import DEPENDENT
 from m2wr_gmapping.motion_model import sample_motion
 from m2wr_gmapping.se2 import compose, wrap
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
@@ -36,7 +37,7 @@ class ParticleFilter:
     poses : (N, 3) float64
         In ``map``.
     log_weights, weight_sums : (N,) float64
-        Since the last resampling, and since the start.
+        Of the scans since the last resampling; of the whole path, but for a constant.
     weights : (N,) float64
         Of the last processed scan, before it was resampled; sum to 1.
     """
@@ -56,7 +57,7 @@ class ParticleFilter:
 
     @property
     def best(self):
-        """Index of the particle with the largest total weight."""
+        """Index of the particle whose path is the most probable."""
         return int(self.weight_sums.argmax())
 
     @property
@@ -93,21 +94,29 @@ class ParticleFilter:
         """
         rows = self._matcher.match(self.maps, reading, starts, predictions, prior, minimum_score)
         self.log_weights += rows[:, mk.LOG_LIKELIHOOD]
-        self.weight_sums += rows[:, mk.LOG_LIKELIHOOD]
         poses = rows[:, :3].copy()
-        if sample is not None:
+        if sample is None:
+            self.weight_sums += rows[:, mk.LOG_LIKELIHOOD]
+        else:
+            self.weight_sums -= rows[:, mk.COST] / DEPENDENT
             poses = self._sampled(poses, rows[:, mk.INFORMATION:], np.maximum(sample, POSE_FLOOR))
         self.poses = poses
         self.weights = resampling.normalise(self.log_weights, self._gain)
         return rows
 
     def _sampled(self, poses, information, deviations):
-        """Draw from Gaussians of the given information plus that of the motion, around the poses."""
+        """Draw from Gaussians of the given information plus that of the motion, around the poses.
+
+        Scans seldom tell particles apart by the little that each draw moves them, and what is drawn adds up: the best
+        stays where its match has it, and a path is the less probable the further its poses were drawn from theirs.
+        """
         h = information[:, (0, 1, 2, 1, 3, 4, 2, 4, 5)]
         h[:, ::4] += 1.0 / np.square(deviations)
         lower = np.linalg.cholesky(h.reshape(-1, 3, 3))
-        draws = np.linalg.solve(np.transpose(lower, (0, 2, 1)), self.normals()[..., None])[..., 0]
-        return compose(poses, DRAWN * draws)
+        normals = DRAWN * self.normals()
+        normals[self.best] = 0.0
+        self.weight_sums -= 0.5 * np.square(normals).sum(axis=1)
+        return compose(poses, np.linalg.solve(np.transpose(lower, (0, 2, 1)), normals[..., None])[..., 0])
 
     def resample(self):
         """Resample if too few particles carry the weight; return the ancestors or None."""

@@ -1,0 +1,68 @@
+"""Which particle is the best: what scans tell, against how far its path was drawn from where they matched."""
+import numpy as np
+import pytest
+
+from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.particle_filter import ParticleFilter
+from m2wr_gmapping.se2 import between
+
+COUNT, STEP = 20, np.array([0.5, 0.0, 0.0])
+
+
+class Matches:
+    """A matcher that finds every particle where odometry has it, and some worse than others."""
+
+    def __init__(self):
+        self.cost = np.zeros(COUNT)
+
+    def match(self, maps, reading, starts, predictions, prior, minimum_score):
+        rows = np.zeros((COUNT, mk.RESULT_SIZE))
+        rows[:, :3], rows[:, mk.COST] = predictions, self.cost
+        return rows
+
+
+@pytest.fixture
+def driven():
+    """Function: the filter after that many steps straight ahead."""
+    def run(steps, cost=0.0, seed=0):
+        matches = Matches()
+        particles = ParticleFilter(GmappingConfig.from_mapping(dict(particles=COUNT, seed=seed)), matches, np.zeros(3))
+        for _ in range(steps):
+            predictions = particles.poses + STEP
+            particles.match(None, predictions, predictions, None, 0.0, np.array([0.02, 0.02, 0.02]))
+        matches.cost[:] = cost
+        return particles, matches
+    return run
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_paths_that_scans_do_not_tell_apart_are_led_by_odometry(driven, seed):
+    particles, _ = driven(100, seed=seed)
+    assert np.allclose(particles.poses[particles.best], [50.0, 0.0, 0.0], atol=1e-9)
+    assert particles.poses[:, 2].std() > 0.02           # the others have gone their ways
+
+
+def test_a_path_that_scans_speak_for_becomes_the_best_and_stays_on_its_matches(driven):
+    particles, matches = driven(10)
+    first, other = particles.best, 7
+    assert first != other
+    matches.cost = np.where(np.arange(COUNT) == other, 0.0, 60.0)
+    for _ in range(10):
+        before = particles.poses.copy()
+        particles.match(None, before + STEP, before + STEP, None, 0.0, np.array([0.02, 0.02, 0.02]))
+    assert particles.best == other
+    moved = particles.poses - before
+    assert np.allclose(moved[other], STEP) and np.abs(moved[first] - STEP).max() > 1e-4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_exact_odometry_is_kept_where_the_laser_sees_nothing(laser, seed):
+    mapper = Mapper(GmappingConfig.from_mapping(dict(particles=COUNT, seed=seed, linearUpdate=0.5)), laser)
+    nothing, truth = mapper.reading(np.full(181, np.inf)), [k * STEP for k in range(60)]
+    for k, pose in enumerate(truth):
+        mapper.process(nothing, pose, 0.1 * k)
+    assert mapper.processed == 60
+    assert np.abs(between(truth, mapper.trajectory()[1])).max() < 1e-6
+    mapper.close()
