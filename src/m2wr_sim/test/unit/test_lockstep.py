@@ -1,12 +1,16 @@
 """The edge of lockstep as far as it needs no master: entries of parameters, and what the kernel tells of sockets."""
 import logging
 import socket
+import struct
 import threading
 import time
+from io import BytesIO
 from types import SimpleNamespace
 
 import pytest
 import rospy
+from m2wr_lockstep.srv import Turn, TurnResponse
+from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
 
 from m2wr_sim.errors import LockstepError, ParameterError
 from m2wr_sim.ros import lockstep as edge, lockstep_ports, ports as plain_ports
@@ -15,7 +19,7 @@ from m2wr_sim.ros.lockstep_gate import Look
 from m2wr_sim.ros.lockstep_sockets import Link, UnreadBytes, find_ends
 from m2wr_sim.ros.loop import Loop, ShuttingDown
 from m2wr_sim.ros.params import read_config
-from m2wr_sim.runtime.turns import Inbox, Ledger, TurnAnswer, TurnFailed
+from m2wr_sim.runtime.turns import Inbox, Ledger, TurnAnswer, TurnFailed, TurnRequest
 
 
 @pytest.mark.parametrize("entry, trigger, topic, sender, once", [
@@ -367,3 +371,44 @@ def test_the_clock_and_transforms_are_counted_under_their_real_names(ports):
     ports.clock(0)
     ports.transform(None, "odom", "base", (), ())
     assert ports.ledger.counts == {"/sim/clock": 1, "/sim/tf": 1}
+
+
+def test_a_connection_that_is_not_taken_in_is_made_anew(monkeypatch):
+    answer = encode_ros_handshake_header({"callerid": "/first", "type": Turn._type, "md5sum": Turn._md5sum})
+    seen, said = [], BytesIO()
+    TurnResponse(note="here").serialize(said)
+
+    def serve(server):
+        silent, _ = server.accept()         # as if it had been lost on its way
+        taken, _ = server.accept()
+        seen.append(read_ros_handshake_header(taken, BytesIO(), 4096))
+        taken.sendall(answer)
+        seen.append(struct.unpack("<I", taken.recv(4))[0] > 0)
+        taken.sendall(b"\1" + struct.pack("<I", len(said.getvalue())) + said.getvalue())
+        silent.close()
+        taken.close()
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = "rosrpc://127.0.0.1:%d" % server.getsockname()[1]
+        monkeypatch.setattr(edge.rosgraph, "Master", lambda _: SimpleNamespace(lookupService=lambda name: address))
+        monkeypatch.setattr(edge, "_ANSWERED", 0.2)
+        threading.Thread(target=serve, args=(server,), daemon=True).start()
+        came = threading.Event()
+        line = edge._Line("/first", came.set)
+        pending = line.ask(TurnRequest(1, 0, 0, {}))
+        assert came.wait(20.0) and pending.result().note == "here" and line.idle()
+        line.close()
+    assert seen[0]["service"] == "/first/lockstep_turn" and seen[0]["persistent"] == "1" and seen[1]
+
+
+def test_a_controller_that_is_gone_is_not_waited_for(monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = "rosrpc://127.0.0.1:%d" % server.getsockname()[1]
+    monkeypatch.setattr(edge.rosgraph, "Master", lambda _: SimpleNamespace(lookupService=lambda name: address))
+    came = threading.Event()
+    line = edge._Line("/first", came.set)
+    pending = line.ask(TurnRequest(1, 0, 0, {}))
+    assert came.wait(20.0)
+    with pytest.raises(TurnFailed, match="refused"):
+        pending.result()
+    line.close()

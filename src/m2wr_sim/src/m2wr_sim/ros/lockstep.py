@@ -2,11 +2,15 @@
 import logging
 import queue
 import re
+import select
+import socket
 import threading
 import time
 
+import rosgraph
 import rospy
 from m2wr_lockstep.srv import Turn, TurnRequest as TurnMessage
+from rospy.impl.tcpros_base import TCPROSTransport
 
 from m2wr_sim.errors import LockstepError, ParameterError
 from m2wr_sim.ros.convert import stamp_of
@@ -19,6 +23,7 @@ log = logging.getLogger(__name__)
 _LOOK_PAUSE = 0.1               # s of wall time between two looks at the graph
 _RETURN_PAUSE = 1.0             # the same while time passes, for controllers that come back
 _REMIND = 5.0                   # s of wall time between two lines on what is waited for
+_ANSWERED, _TRIES = 1.5, 6      # s of wall time that a node has to take a connection in; how often it is made
 _GLANCE = 0.0001                # s between two looks at a socket that is not empty; the kernel does not wake us
 _RESPONDED = re.compile(r"responded with an error: b['\"](.*)['\"]$")      # rospy prints the bytes it got
 _REPLY = re.compile(r"^(/\S+) -> (/\S+?)(?: by (/\S+))?( once)?$")
@@ -97,6 +102,8 @@ class _Line:
             message = TurnMessage(request.tick, stamp_of(request.now_ns), stamp_of(request.since_ns),
                                   list(request.news), list(request.news.values()))
             try:
+                if self._proxy.transport is None:
+                    self._proxy.transport = self._connected()
                 answer = self._proxy(message)
                 pending.set(TurnAnswer(tuple(zip(answer.topics, answer.early, answer.counts)), answer.over,
                                        answer.leave, answer.note), None)
@@ -104,6 +111,34 @@ class _Line:
                 said = _RESPONDED.search(str(error))
                 pending.set(None, said.group(1) if said else str(error) or type(error).__name__)
             self._wake()
+
+    def _connected(self):
+        """Return a connection to the service; rospy's own waits without end for one that was lost on its way."""
+        proxy, late = self._proxy, None
+        for _ in range(_TRIES):
+            transport = TCPROSTransport(proxy.protocol, proxy.resolved_name)
+            transport.buff_size = proxy.buff_size
+            try:
+                uri = rosgraph.Master(rospy.get_name()).lookupService(proxy.resolved_name)
+                taken = socket.create_connection(rospy.core.parse_rosrpc_uri(uri), _ANSWERED)
+                taken.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+                transport.set_socket(taken, uri)
+                transport.write_header()
+                waiting = select.poll()         # for rospy takes time-outs off
+                waiting.register(taken, select.POLLIN)
+                if not waiting.poll(1e3 * _ANSWERED):
+                    raise socket.timeout("no answer within %g s" % _ANSWERED)
+                transport.read_header()
+                return transport
+            except socket.timeout as error:
+                transport.close()
+                late = error
+                log.warning("%s has not taken a connection within %g s; it is made anew",
+                            proxy.resolved_name, _ANSWERED)
+            except Exception:
+                transport.close()
+                raise
+        raise late
 
 
 class Lockstep:
