@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from m2wr_gmapping import place_search
-from m2wr_gmapping.loop_graph import BEND, LoopGraph, change_of, held, link_of, way_along
+from m2wr_gmapping.loop_graph import AGREE, BEND, SURE, LoopGraph, change_of, held, link_of, way_along
 from m2wr_gmapping.loop_growth import LoopGrowth
 from m2wr_gmapping.se2 import between, compose, inverse
 
@@ -12,8 +12,6 @@ SEARCH_EVERY = 1.0          # path between two searches while nothing was found 
 LINK_EVERY = 2.0            # path between two links in a part that is met again [m]
 WIDE_EVERY, WIDE_AGAIN = 1.0, 0.7       # path between two wide searches, and after one that has found something [m]
 FEWEST_BEAMS = 30
-SURE = np.array([0.35, 0.35, 0.1])      # a correction up to this needs no second search to confirm it [m, m, rad]
-AGREE = np.array([0.25, 0.25, 0.08])    # two corrections of one loop agree within this [m, m, rad]
 WIDE_AGREE = np.array([0.5, 0.5, 0.08])     # likewise, of a loop that a wide search has found
 WIDE_SUPPORT, WIDE_FINDS = 2.5, 3       # path [m] along which, and times that wide searches must find the same
 CLEAR_SCORE, CLEAR_SUPPORT = 0.8, 1.0   # two finds with such a score need less of it [m]

@@ -1,7 +1,7 @@
 """What one closure brings together elsewhere: links along the loop it has closed, and at places of long ago."""
 import numpy as np
 
-from m2wr_gmapping.loop_graph import BEND, OLD, change_of
+from m2wr_gmapping.loop_graph import AGREE, BEND, OLD, SURE, change_of
 from m2wr_gmapping.place_search import NEAR_PATH
 from m2wr_gmapping.se2 import between, compose, inverse
 
@@ -9,8 +9,6 @@ APART = 2.0                 # path between two links [m]
 LINKED = 1.5                # a node that near to one with a link needs none [m]
 GAP = 10.0                  # path without a link after which a front ends [m]
 REVIEW_EVERY = 4.0          # path between two places that are looked at again [m]
-LITTLE = np.array([0.35, 0.35, 0.1])    # corrections beyond are believed only if the next node agrees [m, m, rad]
-AGREE = np.array([0.25, 0.25, 0.08])    # within this [m, m, rad]
 
 
 class LoopGrowth:
@@ -78,7 +76,7 @@ class LoopGrowth:
         if gap > GAP or not self._wants(along, node):
             return
         link, pose, slides = self._search(path, along, readings, node, correction)
-        if link is not None and (_off(compose(correction, path[node]), pose) <= LITTLE).all():
+        if link is not None and (_off(compose(correction, path[node]), pose) <= SURE).all():
             self._believe(path, node, link, pose)
             # one that slides says nothing about the way along which it does
             gap, correction = (gap - APART, correction) if slides else (0.0, compose(pose, inverse(path[node])))
@@ -92,7 +90,7 @@ class LoopGrowth:
         if link is None:
             return
         correction = compose(pose, inverse(path[node]))
-        if (change_of(path[:node + 1], pose) > LITTLE).any():
+        if (change_of(path[:node + 1], pose) > SURE).any():
             if slides or not any(self._agrees(path, along, readings, further(along, node, way), correction)
                                  for way in (-1, 1)):
                 return

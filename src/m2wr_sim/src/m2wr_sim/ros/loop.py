@@ -189,7 +189,7 @@ class Loop:
         advance = simulator.advance if self._lockstep is None else self._lockstep.advance
         # ends of batches lie on a grid, so that requests do not move moments that depend on them
         step_ns = simulator.step_ns
-        batch_ns = batch_length(self._factor, step_ns) if 0.0 < self._factor < _SLOW else _BATCH_NS
+        batch_ns = batch_length(self._factor, step_ns)
         end_ns = max((simulator.now_ns // batch_ns + 1) * batch_ns, simulator.now_ns + step_ns)
         self._served = False
         while simulator.now_ns + step_ns <= end_ns:
