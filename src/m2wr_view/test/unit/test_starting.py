@@ -1,6 +1,7 @@
 """A node that is interrupted at any moment of its start ends."""
 import os
 import signal
+import socket
 import subprocess
 import sys
 
@@ -30,32 +31,42 @@ start_node("early")
 
 @pytest.fixture
 def begin():
-    """Return a function that starts the program, where no master is, and waits until the node is being registered."""
+    """Return a function that starts the program, where a master is or none, and waits until it has said something."""
     started = []
 
-    def make(word):
-        environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:1")
-        child = subprocess.Popen([sys.executable, "-c", PROGRAM, word], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                 env=environment, universal_newlines=True)
+    def make(word, port):
+        environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:%d" % port)
+        child = subprocess.Popen([sys.executable, "-c", PROGRAM, word], stdout=subprocess.PIPE,
+                                 stderr=subprocess.STDOUT, env=environment, universal_newlines=True)
         started.append(child)
-        assert child.stdout.readline() == "begun\n"
-        return child
+        return child, child.stdout.readline()
     yield make
     for child in started:
         child.kill()
         child.communicate()
 
 
+@pytest.fixture
+def silent_master():
+    """Port of a master that takes connections and says nothing, as one under a debugger."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen(10)
+        yield server.getsockname()[1]
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_waits_for_a_master_can_be_interrupted(begin, number):
-    child = begin("waits")
+    child, said = begin("waits", 1)
+    assert said == "early: no master answers at http://127.0.0.1:1 yet; waiting for roscore or roslaunch\n"
     child.send_signal(number)
-    _, said = child.communicate(timeout=30)
+    said, _ = child.communicate(timeout=30)
     assert child.returncode == 1 and "Traceback" not in said
 
 
-def test_a_fault_of_its_own_is_told(begin):
-    _, said = begin("fails").communicate(timeout=30)
+def test_a_fault_of_its_own_is_told(begin, silent_master):
+    child, _ = begin("fails", silent_master)
+    said, _ = child.communicate(timeout=30)
     assert "RuntimeError: of its own" in said
 
 

@@ -21,7 +21,6 @@ from m2wr_sim.model.types import Physics
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
-from m2wr_sim.ros.acceptor import accept_side_by_side
 from m2wr_sim.ros.api_performance import Performance
 from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.gazebo_api import GazeboApi
@@ -36,7 +35,9 @@ from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
 from m2wr_sim.warm_up import warm_up
+from m2wr_view.ros.acceptor import accept_side_by_side
 from m2wr_view.ros.is_there import alive
+from m2wr_view.ros.starting import wait_for_master
 
 log = logging.getLogger("m2wr_sim")
 
@@ -226,8 +227,9 @@ def main():
                          "under another name or master.\n" % (name, address, name))
         return 1
     signals = _note_signals()
+    wait_for_master("gazebo")
     try:
-        rospy.init_node("gazebo", disable_rostime=True, disable_signals=True)       # may wait for a master
+        rospy.init_node("gazebo", disable_rostime=True, disable_signals=True)
     except Exception:                   # of whatever kind: what it was doing was closed under it
         if not signals:
             raise
