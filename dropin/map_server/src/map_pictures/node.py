@@ -7,6 +7,7 @@ from nav_msgs.srv import GetMap
 
 from m2wr_gmapping.ros.convert import ArrayGrid, ArrayMapAnswer, pose_message
 from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
+from m2wr_view.ros.starting import start_node
 
 USAGE = "usage: map_server MAP.yaml\n       map_server IMAGE RESOLUTION\n"
 
@@ -48,7 +49,7 @@ def main():
         sys.stderr.write("map_server: %s\n" % error)
         return 1
     try:
-        rospy.init_node("map_server")
+        start_node("map_server")
         while not rospy.is_shutdown() and not rospy.get_time() and not rospy.rostime.is_wallclock():
             rospy.rostime.wallsleep(0.01)       # simulated time has not begun
     except rospy.ROSException:
