@@ -11,6 +11,7 @@ from m2wr_view.outlines import convex_hull
 LASER_HEIGHT = 0.15         # of m2wr above the floor [m]
 SLICE = 1e-6                # thickness of the slice of the world that the laser sees [m]
 STEP = 0.1                  # of a cell, between two points of a wall
+HIDDEN = 1e-6               # depth in another obstacle from which on a surface cannot be seen [m]
 NEIGHBOURHOOD = 1           # cells that a wall may be drawn beside its place
 INSIDE, WALL, OUTSIDE = 2, 1, 0
 
@@ -56,25 +57,27 @@ def _segments(outline):
     return convex_hull(points)
 
 
-def _inside(points, corners):
-    """Whether points (N, 2) lie in a convex polygon, corners counter-clockwise."""
+def _inside(points, corners, depth=0.0):
+    """Whether points (N, 2) lie deeper than that [m] in a convex polygon, corners counter-clockwise."""
     if len(corners) < 3:
         return np.zeros(len(points), bool)
     inside = np.ones(len(points), bool)
     for one, two in zip(corners, np.roll(corners, -1, axis=0)):
         way = two - one
-        inside &= way[0] * (points[:, 1] - one[1]) - way[1] * (points[:, 0] - one[0]) > 0.0
+        inside &= way[0] * (points[:, 1] - one[1]) - way[1] * (points[:, 0] - one[0]) > depth * math.hypot(*way)
     return inside
 
 
 class Truth:
-    """What a world is like at the height of the laser.
+    """What a world is like at the height of the laser, in some frame.
 
     Parameters
     ----------
     world : m2wr_sim.model.types.World
     height : float
         Of the laser above the floor [m].
+    frame : (3,) float
+        Pose x, y [m], yaw [rad] in the world of the frame in which maps and points are given.
 
     Raises
     ------
@@ -82,11 +85,13 @@ class Truth:
         If the world has no obstacle there: nothing could be compared.
     """
 
-    def __init__(self, world, height=LASER_HEIGHT):
+    def __init__(self, world, height=LASER_HEIGHT, frame=(0.0, 0.0, 0.0)):
         outlines = obstacle_outlines(world, height - 0.5 * SLICE, height + 0.5 * SLICE)
         if not outlines:
             raise WorldError("the world has nothing at the height of the laser, %.2f m; expected walls" % height)
-        self._corners = [_segments(outline) for outline in outlines]
+        cosine, sine = math.cos(frame[2]), math.sin(frame[2])
+        turn = np.array([[cosine, -sine], [sine, cosine]])          # points as rows: world to frame
+        self._corners = [(_segments(outline) - np.asarray(frame[:2], float)) @ turn for outline in outlines]
         self._step = self._points = None        # of the surfaces found last
 
     def drawn(self, shape, resolution, origin):
@@ -100,7 +105,7 @@ class Truth:
         resolution : float
             [m].
         origin : (2,) float
-            Middle of cell (0, 0) in the world [m].
+            Middle of cell (0, 0) in the frame [m].
         """
         grid = np.full(shape, OUTSIDE, np.uint8)
         for corners in self._corners:
@@ -120,8 +125,8 @@ class Truth:
                 for other, polygon in enumerate(self._corners):
                     if other != index and len(polygon):
                         near = ((points >= polygon.min(axis=0)) & (points <= polygon.max(axis=0))).all(axis=1)
-                        if near.any():
-                            hidden[near] |= _inside(points[near], polygon)
+                        if near.any():      # two that lie flush are both seen, whichever way they are rounded
+                            hidden[near] |= _inside(points[near], polygon, HIDDEN)
                 found.append(points[~hidden])
             self._step, self._points = step, np.concatenate(found)
         return self._points
@@ -193,7 +198,7 @@ def compare(data, resolution, origin, truth):
     data : (H, W) int8
         -1 unknown, 0 free, 100 occupied, lowest row first.
     origin : (2,) float
-        Middle of cell (0, 0) in the world [m].
+        Middle of cell (0, 0) in the frame of the truth [m].
     truth : Truth
     """
     data = np.asarray(data)

@@ -44,9 +44,9 @@ def read_world(world):
                       resolve_model=ModelFolders([os.path.join(share, "models")]))
 
 
-def read_truth(world, height):
-    """Return the Truth of a world file or name; raises WorldError."""
-    return Truth(read_world(world), height)
+def read_truth(world, height, frame=(0.0, 0.0, 0.0)):
+    """Return the Truth of a world file or name in a frame of that pose (3,) in the world; raises WorldError."""
+    return Truth(read_world(world), height, frame)
 
 
 def read_outlines(world, height):
@@ -93,17 +93,21 @@ def main(argv=None):
     """Entry point; returns the exit code: 0, 1 where something cannot be read, 3 below ``--least``."""
     parser = argparse.ArgumentParser(prog="compare_map", description=__doc__)
     add = parser.add_argument
-    add("map", nargs="?", metavar="MAP.yaml", help="map as map_saver writes it, in the frame of the world")
+    add("map", nargs="?", metavar="MAP.yaml", help="map as map_saver writes it")
     add("world", help="world file, or a name from m2wr_sim/worlds")
     add("--live", action="store_true", help="no file: every map on the topic map, until ROS ends")
     add("--height", type=float, default=LASER_HEIGHT, help="of the laser above the floor [m] (%(default)s)")
+    add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
+        help="pose of the map's frame in the world [m, rad] (0 0 0); the robot's start where odometry begins there")
     add("--picture", metavar="FILE.png", help="draw the map over the world")
     add("--least", type=float, default=0.0, help="exit code 3 if less than this share of wall cells is right")
     options = parser.parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
     if options.live == (options.map is not None):
         parser.error("expected either MAP.yaml or --live")
+    if not np.isfinite(options.offset).all():
+        parser.error("--offset %s: expected finite numbers" % (options.offset,))
     try:
-        truth = read_truth(options.world, options.height)
+        truth = read_truth(options.world, options.height, options.offset)
         if options.live:
             start_node("compare_map", disable_rostime=True)
             return LiveComparison(truth).run()
