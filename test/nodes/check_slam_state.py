@@ -15,7 +15,7 @@ from nav_msgs.srv import GetMap
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from mapping_robot import ROOM, Mapping, Robot, walls_apart, xyt  # noqa: E402
+from mapping_robot import ROOM, Mapping, Robot, transform, walls_apart, xyt  # noqa: E402
 from sim_probe import PATIENCE, Recorder, program, run_checks, run_program, wait_until  # noqa: E402
 
 CELL = 0.05
@@ -221,15 +221,21 @@ class SlamState(unittest.TestCase):
             finally:
                 recorder.close()
         with Mapping(self.robot, QUICK) as node:
+            self.robot.tell_time(self.robot.now + 0.1)
+            self.robot.look(TOUR[0])        # before the first transform, as where a laser begins before the odometry
             node.drive(TOUR)
-            found = status(lambda entry: any((value.key, value.value) == ("scans", str(len(TOUR)))
+            found = status(lambda entry: any((value.key, value.value) == ("scans", str(len(TOUR) + 1))
                                              for value in entry.values), "diagnostics after the drive")
             values = {value.key: value.value for value in found.values}
             self.assertEqual((values["dropped"], values["without transform"], values["particles"]), ("0", "0", "15"))
+            self.assertEqual(values["before the first transform"], "1")
             self.assertGreater(int(values["processed"]), 5)
             self.assertTrue(1.0 <= float(values["effective particles"]) <= 15.0)
             for name in ("mean time of a scan [ms]", "mean map [ms]", "peak memory [MiB]"):
                 self.assertGreater(float(values[name]), 0.0, name)
+            self.assertNotIn(" beside this node's ", node.text)
+            self.robot.tf.publish(TFMessage([transform("map", "odom", rospy.Time.from_sec(self.robot.now))]))
+            node.wait_for_text("publishes map -> odom beside this node's map -> odom")
         with Mapping(self.robot, QUICK + ["_odom_frame:=nowhere"]) as node:
             self.robot.tick((0.0, 0.0, 0.0))
             found = status(lambda entry: "nowhere -> sensor_laser" in entry.message, "the missing transform")

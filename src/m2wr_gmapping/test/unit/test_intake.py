@@ -84,6 +84,7 @@ def test_two_clocks_a_little_apart_are_no_jump(monkeypatch):
 def intake(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)         # it looks at the clock of a node
+    monkeypatch.setattr(rospy, "loginfo", lambda *_: None)
     return Intake("odom", 500)
 
 
@@ -91,11 +92,50 @@ def test_scans_come_out_in_order_as_soon_as_their_transform_is_known(intake):
     for k in range(10, 20):
         intake.on_scan(waiting_scan("laser", 0.1 * k))
     assert intake._ready() is None
-    for seconds in (1.2, 1.45):         # for the first two there will never be one
+    for seconds in (1.2, 1.45):         # it begins after the first two
         intake.on_transforms(TFMessage([transform("odom", "laser", seconds)]))
     found = [intake._ready() for _ in range(4)]
     assert [round(entry[0].header.stamp.to_sec(), 3) for entry in found[:3]] == [1.2, 1.3, 1.4]
-    assert found[3] is None and intake.waiting == 5 and intake.without_transform == 2
+    assert found[3] is None and intake.waiting == 5
+    assert (intake.early, intake.dropped, intake.without_transform) == (2, 0, 0)
+
+
+def test_only_scans_from_before_the_first_transform_are_no_loss(intake):
+    """Transforms that come later than scans cost none; a scan that nobody has a transform for is counted as lost."""
+    intake.on_transforms(TFMessage([transform("odom", "base", seconds) for seconds in (1.0, 1.1)]))
+    for at in (0.95, 1.0, 1.05, 1.15):
+        intake.on_scan(waiting_scan("laser", at))
+    intake.on_scan(waiting_scan("other", 1.16))
+    assert intake._ready() is None and intake.waiting == 5          # nobody has said yet where the laser sits
+    intake.on_transforms(TFMessage([transform("base", "laser", 0.0)]), static=True)
+    assert [round(intake._ready()[0].header.stamp.to_sec(), 3) for _ in range(2)] == [1.0, 1.05]
+    assert intake._ready() is None and (intake.early, intake.dropped, intake.waiting) == (1, 0, 2)
+    intake.on_transforms(TFMessage([transform("odom", "base", 1.3)]))
+    assert round(intake._ready()[0].header.stamp.to_sec(), 3) == 1.15
+    intake.on_scan(waiting_scan("laser", 1.3))
+    assert intake._ready() is not None
+    assert (intake.early, intake.dropped, intake.without_transform) == (1, 1, 1)
+
+
+def test_whoever_else_moves_the_odometry_frame_is_named_once(monkeypatch):
+    told = []
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *given: told.append(text % given))
+    monkeypatch.setattr(rospy, "get_name", lambda: "/me")
+    publishes = [False]
+    intake = Intake("odom", 5, "map", lambda: publishes[0])
+
+    def send(parent, sender):
+        message = TFMessage([transform(parent, "odom", 1.0), transform("odom", "laser", 1.0)])
+        message._connection_header = {"callerid": sender}
+        intake.on_transforms(message)
+
+    send("map", "/other")
+    assert not told                     # with transform_publish_period 0 somebody else has to
+    publishes[0] = True
+    for parent, sender in (("map", "/me"), ("/map", "/other"), ("map", "/other"), ("earth", "/third")):
+        send(parent, sender)
+    assert len(told) == 2 and "/other publishes map -> odom" in told[0] and "/third publishes earth -> odom" in told[1]
 
 
 def test_a_frame_that_nobody_knows_holds_up_no_other(intake):

@@ -232,7 +232,7 @@ def test_a_map_in_the_making_holds_up_no_scan_and_only_the_newest_waits(monkeypa
     maps = [message for name, message in Outlet.sent if name == "map"]
     assert [int(message.data[0]) for message in maps] == [1, 6]
     paths = [message for name, message in Outlet.sent if name == "~path"]
-    assert [len(message.poses) for message in paths] == [1, 6]
+    assert [len(message.plane) for message in paths] == [1, 6]
 
 
 def test_what_is_missing_at_the_start_is_named(monkeypatch):

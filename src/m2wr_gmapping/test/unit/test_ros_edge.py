@@ -4,12 +4,15 @@ import io
 import numpy as np
 import pytest
 from genpy import Time
-from nav_msgs.msg import OccupancyGrid
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetMapResponse
+from std_msgs.msg import Header
 
-from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.occupancy import Grid
-from m2wr_gmapping.ros.convert import ArrayGrid, ArrayMapAnswer, covariance36, grid_message
+from m2wr_gmapping.ros.convert import (ArrayGrid, ArrayMapAnswer, covariance36, grid_message, path_message,
+                                       pose_message, poses_message)
 from m2wr_gmapping.ros import params
 from m2wr_gmapping.ros.params import NODE_PARAMETERS, NodeOptions, read_parameters
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, description
@@ -47,6 +50,28 @@ def test_the_answer_of_the_service_is_the_ordinary_one(message):
     np.testing.assert_array_equal(ArrayMapAnswer().deserialize(written(answer)).map.data, message.data)
 
 
+@pytest.mark.parametrize("count, frame", [(0, "map"), (1, ""), (5, "r1/map")])
+def test_paths_and_particles_are_written_as_the_ordinary_messages_are(count, frame):
+    rng = np.random.default_rng(2)
+    poses, stamps = rng.uniform(-3.0, 3.0, (count, 3)), np.array([0.0, 0.1, 1700000000.7, 12.9999999999, 5.0])[:count]
+    header = Header(frame_id=frame, stamp=Time(3, 4))
+    plain = Path(header=header)
+    for pose, stamp in zip(poses, stamps):
+        plain.poses.append(PoseStamped(header=Header(frame_id=frame, stamp=Time.from_sec(stamp)),
+                                       pose=pose_message(pose)))
+    again = Path().deserialize(written(path_message(poses, stamps, header)))
+    assert again.header == plain.header and len(again.poses) == count
+    for one, other in zip(again.poses, plain.poses):
+        assert one.header.frame_id == frame and abs((one.header.stamp - other.header.stamp).to_nsec()) <= 1000
+        np.testing.assert_allclose(one.pose.orientation.z, other.pose.orientation.z, rtol=0, atol=1e-15)
+        assert one.pose.position == other.pose.position
+    cloud = PoseArray(header=header, poses=[pose_message(pose) for pose in poses])
+    found = PoseArray().deserialize(written(poses_message(poses, frame, Time(3, 4))))
+    assert found.header == cloud.header and len(found.poses) == count
+    for one, other in zip(found.poses, cloud.poses):
+        assert one.position == other.position and one.orientation.w == pytest.approx(other.orientation.w, abs=1e-15)
+
+
 def test_the_covariance_stands_at_x_y_and_yaw():
     full = np.array(covariance36(np.arange(1.0, 10.0).reshape(3, 3))).reshape(6, 6)
     np.testing.assert_array_equal(full[np.ix_([0, 1, 5], [0, 1, 5])], np.arange(1.0, 10.0).reshape(3, 3))
@@ -72,6 +97,26 @@ def test_ranges_are_those_at_the_first_scan(monkeypatch, given, wanted):
     monkeypatch.setattr(params.rospy, "logwarn", lambda *_: None)
     config = params.read_ranges(GmappingConfig.from_mapping({"maxRange": 7, "maxUrange": 6, "particles": 9}))
     assert (config["maxRange"], config["maxUrange"], config["particles"]) == wanted + (9,)
+
+
+@pytest.mark.parametrize("given, fits", [({}, True), ({"odom_frame": "map"}, False), ({"base_frame": "/odom"}, False),
+                                         ({"map_frame": "odom", "odom_frame": "map"}, True),
+                                         ({"odom_frame": "/"}, False)])
+def test_three_frames_are_three(given, fits):
+    config = GmappingConfig.from_mapping(given)
+    if fits:
+        params.check_frames(config)
+    else:
+        with pytest.raises(ConfigError, match="expected three different frames"):
+            params.check_frames(config)
+
+
+def test_a_map_that_could_not_be_written_at_the_end_is_told_at_the_start(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert not params.trouble_at_exit("") and not params.trouble_at_exit("~/plan")
+    assert "there is no folder" in params.trouble_at_exit("~/nowhere/plan")[0]
+    monkeypatch.setattr(params.os, "access", lambda *_: False)              # the tests may be root, who may do anything
+    assert "may not write into" in params.trouble_at_exit("~/plan")[0]
 
 
 def test_every_option_of_the_node_is_told():

@@ -120,15 +120,15 @@ class Replay:
         self._settle, self._node = settle, node
         self._beginning = beginning or Beginning()
         self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
-                                 options.max_duration_buffer)
+                                 options.max_duration_buffer, config["map_frame"])
         self.mapper = None
         self.grid = None
         self.online = []
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
         self.stopped = False
         self.refused = 0
-        self._arrived = self._left_out = 0
-        self._map_stamp = None
+        self._arrived = self._left_out = self._generation = 0
+        self._map_stamp = self._laser_frame = None
         self._first_stamp = None
         self.snapshot = None            # of the mapper after the last scan, where a state is to be saved
         loaded = self._beginning.loaded
@@ -145,6 +145,8 @@ class Replay:
         for scan, odom_from_laser in self.source:
             if self.stopped:
                 break
+            if self.source.generation != self._generation:
+                self._begin_anew()
             self._progress()
             self._arrived += 1
             if self._arrived % self._config["throttle_scans"]:
@@ -172,6 +174,9 @@ class Replay:
             return
         if self.mapper is None and not self._begin(scan):
             return
+        if scan.header.frame_id.lstrip("/") != self._laser_frame:
+            raise ScanError("it is of the laser {}; expected {} as in the first one".format(
+                scan.header.frame_id.lstrip("/"), self._laser_frame))
         laser = self.mapper.laser
         with self.filter_watch:
             reading, odom_pose = self.mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
@@ -188,6 +193,16 @@ class Replay:
         if update.processed:
             self.online.append((stamp, self.mapper.base_poses(update.pose)))
 
+    def _begin_anew(self):
+        """Forget the run before a jump back in time, as the live node does."""
+        self._generation = self.source.generation
+        if self.mapper is not None:
+            self.mapper.close()
+        self.mapper, self._beginning = None, self._beginning.again()
+        self._map_stamp = self._first_stamp = None
+        self.online = []
+        self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
+
     def _begin(self, scan):
         mount = self.source.base_from_laser(scan)
         if mount is None:
@@ -202,6 +217,7 @@ class Replay:
                         self._config["minimumScore"], beams, "no scan will be matched" if self._config["compatible"]
                         else "half the beams of a scan are taken instead")
         self.mapper = self._beginning.mapper(self._config, laser)
+        self._laser_frame = scan.header.frame_id.lstrip("/")
         return True
 
     def _map(self, exact=False):
@@ -246,7 +262,8 @@ class Replay:
         updates = self.map_watch.summary()
         return dict(
             scans=self.source.scans, processed=mapper.processed, tracked=mapper.tracked,
-            without_transform=self.source.without_transform, refused=self.refused,
+            without_transform=self.source.without_transform, before_first_transform=self.source.early,
+            refused=self.refused + self.source.odd, time_jumps=self.source.generation,
             particles=self._config["particles"], beams=len(mapper.laser.angles), seed=self._config["seed"],
             processScan=self.filter_watch.summary(), map_updates=updates, peak_memory_mib=peak_memory_mib(),
             resamplings=mapper.filter.resamplings, **mapper.info())
@@ -286,13 +303,19 @@ def run_and_save(replay, options):
     try:
         replay.run()
         if replay.bag.damage:
-            log.warning("%s; what comes before it was used", replay.bag.damage)
+            log.warning("%s; what can be read was used", replay.bag.damage)
         if replay.mapper is not None and replay.mapper.beyond:
             log.warning("the map became as large as it may be; what lies beyond was left out")
         complaint, source = replay.complaint(), replay.source
         if complaint:
             log.error("%s: %s", options.bag_filename, complaint)
             return FAILED
+        if replay.refused > 1:
+            log.warning("%d of %d scans were refused", replay.refused, source.scans)
+        if source.odd:
+            log.warning("left out %d of %d scans, whose stamps are of another time", source.odd, source.scans)
+        if source.early:
+            log.info("left out %d of the first scans, older than the first transform of their laser", source.early)
         if source.without_transform:
             log.warning("%d of %d scans without a transform, the last: %s", source.without_transform, source.scans,
                         source.why)

@@ -3,8 +3,8 @@ import math
 import struct
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, Quaternion
-from nav_msgs.msg import MapMetaData, OccupancyGrid
+from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 from nav_msgs.srv import GetMapResponse
 from std_msgs.msg import Header
 
@@ -58,6 +58,58 @@ class ArrayMapAnswer(GetMapResponse):
         self.map = ArrayGrid()
         self.map.deserialize(str)
         return self
+
+
+class ArrayPath(Path):
+    """A Path that is written from arrays in one piece: ``stamps`` (K,) in seconds and ``plane`` (K, 3), x y theta.
+
+    The ordinary message makes some thirty Python objects of each pose, of all poses with every map.
+    """
+
+    def serialize(self, buff):
+        """Write the message."""
+        self.header.serialize(buff)
+        frame = self.header.frame_id.encode()
+        rows = np.zeros(len(self.plane), [("seq", "<u4"), ("time", "<u4", 2), ("length", "<u4"),
+                                          ("frame", "u1", (len(frame),)), ("pose", "<f8", 7)])
+        seconds = np.floor(self.stamps)
+        rows["time"][:, 0], rows["time"][:, 1] = seconds, np.minimum(np.rint(1e9 * (self.stamps - seconds)), 999999999)
+        rows["length"], rows["pose"] = len(frame), pose_rows(self.plane)
+        rows["frame"] = np.frombuffer(frame, np.uint8)
+        buff.write(_COUNT.pack(len(rows)))
+        buff.write(rows)
+
+
+class ArrayPoses(PoseArray):
+    """A PoseArray that is written from an array ``plane`` (K, 3), x y theta, in one piece."""
+
+    def serialize(self, buff):
+        """Write the message."""
+        self.header.serialize(buff)
+        buff.write(_COUNT.pack(len(self.plane)))
+        buff.write(pose_rows(self.plane))
+
+
+def pose_rows(poses):
+    """Return position and quaternion (K, 7) of poses (K, 3), x y theta."""
+    rows = np.zeros((len(poses), 7))
+    rows[:, :2], rows[:, 5], rows[:, 6] = poses[:, :2], np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
+    return rows
+
+
+def path_message(poses, stamps, header):
+    """Return an ArrayPath of poses (K, 3) and their stamps (K,) [s]; all entries have the header's frame."""
+    message = ArrayPath(header=header)
+    message.plane, message.stamps = np.asarray(poses, float).reshape(-1, 3), np.asarray(stamps, float)
+    return message
+
+
+def poses_message(poses, frame, stamp):
+    """Return an ArrayPoses of poses (K, 3)."""
+    message = ArrayPoses()
+    message.header.frame_id, message.header.stamp = frame, stamp
+    message.plane = np.asarray(poses, float).reshape(-1, 3)
+    return message
 
 
 def pose_message(pose):

@@ -6,11 +6,11 @@ from collections import deque
 import rospy
 import tf2_ros
 
-from m2wr_gmapping.replay.far_ahead import FarAhead
+from m2wr_gmapping.replay.far_ahead import JUMP, FarAhead
+from m2wr_gmapping.ros.missing import usual_source
 from m2wr_gmapping.scan import transform_parts
 
 BUFFER = 60.0               # time that transforms are kept [s]
-JUMP = 1.0                  # a clock or stamps that much older than before are a jump back in time [s]
 LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
 WAIT_WARNING = 5.0          # wall time after which a scan that waits is worth a word [s]
 
@@ -26,6 +26,8 @@ class Intake:
     map_frame : str, optional
         Transforms from there to the odometry's frame are what comes of the scans, here or, in a bag, elsewhere: not
         needed.
+    publishes : callable, optional
+        Whether this node publishes that transform (bool): who else gives the odometry's frame a parent is then named.
 
     Attributes
     ----------
@@ -34,18 +36,21 @@ class Intake:
     arrived, dropped : int
         Scans that came; scans that went because too many waited or because no transform can come any more.
     without_transform : int
-        Those of the dropped that had no transform while later ones had.
+        Those of the dropped that had no transform while earlier and later ones had.
+    early : int
+        Scans, apart from the dropped, that are older than the first transform there was of their laser: where a node
+        begins to listen, or time has jumped back, the two do not begin at the same moment.
     lacks : str
         The transform that has been waited for too long, empty when none is.
     """
 
-    def __init__(self, odom_frame, limit, map_frame=None):
-        self._odom, self._limit, self._map = odom_frame, limit, map_frame
+    def __init__(self, odom_frame, limit, map_frame=None, publishes=lambda: False):
+        self._odom, self._limit, self._map, self._publishes = odom_frame, limit, map_frame, publishes
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
         self._far_ahead = FarAhead(BUFFER)
         self._news = threading.Condition()
         self._waiting = deque()
-        self._frames = set()
+        self._frames, self._rivals = set(), set()
         self._present = self._time_before = rospy.Time(0)       # what the clock, or else the newest scan, says
         self._left_over_until = 0.0
         self._taken_stamp = None            # of the newest scan handed out
@@ -53,7 +58,7 @@ class Intake:
         self._blocked_since = None
         self._closed = False
         self.generation = 0
-        self.arrived = self.dropped = self.without_transform = 0
+        self.arrived = self.dropped = self.without_transform = self.early = 0
         self.lacks = ""
 
     # ---- called by ROS
@@ -65,10 +70,22 @@ class Intake:
             for transform in message.transforms:
                 transform.header.frame_id = transform.header.frame_id.lstrip("/")
                 transform.child_frame_id = transform.child_frame_id.lstrip("/")
+                if transform.child_frame_id == self._odom:
+                    self._look_at_parent(transform.header.frame_id, message)
                 if transform.header.frame_id != self._map or transform.child_frame_id != self._odom:
                     self._put_transform(transform, static)
             if self._waiting:
                 self._news.notify()
+
+    def _look_at_parent(self, parent, message):
+        """Name whoever else says where the odometry's frame is: listeners would jump between the two."""
+        sender = (getattr(message, "_connection_header", None) or {}).get("callerid")
+        if sender in (None, rospy.get_name()) or sender in self._rivals or not self._publishes():
+            return
+        self._rivals.add(sender)
+        rospy.logwarn("%s publishes %s -> %s beside this node's %s -> %s: rviz and others jump between the two. "
+                      "Expected one of them: end the other, play bags without that transform, or set "
+                      "~transform_publish_period to 0", sender, parent, self._odom, self._map, self._odom)
 
     def _put_transform(self, transform, static):
         parent, child, stamp = transform.header.frame_id, transform.child_frame_id, transform.header.stamp
@@ -189,20 +206,31 @@ class Intake:
                 found = self._buffer.lookup_transform_core(self._odom, source, stamp)
             except tf2_ros.TransformException:
                 if source not in newest:
-                    newest[source] = self._newest_common(source)
+                    newest[source] = self._newest_common(self._odom, source)
                 continue
-            self.dropped += index                   # for those before, transforms have never been there
-            self.without_transform += index
-            for _ in range(index + 1):
-                self._waiting.popleft()
+            self._give_up([self._waiting.popleft() for _ in range(index)], source, stamp)
+            self._waiting.popleft()
             self._taken_stamp = stamp
             return scan, transform_parts(found), self.generation
         return None
 
-    def _newest_common(self, source):
+    def _give_up(self, scans, source, stamp):
+        """Count scans that never had a transform, where a later one, of ``source`` at ``stamp``, has it."""
+        early = 0
+        if self._taken_stamp is None:
+            early = sum(scan.header.frame_id.lstrip("/") == source for scan in scans)
+        if early:
+            self.early += early
+            rospy.loginfo("left out %d of the first scans, from %.3f on: older than the first transform %s -> %s; the "
+                          "first one used is of %.3f", early, scans[0].header.stamp.to_sec(), self._odom, source,
+                          stamp.to_sec())
+        self.dropped += len(scans) - early
+        self.without_transform += len(scans) - early
+
+    def _newest_common(self, target, source):
         """Newest time at which the transform is known, 0 where it is the same at all times, None where at none."""
         try:
-            return self._buffer.get_latest_common_time(self._odom, source)
+            return self._buffer.get_latest_common_time(target, source)
         except tf2_ros.TransformException:
             return None
 
@@ -225,9 +253,13 @@ class Intake:
             self._buffer.lookup_transform_core(target, source, stamp)
             why = "it has come meanwhile"
         except tf2_ros.TransformException as error:
-            why = str(error)
-        return "the transform %s -> %s at %.3f: %s. Frames known: %s" % (
-            target, source, stamp.to_sec(), why, ", ".join(sorted(self._frames)) or "none, nothing came on /tf")
+            why = str(error).rstrip(" .")
+        known = ", ".join(sorted(self._frames)) or "none, nothing came on /tf"
+        newest = self._newest_common(target, source)
+        return "the transform %s -> %s at %.3f: %s. Frames known: %s%s" % (
+            target, source, stamp.to_sec(), why, known, usual_source(
+                target, source, self._frames, None if newest is None else newest.to_sec(), stamp.to_sec(),
+                "odom_frame" if target == self._odom else "base_frame"))
 
     def mount(self, base, scan):
         """Return translation and quaternion of a scan's laser in the base frame, or None."""

@@ -19,7 +19,8 @@ from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.intake import Intake
 from m2wr_gmapping.ros.missing import name_what_is_missing
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
-from m2wr_gmapping.ros.params import frame, private_parameters, read_parameters, read_ranges, tf_prefix, with_prefix
+from m2wr_gmapping.ros.params import (check_frames, frame, private_parameters, read_parameters, read_ranges, tf_prefix,
+                                      trouble_at_exit, with_prefix)
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.scan import LaserModel, ScanError
 from m2wr_gmapping.srv import StateFile, StateFileResponse
@@ -51,10 +52,11 @@ class SlamNode:
         self._fed = None                        # the mapper that has taken a scan of this run
         self._map_stamp = self._first_stamp = None
         self._times = deque(maxlen=TIMES_KEPT)
-        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, self._map_frame)
         self._maps = MapOutput(self._map_frame)
         self._poses = PoseOutput(self._map_frame)
-        self._transform = TransformOutput(config)
+        self._transform = transform = TransformOutput(config)
+        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, self._map_frame,
+                              lambda: transform.period > 0.0)
         self._diagnostics = Diagnostics(self._intake, lambda: (
             self._mapper, self._refused, self._passed, list(self._times)), self._maps, options.scan_queue)
         if beginning.loaded is not None:
@@ -246,7 +248,7 @@ class SlamNode:
         self._intake.close()
         self._worker.join()
         self._maps.close()
-        mapper, name, loaded = self._mapper, self._options.save_on_exit, self._beginning.loaded
+        mapper, name, loaded = self._mapper, os.path.expanduser(self._options.save_on_exit), self._beginning.loaded
         if mapper is None and loaded is not None:
             mapper = loaded.mapper          # no scan has gone on with it
         if mapper is None:
@@ -255,7 +257,7 @@ class SlamNode:
             return not name
         try:
             if name and mapper.filter is not None:
-                mapper.finish()
+                self._finish(mapper)
                 grid = mapper.occupancy()
                 for path in map_file.save(name, grid.data, grid.resolution, (grid.origin[0], grid.origin[1], 0.0)):
                     rospy.loginfo("wrote %s", path)
@@ -266,10 +268,29 @@ class SlamNode:
             mapper.close()
         return True
 
+    @staticmethod
+    def _finish(mapper):
+        try:
+            mapper.finish()
+        except Exception:               # a fault of this program must not cost the map that is there
+            logging.getLogger("rosout").exception("the path could not be brought to its end; the map is saved as it is")
+
+
+def _in_peace(emit):
+    """Return ``emit`` of a log's handler for outputs on a full disk or a terminal that is gone."""
+    def guarded(record):
+        try:
+            emit(record)
+        except OSError:
+            pass                        # nobody can be told where nothing can be written
+    return guarded
+
 
 def log_through_rospy():
-    """Send the library's log lines to the screen and to /rosout."""
+    """Send the library's log lines to the screen and to /rosout; a screen that fails ends no thread."""
     log, rosout = logging.getLogger("m2wr_gmapping"), logging.getLogger("rosout")
+    for handler in rosout.handlers:
+        handler.emit = _in_peace(handler.emit)
     log.handlers, log.propagate = rosout.handlers, rosout.propagate
     log.setLevel(logging.INFO)
 
@@ -283,13 +304,12 @@ def main():
         given = private_parameters()
         config, options, warnings = read_parameters(given)
         config = with_prefix(config, tf_prefix())
+        check_frames(config)
         state_file = os.path.expanduser(options.state_file)
         if state_file and not os.path.exists(state_file):
             warnings.append("there is no state %s yet: the map begins with nothing" % os.path.abspath(state_file))
             state_file = ""
-        folder = os.path.dirname(os.path.abspath(options.save_on_exit))
-        if options.save_on_exit and not os.path.isdir(folder):
-            warnings.append("~save_on_exit: there is no folder %s, so no map can be written there at the end" % folder)
+        warnings.extend(trouble_at_exit(options.save_on_exit))
         if options.initial_pose is not None and not options.map_file:
             warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
         beginning, config = Beginning.from_files(config, os.path.expanduser(options.map_file), options.initial_pose,

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 from nav_msgs.srv import GetMap
 from std_msgs.msg import Float64
@@ -13,12 +13,14 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.replay.statistics import peak_memory_mib
 from m2wr_gmapping.resampling import normalise
-from m2wr_gmapping.ros.convert import ArrayMapAnswer, covariance36, grid_message, pose_message
+from m2wr_gmapping.ros.convert import (ArrayMapAnswer, covariance36, grid_message, path_message, pose_message,
+                                       poses_message)
 from m2wr_gmapping.se2 import compose, inverse
 from m2wr_gmapping.spread import covariance
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SHORTEST_NAP, LONGEST_NAP = 0.001, 0.05     # between two looks at the clock [s], wall
+SHORTEST_PERIOD = 0.001     # of the transform: a shorter one would leave no time for anything else [s]
 RATE_SPAN = 0.1             # its speed is measured over that long: it goes in steps [s], wall
 LATE = 0.5                  # share of waiting scans above which the node is late
 
@@ -103,18 +105,10 @@ class MapOutput:
     def _publish(self, mapper, path, readings, stamps, entropy):
         began = time.perf_counter()
         message = self._topics.publish(mapper.map_of(path, readings), entropy)
-        self._path.publish(self._path_message(mapper.base_poses(path[mapper.given:]), stamps, message.header))
+        self._path.publish(path_message(mapper.base_poses(path[mapper.given:]), stamps, message.header))
         self.made += 1
         self.last_ms = 1e3 * (time.perf_counter() - began)
         self.total_ms += self.last_ms
-
-    def _path_message(self, poses, stamps, header):
-        message = Path(header=header)
-        for pose, stamp in zip(poses, stamps):
-            entry = PoseStamped(pose=pose_message(pose))
-            entry.header.frame_id, entry.header.stamp = self._frame, rospy.Time.from_sec(stamp)
-            message.poses.append(entry)
-        return message
 
     def close(self):
         """End the thread; returns when the map in hand is done."""
@@ -151,7 +145,7 @@ class TransformOutput:
             if period <= 0.0:
                 pace = Pace()
                 rospy.rostime.wallsleep(0.2)
-            elif pace.due(now, period):
+            elif pace.due(now, max(period, SHORTEST_PERIOD)):
                 try:
                     self._send(rospy.Time.from_sec(now + self.delay))
                 except rospy.ROSException:
@@ -218,11 +212,8 @@ class PoseOutput:
         message.pose.covariance = covariance36(covariance(particles.poses, weights, particles.best))
         self._pose.publish(message)
         if update.processed:
-            message = PoseArray()
-            message.header.frame_id, message.header.stamp = self._frame, stamp
             back = inverse(mapper.laser.base_from_sensor)
-            message.poses = [pose_message(pose) for pose in compose(particles.poses, back)]
-            self._particles.publish(message)
+            self._particles.publish(poses_message(compose(particles.poses, back), self._frame, stamp))
 
 
 class Diagnostics:
@@ -261,16 +252,19 @@ class Diagnostics:
                   ("maps", self._maps.made),
                   ("last map [ms]", "%.1f" % self._maps.last_ms),
                   ("mean map [ms]", "%.1f" % (self._maps.total_ms / max(1, self._maps.made))),
-                  ("without transform", intake.without_transform), ("peak memory [MiB]", peak_memory_mib())]
+                  ("without transform", intake.without_transform),
+                  ("before the first transform", intake.early), ("peak memory [MiB]", peak_memory_mib())]
         status = DiagnosticStatus(name="%s: mapping" % rospy.get_name().lstrip("/"), hardware_id="slam_gmapping",
                                   level=DiagnosticStatus.OK, message="mapping")
         if mapper is None:
             status.message = "waiting for the first scan"
         else:
-            values += [("processed", mapper.processed), ("tracked", mapper.tracked),
-                       ("particles", mapper.config["particles"])]
-            if mapper.filter is not None:
-                values += [("effective particles", "%.1f" % mapper.filter.n_eff),
+            values += [("processed", mapper.processed), ("tracked", mapper.tracked)]
+            if mapper.filter is None:
+                values.append(("particles", mapper.config["particles"]))
+            else:
+                values += [("particles", mapper.filter.count),
+                           ("effective particles", "%.1f" % mapper.filter.n_eff),
                            ("resamplings", mapper.filter.resamplings)]
             values += sorted(mapper.info().items())
         if times:

@@ -1,5 +1,6 @@
 """The private parameters of the node: those of the filter, and its own."""
 import math
+import os
 import typing
 from dataclasses import dataclass, replace
 
@@ -128,6 +129,23 @@ def with_prefix(config, prefix):
         else:
             values[name] = "{}/{}".format(prefix, value)
     return replace(config, values=tuple(values.items()))
+
+
+def trouble_at_exit(name):
+    """Return warnings (list of str) on a map that could not be written as ``name`` (may be empty) at the end."""
+    folder = os.path.dirname(os.path.abspath(os.path.expanduser(name)))
+    if not name or (os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK)):
+        return []
+    return ["~save_on_exit: {} {}, so no map can be written there at the end".format(
+        "this node may not write into" if os.path.isdir(folder) else "there is no folder", folder)]
+
+
+def check_frames(config):
+    """Raise ConfigError unless base, odometry and map have three different frames."""
+    names = {name: frame(config[name]) for name in ("base_frame", "odom_frame", "map_frame")}
+    if not all(names.values()) or len(set(names.values())) < len(names):
+        raise ConfigError("parameters {}: expected three different frames".format(
+            ", ".join("{} {!r}".format(*item) for item in names.items())))
 
 
 def frame(name):
