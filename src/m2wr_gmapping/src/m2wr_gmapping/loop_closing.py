@@ -3,6 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import place_search
 from m2wr_gmapping.loop_graph import AGREE, BEND, SURE, LoopGraph, change_of, held, link_of, way_along
 from m2wr_gmapping.loop_growth import LoopGrowth
@@ -43,6 +44,8 @@ class _Find:
         Whether another place looks like it.
     drift : float
         How far the path may have drifted [m].
+    long : bool
+        Whether only the scans of a long stretch tell it from others.
     """
 
     along: float
@@ -53,6 +56,7 @@ class _Find:
     clear: bool
     alike: bool
     drift: float
+    long: bool
 
 
 class LoopCloser:
@@ -152,8 +156,9 @@ class LoopCloser:
         if found is None:
             return False
         change = change_of(path, found.pose)
-        if (change <= SURE).all():
+        if (change <= SURE).all() and (found.slides or not found.long):
             self._take([found.link], here)
+            self._finds = []
             return bool((change > BEND).any())
         if found.slides:
             return False
@@ -163,7 +168,8 @@ class LoopCloser:
         if not _enough(agree):
             return False
         self._take([find.link for find in agree], here)
-        return True
+        self._finds = []
+        return bool((change > BEND).any())
 
     def _wide_find(self, scene, old):
         """Return what a wide search finds (_Find), or None."""
@@ -173,7 +179,7 @@ class LoopCloser:
         found = None if place is None else self.graph.fine_match(scene, old, place.pose, place.reach)
         if found is None:
             return None
-        node, row, around = found
+        node, row, around, heard = found
         if place_search.looked_through(scene, row[:3], around) > THROUGH_MOST:
             return None
         # among places that look alike the robot may be at one that it has not seen before; then nothing speaks against
@@ -181,8 +187,9 @@ class LoopCloser:
         if place.alike and place_search.looked_through(scene, path[-1], around) <= THROUGH_MOST:
             return None
         slides, pose = not held(row), row[:3].copy()
+        row[mk.INFORMATION:] = heard
         return _Find(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
-                     _is_clear(place), place.alike, float(scene.shift[old].max()))
+                     _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
 
     def conclude(self, path, readings):
         """No scan follows: believe the newest find, if it is clear and not far off; then bend the path to all there is.
@@ -195,6 +202,7 @@ class LoopCloser:
                   and last.drift <= LITTLE)
         if opened:
             self._take([last.link], last.along)
+            self._finds = []
         moved, result = True, None
         for _ in range(CONCLUSIONS if self.links else 0):
             bent = self._solve(path, opened)
@@ -210,7 +218,7 @@ class LoopCloser:
     def _take(self, links, here):
         self.graph.links.extend(links)
         self._growth.begin_at(links)
-        self._pending, self._finds, self._linked_at = None, [], here
+        self._pending, self._linked_at = None, here
 
     def _solve(self, path, opened):
         self._growth.solved()
@@ -219,7 +227,11 @@ class LoopCloser:
 
 def _is_clear(place):
     """Whether a place needs less support: the newest scans alone, not those of long ago, tell it from others."""
-    return place.score > CLEAR_SCORE and not place.alike and place.reach < place_search.LONG_PATH
+    return place.score > CLEAR_SCORE and not place.alike and not _is_long(place)
+
+
+def _is_long(place):
+    return place.reach == place_search.LONG_PATH
 
 
 def _enough(finds):

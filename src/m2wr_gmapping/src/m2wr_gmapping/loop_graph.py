@@ -1,9 +1,9 @@
 """The best particle's path as a graph: steps, links between nodes far apart in time, and the path that fits them."""
 import numpy as np
 
-from m2wr_gmapping import graph_kernels, place_search
+from m2wr_gmapping import graph_kernels, place_match, place_search
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.matcher import DEPENDENT
+from m2wr_gmapping.tracking_kernels import DEPENDENT
 from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.se2 import between, compose, wrap
 
@@ -22,17 +22,7 @@ SURE = np.array([0.35, 0.35, 0.1])      # a correction up to this needs no secon
 AGREE = np.array([0.25, 0.25, 0.08])    # two corrections of one loop agree within this [m, m, rad]
 HELD_SHARE = 0.085          # a match must be held across its best direction by that share of what it is along it
 OUTLIER = 12.0              # squared residual of a link, in covariances, that halves its weight
-UPPER = np.triu_indices(3)
 FIRST_NODES = 1024
-
-
-def inverse_symmetric(h):
-    """Inverse (3, 3) of a symmetric matrix given as xx, xy, xt, yy, yt, tt; calling the library costs more."""
-    a, b, c, d, e, f = h.tolist()
-    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
-    by = 1.0 / (a * p + b * q + c * r)
-    xy, xt, yt = q * by, r * by, (b * c - a * e) * by
-    return np.array([[p * by, xy, xt], [xy, (a * f - c * c) * by, yt], [xt, yt, (a * d - b * b) * by]])
 
 
 def covariance(information, deviations, floor):
@@ -42,30 +32,30 @@ def covariance(information, deviations, floor):
     ----------
     information : (6,) float64
         Upper triangle of the scan's information.
-    deviations : (3,) float
+    deviations : (3,) float64
         Of a prior.
-    floor : (3,) float
+    floor : (3,) float64
         Variances added in the end.
     """
-    h = np.asarray(information, float) / DEPENDENT
-    h[[0, 3, 5]] += 1.0 / np.square(deviations)
-    found = inverse_symmetric(h)
-    found[[0, 1, 2], [0, 1, 2]] += floor
+    found = np.empty((3, 3))
+    graph_kernels.covariance(information, DEPENDENT, deviations, floor, found)
     return found
 
 
-def information_of(information, deviations, floor):
-    """Inverse (3, 3) of ``covariance``."""
-    return inverse_symmetric(covariance(information, deviations, floor)[UPPER])
+def inverse_symmetric(matrix):
+    """Inverse (3, 3) of a symmetric matrix."""
+    found = np.empty((3, 3))
+    graph_kernels.inverse(matrix, found)
+    return found
 
 
 def link_of(path, node, row, slides=False):
     """Old node, newest node, measured pose and information of a match; none along the direction in which it slides."""
-    found = covariance(row[mk.INFORMATION:], UNHELD if slides else place_search.FINE_PRIOR, LINK_FLOOR)
+    found = covariance(row[mk.INFORMATION:], UNHELD if slides else place_match.FINE_PRIOR, LINK_FLOOR)
     if slides:
         _, axes = np.linalg.eigh(found[:2, :2])
         found[:2, :2] += UNHELD[0]**2 * np.outer(axes[:, 1], axes[:, 1])
-    return node, len(path) - 1, between(path[node], row[:3]), inverse_symmetric(found[UPPER])
+    return node, len(path) - 1, between(path[node], row[:3]), inverse_symmetric(found)
 
 
 def held(row):
@@ -84,7 +74,9 @@ def change_of(path, pose):
 
 def way_along(path):
     """Length (K,) of a path (K, 3) up to each node [m]."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(path[:, 0]), np.diff(path[:, 1])))])
+    along = np.empty(len(path))
+    graph_kernels.way_along(path, along)
+    return along
 
 
 class LoopGraph:
@@ -106,20 +98,21 @@ class LoopGraph:
     def __init__(self, matcher, resolution):
         self._matcher, self._resolution = matcher, resolution
         self._steps = []                    # measured pose of each node from the one before, [0] unused
-        self._step_information = []
-        self._step_variances = np.zeros(FIRST_NODES)    # of the place by the step to each node [m^2], and spare room
+        # of the step to each node, with spare room: information, and variance of the place [m^2]; steps known so far
+        self._step_information, self._step_variances = np.zeros((FIRST_NODES, 3, 3)), np.zeros(FIRST_NODES)
+        self._newest = 0
         self._link_nodes = np.zeros((0, 2), np.int64)   # of ``links``, which only become more
         self.links = []
         self.searches = self.closures = 0
 
     def add_step(self, information, deviations):
         """Say how well the newest node is known from the one before (see ``covariance``)."""
-        found = covariance(information, deviations, STEP_FLOOR)
-        self._step_information.append(inverse_symmetric(found[UPPER]))
-        newest = len(self._step_information)
-        if newest == len(self._step_variances):
-            self._step_variances = np.concatenate([self._step_variances, np.zeros(newest)])
-        self._step_variances[newest] = found[0, 0] + found[1, 1]
+        self._newest += 1
+        if self._newest == len(self._step_variances):
+            self._step_information = np.concatenate([self._step_information, np.zeros_like(self._step_information)])
+            self._step_variances = np.concatenate([self._step_variances, np.zeros_like(self._step_variances)])
+        self._step_variances[self._newest] = graph_kernels.step_information(
+            information, DEPENDENT, deviations, STEP_FLOOR, self._step_information[self._newest])
 
     def scene(self, path, along, readings, node, correction=None):
         """Return the path as it was when ``node`` was the newest one, and which of its old nodes it may have met again.
@@ -140,26 +133,27 @@ class LoopGraph:
         near, far : (C,) int
             Old nodes from which the node may have drifted by little, and by more.
         """
-        old = np.flatnonzero(along[node] - along > OLD)
+        count = graph_kernels.old_nodes(along, node, OLD)
         shift, turn = self._drift(path, node)
         if node < len(path) - 1 or correction is not None:
             path, along, readings = path[:node + 1].copy(), along[:node + 1], readings[:node + 1]
             shift, turn = shift[:node + 1], turn[:node + 1]
         if correction is not None:
-            path[len(old):] = compose(correction, path[len(old):])
-        scene = place_search.Scene(path, along, readings, old, shift, turn)
-        met = old[scene.distance[old] < place_search.BEYOND * shift[old] + BESIDE]
-        return scene, met[shift[met] <= NEAR], met[shift[met] > NEAR]
+            path[count:] = compose(correction, path[count:])
+        numbers = np.empty((2, count), np.int64)
+        near, far = graph_kernels.met(path, shift, count, place_search.BEYOND, BESIDE, NEAR, numbers)
+        scene = place_search.Scene(path, along, readings, np.arange(count), shift, turn)
+        return scene, numbers[0, :near], numbers[1, :far]
 
     def _drift(self, path, node):
         """Return how far ``node`` may have drifted from each node, (K,) [m] and (K,) [rad]."""
-        out = np.empty((len(path), 3))
+        out, shift, turn = np.empty((len(path), 3)), np.empty(len(path)), np.empty(len(path))
         if len(self._link_nodes) < len(self.links):
             self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
         graph_kernels.drift(path, self._step_variances[:len(path)], self._link_nodes, node, out)
-        shift = SHIFT_FLOOR + DEVIATIONS * (HEADING_DRIFT * out[:, 0] + np.sqrt(out[:, 1]))
-        turn = TURN_FLOOR + DEVIATIONS * HEADING_DRIFT * out[:, 2]
-        return np.minimum(shift, SHIFT_MOST), np.minimum(turn, TURN_MOST)
+        graph_kernels.widths(out, DEVIATIONS, HEADING_DRIFT, (SHIFT_FLOOR, SHIFT_MOST), (TURN_FLOOR, TURN_MOST), shift,
+                             turn)
+        return shift, turn
 
     def near_link(self, scene, near, reach=0.0):
         """Search close to where the scene's newest node is thought to be.
@@ -183,19 +177,20 @@ class LoopGraph:
         """
         self.searches += 1
         pose, slides = place_search.near_search(scene, near)
-        found = None if pose is None else place_search.fine_match(
+        found = None if pose is None else place_match.fine_match(
             self._matcher, self._resolution, scene, near, pose, reach)
         if found is None:
             return None, None, False
-        node, row, _ = found
+        node, row, _, heard = found
+        row[mk.INFORMATION:] = heard
         # along a plain wall the scan fits best where old ones saw all of it, and a second search finds the same
         moved = (change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any()
         slides = slides or ((reach > 0.0 or moved) and not held(row))
         return link_of(scene.path, node, row, slides), row[:3].copy(), slides
 
     def fine_match(self, scene, old, pose, reach):
-        """Return ``place_search.fine_match`` with this graph's matcher and cells."""
-        return place_search.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
+        """Return ``place_match.fine_match`` with this graph's matcher and cells."""
+        return place_match.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
 
     def solve(self, path, opened=False):
         """Return the path (K, 3) that fits all steps and links best, or None where it hardly moves.
@@ -210,7 +205,7 @@ class LoopGraph:
         chain = np.stack([np.arange(count - 1), np.arange(1, count)], -1)
         pairs = np.concatenate([chain, np.array([link[:2] for link in self.links])])
         measured = np.concatenate([np.array(self._steps[1:]), np.array([link[2] for link in self.links])])
-        information = np.concatenate([np.array(self._step_information[:count - 1]),
+        information = np.concatenate([self._step_information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1
         bent, self.link_weights = optimise(path, pairs, measured, information, robust, OUTLIER, opened)

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from m2wr_gmapping import correlative_kernels as ck
-from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.se2 import between, compose
-from m2wr_gmapping.tile_maps import NEVER, TileMaps
 
 NEAR_RASTER, WIDE_RASTER = 0.1, 0.2     # cell of the search raster [m]
 MARGIN = 1.0                # of the raster around what can be hit [m]
@@ -17,15 +15,14 @@ AGAIN, AGAIN_TURN = 0.5, 0.08           # window in which a wide find is looked 
 BESIDE, BESIDE_TURN = 0.3, 0.06         # window of a place that is not the only one that fits
 ROOM = 2.5                  # a wide search looks no farther than this from where the robot has been before [m]
 BEYOND = 1.3                # rivals are looked for that much farther than the newest node may have drifted
+AGAINST = 3                 # a point that lies in free space speaks against a place as so many on walls speak for it
+UNLIKE = 0.9                # what RIVAL is for such ratings
+AS_GOOD_CELLS = 9           # cells of the finer raster a side, among which a place is rated
+PUSHED = 10.0               # a stretch may have been pushed by so much onto known ground [m]
 ALIKE, ALIKE_TURN = 15.0, 0.1           # places that look alike are looked for so far around [m, rad]
 ALIKE_SHARE, ALIKE_LONG = 0.8, 0.7      # what looks alike by that share of the score, and along a long stretch
-FINE_REACH = 5.0            # old nodes that near to the found pose make the map of the fine match [m]
 REFERENCE_NODES = 24        # old scans that make a map or the raster of a near search
 WIDE_NODES, LONG_NODES = 160, 320       # old scans that make the raster of a wide search
-JOINED_NODES = 4.0          # and more of them for each metre of a stretch that is matched together [1/m]
-FINE_SHARE, FINE_FOUND = 0.5, 0.6       # least score and partners of the fine match, as shares of the beams
-FINE_PRIOR = np.array([0.3, 0.3, 0.15])  # how far the fine match may be from the coarse one [m, m, rad]
-JOINED_SPACING, JOINED_BEAMS = 0.1, 400     # cell that gives one beam to a match of several scans [m]; about so many
 FEWEST_POINTS = 30          # of a query
 QUERY_REACH = 12.0          # farther end points take no part: they would make the raster large [m]
 NEAR_PATH = 3.0             # path whose scans a near search takes together [m]
@@ -35,13 +32,6 @@ SHORT_SHIFT = 6.0           # the shortest one only where no more than that has 
 WIDE_SPACING = 0.25         # cell that gives one point to the query of a wide search [m]
 LOOKED_THROUGH = 0.4        # a scan looks through a surface if it reaches that much farther [m]
 LOOKS = 3                   # scans of the query, and of the old ones times four, that are held against each other
-
-
-@dataclass(frozen=True)
-class Joined:
-    """Beams (7, M) of several scans, for the matcher."""
-
-    beams: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -96,16 +86,15 @@ class Scene:
 
 def query_points(path, along, readings, reach, away=QUERY_REACH):
     """Return end points (2, Q) of the scans on the last ``reach`` metres of the path, in the newest node's frame."""
-    parts = []
-    for node in range(len(path) - 1, -1, -1):
-        if along[-1] - along[node] > reach:
-            break
-        parts.append(np.stack(_placed(between(path[-1], path[node]), readings[node].points)))
-    points = np.concatenate(parts, axis=1)
-    return points[:, np.square(points).sum(axis=0) < away**2]
+    first = int(np.searchsorted(along, along[-1] - reach))
+    points = np.empty((2, sum(readings[node].points.shape[1] for node in range(first, len(path)))))
+    count = 0
+    for node in range(len(path) - 1, first - 1, -1):
+        count = ck.add_points(path[-1], path[node], readings[node].points, away, points, count)
+    return points[:, :count]
 
 
-def _placed(pose, points):
+def placed(pose, points):
     """Return x (Q,) and y (Q,) of points (2, Q), given in the frame ``pose`` (3,), in the one that it is given in."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return pose[0] + c * points[0] - s * points[1], pose[1] + s * points[0] + c * points[1]
@@ -136,12 +125,12 @@ def coarse_search(pose, query, path, reference, readings, window, turn, raster_c
     window, turn : float
         Half width [m], [rad].
     allowed : function, optional
-        Of the offsets (N,) of blocks' middles, along x and y alike [m]; returns (N, N) bool, which are searched, rows
+        Of the offsets (N,) of blocks' middles, along x and y alike [m]; returns (N, N) uint8, which are searched, rows
         along y.
 
     Returns
     -------
-    (5,) float64
+    (7,) float64
         ``best`` of ``correlative_kernels.search``.
     """
     radius = float(np.hypot(query[0], query[1]).max()) + window + MARGIN
@@ -159,10 +148,57 @@ def coarse_search(pose, query, path, reference, readings, window, turn, raster_c
     if allowed is not None:
         middles = np.arange(-blocks, blocks + 1) * ck.BLOCK * raster_cell
         mask[:] = allowed(middles)
-    best = np.empty(5)
+    best = np.empty(7)
     ck.search(pose, query, turns, mask, corner, 1.0 / raster_cell, raster, coarse, int(round(APART / raster_cell)),
               APART_TURN, RIVAL, best)
     return best
+
+
+def _rated(pose, query, scene, reference, allowed, raster_cell):
+    """Rate the places around ``pose`` that are ``allowed`` (N, N): ``rating`` and ``turn`` [rad] of ``ck.survey``."""
+    half = len(allowed) // 2
+    radius = float(np.hypot(query[0], query[1]).max()) + half * raster_cell + MARGIN
+    corner = pose[:2] - radius
+    cells = int(2.0 * radius / raster_cell) + 2
+    raster, seen = np.zeros((cells, cells), np.uint8), np.zeros((cells, cells), np.uint8)
+    for node in reference:
+        ck.stamp_points(scene.path[node], scene.readings[node].points, corner, 1.0 / raster_cell, raster)
+        ck.mark_seen(scene.path[node], scene.readings[node].rays, corner, 1.0 / raster_cell, seen)
+    turns = np.arange(-2, 3) * (0.5 * raster_cell / max(1.0, float(np.hypot(query[0], query[1]).mean())))
+    rating, turn = np.empty((2, *allowed.shape))
+    ck.survey(pose, query, turns, allowed, corner, 1.0 / raster_cell, raster, seen, AGAINST, UNLIKE, rating, turn)
+    return rating, turns[turn.astype(np.int64)]
+
+
+def looked_around(pose, query, scene, old, reference, most, raster_cell):
+    """Return the place around ``pose`` for which most speaks, None where it is not the only one.
+
+    A stretch that leads beyond what old scans saw fits best, by all of it, where it is pushed onto known ground.
+
+    Parameters
+    ----------
+    old, reference : (C,) int
+        Nodes near one of which the place must be, and those that make the raster.
+    most : float
+        The newest node may have drifted by no more [m].
+    """
+    path = scene.path
+    blocks = int(np.ceil(min(PUSHED, 2.0 * most) / raster_cell / ck.BLOCK))
+    middles = np.arange(-blocks, blocks + 1) * (ck.BLOCK * raster_cell)
+    x, y = np.meshgrid(*(pose[:2, None] + middles - path[-1, :2, None]))
+    allowed = _allowed(middles, path[old, :2] - pose[:2], np.zeros(len(old)), np.full(len(old), np.inf))
+    allowed *= np.hypot(x, y) <= most + APART
+    allowed = allowed.repeat(ck.BLOCK, axis=0).repeat(ck.BLOCK, axis=1)
+    rating, turn = _rated(pose, query, scene, reference, allowed, raster_cell)
+    half, room = len(allowed) // 2, int(round(APART / raster_cell))
+    y, x = np.unravel_index(int(np.argmax(rating)), rating.shape)
+    others = rating.copy()
+    others[max(0, y - room):y + room + 1, max(0, x - room):x + room + 1] = 0.0
+    if others.max() >= UNLIKE * rating[y, x]:
+        return None
+    if max(abs(y - half), abs(x - half)) <= room:
+        return pose
+    return pose + [(x - half) * raster_cell, (y - half) * raster_cell, turn[y, x]]
 
 
 def near_search(scene, old):
@@ -191,7 +227,9 @@ def near_search(scene, old):
     if best[3] < RASTER_SCORE:
         return None, False
     if best[4] <= RIVAL * best[3]:
-        return best[:3], False
+        pose = looked_around(best[:3], query, scene, old, reference, window, NEAR_RASTER)
+        if pose is not None and (pose == best[:3]).all():
+            return pose, False
     least = RIVAL * best[3]
     best = coarse_search(path[-1], query, path, reference, readings, BESIDE, BESIDE_TURN, NEAR_RASTER)
     return (best[:3] if best[3] >= least else None), True
@@ -217,22 +255,34 @@ def wide_search(scene, old):
     shift = float(scene.shift[old].max())
     reach, reference = WIDE_PATH, old[::max(1, -(-len(old) // WIDE_NODES))]
     query, best, score = _stretch(scene, old, reference, reach, WIDE_RASTER)
+    raster_cell = WIDE_RASTER
+    if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
+        closer = _closer(scene, old, query, reference, best)
+        if closer[3] >= RASTER_SCORE and closer[4] <= RIVAL * closer[3]:
+            best, raster_cell = closer, NEAR_RASTER
     if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
         reach = LONG_PATH
-        query, best, score = _stretch(scene, old, _before(scene, reach, BEYOND * shift + reach), reach, WIDE_RASTER)
+        reference = _before(scene, reach, BEYOND * shift + reach, float(scene.shift[old].min()))
+        query, best, score = _stretch(scene, old, reference, reach, WIDE_RASTER)
     elif best[3] < RASTER_SCORE and query.shape[1] >= FEWEST_POINTS and shift <= SHORT_SHIFT:
         reach = SHORT_PATH
         query, best, score = _stretch(scene, old, reference, reach, NEAR_RASTER)
     if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
         return None
+    pose = looked_around(best[:3], query, scene, old, reference, BEYOND * shift, raster_cell)
+    if pose is None:
+        return None
+    best[:3] = pose
     away, moved = scene.path[old, :2] - scene.path[-1, :2], best[:2] - scene.path[-1, :2]
     if not ((np.hypot(*(away - moved).T) < ROOM) & (np.hypot(*moved) <= scene.shift[old])).any():
         return None
-    alike = _elsewhere(scene, query)
-    if np.hypot(*moved) > ROOM:
-        alike = max(alike, _unmoved(scene, query, reach))
-    if alike > RIVAL * score:
+    other, known = _elsewhere(scene, query)
+    if other[3] > RIVAL * score and _as_good(other[:3], known, best[:3], reference, query, scene):
         return None
+    unmoved = _unmoved(scene, query, reach) if np.hypot(*moved) > ROOM else 0.0
+    if unmoved > RIVAL * score:
+        return None
+    alike = max(other[3], unmoved)
     return Place(best[:3], best[3], reach, alike > (ALIKE_LONG if reach == LONG_PATH else ALIKE_SHARE) * score)
 
 
@@ -242,7 +292,7 @@ def _stretch(scene, old, reference, reach, cell):
     Returns
     -------
     query : (2, Q) float64
-    best : (5,) float64
+    best : (7,) float64
         As ``coarse_search`` returns it, of the finest search there was; all 0 where there is too little to search.
     score : float
         Of the first search.
@@ -251,7 +301,7 @@ def _stretch(scene, old, reference, reach, cell):
     query = query_points(path, scene.along, readings, reach, max(reach, QUERY_REACH))
     query = thinned(spread_out(query, WIDE_SPACING), WIDE_POINTS)
     if query.shape[1] < FEWEST_POINTS or not len(reference):
-        return query, np.zeros(5), 0.0
+        return query, np.zeros(7), 0.0
     away, shifts, turn = path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
     best = coarse_search(pose, query, path, reference, readings, BEYOND * float(shifts.max()), turn, cell,
                          lambda middles: _allowed(middles, away, np.zeros(len(away)), BEYOND * shifts))
@@ -261,9 +311,31 @@ def _stretch(scene, old, reference, reach, cell):
     return query, best, score
 
 
-def _before(scene, reach, distance):
-    """Return old nodes within ``distance`` [m] that are not among the last ``reach`` metres, LONG_NODES at most."""
-    known = scene.old[(scene.distance[scene.old] < distance)
+def _closer(scene, old, query, reference, best):
+    """Search once more in a finer raster on the line through the best place and its rival: where a corridor leads."""
+    away, most = scene.path[old, :2] - best[:2], BEYOND * scene.shift[old]
+    moved = best[:2] - scene.path[-1, :2]
+    along = best[5:7] - best[:2]
+    along = along / max(float(np.hypot(*along)), 1e-9)      # a rival may be the same place, turned
+
+    def allowed(middles):
+        x, y = np.meshgrid(middles, middles)
+        beside = np.abs(along[0] * y - along[1] * x) <= APART
+        near = _allowed(middles, away, np.zeros(len(away)), np.full(len(away), np.inf))
+        return near * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
+
+    window = float(np.hypot(*moved)) + float(most.max())
+    return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, AGAIN_TURN, NEAR_RASTER,
+                         allowed)
+
+
+def _before(scene, reach, distance, drift=0.0):
+    """Return old nodes within ``distance`` [m] that are not among the last ``reach`` metres, LONG_NODES at most.
+
+    From each of them the newest node may have drifted by ``drift`` [m] or more: what has drifted along with it fits
+    where it is thought to be, whether that is so or not.
+    """
+    known = scene.old[(scene.distance[scene.old] < distance) & (scene.shift[scene.old] >= drift)
                       & (scene.along[scene.old] < scene.along[-1] - reach - ROOM)]
     return known[::max(1, -(-len(known) // LONG_NODES))]
 
@@ -278,19 +350,27 @@ def _unmoved(scene, query, reach):
 
 
 def _elsewhere(scene, query):
-    """Return the score of the best place that it cannot be: looks tell little where it is high."""
+    """Return the best place that it cannot be, and the nodes there: looks tell little where it fits."""
     path, known = scene.path, scene.old[scene.distance[scene.old] < ALIKE + ROOM]
     if not len(known):
-        return 0.0
+        return np.zeros(7), known
     reference = known[::max(1, -(-len(known) // WIDE_NODES))]
     away, least = path[known, :2] - path[-1, :2], BEYOND * scene.shift[known] + APART
     best = coarse_search(path[-1], query, path, reference, scene.readings, ALIKE, ALIKE_TURN, WIDE_RASTER,
                          lambda middles: _allowed(middles, away, least, np.full(len(away), ALIKE)))
-    return best[3]
+    return best, reference
+
+
+def _as_good(other, known, pose, reference, query, scene):
+    """Whether as much speaks for a place, seen among the nodes ``known``, as for ``pose`` among ``reference``."""
+    allowed = np.ones((AS_GOOD_CELLS, AS_GOOD_CELLS), np.uint8)
+    ratings = [_rated(place, query, scene, nodes, allowed, NEAR_RASTER)[0].max()
+               for place, nodes in ((other, known), (pose, reference))]
+    return bool(ratings[0] >= UNLIKE * ratings[1])
 
 
 def _allowed(middles, away, least, most):
-    """Return (N, N) bool: offsets that lead near an old node, and are of the size allowed for it.
+    """Return (N, N) uint8: offsets that lead near an old node, and are of the size allowed for it.
 
     Parameters
     ----------
@@ -301,85 +381,10 @@ def _allowed(middles, away, least, most):
     least, most : (C,) float
         Length of the offset [m].
     """
-    near = np.zeros((len(middles), len(middles)), bool)
-    size = middles[1] - middles[0]
-    room = int(np.ceil(ROOM / size))
-    column, row = np.round((away - middles[0]) / size).astype(np.int64).T
-    for dy in range(-room, room + 1):
-        for dx in range(-room, room + 1):
-            x, y = column + dx, row + dy
-            inside = (x >= 0) & (y >= 0) & (x < len(middles)) & (y < len(middles))
-            x, y = x[inside], y[inside]
-            length = np.hypot(middles[x], middles[y])
-            near[y, x] |= (length >= least[inside]) & (length <= most[inside])
+    near = np.zeros((len(middles), len(middles)), np.uint8)
+    if len(middles) > 1:
+        ck.mark_near(middles, np.ascontiguousarray(away), least, most, ROOM, near)
     return near
-
-
-def joined(scene, reach):
-    """Return the scans (Joined) of the last ``reach`` metres, as if the newest node had seen what they have."""
-    path, along, parts = scene.path, scene.along, []
-    for node in range(len(path) - 1, -1, -1):
-        if along[-1] - along[node] > reach:
-            break
-        beams, pose = scene.readings[node].beams.copy(), between(path[-1], path[node])
-        beams[[mk.QX, mk.QY]] = _placed(pose, beams[[mk.QX, mk.QY]])
-        beams[[mk.NX, mk.NY]] = _placed([0.0, 0.0, pose[2]], beams[[mk.NX, mk.NY]])
-        parts.append(beams[:, np.square(beams[[mk.QX, mk.QY]]).sum(axis=0) < QUERY_REACH**2])
-    beams = np.concatenate(parts, axis=1)
-    beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], JOINED_SPACING)], JOINED_BEAMS)
-    qx, qy, nx, ny = beams[[mk.QX, mk.QY, mk.NX, mk.NY]]
-    beams[mk.ARM_N], beams[mk.ARM_T] = ny * qx - nx * qy, nx * qx + ny * qy
-    return Joined(beams)
-
-
-def fine_match(matcher, resolution, scene, old, pose, reach=0.0):
-    """Match the newest scan, or those of a stretch, near ``pose`` in a map of the old nodes around it.
-
-    Parameters
-    ----------
-    matcher : FastMatcher
-    resolution : float
-        Cell size of that map [m].
-    scene : Scene
-    old : (C,) int
-        Nodes to take.
-    pose : (3,) float64
-    reach : float
-        Path whose scans are matched together [m]; 0: the newest one alone.
-
-    Returns
-    -------
-    node : int
-        The nearest of the old nodes.
-    row : (13,) float64
-        Result row of ``match_kernels``.
-    around : (A,) int
-        The old nodes; None in place of all three where the scans do not fit.
-    """
-    path, readings = scene.path, scene.readings
-    distance = np.hypot(path[old, 0] - pose[0], path[old, 1] - pose[1])
-    order = np.argsort(distance, kind="stable")
-    further = min(reach, QUERY_REACH)
-    around = old[order][distance[order] < FINE_REACH + further][:REFERENCE_NODES + int(JOINED_NODES * further)]
-    reading = joined(scene, reach) if reach else readings[-1]
-    beams = reading.beams.shape[1]
-    if not len(around) or not beams:
-        return None
-    maps = TileMaps(1, resolution, NEVER)
-    for node in around:
-        _write(maps, path[node], readings[node])
-    row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(FINE_PRIOR))
-    if row[mk.SCORE] < FINE_SHARE * beams or row[mk.FOUND] < FINE_FOUND * beams:
-        return None
-    return int(around[0]), row, around
-
-
-def _write(maps, pose, reading):
-    """Register a scan in a scratch map."""
-    if reading.points.shape[1]:
-        reach = float(np.hypot(reading.points[0], reading.points[1]).max())
-        maps.cover(pose[:2] - reach, pose[:2] + reach)
-        maps.register(0, pose, reading.points)
 
 
 def looked_through(scene, pose, around):
@@ -413,7 +418,7 @@ def _through(rays, seen, points):
     angle, reach = np.arctan2(rays[1], rays[0]), np.hypot(rays[0], rays[1])
     order = np.argsort(angle, kind="stable")
     angle, reach = angle[order], reach[order]
-    x, y = _placed(seen, points)
+    x, y = placed(seen, points)
     at, far = np.arctan2(y, x), np.hypot(x, y)
     after = np.searchsorted(angle, at)
     inside = (after > 0) & (after < len(angle))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping import correlative_kernels as ck
+from m2wr_gmapping.se2 import between, compose
 
 
 def room(seed):
@@ -48,7 +49,7 @@ def test_bounded_search_finds_what_trying_everything_finds(seed):
     raster, coarse = drawn(points, corner)
     rng = np.random.default_rng(seed)
     centre = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-0.1, 0.1)])
-    turns, best = np.linspace(-0.2, 0.2, 9), np.zeros(5)
+    turns, best = np.linspace(-0.2, 0.2, 9), np.zeros(7)
     ck.search(centre, points, turns, np.ones((5, 5), np.uint8), corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     # whole-cell offsets of the cells that the points fall into without one
     top = max(value(points, centre + [0.1 * dx, 0.1 * dy, turn], corner, raster)
@@ -62,9 +63,10 @@ def test_a_second_place_that_fits_as_well_is_reported():
     corner = np.array([-8.0, -8.0])
     twice = np.concatenate([points, points + [[0.0], [1.5]]], axis=1)
     raster, coarse = drawn(twice, corner)
-    best, all_of_it = np.zeros(5), np.ones((11, 11), np.uint8)
+    best, all_of_it = np.zeros(7), np.ones((11, 11), np.uint8)
     ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
-    assert best[4] > 0.9 * best[3]
+    assert best[4] > 0.9 * best[3] and abs(best[5]) < 0.15
+    assert abs(best[6] - best[1]) == pytest.approx(1.5, abs=0.15)
     raster, coarse = drawn(points, corner)
     ck.search(np.zeros(3), points, np.zeros(1), all_of_it, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     assert best[4] < 0.9 * best[3]
@@ -73,13 +75,60 @@ def test_a_second_place_that_fits_as_well_is_reported():
 def test_only_allowed_blocks_are_searched():
     points, corner = room(3)
     raster, coarse = drawn(points, corner)
-    allowed, best = np.zeros((9, 9), np.uint8), np.zeros(5)
+    allowed, best = np.zeros((9, 9), np.uint8), np.zeros(7)
     allowed[4, 7] = 1                   # three blocks to the right of the place that fits
     ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     assert best[0] == pytest.approx(1.2, abs=0.21) and abs(best[1]) < 0.21 and best[3] < 0.9
     allowed[4, 4] = 1
     ck.search(np.zeros(3), points, np.zeros(1), allowed, corner, 10.0, raster, coarse, 6, 0.3, 0.9, best)
     assert np.abs(best[:2]).max() < 0.15 and best[3] > 0.95
+
+
+def test_what_has_not_been_looked_at_speaks_neither_for_a_place_nor_against_it():
+    points, corner = room(5)
+    raster, _ = drawn(points[:, points[0] < 1.0], corner)
+    seen = np.zeros_like(raster)
+    ck.mark_seen(np.zeros(3), points[:, points[0] < 1.0], corner, 10.0, seen)
+    centre, turns = np.array([0.1, -0.2, 0.03]), np.array([-0.05, 0.0, 0.05])
+    allowed = np.ones((9, 9), np.uint8)
+    allowed[0] = 0
+    rating, turn = np.empty((2, 9, 9))
+    ck.survey(centre, points, turns, allowed, corner, 10.0, raster, seen, 2, 0.0, rating, turn)
+    for row in range(9):
+        for column in range(9):
+            found = []
+            for angle in turns:
+                total = 0.0
+                for q in points.T:
+                    c, s = math.cos(centre[2] + angle), math.sin(centre[2] + angle)
+                    x = math.floor((centre[0] + c * q[0] - s * q[1] - corner[0]) * 10.0) + column - 4
+                    y = math.floor((centre[1] + s * q[0] + c * q[1] - corner[1]) * 10.0) + row - 4
+                    if raster[y, x] or seen[y, x]:
+                        total += 3.0 * raster[y, x] / 255.0 - 2.0
+                found.append(total / points.shape[1])
+            best = max(0.0, *found) if row else 0.0
+            assert rating[row, column] == pytest.approx(best)
+            assert not best or int(turn[row, column]) == int(np.argmax(found))
+    assert rating.max() > 0.3           # otherwise this shows nothing
+
+
+def test_rays_mark_the_cells_that_they_go_through():
+    seen = np.zeros((40, 40), np.uint8)
+    ck.mark_seen(np.array([1.05, 1.05, 0.0]), np.array([[2.0, 0.0], [0.0, 9.0]]), np.zeros(2), 10.0, seen)
+    expected = np.zeros_like(seen)
+    expected[10, 10:31] = expected[10:, 10] = 1
+    assert np.array_equal(seen, expected)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rays_are_followed_within_the_raster_only(seed):
+    rng = np.random.default_rng(seed)
+    small, large = np.zeros((20, 30), np.uint8), np.zeros((400, 400), np.uint8)
+    rays = rng.uniform(-15.0, 15.0, (2, 50))
+    pose = np.array([*rng.uniform(-2.0, 5.0, 2), rng.uniform(-3.0, 3.0)])
+    ck.mark_seen(pose, rays, np.zeros(2), 10.0, small)
+    ck.mark_seen(pose, rays, np.array([-20.0, -20.0]), 10.0, large)
+    assert small.any() and (small != large[200:220, 200:230]).mean() < 0.01     # rounding at the edges of cells
 
 
 def test_window_search_finds_the_best_and_prefers_the_middle():
@@ -94,3 +143,16 @@ def test_window_search_finds_the_best_and_prefers_the_middle():
     penalised[:, 2] = 10.0 * np.hypot(offsets[:, 0], offsets[:, 1])
     ck.search_window(np.array([0.25, -0.2, 0.0]), penalised, turns, points, 1, corner, 10.0, raster, best)
     assert np.allclose(best[:2], [0.25, -0.2])
+
+
+@pytest.mark.parametrize("count", [0, 1, 300])
+def test_points_of_another_scan_equal_their_plain_twin(count):
+    rng = np.random.default_rng(count)
+    eye, pose, points = rng.uniform(-3, 3, 3), rng.uniform(-3, 3, 3), rng.uniform(-6, 6, (2, count))
+    out = np.zeros((2, count + 5))
+    end = ck.add_points(eye, pose, points, 5.0, out, 2)
+    seen = [between(eye, compose(pose, [x, y, 0.0]))[:2] for x, y in points.T]
+    wanted = [point for point in seen if np.hypot(*point) < 5.0]
+    assert end == 2 + len(wanted) and not out[:, :2].any() and not out[:, end:].any()
+    assert np.allclose(out[:, 2:end].T, np.array(wanted).reshape(-1, 2))
+    assert count < 300 or 0 < len(wanted) < count

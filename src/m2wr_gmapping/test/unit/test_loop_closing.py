@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping import graph_kernels, loop_closing, place_search
+from m2wr_gmapping import graph_kernels, loop_closing, place_match, place_search
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.loop_graph import LoopGraph, way_along
@@ -197,7 +197,7 @@ def test_places_of_long_ago_are_looked_at_again(open_ring):
 
 def find(along, correction=0.0, clear=False, alike=False, drift=10.0):
     link = (0, 1, None, None)
-    return loop_closing._Find(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift)
+    return loop_closing._Find(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift, False)
 
 
 @pytest.mark.parametrize("finds, enough", [
@@ -256,12 +256,76 @@ def test_where_ten_metres_look_alike_a_longer_stretch_tells_the_place(passages):
         assert found is None                # nothing tells along a plain corridor
 
 
+def passage(seed, length=34.0, depth=0.25):
+    """Walls of a corridor along x, closed at its far end, that is plain but for niches here and there."""
+    rng, walls = np.random.default_rng(seed), [(length, -1.0, length, 1.0)]
+    for side in (-1.0, 1.0):
+        at, x = -14.0, -14.0 + rng.uniform(2.0, 6.0)
+        while x < length - 2.0:
+            out = side * (1.0 + depth)
+            walls += [(at, side, x, side), (x, side, x, out), (x, out, x + 1.0, out), (x + 1.0, out, x + 1.0, side)]
+            at, x = x + 1.0, x + rng.uniform(4.0, 9.0)
+        walls.append((at, side, length, side))
+    return np.array(walls)
+
+
+def come_back(seed, first, last, beside, depth=0.25):
+    """A scene: a corridor looked at from x = 0 on, and a way from ``first`` to ``last``, thought to be ``beside``."""
+    rng, walls = np.random.default_rng(seed), passage(seed, depth=depth)
+    truth = np.zeros((61 + int(round(2 * (last - first))) + 1, 3))
+    truth[:61, 0], truth[61:, 0] = np.arange(61) * 0.5, np.arange(first, last + 0.1, 0.5)
+    seen = [LASER.reading(np.minimum(ranges(walls, pose), 6.0) + rng.normal(0.0, 0.01, len(LASER.angles)))
+            for pose in truth]
+    path, along = truth.copy(), np.concatenate([truth[:61, 0], truth[61:, 0] - first + 100.0])
+    path[61:] = compose(beside, path[61:])
+    shift = np.full(len(path), 6.0)
+    return place_search.Scene(path, along, seen, np.arange(61), shift, np.full(len(path), 0.15)), truth[-1]
+
+
+@pytest.mark.parametrize("last", [4.0, 4.5])
+def test_a_stretch_that_begins_on_unknown_ground_is_not_pushed_onto_known_one(last):
+    scene, truth = come_back(0, last - 10.0, last, [1.5, 1.0, 0.0], depth=0.5)
+    query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
+    cell = place_search.WIDE_RASTER
+    best = place_search.coarse_search(scene.path[-1], query, scene.path, scene.old, scene.readings, 6.0, 0.15, cell)
+    assert best[4] <= place_search.RIVAL * best[3] and best[0] > truth[0] + 5.0     # the only place, if all must fit
+    found = place_search.looked_around(best[:3], query, scene, scene.old, scene.old, 6.0, cell)
+    assert found is None or np.abs(found - truth)[:2].max() < 0.4
+
+
+def test_what_has_drifted_along_with_the_robot_is_no_old_ground():
+    scene, _ = come_back(0, 0.0, 20.0, [1.5, 1.0, 0.0])
+    scene.shift[:40] = 0.5
+    assert np.array_equal(place_search._before(scene, 10.0, 100.0, 2.0), np.arange(40, 61))
+    assert np.array_equal(place_search._before(scene, 10.0, 100.0), np.arange(61))
+
+
+def test_a_place_that_only_looks_the_same_from_afar_is_not_as_good():
+    scene, truth = come_back(2, 5.0, 15.0, [0.0, 0.0, 0.0])
+    query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
+    for beside, as_good in (([3.0, 0.0, 0.0], False), ([0.0, 0.0, 0.0], True)):
+        assert place_search._as_good(truth + beside, scene.old, truth, scene.old, query, scene) == as_good
+
+
+def test_shallow_niches_tell_the_place_in_a_finer_raster():
+    found = []
+    for last in np.arange(11.0, 28.0, 1.0):
+        scene, truth = come_back(2, last - 10.0, last, [1.5, 1.0, 0.02])
+        place = place_search.wide_search(scene, scene.old)
+        if place is not None:
+            assert np.abs(place.pose - truth)[:2].max() < 0.4
+            found.append(place.reach)
+    assert found.count(place_search.WIDE_PATH) >= 3
+    scene, truth = come_back(2, 5.0, 15.0, [1.5, 1.0, 0.02], depth=0.0)
+    assert place_search.wide_search(scene, scene.old) is None
+
+
 def test_scans_of_a_stretch_are_joined_as_if_one_had_seen_all():
     walls = np.array(box(0.0, 0.0, 8.0, 5.0))
     path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
     readings = [LASER.reading(ranges(walls, pose)) for pose in path]
     scene = place_search.Scene(path, np.arange(10) * 0.2, readings, np.array([0]), np.zeros(10), np.zeros(10))
-    beams = place_search.joined(scene, 1.0).beams
+    beams = place_match.joined(scene, 1.0).beams
     x, y = compose(path[-1], np.stack([beams[mk.QX], beams[mk.QY], np.zeros(beams.shape[1])], -1))[:, :2].T
     assert np.maximum(np.abs(x) / 4.0, np.abs(y) / 2.5).max() < 1.001 and beams.shape[1] > 150
     far = np.hypot(beams[mk.QX], beams[mk.QY]) > 1.0
@@ -271,6 +335,22 @@ def test_scans_of_a_stretch_are_joined_as_if_one_had_seen_all():
     assert (np.abs(turned[held, :2]).max(axis=1) > 0.99).mean() > 0.9       # normals stand on the walls
     assert np.allclose(beams[mk.ARM_N], beams[mk.NY] * beams[mk.QX] - beams[mk.NX] * beams[mk.QY])
     assert np.allclose(beams[mk.ARM_T], beams[mk.NX] * beams[mk.QX] + beams[mk.NY] * beams[mk.QY])
+
+
+@pytest.mark.parametrize("end, holds", [(60.0, False), (3.0, True)])
+def test_noise_along_a_plain_wall_does_not_hold_a_match(end, holds):
+    rng, walls = np.random.default_rng(4), corridor(())
+    walls = np.concatenate([walls, [(end, -1.0, end, 1.0)]])
+    path = np.zeros((9, 3))
+    path[:, 0] = np.arange(9) * 0.25
+    seen = [LASER.reading(np.minimum(ranges(walls, pose), 6.0) + rng.normal(0.0, 0.03, len(LASER.angles)))
+            for pose in path]
+    scene = place_search.Scene(path, way_along(path), seen, np.arange(8), np.ones(9), np.ones(9))
+    matcher = FastMatcher(GmappingConfig.from_mapping({}), Workers(1))
+    _, row, _, heard = place_match.fine_match(matcher, 0.05, scene, np.arange(8), path[-1])
+    assert heard[0] <= row[mk.INFORMATION] * 1.001 and heard[3] == pytest.approx(row[mk.INFORMATION + 3], rel=0.1)
+    assert (heard[0] > 0.5 * row[mk.INFORMATION]) == holds and np.linalg.eigvalsh(
+        [[heard[0], heard[1], heard[2]], [heard[1], heard[3], heard[4]], [heard[2], heard[4], heard[5]]])[0] > -1e-6
 
 
 def test_an_aisle_that_looks_like_another_is_not_taken_for_it():
