@@ -66,6 +66,7 @@ PARAMETERS = {
     "temporalUpdate": _p(-1.0, "s", -INFINITY, INFINITY, "time after which a scan is processed anyhow; < 0: never"),
     "resampleThreshold": _p(0.5, "", 0.0, 1.0, "resample when Neff is below this share of the particles"),
     "particles": _p(30, "", 1, 10000, "number of particles"),
+    "min_particles": _p(None, "", 1, 10000, "where particles agree so few are kept; default particles: always all"),
     "xmin": _p(-100.0, "m", -1e6, 1e6, "initial extent of the map"),
     "ymin": _p(-100.0, "m", -1e6, 1e6, "initial extent of the map"),
     "xmax": _p(100.0, "m", -1e6, 1e6, "initial extent of the map"),
@@ -79,6 +80,7 @@ PARAMETERS = {
 }
 # public name -> field, where the public one is no good name inside
 FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "rot_rot"}
+WHOLE = {"min_particles"}   # numbers without a fraction whose default is that of another one
 # what else a node or launch file may set without it being a mistake
 TOLERATED = {"inverted_laser"}
 
@@ -100,7 +102,7 @@ def _converted(name, value):
     value = number(value)
     if value is None or math.isnan(value):
         return None
-    if isinstance(default, int):
+    if isinstance(default, int) or name in WHOLE:
         if math.isinf(value):
             return None
         return int(math.floor(value + 0.5)) if value >= 0 else -int(math.floor(0.5 - value))
@@ -159,6 +161,11 @@ class GmappingConfig:
             raise ConfigError("xmin to xmax and ymin to ymax are {:.0f} x {:.0f} cells of delta {} m; expected at most "
                               "{:g} in all. The map grows where it needs to".format(
                                   columns, rows, values["delta"], MOST_CELLS))
+        if values["min_particles"] is None:
+            values["min_particles"] = values["particles"]
+        if values["min_particles"] > values["particles"]:
+            raise ConfigError("parameters min_particles {} and particles {}: expected the first not above the "
+                              "second".format(values["min_particles"], values["particles"]))
         values["throttle_scans"] = max(1, values["throttle_scans"])
         if values["tf_delay"] is None:
             values["tf_delay"] = values["transform_publish_period"]

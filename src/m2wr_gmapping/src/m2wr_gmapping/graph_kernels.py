@@ -64,3 +64,113 @@ def drift(path, variances, links, source, out):
                     changed = True
                     for way in (-1, 1):
                         _spread(onto, way, lever, variances, step, out)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def way_along(path, out):
+    """Write the length of a path (K, 3) up to each node into ``out`` (K,) [m]."""
+    total = 0.0
+    for k in range(path.shape[0]):
+        if k:
+            dx, dy = path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1]
+            total += math.sqrt(dx * dx + dy * dy)
+        out[k] = total
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def widths(found, deviations, systematic, shift_limits, turn_limits, shift, turn):
+    """Write half widths of searches, (K,) [m] and (K,) [rad], for what ``drift`` has found.
+
+    Parameters
+    ----------
+    found : (K, 3) float64
+        ``out`` of ``drift``.
+    deviations : float
+        Half width in deviations.
+    systematic : float
+        What a heading drifts along the way [rad/m].
+    shift_limits, turn_limits : tuple of 2 float
+        Least and most [m], [rad].
+    """
+    for k in range(found.shape[0]):
+        reach = deviations * (systematic * found[k, 0] + math.sqrt(found[k, 1]))
+        shift[k] = min(shift_limits[0] + reach, shift_limits[1])
+        turn[k] = min(turn_limits[0] + deviations * systematic * found[k, 2], turn_limits[1])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def old_nodes(along, node, old):
+    """Return how many nodes, the first ones, lie more than ``old`` metres of path before ``node``."""
+    count = 0
+    while count < node and along[node] - along[count] > old:
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def met(path, shift, count, beyond, beside, near, numbers):
+    """Find which of the first ``count`` nodes the last one of a path (K, 3) may have met again.
+
+    Parameters
+    ----------
+    shift : (K,) float64
+        How far the last node may have drifted from each [m].
+    beyond, beside : float
+        How much farther, times and plus [m], is looked.
+    near : float
+        Drift up to which nodes are near [m].
+    numbers : (2, K) int64
+        Written: the near ones and the others.
+
+    Returns
+    -------
+    tuple of int
+        How many there are of each.
+    """
+    x, y, nears, fars = path[-1, 0], path[-1, 1], 0, 0
+    for k in range(count):
+        dx, dy, reach = path[k, 0] - x, path[k, 1] - y, beyond * shift[k] + beside
+        if dx * dx + dy * dy < reach * reach:
+            if shift[k] <= near:
+                numbers[0, nears] = k
+                nears += 1
+            else:
+                numbers[1, fars] = k
+                fars += 1
+    return nears, fars
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _inverse(a, b, c, d, e, f, out):
+    """Write the inverse of the symmetric matrix (a b c, b d e, c e f) into ``out`` (3, 3)."""
+    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
+    by = 1.0 / (a * p + b * q + c * r)
+    out[0, 0], out[1, 1], out[2, 2] = p * by, (a * f - c * c) * by, (a * d - b * b) * by
+    out[0, 1] = out[1, 0] = q * by
+    out[0, 2] = out[2, 0] = r * by
+    out[1, 2] = out[2, 1] = (b * c - a * e) * by
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def inverse(matrix, out):
+    """Write the inverse of a symmetric matrix (3, 3) into ``out``, which may be the same; the library costs more."""
+    _inverse(matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2], matrix[2, 2], out)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def covariance(information, dependent, deviations, floor, out):
+    """Write the covariance (3, 3) of a match into ``out``; see ``loop_graph.covariance``."""
+    _inverse(information[0] / dependent + 1.0 / (deviations[0] * deviations[0]), information[1] / dependent,
+             information[2] / dependent, information[3] / dependent + 1.0 / (deviations[1] * deviations[1]),
+             information[4] / dependent, information[5] / dependent + 1.0 / (deviations[2] * deviations[2]), out)
+    for k in range(3):
+        out[k, k] += floor[k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def step_information(information, dependent, deviations, floor, out):
+    """Write the inverse of ``covariance`` into ``out``; return the variance of the place."""
+    covariance(information, dependent, deviations, floor, out)
+    variance = out[0, 0] + out[1, 1]
+    inverse(out, out)
+    return variance

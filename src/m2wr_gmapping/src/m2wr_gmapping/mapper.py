@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import resampling
+from m2wr_gmapping import tracking_kernels as tk
 from m2wr_gmapping.hill_climb import HillClimbMatcher
 from m2wr_gmapping.level import LevelWatch
 from m2wr_gmapping.loop_closing import LoopCloser
@@ -60,7 +60,7 @@ class Mapper:
         self._matcher = (HillClimbMatcher if self._plain else FastMatcher)(config, self._workers)
         self._dense = config["track_between"] and not self._plain
         self._tracker = None if self._plain else Tracker(self._matcher, config.noise, self._dense, laser.ahead)
-        self._level = LevelWatch(config["delta"])
+        self._level = LevelWatch(config["delta"], laser.max_range)
         self._loops = None
         if config["loop_closing"] and not self._plain:
             self._loops = LoopCloser(self._matcher, config["delta"])
@@ -114,26 +114,29 @@ class Mapper:
                 odom_pose.tolist(), stamp, FARTHEST_ODOMETRY))
         if self.filter is None:
             return self._first(reading, odom_pose, stamp)
-        step = between(self._odom, odom_pose)
+        tracker, tracked, before = self._tracker, False, self._odom
         self._odom = odom_pose
-        x, y, turn = step.tolist()
-        self._distance += float(np.hypot(x, y))
-        self._turn += abs(turn)
-        due = self._due(stamp)
-        tracker, tracked = self._tracker, False
         if tracker is None:
+            step = between(before, odom_pose)
+            distance, turn, moved = math.hypot(step[0], step[1]), abs(float(step[2])), False
             self.filter.drift(step)
-        elif self._level.tilted(slope, reading.points, stamp) and not self._due(stamp, share=1.0 / PUT_OFF):
-            tracker.advance(step)
-            due = False
         else:
-            tracker.advance(step)
-            if due or (self._dense and tracker.moved):
-                best = self.filter.best
-                tracked = tracker.match(self.filter.maps, best, self.filter.poses[best], reading)
-                # a pose that odometry does not lead to would be lost between two processed scans; but where scan and
-                # odometry contradict each other it is soon known which is right
-                due = (due or (self._dense and tracker.unexplained)) and not tracker.undecided
+            distance, turn, moved = tracker.advance(before, odom_pose)
+        self._distance += distance
+        self._turn += turn
+        due = self._due(stamp)
+        if tracker is None:
+            pass
+        elif self._level.tilted(slope, reading.points, distance) and (
+                self._level.rocks or not self._due(stamp, share=1.0 / PUT_OFF)):
+            due = False
+        elif due or (self._dense and moved):
+            reading = self._level.level_part(reading)
+            best = self.filter.best
+            tracked = tracker.match(self.filter.maps, best, self.filter.poses[best], reading)
+            # a pose that odometry does not lead to would be lost between two processed scans; but where scan and
+            # odometry contradict each other it is soon known which is right
+            due = (due or (self._dense and tracker.unexplained)) and not tracker.undecided
         if due:
             self._process_fully(reading, stamp)
         elif tracked:
@@ -209,19 +212,20 @@ class Mapper:
 
     def _process_fully(self, reading, stamp):
         particles, tracker = self.filter, self._tracker
+        anchors, least = particles.poses, self.config["minimumScore"]
         if tracker is None:
-            particles.match(reading, particles.poses, particles.poses, np.zeros(3), self.config["minimumScore"], None)
+            particles.match(reading, anchors, anchors, np.zeros(3), least, None)
         else:
-            anchors, variances = particles.poses, tracker.variances
-            rows = particles.match(reading, compose(anchors, tracker.rel), compose(anchors, tracker.expected),
-                                   1.0 / variances, self.config["minimumScore"], tracker.spread)
+            starts, predictions = np.empty_like(anchors), np.empty_like(anchors)
+            variances, inverse, spread = tracker.lead(anchors, starts, predictions)
+            rows = particles.match(reading, starts, predictions, inverse, least, spread)
             best = particles.best
-            tracker.learn(between(anchors[best], rows[best, :3]), rows[best, mk.INFORMATION:])
+            tracker.learn(anchors[best], rows[best])
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)
         if self._loops is not None:
-            self._loops.add_step(rows[best, mk.INFORMATION:], np.sqrt(variances))
+            self._loops.add_step(rows[best, tk.INFORMATION:], np.sqrt(variances))
             self._bend(self._loops.look(particles.tree.path(particles.best), self.readings))
 
     def _bend(self, path):
@@ -237,8 +241,9 @@ class Mapper:
         """Return counts for the log (dict)."""
         found, loops = {}, self._loops
         if self._tracker is not None:
-            found["odometry_scale"] = self._tracker.trust.scale.round(3).tolist()
-            found["odometry_bias"] = self._tracker.bias.bias.round(4).tolist()
+            found["odometry_scale"] = self._tracker.scale.round(3).tolist()
+            found["odometry_bias"] = self._tracker.bias.round(4).tolist()
+            found["odometry_centre"] = round(self._tracker.centre, 4)
         if loops is not None:
             found.update(searches=loops.searches, wide_searches=loops.wide_searches, links=loops.links,
                          closures=loops.closures)
@@ -305,6 +310,3 @@ class Mapper:
     def close(self):
         """End the threads."""
         self._workers.close()
-
-
-assert mk.POSE == 0

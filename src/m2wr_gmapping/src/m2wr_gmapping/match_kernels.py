@@ -223,69 +223,89 @@ def _rate(x, y, theta, beams, frame, pairs, found, settings, row):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def rate_pose(x, y, theta, beams, grid, mean, hits, frame, settings, row):
-    """Write score, log-likelihood and number of partners of a pose in one particle's map into a result row."""
-    pairs = scratch(beams.shape[1])
-    found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+def _held(x, y, theta, prediction, prior, per_variance, h, g):
+    """Bring normal equations to the scale of their variances, and add what holds the pose to ``prediction`` (3,)."""
+    c, s = math.cos(theta), math.sin(theta)
+    px, py = x - prediction[0], y - prediction[1]
+    turn = theta - prediction[2]
+    turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+    for k in range(6):
+        h[k] *= per_variance
+    for k in range(3):
+        g[k] *= per_variance
+    h[0] += prior[0]
+    h[3] += prior[1]
+    h[5] += prior[2]
+    g[0] += prior[0] * (c * px + s * py)
+    g[1] += prior[1] * (c * py - s * px)
+    g[2] += prior[2] * turn
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row):
+    """``match_pose`` with room for the pairs and for the equations, ``sums`` (12,)."""
+    h, g, step = sums[:6], sums[6:9], sums[9:12]
+    per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
+    x, y, theta = start[0], start[1], start[2]
+    width = max(settings[WIDE], settings[NARROW])
+    found, settled = 0, False
+    for _ in range(int(settings[ROUNDS])):
+        found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+        far = 0.0
+        for _ in range(STEPS_A_ROUND):
+            _accumulate(x, y, theta, frame, pairs, found, width, 0.0, h, g)
+            _held(x, y, theta, prediction, prior, per_variance, h, g)
+            if not solve(h, g, step):
+                break
+            size = max(abs(step[0]), abs(step[1]), abs(step[2]))
+            if size > STEP_LIMIT:
+                for k in range(3):
+                    step[k] *= STEP_LIMIT / size
+            c, s = math.cos(theta), math.sin(theta)
+            x += c * step[0] - s * step[1]
+            y += s * step[0] + c * step[1]
+            theta += step[2]
+            far = max(far, size)
+        if far < CONVERGED and width <= settings[NARROW]:
+            settled = True
+            break
+        width = max(settings[NARROW], 0.5 * width)
+    if not settled:             # else a millimetre ago they were the same
+        found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+    _accumulate(x, y, theta, frame, pairs, found, settings[NARROW], settings[FREE], h, g)
+    row[0], row[1] = x, y
+    row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
+    for k in range(6):
+        row[INFORMATION + k] = h[k] * per_variance
     _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def match_poses(starts, predictions, first, last, maps, beams, table, mean, hits, frame, prior, settings, results):
-    """Gauss-Newton match of particles ``first`` to ``last`` - 1, each in the map ``maps[i]``.
+def match_pose(start, prediction, grid, beams, mean, hits, frame, prior, settings, row):
+    """Gauss-Newton match from ``start`` (3,) in one map, ``grid`` (H, W) of the table.
 
     The cost is the robust point-to-line distance of the end points to the mean hit points nearest to them, plus the
-    distance from ``predictions`` measured with ``prior`` (3,), inverse variances along the predicted pose's axes. The
-    kernel's width halves from round to round, from wide to narrow.  ``results`` rows get pose, score, log-likelihood,
-    partners and the information matrix (upper triangle, laser axes) of the scan alone, in which sliding along straight
-    walls counts for nothing: that weight steadies the search, it is no knowledge.
+    distance from ``prediction`` (3,) measured with ``prior`` (3,), inverse variances along the predicted pose's axes.
+    The kernel's width halves from round to round, from wide to narrow.  The result ``row`` gets pose, score,
+    log-likelihood, partners and the information matrix (upper triangle, laser axes) of the scan alone, in which sliding
+    along straight walls counts for nothing: that weight steadies the search, it is no knowledge.
     """
-    pairs = scratch(beams.shape[1])
-    h, g, step = np.zeros(6), np.zeros(3), np.zeros(3)
-    per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
+    pairs, sums = scratch(beams.shape[1]), np.zeros(12)
+    _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings, least, results):
+    """``match_pose`` for particles ``first`` to ``last`` - 1, each in its own map, into their rows of ``results``.
+
+    A match that scores ``least`` or less is not taken: the prediction stands, and the scan tells nothing of it.
+    """
+    pairs, sums = scratch(beams.shape[1]), np.zeros(12)
     for i in range(first, last):
-        x, y, theta = starts[i, 0], starts[i, 1], starts[i, 2]
-        grid, row = table[maps[i]], results[i]
-        width = max(settings[WIDE], settings[NARROW])
-        settled = False
-        for _ in range(int(settings[ROUNDS])):
-            found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
-            far = 0.0
-            for _ in range(STEPS_A_ROUND):
-                _accumulate(x, y, theta, frame, pairs, found, width, 0.0, h, g)
-                c, s = math.cos(theta), math.sin(theta)
-                px, py = x - predictions[i, 0], y - predictions[i, 1]
-                turn = theta - predictions[i, 2]
-                turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
-                for k in range(6):
-                    h[k] *= per_variance
-                for k in range(3):
-                    g[k] *= per_variance
-                h[0] += prior[0]
-                h[3] += prior[1]
-                h[5] += prior[2]
-                g[0] += prior[0] * (c * px + s * py)
-                g[1] += prior[1] * (c * py - s * px)
-                g[2] += prior[2] * turn
-                if not solve(h, g, step):
-                    break
-                size = max(abs(step[0]), abs(step[1]), abs(step[2]))
-                if size > STEP_LIMIT:
-                    for k in range(3):
-                        step[k] *= STEP_LIMIT / size
-                x += c * step[0] - s * step[1]
-                y += s * step[0] + c * step[1]
-                theta += step[2]
-                far = max(far, size)
-            if far < CONVERGED and width <= settings[NARROW]:
-                settled = True
-                break
-            width = max(settings[NARROW], 0.5 * width)
-        if not settled:             # else a millimetre ago they were the same
-            found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
-        _accumulate(x, y, theta, frame, pairs, found, settings[NARROW], settings[FREE], h, g)
-        row[0], row[1] = x, y
-        row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
-        for k in range(6):
-            row[INFORMATION + k] = h[k] * per_variance
-        _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)
+        row = results[i]
+        _match(starts[i], predictions[i], table[i], beams, mean, hits, frame, prior, settings, pairs, sums, row)
+        if row[SCORE] <= least:
+            row[0], row[1], row[2] = predictions[i, 0], predictions[i, 1], predictions[i, 2]
+            row[INFORMATION:] = 0.0
+            found = partners(row[0], row[1], row[2], beams, table[i], mean, hits, frame, pairs)
+            _rate(row[0], row[1], row[2], beams.shape[1], frame, pairs, found, settings, row)

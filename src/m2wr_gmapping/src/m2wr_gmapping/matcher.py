@@ -1,24 +1,21 @@
 """Matching scans with particles' maps: the fast matcher."""
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping import tracking_kernels as tk
 from m2wr_gmapping.correlative_kernels import search_window
 from m2wr_gmapping.scan import SLIDE_STRAIGHT
-from m2wr_gmapping.se2 import between
 from m2wr_gmapping.tile_kernels import draw_field, tiles_around
 
 WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
 ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for one that is tracked already
 SPREAD = 0.05                   # standard deviation of one beam for the information matrix [m]
-GOOD_SHARE = 0.8                # share of the beams' best possible score below which a match is doubted
 SEARCH_BEAMS = 60               # beams used by the window search
 SEARCH_REACH = 12.0             # farther end points take no part in the window search [m]
 SEARCH_STEP = 0.08              # step of the window search [m]
 SEARCH_PENALTY = 0.06           # taken off a beam's mean score at the edge of the window
-DEPENDENT = 10.0                # beams of one scan err together: as if there were that many fewer
 WINDOW_DEVIATIONS = 3.0         # half width of the search, in deviations of the odometry
 WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the match converges from there [m, rad]
 WINDOW_MOST = np.array([0.8, 0.9])      # a search beyond would take longer than a scan may [m, rad]
@@ -26,31 +23,6 @@ PULL = 9.0                      # squared deviations by which a match may move o
 SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in deviations of a slip
 SLIP_COST = 6.0                 # minus the logarithm of how often odometry slips
 MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
-
-
-@dataclass(frozen=True)
-class Expectation:
-    """Where odometry has a scan.
-
-    Attributes
-    ----------
-    pose : (3,) float64
-        In ``map``.
-    variances : (3,) float64
-        Along the pose's axes [m^2, m^2, rad^2].
-    slip_window : (2,) float64
-        How far a slip may have led aside [m, rad].
-    long : bool
-        Whether the step since the last match was so long that a match may be caught beside the right place.
-    good_share : float
-        Share of the beams' best possible score below which the match is doubted.
-    """
-
-    pose: np.ndarray
-    variances: np.ndarray
-    slip_window: np.ndarray
-    long: bool
-    good_share: float
 
 
 class FastMatcher:
@@ -84,38 +56,32 @@ class FastMatcher:
         prior : (3,) float64
             Inverse variances along the prediction's axes.
         minimum_score : float
-            A particle whose match scores this or less keeps its prediction.
+            A particle whose match scores this or less keeps its prediction, of which nothing is known then.
 
         Returns
         -------
         (N, 13) float64
             Result rows of ``match_kernels``.
         """
-        results = np.empty((len(starts), mk.RESULT_SIZE))
-        numbers = np.arange(len(starts))
+        results, beams = np.empty((len(starts), mk.RESULT_SIZE)), reading.beams
+        least = min(minimum_score, MINIMUM_SCORE_CAP * beams.shape[1])
+        table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._particle_settings
 
         def work(first, last):
-            mk.match_poses(starts, predictions, first, last, numbers, reading.beams, maps.table, maps.mean, maps.hits,
-                           maps.frame, prior, self._particle_settings, results)
+            mk.match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings,
+                               least, results)
 
         self._workers.run(work, len(starts))
-        threshold = min(minimum_score, MINIMUM_SCORE_CAP * reading.beams.shape[1])
-        for particle in np.flatnonzero(results[:, mk.SCORE] <= threshold):
-            row = results[particle]
-            row[:3] = predictions[particle]
-            row[mk.INFORMATION:] = 0.0
-            mk.rate_pose(row[0], row[1], row[2], reading.beams, maps.table[particle], maps.mean, maps.hits, maps.frame,
-                         self._settings, row)
         return results
 
     def match_one(self, maps, particle, reading, start, prediction, prior):
         """Match in one particle's map; returns its result row (13,)."""
-        results = np.empty((1, mk.RESULT_SIZE))
-        mk.match_poses(np.array([start]), np.array([prediction]), 0, 1, np.array([particle]), reading.beams, maps.table,
-                       maps.mean, maps.hits, maps.frame, prior, self._settings, results)
-        return results[0]
+        row = np.empty(mk.RESULT_SIZE)
+        mk.match_pose(start, prediction, maps.table[particle], reading.beams, maps.mean, maps.hits, maps.frame, prior,
+                      self._settings, row)
+        return row
 
-    def track(self, maps, particle, reading, start, expectation):
+    def track(self, maps, particle, reading, ask, long, good_share):
         """Match in one particle's map, and tell whether odometry has slipped.
 
         The scan is first matched with what odometry says and how far that is to be trusted, searching the window that
@@ -124,9 +90,12 @@ class FastMatcher:
 
         Parameters
         ----------
-        start : (3,) float64
-            Where the match begins.
-        expectation : Expectation
+        ask : (5, 3) float64
+            Where the match begins, and what odometry says; layout of ``tracking_kernels``.
+        long : bool
+            Whether the step since the last match was so long that a match may be caught beside the right place.
+        good_share : float
+            Share of the beams' best possible score below which the match is doubted.
 
         Returns
         -------
@@ -134,25 +103,24 @@ class FastMatcher:
             Result row.
         slipped : bool
         """
-        beams = reading.beams.shape[1]
-        expected, variances = expectation.pose, expectation.variances
-        row = self.match_one(maps, particle, reading, start, expected, 1.0 / variances)
-        best = _cost(row, expected, variances)
-        if expectation.long:
+        expected, variances, inverse = ask[tk.WANTED], ask[tk.VARIANCES], ask[tk.INVERSE]
+        row = self.match_one(maps, particle, reading, ask[tk.START], expected, inverse)
+        best, pull = tk.cost_of(row, expected, variances)
+        if long:
             window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
-        if expectation.long and (window > WINDOW_LEAST).any():
-            found = self.search(maps, particle, reading, expected, window)
-            other = self.match_one(maps, particle, reading, found, expected, 1.0 / variances)
-            cost = _cost(other, expected, variances)
-            if cost < best:
-                row, best = other, cost
-        if row[mk.SCORE] >= expectation.good_share * beams and _pull(row, expected, variances) < PULL:
+            if (window > WINDOW_LEAST).any():
+                found = self.search(maps, particle, reading, expected, window)
+                other = self.match_one(maps, particle, reading, found, expected, inverse)
+                cost, other_pull = tk.cost_of(other, expected, variances)
+                if cost < best:
+                    row, best, pull = other, cost, other_pull
+        if row[mk.SCORE] >= good_share * reading.beams.shape[1] and pull < PULL:
             return row, False
-        slipped, window = False, np.minimum(WINDOW_MOST, expectation.slip_window)
+        slipped, window = False, np.minimum(WINDOW_MOST, ask[tk.WINDOW, :2])
         wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
         for begin in (row[:3], self.search(maps, particle, reading, expected, window)):
             other = self.match_one(maps, particle, reading, begin, expected, 1.0 / wide)
-            cost = _cost(other, expected, wide) + SLIP_COST
+            cost = tk.cost_of(other, expected, wide)[0] + SLIP_COST
             if cost < best:
                 row, best, slipped = other, cost, True
         return row, slipped
@@ -178,17 +146,6 @@ class FastMatcher:
         search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
                       maps.frame[2], field, best)
         return best[:3]
-
-
-def _pull(row, expected, variances):
-    """Squared distance of a match from what was expected, in the expectation's deviations."""
-    (x, y, turn), (xx, yy, tt) = between(expected, row[:3]).tolist(), variances.tolist()
-    return x * x / xx + y * y / yy + turn * turn / tt
-
-
-def _cost(row, expected, variances):
-    """Negative logarithm of the probability of a match, but for a constant."""
-    return float(row[mk.COST]) / DEPENDENT + 0.5 * _pull(row, expected, variances)
 
 
 def _outwards(half_width, step):

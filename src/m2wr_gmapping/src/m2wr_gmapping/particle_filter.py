@@ -3,17 +3,18 @@ import zlib
 
 import numpy as np
 
+from m2wr_gmapping import filter_kernels as kernels
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import resampling
-from m2wr_gmapping.matcher import DEPENDENT
 from m2wr_gmapping.motion_model import sample_motion
-from m2wr_gmapping.se2 import compose, wrap
+from m2wr_gmapping.particle_count import next_count
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.tracking_kernels import DEPENDENT
 from m2wr_gmapping.trajectory import TrajectoryTree
 
 FROZEN_HITS = 20            # a mean of that many hits is known to a few millimetres
 POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least deviation of a proposal [m, m, rad]
-DRAWN = 0.3
+DRAWN = 0.3                 # share of a draw that is taken
 
 
 def stream(seed, name):
@@ -39,21 +40,26 @@ class ParticleFilter:
     log_weights, weight_sums : (N,) float64
         Of the scans since the last resampling; of the whole path, but for a constant.
     weights : (N,) float64
-        Of the last processed scan, before it was resampled; sum to 1.
+        Of the last processed scan, before it was resampled unless their number changed then; sum to 1.
     """
 
     def __init__(self, config, matcher, start):
-        self._count = config["particles"]
+        count = config["particles"]
+        self._least, self._most = config["min_particles"], count
         self._matcher, self._noise = matcher, config.noise
-        self._gain = config["ogain"] * self._count
-        self._resample_below = config["resampleThreshold"] * self._count
+        self._gain, self._resample_below = config["ogain"], config["resampleThreshold"]     # for each particle
         self._rng_motion, self._rng_resample = stream(config["seed"], "motion"), stream(config["seed"], "resampling")
-        self.poses = np.tile(np.asarray(start, float), (self._count, 1))
-        self.log_weights, self.weight_sums = np.zeros(self._count), np.zeros(self._count)
-        self.weights = np.full(self._count, 1.0 / self._count)
-        self.maps = TileMaps(self._count, config["delta"], NEVER if config["compatible"] else FROZEN_HITS)
-        self.tree = TrajectoryTree(self._count)
+        self.poses = np.tile(np.asarray(start, float), (count, 1))
+        self.log_weights, self.weight_sums = np.zeros(count), np.zeros(count)
+        self.weights = np.full(count, 1.0 / count)
+        self.maps = TileMaps(count, config["delta"], NEVER if config["compatible"] else FROZEN_HITS)
+        self.tree = TrajectoryTree(count)
         self.resamplings = 0
+
+    @property
+    def count(self):
+        """Number of particles."""
+        return len(self.poses)
 
     @property
     def best(self):
@@ -67,7 +73,7 @@ class ParticleFilter:
 
     def normals(self):
         """Return one row of standard normal numbers for each particle."""
-        return self._rng_motion.standard_normal((self._count, 3))
+        return self._rng_motion.standard_normal((self.count, 3))
 
     def drift(self, step):
         """Move all particles by an odometry step, with noise."""
@@ -93,39 +99,31 @@ class ParticleFilter:
             Result rows of the matches.
         """
         rows = self._matcher.match(self.maps, reading, starts, predictions, prior, minimum_score)
-        self.log_weights += rows[:, mk.LOG_LIKELIHOOD]
-        poses = rows[:, :3].copy()
+        poses = np.empty((self.count, 3))
         if sample is None:
             self.weight_sums += rows[:, mk.LOG_LIKELIHOOD]
+            poses[:] = rows[:, :3]
         else:
-            self.weight_sums -= rows[:, mk.COST] / DEPENDENT
-            poses = self._sampled(poses, rows[:, mk.INFORMATION:], np.maximum(sample, POSE_FLOOR))
-        self.poses = poses
-        self.weights = resampling.normalise(self.log_weights, self._gain)
+            kernels.draw(rows, np.maximum(sample, POSE_FLOOR), self.normals(), DRAWN, DEPENDENT, self.weight_sums,
+                         poses)
+        self.poses, self.weights = poses, np.empty(self.count)
+        kernels.weigh(rows, mk.LOG_LIKELIHOOD, self._gain * self.count, self.log_weights, self.weights)
         return rows
 
-    def _sampled(self, poses, information, deviations):
-        """Draw from Gaussians of the given information plus that of the motion, around the poses.
-
-        Scans seldom tell particles apart by the little that each draw moves them, and what is drawn adds up: the best
-        stays where its match has it, and a path is the less probable the further its poses were drawn from theirs.
-        """
-        h = information[:, (0, 1, 2, 1, 3, 4, 2, 4, 5)]
-        h[:, ::4] += 1.0 / np.square(deviations)
-        lower = np.linalg.cholesky(h.reshape(-1, 3, 3))
-        normals = DRAWN * self.normals()
-        normals[self.best] = 0.0
-        self.weight_sums -= 0.5 * np.square(normals).sum(axis=1)
-        return compose(poses, np.linalg.solve(np.transpose(lower, (0, 2, 1)), normals[..., None])[..., 0])
-
     def resample(self):
-        """Resample if too few particles carry the weight; return the ancestors or None."""
-        if self.n_eff >= self._resample_below:
+        """Resample if too few particles carry the weight, or it takes more or fewer; return the ancestors or None."""
+        count, best = self.count, self.best
+        if self._least < self._most:
+            count = next_count(self.poses, best, self._least, self._most)
+        if count == self.count and self.n_eff >= self._resample_below * count:
             return None
-        ancestors = resampling.systematic_resample(self.weights, self._rng_resample.random())
+        ancestors = resampling.systematic_resample(
+            self.weights, self._rng_resample.random(), count, best if count != self.count else None)
+        if count != self.count:
+            self.weights = np.full(count, 1.0 / count)
         self.poses = self.poses[ancestors]
         self.weight_sums = self.weight_sums[ancestors]
-        self.log_weights[:] = 0.0
+        self.log_weights = np.zeros(count)
         self.maps.resample(ancestors)
         self.tree.resample(ancestors)
         self.resamplings += 1
@@ -134,22 +132,14 @@ class ParticleFilter:
     def register(self, reading):
         """Write the scan into every map at the particle's pose and extend every path; False if it did not fit."""
         self.tree.extend(self.poses)
-        if not reading.points.shape[1]:
-            return True
-        reach = float(np.hypot(reading.points[0], reading.points[1]).max())
-        fits = self.maps.cover(self.poses[:, :2].min(axis=0) - reach, self.poses[:, :2].max(axis=0) + reach)
-        self.maps.register_all(np.ascontiguousarray(self.poses), reading.points)
-        return fits
+        return self.maps.register_all(self.poses, reading.points)
 
     def begin_on(self, ground):
         """Give all particles one map that was there before: end points (2, M) of ``ground``, seen from their pose."""
         self.tree.extend(self.poses)
         if ground.points.shape[1]:
-            pose = self.poses[0]
-            reach = float(np.hypot(ground.points[0], ground.points[1]).max())
-            self.maps.cover(pose[:2] - reach, pose[:2] + reach)
-            self.maps.register(0, pose, ground.points)
-            self.maps.resample(np.zeros(self._count, np.int64))
+            self.maps.register_path(0, self.poses[:1], [ground])
+            self.maps.resample(np.zeros(self.count, np.int64))
 
     def replace_past(self, path, readings):
         """Give all particles one common past along corrected poses.
@@ -157,23 +147,14 @@ class ParticleFilter:
         Parameters
         ----------
         path : (K, 3) float64
-            Corrected poses of the best particle at all processed scans. The others keep their pose relative to it.
+            Corrected poses of the best particle at all processed scans. What the others knew was where they were in
+            maps of their own, which are gone: they begin anew beside it.
         readings : sequence of K objects with ``points``
         """
-        offset = self.poses - self.poses[self.best]
-        theta = path[-1, 2] - self.poses[self.best, 2]
-        c, s = np.cos(theta), np.sin(theta)
-        moved = np.stack([path[-1, 0] + c * offset[:, 0] - s * offset[:, 1],
-                          path[-1, 1] + s * offset[:, 0] + c * offset[:, 1],
-                          wrap(self.poses[:, 2] + theta)], -1)
-        for particle in range(self._count):
+        for particle in range(self.count):
             self.maps.clear(particle)
-        for pose, reading in zip(path, readings):
-            if reading.points.shape[1]:
-                reach = float(np.hypot(reading.points[0], reading.points[1]).max())
-                self.maps.cover(pose[:2] - reach, pose[:2] + reach)
-                self.maps.register(0, pose, reading.points)
-        self.maps.resample(np.zeros(self._count, np.int64))
-        self.poses = moved
-        self.tree.replace(path[:-1], moved)
-        self.log_weights[:] = 0.0
+        self.maps.register_path(0, path, readings)
+        self.maps.resample(np.zeros(self.count, np.int64))
+        self.poses = np.tile(path[-1], (self.count, 1))
+        self.tree.replace(path[:-1], self.poses)
+        self.log_weights[:] = self.weight_sums[:] = 0.0

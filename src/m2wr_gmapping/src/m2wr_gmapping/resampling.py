@@ -20,7 +20,7 @@ def entropy(weights):
     return float(max(0.0, -(positive * np.log(positive)).sum()))
 
 
-def systematic_resample(weights, start):
+def systematic_resample(weights, start, count=None, keep=None):
     """Low-variance resampling from one uniform number.
 
     Parameters
@@ -29,18 +29,25 @@ def systematic_resample(weights, start):
         Sum to 1.
     start : float
         Uniform draw in [0, 1).
+    count : int, optional
+        Number of new particles; default N.
+    keep : int, optional
+        A particle that survives in any case.
 
     Returns
     -------
-    (N,) int64
-        Ancestor of each new particle. A particle that survives keeps its place, so that only copies move.
+    (count,) int64
+        Ancestor of each new particle. One that survives keeps its place if there is one, so that only copies move.
     """
-    count = len(weights)
+    count = len(weights) if count is None else count
     targets = (start + np.arange(count)) / count
-    drawn = np.minimum(np.searchsorted(np.cumsum(weights), targets, side="right"), count - 1)
-    copies = np.bincount(drawn, minlength=count)
+    drawn = np.minimum(np.searchsorted(np.cumsum(weights), targets, side="right"), len(weights) - 1)
+    if keep is not None and keep not in drawn:
+        drawn[min(int(np.searchsorted(drawn, keep)), count - 1)] = keep
+    copies = np.bincount(drawn, minlength=len(weights))
     ancestors = np.full(count, -1, np.int64)
-    kept = copies > 0
-    ancestors[kept] = np.flatnonzero(kept)
-    ancestors[~kept] = np.repeat(np.arange(count), np.maximum(copies - 1, 0))
+    stay = np.flatnonzero(copies[:count])
+    ancestors[stay] = stay
+    copies[stay] -= 1
+    ancestors[ancestors < 0] = np.repeat(np.arange(len(weights)), copies)
     return ancestors

@@ -5,6 +5,7 @@ and grow counter-clockwise seen from above. The mount brings its poses back to t
 """
 import functools
 import math
+from array import array
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,13 @@ def rotation(quaternion):
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
                      [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
                      [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def _parts(quaternion):
+    """Return x, y, z, w of a quaternion of any length, and 2 by its square: no number where all four are 0."""
+    x, y, z, w = (float(value) for value in quaternion)
+    squared = x * x + y * y + z * z + w * w
+    return x, y, z, w, 2.0 / squared if squared else math.nan
 
 
 def transform_parts(transform):
@@ -127,19 +135,26 @@ class LaserModel:
         yaw = self.base_from_sensor[2]
         return np.array([math.cos(yaw), -math.sin(yaw)])
 
+    @functools.cached_property
+    def _middle(self):
+        """Cosine and sine of the scan's middle in the laser's own frame."""
+        return math.cos(self.centre), math.sin(self.centre)
+
     def sensor_pose(self, translation, quaternion):
         """Return the planar pose (3,) of the centred laser from a transform of the laser, both in the parent frame."""
-        turned = rotation(quaternion) @ np.array([math.cos(self.centre), math.sin(self.centre), 0.0])
-        return np.array([translation[0], translation[1], math.atan2(turned[1], turned[0])])
+        x, y, z, w, by = _parts(quaternion)
+        c, s = self._middle
+        ahead = (1.0 - by * (y * y + z * z)) * c + by * (x * y - w * z) * s
+        aside = by * (x * y + w * z) * c + (1.0 - by * (x * x + z * z)) * s
+        return np.array([translation[0], translation[1], math.atan2(aside, ahead)], float)
 
     def slope(self, quaternion):
-        """Return the rise (2,) a metre along x and y of the centred laser, from the quaternion of its transform."""
-        x, y, z, w = (float(value) for value in quaternion)
-        by = 2.0 / (x * x + y * y + z * z + w * w)
+        """Return the rise a metre along x and y of the centred laser, from the quaternion of its transform."""
+        x, y, z, w, by = _parts(quaternion)
+        c, s = self._middle
         ahead, aside = by * (x * z - y * w), by * (y * z + x * w)
-        c, s = math.cos(self.centre), math.sin(self.centre)
         side = 1.0 if by * (x * x + y * y) <= 1.0 else -1.0         # upside down the centred laser is turned over
-        return np.array([ahead * c + aside * s, side * (aside * c - ahead * s)])
+        return ahead * c + aside * s, side * (aside * c - ahead * s)
 
     def reading(self, ranges, skip=0, gap=0.0):
         """Return the ScanReading of one message's ranges (B,).
@@ -152,6 +167,8 @@ class LaserModel:
         ScanError
             If the number of ranges is not the one the model was made for.
         """
+        if isinstance(ranges, tuple) and ranges:        # as messages have them; this is the quickest way to read one
+            ranges = array("d", ranges)
         ranges = np.array(ranges, float)
         if ranges.shape != self.angles.shape:
             raise ScanError("the scan has {} ranges; expected {} as in the first one".format(
@@ -187,3 +204,21 @@ class ScanReading:
         beams = np.empty((mk.BEAM_ROWS, count))
         with_normals(self.points, NORMAL_REACH, NORMAL_SIDE, SLIDE_STRAIGHT, beams)
         self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams
+
+    def level_part(self, slope, lift):
+        """Return the reading without what lies more than ``lift`` [m] above or below where it would be level.
+
+        Such an end point shows a wall at another height, or the floor. Its beam clears space as far as it is level.
+
+        Parameters
+        ----------
+        slope : (2,) float
+            Rise a metre along x and y of the centred laser.
+        """
+        part = object.__new__(ScanReading)
+        kept, held = (np.abs(slope[0] * x + slope[1] * y) <= lift for x, y in (self.points, self.beams[:2]))
+        part.points, part.beams = np.ascontiguousarray(self.points[:, kept]), np.ascontiguousarray(self.beams[:, held])
+        lifted = np.abs(slope[0] * self.rays[0] + slope[1] * self.rays[1])
+        part.rays = self.rays * np.minimum(1.0, lift / np.maximum(lifted, lift)).astype(np.float32)
+        part.ray_hits = self.ray_hits & (lifted <= lift)
+        return part

@@ -61,9 +61,14 @@ def surface_normals(points, reach, side, out):
         large, small = product + root, max(product - root, 0.0)
         if not large > 0.0:
             continue
-        # axis of the larger spread is at angle atan2(2 cxy, cxx - cyy) / 2; the normal is across it
-        angle = 0.5 * math.atan2(cxy, half)
-        out[0, b], out[1, b] = -math.sin(angle), math.cos(angle)
+        # axis of the larger spread is at angle atan2(cxy, half) / 2; the normal is across it
+        c, s = 1.0, 0.0
+        if half > 0.0:
+            c, s = root + half, cxy
+        elif root > 0.0:
+            c, s = abs(cxy), math.copysign(root - half, cxy)
+        length = math.sqrt(c * c + s * s)
+        out[0, b], out[1, b] = -s / length, c / length
         out[2, b] = min(1.0, max(0.0, (CROOKED - math.sqrt(small / large)) / (CROOKED - STRAIGHT)))
 
 

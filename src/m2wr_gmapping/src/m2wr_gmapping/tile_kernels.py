@@ -80,6 +80,21 @@ def register_points(n, pose, points, start, table, mean, hits, holders, free, co
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def bounds(poses, points):
+    """Return lower and upper corner of a box that holds end points (2, B) seen from any of the poses (N, 3)."""
+    reach2 = 0.0
+    for b in range(points.shape[1]):
+        reach2 = max(reach2, points[0, b] * points[0, b] + points[1, b] * points[1, b])
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for n in range(poses.shape[0]):
+        low_x, high_x = min(low_x, poses[n, 0]), max(high_x, poses[n, 0])
+        low_y, high_y = min(low_y, poses[n, 1]), max(high_y, poses[n, 1])
+    reach = math.sqrt(reach2)
+    return (low_x - reach, low_y - reach), (high_x + reach, high_y + reach)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def register_scans(poses, points, progress, table, mean, hits, holders, free, counters, frame, frozen):
     """Register end points (2, B) in the map of every particle n, seen from ``poses[n]``.
 

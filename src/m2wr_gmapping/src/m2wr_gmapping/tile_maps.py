@@ -72,18 +72,19 @@ class TileMaps:
     def cover(self, low, high):
         """Let the table span the box from ``low`` to ``high`` (2,) [m, map frame]; False where the limit forbids it."""
         size = CELLS_A_SIDE * self.resolution
-        x, y, end_x, end_y = (math.floor(value / size) for value in (*low, *high))
-        first, last = (x - MARGIN, y - MARGIN), (end_x + MARGIN + 1, end_y + MARGIN + 1)
+        x, y = math.floor(low[0] / size), math.floor(low[1] / size)
+        end_x, end_y = math.floor(high[0] / size) + 1, math.floor(high[1] / size) + 1
+        first, last = (x - MARGIN, y - MARGIN), (end_x + MARGIN, end_y + MARGIN)
         if self._corner is not None:
             old_x, old_y = self._corner
             rows, columns = self.table.shape[1:]
-            if x > old_x and y > old_y and end_x + 1 < old_x + columns and end_y + 1 < old_y + rows:
+            if x > old_x and y > old_y and end_x < old_x + columns and end_y < old_y + rows:
                 return True
             grow = 4 * MARGIN
             first = (old_x if x > old_x else min(first[0] - grow, old_x),
                      old_y if y > old_y else min(first[1] - grow, old_y))
-            last = (old_x + columns if end_x + 1 < old_x + columns else max(last[0] + grow, old_x + columns),
-                    old_y + rows if end_y + 1 < old_y + rows else max(last[1] + grow, old_y + rows))
+            last = (old_x + columns if end_x < old_x + columns else max(last[0] + grow, old_x + columns),
+                    old_y + rows if end_y < old_y + rows else max(last[1] + grow, old_y + rows))
         if (last[0] - first[0]) * (last[1] - first[1]) > self._limit:
             self.beyond += 1
             return False
@@ -97,7 +98,7 @@ class TileMaps:
         return True
 
     def register(self, particle, pose, points):
-        """Register end points (2, B) of a scan taken at ``pose`` in one particle's map."""
+        """Register end points (2, B) of a scan taken at ``pose`` in one particle's map, where the table spans it."""
         done = 0
         while True:
             done = kernels.register_points(
@@ -107,18 +108,47 @@ class TileMaps:
                 return
             self._more_tiles()
 
+    def register_path(self, particle, path, readings):
+        """Register the ``points`` (2, B) of readings taken along a path (K, 3) in one particle's map."""
+        for k, reading in enumerate(readings):
+            points = reading.points
+            if points.shape[1]:
+                self.cover(*kernels.bounds(path[k:k + 1], points))
+                self.register(particle, path[k], points)
+
     def register_all(self, poses, points):
-        """Register end points (2, B) of one scan in the map of every particle, taken at its pose (N, 3)."""
-        progress = np.zeros(2, np.int64)
+        """Register end points (2, B) of one scan in the map of every particle, taken at its pose (N, 3).
+
+        Returns False where not all fit within the limit.
+        """
+        if not points.shape[1]:
+            return True
+        fits, progress = self.cover(*kernels.bounds(poses, points)), np.zeros(2, np.int64)
         while not kernels.register_scans(poses, points, progress, self.table, self.mean, self.hits, self._holders,
                                          self._free, self._counters, self.frame, self._frozen):
             self._more_tiles()
+        return fits
 
     def resample(self, ancestors):
-        """Let each particle whose ancestor is another one share that one's map."""
+        """Let each particle whose ancestor is another one share that one's map.
+
+        Parameters
+        ----------
+        ancestors : (M,) int
+            From now on there are M particles; one that is its own ancestor keeps its place.
+        """
+        before, after = self.count, len(ancestors)
+        if after > before:
+            more = np.full((after - before,) + self.table.shape[1:], -1, np.int32)
+            self.table = np.concatenate([self.table, more])
         for particle, ancestor in enumerate(ancestors):
             if particle != ancestor:
                 kernels.take_over(particle, ancestor, self.table, self._holders, self._free, self._counters)
+        for particle in range(after, before):
+            self.clear(particle)
+        if after < before:
+            self.table = self.table[:after].copy()
+        self.count = after
 
     def clear(self, particle):
         """Empty the map of one particle."""

@@ -22,9 +22,8 @@ class TrajectoryTree:
         self._pose = np.zeros((FIRST_NODES, 3))
         self._serial = np.zeros(FIRST_NODES, np.int64)
         self._free = np.arange(FIRST_NODES - 1, -1, -1)
-        self._counters = np.array([FIRST_NODES])
+        self._counters = np.array([FIRST_NODES, 0])
         self.depth = 0
-        self._next_serial = 0
 
     def __len__(self):
         return len(self._parent) - int(self._counters[0])
@@ -40,19 +39,8 @@ class TrajectoryTree:
         self._free = np.concatenate([np.arange(2 * old - 1, old - 1, -1), unused, spare])
         self._counters[0] += old
 
-    def _new(self, parents, poses):
-        while self._counters[0] < len(poses):
-            self._grow()
-        top = int(self._counters[0])
-        nodes = self._free[top - len(poses):top][::-1].copy()
-        self._counters[0] -= len(poses)
-        self._parent[nodes], self._pose[nodes], self._children[nodes] = parents, poses, 0
-        self._serial[nodes] = self._next_serial + np.arange(len(poses))
-        self._next_serial += len(poses)
-        return nodes
-
     def resample(self, ancestors):
-        """Let each particle continue its ancestor's path; paths without descendants are deleted."""
+        """Let particles (M,) continue their ancestors' paths; paths without descendants are deleted."""
         old = self.leaves
         self.leaves = old[ancestors]
         if self.depth:
@@ -61,9 +49,10 @@ class TrajectoryTree:
 
     def extend(self, poses):
         """Add a node (N, 3) for each particle below its newest one."""
-        known = self.leaves >= 0
-        np.add.at(self._children, self.leaves[known], 1)
-        self.leaves = self._new(self.leaves, poses)
+        while self._counters[0] < len(poses):
+            self._grow()
+        kernels.extend(self.leaves, poses, self._parent, self._children, self._pose, self._serial, self._free,
+                       self._counters)
         self.depth += 1
 
     def nodes(self, particle):
@@ -74,7 +63,8 @@ class TrajectoryTree:
 
     def path(self, particle):
         """Return the poses (K, 3) of one particle at all processed scans, oldest first."""
-        return self._pose[self.nodes(particle)]
+        out = np.empty((self.depth, 3))
+        return out[kernels.path_to(self.leaves[particle], self._parent, self._pose, out):]
 
     def keys(self, particle):
         """Return numbers (K,) that no other node ever had, for telling whether two paths share their beginning."""
@@ -102,13 +92,8 @@ class TrajectoryTree:
         total = len(self._parent)
         self._free[:total] = np.arange(total - 1, -1, -1)
         self._counters[0] = total
-        self.leaves = np.full(len(last), -1, np.int64)
-        above = -1
-        if len(path):
-            nodes = self._new(-1, path)
-            self._parent[nodes[1:]] = nodes[:-1]
-            self._children[nodes[:-1]] = 1
-            above = nodes[-1]
-            self._children[above] = len(last)
-        self.leaves = self._new(above, last)
-        self.depth = len(path) + 1
+        while self._counters[0] < len(path) + len(last):
+            self._grow()
+        above = kernels.chain(path, self._parent, self._children, self._pose, self._serial, self._free, self._counters)
+        self.leaves, self.depth = np.full(len(last), above, np.int64), len(path)
+        self.extend(last)

@@ -5,7 +5,6 @@ import sys
 import numpy as np
 
 from m2wr_gmapping import graph_kernels, place_search
-from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.matcher import FastMatcher
@@ -30,11 +29,9 @@ def tour(mapper, steps=40):
 
 
 def rare_work(mapper):
-    """Run what the tour need not come to: a match below minimumScore, a window search, a path that is bent."""
+    """Run what the tour need not come to: a window search, a path that is bent."""
     particles = mapper.filter
     grid, reading = particles.maps, mapper.readings[-1]
-    mk.rate_pose(0.0, 0.0, 0.0, reading.beams, grid.table[0], grid.mean, grid.hits, grid.frame,
-                 np.ones(mk.MATCH_SETTINGS), np.zeros(mk.RESULT_SIZE))
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
     path = particles.tree.path(particles.best)
     turned, nodes = np.zeros(len(path)), np.arange(len(path))

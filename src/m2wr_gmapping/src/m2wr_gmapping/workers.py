@@ -1,20 +1,40 @@
 """Spreading a kernel over ranges of particles."""
 import os
-from concurrent.futures import ThreadPoolExecutor
+import queue
+import threading
 
 PIECES = 4      # per thread: small enough that nobody waits long for one whose core is busy
 
 
 class Workers:
-    """A fixed number of threads that share particles, 0: one a core; results do not depend on how many there are."""
+    """A fixed number of threads that share particles, 0: one a core; results do not depend on how many there are.
+
+    A piece of work is tenths of a millisecond, so it is handed over by queues alone: a pool of the standard library
+    makes an object with a lock for each piece, and costs as much as it saves.
+    """
 
     def __init__(self, threads):
+        self._helpers = []
         self._threads = int(threads) or len(os.sched_getaffinity(0))
-        self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+        self._shares, self._done = queue.SimpleQueue(), queue.SimpleQueue()
+        self._helpers = [threading.Thread(target=self._help, args=(self._shares, self._done), daemon=True)
+                         for _ in range(self._threads - 1)]
+        for helper in self._helpers:
+            helper.start()
+
+    @staticmethod
+    def _help(shares, done):
+        """Do shares of work until there is None, and put what went wrong with each, or None."""
+        for share in iter(shares.get, None):
+            try:
+                share()
+                done.put(None)
+            except BaseException as error:      # raised again where the work was asked for
+                done.put(error)
 
     def run(self, work, count):
         """Call ``work(first, last)`` so that the calls together cover 0 to ``count`` - 1; return when all are done."""
-        if self._pool is None or count < 2 * self._threads:
+        if not self._helpers or count < 2 * self._threads:
             work(0, count)
             return
         pieces = min(self._threads * PIECES, count)
@@ -25,12 +45,33 @@ class Workers:
             for first, last in ranges:
                 work(first, last)
 
-        waiting = [self._pool.submit(share) for _ in range(self._threads - 1)]
-        share()
-        for future in waiting:
-            future.result()
+        for _ in self._helpers:
+            self._shares.put(share)
+        try:
+            share()
+        finally:        # nobody writes into these arrays any more when this returns
+            errors = [self._done.get() for _ in range(self._begun())]
+        for error in errors:
+            if error is not None:
+                raise error
+
+    def _begun(self):
+        """Take back the shares that no helper has begun, on a busy machine, and return the number of those begun."""
+        for begun in range(len(self._helpers), 0, -1):
+            try:
+                self._shares.get_nowait()
+            except queue.Empty:
+                return begun
+        return 0
 
     def close(self):
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        for _ in self._helpers:
+            self._shares.put(None)
+        for helper in self._helpers:
+            helper.join()
+        self._helpers = []
+
+    def __del__(self):
+        for _ in self._helpers:             # nobody will ask them for anything any more
+            self._shares.put(None)

@@ -1,5 +1,6 @@
 """Planar poses, motion model, resampling, trajectory tree, pose graph and threads."""
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -155,10 +156,48 @@ def test_workers_cover_every_particle_once(threads, count):
     workers.close()
 
 
-def test_what_a_worker_raises_is_raised():
-    workers = Workers(2)
+def test_what_a_worker_raises_is_raised_and_it_goes_on():
+    workers, done = Workers(2), []
     with pytest.raises(ZeroDivisionError):
         workers.run(lambda first, last: 1 // 0, 50)
+
+    def elsewhere(first, last):             # only the helper fails, and it has the time to begin
+        if threading.current_thread() is not threading.main_thread():
+            begun.set()
+            raise ZeroDivisionError
+        assert begun.wait(10.0), "no helper has begun within 10 s"
+
+    begun = threading.Event()
+    with pytest.raises(ZeroDivisionError):
+        workers.run(elsewhere, 50)
+    workers.run(lambda first, last: done.extend(range(first, last)), 50)
+    assert sorted(done) == list(range(50))
+    workers.close()
+
+
+def test_threads_end_with_their_owner():
+    workers = Workers(3)
+    workers.run(lambda first, last: None, 50)
+    helpers = list(workers._helpers)
+    del workers
+    for helper in helpers:
+        helper.join(10.0)
+        assert not helper.is_alive()
+
+
+def test_a_helper_that_comes_too_late_is_not_waited_for():
+    workers, done, begun, go_on = Workers(2), [], threading.Event(), threading.Event()
+
+    def busy():             # as if its core were
+        begun.set()
+        go_on.wait(20.0)
+
+    workers._shares.put(busy)
+    assert begun.wait(10.0), "the helper has not begun within 10 s"
+    workers.run(lambda first, last: done.extend(range(first, last)), 50)
+    assert sorted(done) == list(range(50)) and not go_on.is_set()
+    go_on.set()
+    assert workers._done.get(timeout=10.0) is None
     workers.close()
 
 
@@ -169,5 +208,31 @@ def test_covariance_of_a_match_agrees_with_the_library(seed):
     prior, floor = np.array([0.1, 0.2, 0.05]), np.array([1e-4, 2e-4, 3e-5])
     wanted = np.linalg.inv(h / loop_graph.DEPENDENT + np.diag(prior**-2)) + np.diag(floor)
     upper = h[np.triu_indices(3)]
-    assert np.allclose(loop_graph.covariance(upper, prior, floor), wanted)
-    assert np.allclose(loop_graph.information_of(upper, prior, floor), np.linalg.inv(wanted))
+    found = loop_graph.covariance(upper, prior, floor)
+    assert np.allclose(found, wanted) and np.allclose(loop_graph.inverse_symmetric(found), np.linalg.inv(wanted))
+
+
+def test_new_nodes_and_paths_equal_their_plain_twin():
+    rng, count = np.random.default_rng(6), 5
+    tree, paths, serials, made = TrajectoryTree(count), [[] for _ in range(count)], [[] for _ in range(count)], 0
+    for k in range(600):
+        poses = rng.normal(size=(count, 3))
+        tree.extend(poses)
+        paths = [path + [pose] for path, pose in zip(paths, poses)]
+        serials = [known + [made + n] for n, known in enumerate(serials)]
+        made += count
+        if k % 3 == 0:
+            ancestors = np.sort(rng.integers(0, count, count))
+            tree.resample(ancestors)
+            paths, serials = [paths[a] for a in ancestors], [serials[a] for a in ancestors]
+        if k % 250 == 100:              # all on one path, after a loop was closed
+            past, last = rng.normal(size=(k, 3)), rng.normal(size=(count, 3))
+            tree.replace(past, last)
+            paths = [list(past) + [pose] for pose in last]
+            common = list(range(made, made + k))
+            serials = [common + [made + k + n] for n in range(count)]
+            made += k + count
+        if k % 50 == 0 or k == 599:
+            for n in range(count):
+                assert (tree.path(n) == np.array(paths[n])).all() and tree.keys(n).tolist() == serials[n]
+            assert len(tree) == len({number for known in serials for number in known})

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.level import MEMORY, LevelWatch
+from m2wr_gmapping.level import MEMORY, ROCKS, LevelWatch
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.scan import LaserModel
 
@@ -14,26 +14,60 @@ NOD = -math.tan(0.08), 0.0
 
 
 def test_a_nod_is_told_from_a_level_laser_and_from_one_that_sees_only_what_is_near():
-    watch = LevelWatch(0.05)
-    assert not watch.tilted((0.0, 0.0), RING, 0.0)
-    assert watch.tilted(NOD, RING, 0.05)
-    assert not watch.tilted(NOD, 0.1 * RING, 0.10)
-    assert not watch.tilted((-0.01, 0.0), RING, 0.15)       # 4 cm up
-    assert not watch.tilted(NOD, np.empty((2, 0)), 0.20)
-    assert watch.tilted((0.0, 0.08), RING, 0.25)
+    watch = LevelWatch(0.05, 10.0)
+    assert not watch.tilted((0.0, 0.0), RING, 0.02) and not watch.rocks
+    assert watch.tilted(NOD, RING, 0.02) and watch.rocks
+    assert not watch.tilted(NOD, 0.1 * RING, 0.02) and not watch.rocks
+    assert not watch.tilted((-0.01, 0.0), RING, 0.02)       # 4 cm up
+    assert not watch.tilted(NOD, np.empty((2, 0)), 0.02)
+    assert watch.tilted((0.0, 0.08), RING, 0.02)
 
 
-def test_a_lasting_slope_becomes_the_usual_one():
-    watch = LevelWatch(0.05)
-    told = [watch.tilted(NOD, RING, stamp) for stamp in np.arange(0.0, 4.0 * MEMORY, 0.1)]
-    assert told[0] and all(told[:100]) and not any(told[-10:])
-    assert watch.tilted((0.0, 0.0), RING, 4.0 * MEMORY)
+def test_a_slope_that_is_driven_along_becomes_the_usual_one():
+    watch = LevelWatch(0.05, 10.0)
+    told = [(watch.tilted(NOD, RING, 0.1), watch.rocks) for _ in range(int(40.0 * MEMORY))]
+    tilted, rocks = np.array(told).T
+    assert tilted[:100].all() and not tilted[-10:].any()
+    assert rocks.sum() == pytest.approx(ROCKS / 0.1, abs=1.0) and rocks[:5].all()
+    assert watch.tilted((0.0, 0.0), RING, 0.1)
 
 
-def test_time_that_stands_still_or_goes_back_changes_nothing():
-    watch = LevelWatch(0.05)
-    assert not watch.tilted((0.0, 0.0), RING, 5.0)
-    assert watch.tilted(NOD, RING, 5.0) and watch.tilted(NOD, RING, 3.0) and not watch.tilted((0.0, 0.0), RING, 3.1)
+def test_many_nods_are_not_usual():
+    """A robot that starts and stops all the time nods one way only, yet level scans stay level and nods tilted."""
+    watch = LevelWatch(0.05, 10.0)
+    for k in range(600):
+        nods = k % 10 in (1, 2, 3)
+        assert watch.tilted(NOD if nods else (0.0, 0.0), RING, 0.1) == nods, k
+
+
+@pytest.mark.parametrize("slope, step", [(NOD, 0.0), ((-0.34, 0.0), 0.1), ((0.0, 0.3), 0.1)])
+def test_a_robot_that_leans_on_a_wall_makes_no_ramp_of_it(slope, step):
+    """Wheels that go on drive it up where it stays, or along the wall; then it comes down again."""
+    watch = LevelWatch(0.05, 10.0)
+    for _ in range(200):
+        assert watch.tilted(slope, RING, step) and watch.rocks
+    for share in (0.9, 0.7, 0.5):
+        assert watch.tilted((share * slope[0], share * slope[1]), RING, 0.02) and watch.rocks
+    assert not watch.tilted((0.0, 0.0), RING, 0.02) and not watch.rocks
+
+
+def test_of_a_scan_that_is_hardly_tilted_only_what_is_level_is_kept():
+    model = LaserModel.from_message(-1.5, 1.5, math.pi / 360, 344, 0.05, 10.0, max_range=9.0, max_urange=6.0)
+    rng = np.random.default_rng(1)
+    reading = model.reading(rng.choice([1.0, 4.0, 8.0], 344, p=[0.7, 0.2, 0.1]) + rng.uniform(-0.2, 0.2, 344), 2, 0.0)
+    watch, slope = LevelWatch(0.05, 9.0), np.array([0.02, -0.015])
+    assert not watch.tilted(slope / 5.0, reading.points, 0.0) and watch.level_part(reading) is reading
+    assert not watch.tilted(slope, reading.points, 0.0)
+    part = watch.level_part(reading)
+    level = [column for column in reading.points.T if abs(slope @ column) <= 0.05]
+    assert np.array_equal(part.points.T, level) and 0 < len(level) < reading.points.shape[1]
+    assert np.array_equal(part.beams.T, [row for row in reading.beams.T if abs(slope @ row[:2]) <= 0.05])
+    assert part.rays.shape == reading.rays.shape and part.rays.dtype == np.float32
+    for ray, hit, whole, before in zip(part.rays.T, part.ray_hits, reading.rays.T, reading.ray_hits):
+        height = abs(slope @ whole)
+        assert hit == (before and height <= 0.05)
+        assert ray == pytest.approx(whole * min(1.0, 0.05 / max(height, 1e-9)), rel=1e-5)
+    assert watch.tilted(10.0 * slope, reading.points, 0.0) and watch.level_part(reading) is reading
 
 
 def room(model, pose, nod=0.0):

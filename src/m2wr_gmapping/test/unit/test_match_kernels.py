@@ -29,6 +29,14 @@ def cloud(seed, count=150):
     return maps, beams
 
 
+def matched(maps, beams, start, prediction, prior, settings=SETTINGS):
+    """Result row of a match in the only map."""
+    row = np.zeros(mk.RESULT_SIZE)
+    mk.match_pose(np.array(start, float), np.array(prediction, float), maps.table[0], beams, maps.mean, maps.hits,
+                  maps.frame, np.full(3, prior), settings, row)
+    return row
+
+
 def slow_nearest(maps, x, y, half=1):
     """Squared distance [m^2] from a point to the nearest mean in its neighbourhood, cell by cell; None without one."""
     fx, fy = (np.array([x, y]) - maps.frame[:2]) * maps.frame[2]
@@ -66,7 +74,10 @@ def slow_rating(maps, beams, pose, half=1):
 def test_rating_equals_its_plain_twin(pose):
     maps, beams = cloud(1)
     row = np.zeros(mk.RESULT_SIZE)
-    mk.rate_pose(*[float(v) for v in pose], beams, maps.table[0], maps.mean, maps.hits, maps.frame, SETTINGS, row)
+    predictions = np.array([pose], float)
+    mk.match_particles(np.zeros((1, 3)), predictions, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame,
+                       np.ones(3), SETTINGS, np.inf, row[None])         # a score out of reach: the prediction stands
+    assert (row[:3] == pose).all() and not row[mk.INFORMATION:].any()
     assert np.allclose(row[3:6], slow_rating(maps, beams, pose), rtol=1e-9, atol=1e-9)
 
 
@@ -84,9 +95,8 @@ def test_original_score_equals_its_plain_twin(half):
 def test_both_matchers_find_the_pose_that_made_the_map(start):
     maps, beams = cloud(3)
     starts, results = np.array([start]), np.zeros((1, mk.RESULT_SIZE))
-    mk.match_poses(starts, starts, 0, 1, np.zeros(1, np.int64), beams, maps.table, maps.mean, maps.hits, maps.frame,
-                   np.full(3, 1e-6), SETTINGS, results)
-    assert np.abs(results[0, :2]).max() < 0.005 and abs(results[0, 2]) < 0.002
+    row = matched(maps, beams, start, start, 1e-6)
+    assert np.abs(row[:2]).max() < 0.005 and abs(row[2]) < 0.002
     hk.climb_poses(starts, 0, 1, beams, maps.table, maps.mean, maps.hits, maps.frame,
                    np.array([0.05, 0.05, 5, 0.05, 0.075, 1, 0.0]), results)
     assert np.abs(results[0, :2]).max() < 0.01 and abs(results[0, 2]) < 0.005
@@ -95,10 +105,8 @@ def test_both_matchers_find_the_pose_that_made_the_map(start):
 def test_information_is_large_across_walls_and_small_along_one():
     maps, beams = cloud(4)
     one_wall = np.ascontiguousarray(beams[:, :150])         # along x
-    results = np.zeros((1, mk.RESULT_SIZE))
-    mk.match_poses(np.zeros((1, 3)), np.zeros((1, 3)), 0, 1, np.zeros(1, np.int64), one_wall, maps.table, maps.mean,
-                   maps.hits, maps.frame, np.full(3, 1e-6), SETTINGS, results)
-    xx, yy = results[0, mk.INFORMATION], results[0, mk.INFORMATION + 3]
+    row = matched(maps, one_wall, np.zeros(3), np.zeros(3), 1e-6)
+    xx, yy = row[mk.INFORMATION], row[mk.INFORMATION + 3]
     assert yy > 30.0 * xx > 0.0
 
 
@@ -119,27 +127,41 @@ def slow_information(maps, beams, pose, free):
 @pytest.mark.parametrize("count, free", [(3, 0.0), (64, 0.01), (65, 0.0), (200, 0.02)])     # less and more than a block
 def test_information_equals_its_plain_twin(count, free):
     maps, beams = cloud(6, count)
-    settings, results = SETTINGS.copy(), np.zeros((1, mk.RESULT_SIZE))
+    settings, start = SETTINGS.copy(), [0.01, -0.02, 0.01]
     settings[mk.FREE] = free
-    start = np.array([[0.01, -0.02, 0.01]])
-    mk.match_poses(start, start, 0, 1, np.zeros(1, np.int64), beams, maps.table, maps.mean, maps.hits, maps.frame,
-                   np.full(3, 100.0), settings, results)
-    wanted = slow_information(maps, beams, results[0, :3], free)
-    assert np.allclose(results[0, mk.INFORMATION:], wanted, rtol=1e-2, atol=1e-2 * np.abs(wanted).max())
-    assert results[0, 3:6] == pytest.approx(slow_rating(maps, beams, results[0, :3]), rel=1e-2)
+    row = matched(maps, beams, start, start, 100.0, settings)
+    wanted = slow_information(maps, beams, row[:3], free)
+    assert np.allclose(row[mk.INFORMATION:], wanted, rtol=1e-2, atol=1e-2 * np.abs(wanted).max())
+    assert row[3:6] == pytest.approx(slow_rating(maps, beams, row[:3]), rel=1e-2)
+
+
+def test_matching_all_particles_is_matching_each_in_its_own_map():
+    maps, beams = cloud(7)
+    shifted = TileMaps(3, 0.05, NEVER)
+    shifted.cover((-4.0, -4.0), (4.0, 4.0))
+    for particle in range(3):
+        shifted.register(particle, np.array([0.02 * particle, -0.01, 0.0]), np.ascontiguousarray(beams[:2]))
+    rng = np.random.default_rng(7)
+    starts, predictions = rng.normal(0.0, 0.02, (3, 3)), rng.normal(0.0, 0.02, (3, 3))
+    results, row = np.full((3, mk.RESULT_SIZE), np.nan), np.zeros(mk.RESULT_SIZE)
+    mk.match_particles(starts, predictions, 1, 3, beams, shifted.table, shifted.mean, shifted.hits, shifted.frame,
+                       np.full(3, 50.0), SETTINGS, 0.0, results)
+    assert np.isnan(results[0]).all()
+    for particle in (1, 2):
+        mk.match_pose(starts[particle], predictions[particle], shifted.table[particle], beams, shifted.mean,
+                      shifted.hits, shifted.frame, np.full(3, 50.0), SETTINGS, row)
+        assert (results[particle] == row).all()
+    assert abs(results[2, 0] - results[1, 0]) > 0.01
 
 
 def test_a_prior_holds_a_pose_where_the_scan_says_nothing():
     maps, beams = cloud(5)
     empty = np.empty((mk.BEAM_ROWS, 0))
-    starts, held = np.array([[0.2, -0.1, 0.1]]), np.array([[0.0, 0.0, 3.1]])
-    results = np.zeros((1, mk.RESULT_SIZE))
-    mk.match_poses(starts, starts, 0, 1, np.zeros(1, np.int64), empty, maps.table, maps.mean, maps.hits, maps.frame,
-                   np.ones(3), SETTINGS, results)
-    assert np.allclose(results[0, :3], starts[0]) and results[0, mk.FOUND] == 0
-    mk.match_poses(held, held + [0.0, 0.0, 2 * math.pi], 0, 1, np.zeros(1, np.int64), empty, maps.table, maps.mean,
-                   maps.hits, maps.frame, np.ones(3), SETTINGS, results)
-    assert np.allclose(results[0, :3], held[0])             # a turn more is the same heading
+    start, held = [0.2, -0.1, 0.1], [0.0, 0.0, 3.1]
+    row = matched(maps, empty, start, start, 1.0)
+    assert np.allclose(row[:3], start) and row[mk.FOUND] == 0
+    row = matched(maps, empty, held, [0.0, 0.0, 3.1 + 2 * math.pi], 1.0)
+    assert np.allclose(row[:3], held)                       # a turn more is the same heading
 
 
 @pytest.mark.parametrize("seed", range(5))

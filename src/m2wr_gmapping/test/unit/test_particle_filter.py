@@ -66,3 +66,23 @@ def test_exact_odometry_is_kept_where_the_laser_sees_nothing(laser, seed):
     assert mapper.processed == 60
     assert np.abs(between(truth, mapper.trajectory()[1])).max() < 1e-6
     mapper.close()
+
+
+def test_after_a_closure_all_particles_begin_anew_on_the_bent_path(driven, laser):
+    particles, _ = driven(10)
+    particles.log_weights[:], particles.weight_sums[:] = -np.arange(COUNT), np.arange(COUNT)
+    rng = np.random.default_rng(0)
+    particles.poses += rng.normal(size=(COUNT, 3))          # as after a long loop, each on a map of its own
+    reading = laser.reading(np.full(181, 3.0))
+    for _ in range(2):
+        particles.register(reading)
+    path = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.2]])
+    particles.replace_past(path, [reading, reading])
+    assert (particles.poses == path[-1]).all() and not particles.weight_sums.any() and not particles.log_weights.any()
+    assert (particles.maps.table == particles.maps.table[0]).all() and (particles.maps.table[0] >= 0).any()
+    for particle in range(COUNT):
+        assert (particles.tree.path(particle) == path).all()
+    before = particles.poses.copy()
+    particles.match(None, before + STEP, before + STEP, None, 0.0, np.array([0.02, 0.02, 0.02]))
+    away = particles.poses - before - STEP
+    assert np.abs(away).max() < 0.05 and away.std(axis=0).min() > 1e-3      # what sets them apart is what was drawn

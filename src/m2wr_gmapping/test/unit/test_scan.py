@@ -181,7 +181,29 @@ def test_slope_is_the_rise_along_the_centred_laser():
     for x, y in ((3.0, 0.0), (0.0, 2.0), (-1.0, 4.0)):      # the same points, seen from the laser's own frame
         c, s = math.cos(over.centre), math.sin(over.centre)
         own = np.array([c * x + s * y, s * x - c * y, 0.0])
-        assert over.slope(rotated) @ (x, y) == pytest.approx((rotation(rotated) @ own)[2])
+        assert np.dot(over.slope(rotated), (x, y)) == pytest.approx((rotation(rotated) @ own)[2])
+
+
+@pytest.mark.parametrize("turn", np.linspace(-math.pi, math.pi, 17))
+def test_normals_equal_their_plain_twin_in_all_directions(turn):
+    rng, c, s = np.random.default_rng(3), math.cos(turn), math.sin(turn)
+    along = np.linspace(-0.2, 0.2, 7)
+    points = np.array([[c, -s], [s, c]]) @ np.stack([along, rng.normal(0.0, 0.005, 7)]) + [[3.0], [1.0]]
+    shape = np.empty((3, 7))
+    surface_normals(points, 0.3, 4, shape)
+    for b in range(7):
+        near = points[:, [k for k in range(7) if abs(k - b) <= 4 and np.hypot(*(points[:, k] - points[:, b])) <= 0.3]]
+        sizes, axes = np.linalg.eigh(np.cov(near))
+        assert abs(shape[:2, b] @ axes[:, 0]) == pytest.approx(1.0, abs=1e-9)
+        assert np.hypot(*shape[:2, b]) == pytest.approx(1.0)
+        spread = math.sqrt(sizes[0] / sizes[1])
+        assert shape[2, b] == pytest.approx(min(1.0, max(0.0, (0.4 - spread) / 0.25)))
+
+
+def test_points_that_lie_alike_in_all_directions_still_have_a_normal():
+    points, shape = np.array([[1.0, 1.1, 1.1, 1.0], [0.0, 0.0, 0.1, 0.1]]), np.empty((3, 4))
+    surface_normals(points, 0.3, 4, shape)
+    assert np.allclose(np.hypot(shape[0], shape[1]), 1.0) and not shape[2].any()
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 90])

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping.tile_kernels import draw_field, tiles_around
+from m2wr_gmapping.tile_kernels import bounds, draw_field, tiles_around
 from m2wr_gmapping.tile_maps import NEVER, TileMaps
 
 
@@ -55,6 +55,16 @@ def test_registration_equals_its_plain_twin():
         scans.append((pose, points))
         fill(maps, 0, pose, points)
     same(cells(maps, 0), plain(scans))
+
+
+@pytest.mark.parametrize("particles, points", [(1, 1), (20, 300)])
+def test_the_box_of_a_scan_equals_its_plain_twin(particles, points):
+    rng = np.random.default_rng(points)
+    poses, seen = rng.uniform(-9, 9, (particles, 3)), rng.uniform(-4, 4, (2, points))
+    reach = max(math.hypot(x, y) for x, y in seen.T)
+    low, high = bounds(poses, seen)
+    assert low == pytest.approx([min(poses[:, 0]) - reach, min(poses[:, 1]) - reach])
+    assert high == pytest.approx([max(poses[:, 0]) + reach, max(poses[:, 1]) + reach])
 
 
 def test_registering_one_scan_for_all_is_registering_it_for_each():

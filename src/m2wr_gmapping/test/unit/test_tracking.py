@@ -2,68 +2,116 @@
 import numpy as np
 import pytest
 
+from m2wr_gmapping import tracking_kernels as tk
 from m2wr_gmapping.motion_model import MotionNoise
-from m2wr_gmapping.odometry_trust import NARROWEST, WIDEST, OdometryBias, OdometryTrust
-from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_gmapping.tracking import new_track
 
 NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
 
 
+def deviations(track, distance, turn):
+    """Of odometry along, across and of the heading, after a way with turns."""
+    return np.sqrt(tk.odometry_variances(track, distance, turn))
+
+
+def teach(track, error, variance, distance, turn):
+    tk.learn_trust(track, tuple(error), tuple(variance), distance, turn)
+
+
+WAYS = (0.5, 0.0), (0.0, 0.4)       # straight ahead, and on the spot [m], [rad]
+
+
 def taught(true_scale, scan=0.002, steps=300):
-    """A trust that has seen odometry err ``true_scale`` times what the noise says, by scans that err by ``scan``."""
-    rng, trust = np.random.default_rng(3), OdometryTrust(NOISE)
-    real, _ = OdometryTrust(NOISE)._parts(0.5, 0.2)
-    for _ in range(steps):
-        prior, noise = np.square(trust.deviations(0.5, 0.2)), scan * scan
-        seen = rng.normal(0.0, true_scale * real) + rng.normal(0.0, scan, 3)
+    """The scales after odometry was seen to err ``true_scale`` times what the noise says, by scans that do ``scan``.
+
+    ``true_scale`` is that of straight ways and that of turns on the spot, in turn; the result (2, 2) as in ``track``.
+    """
+    rng, track = np.random.default_rng(3), new_track(NOISE)
+    real = [deviations(track, *way) for way in WAYS]
+    for k in range(steps):
+        way = WAYS[k % 2]
+        prior, noise = np.square(deviations(track, *way)), scan * scan
+        seen = rng.normal(0.0, np.broadcast_to(true_scale, 2)[k % 2] * real[k % 2]) + rng.normal(0.0, scan, 3)
         gain = prior / (prior + noise)
-        trust.learn(gain * seen, gain * noise, 0.5, 0.2)
-    return trust
+        teach(track, gain * seen, gain * noise, *way)
+    return track[tk.SCALE:tk.HEARD, :2].copy()
 
 
 @pytest.mark.parametrize("true_scale", [0.3, 1.0, 4.0])
 def test_the_scale_becomes_what_odometry_is_like(true_scale):
-    assert taught(true_scale).scale == pytest.approx(np.full(2, true_scale), rel=0.4)
+    assert taught(true_scale)[:, 0] == pytest.approx(np.full(2, true_scale), rel=0.4)
+    assert taught(true_scale)[1, 1] == pytest.approx(true_scale, rel=0.4)
+
+
+def test_wheels_that_are_exact_straight_ahead_may_scrub_in_turns():
+    scale = taught((0.1, 4.0))
+    assert scale[1, 1] > 2.0 and scale[1, 0] < 0.5 and scale[0, 0] < 0.5
+
+
+def test_before_it_has_heard_much_a_way_by_turns_is_trusted_as_straight_ones_are():
+    track, sure = new_track(NOISE), np.square([0.003, 0.003, 0.002])
+    for _ in range(6):
+        teach(track, np.zeros(3), sure, 0.5, 0.0)
+    way, heading = track[tk.SCALE:tk.HEARD, :2]
+    assert way[0] < 0.5 and way[0] < way[1] < 0.8 and heading[0] < 0.7 and heading[1] == 1.0
 
 
 def test_the_scale_stays_within_its_bounds():
-    assert (taught(0.0).scale >= NARROWEST).all() and (taught(0.0).scale < 0.15).all()
-    assert (taught(1000.0).scale <= WIDEST).all() and (taught(1000.0).scale > 10.0).all()
+    exact, wild = taught(0.0), taught(1000.0)
+    assert (exact >= tk.NARROWEST).all() and (exact[:, 0] < 0.15).all()
+    assert (wild <= tk.WIDEST).all() and (wild[:, 0] > 10.0).all()
 
 
 def test_a_scan_that_says_nothing_teaches_nothing():
-    trust = OdometryTrust(NOISE)
+    track = new_track(NOISE)
     for _ in range(50):
-        trust.learn(np.zeros(3), np.square(trust.deviations(0.5, 0.0)), 0.5, 0.0)
-    assert (trust.scale == 1.0).all()
+        teach(track, np.zeros(3), np.square(deviations(track, 0.5, 0.0)), 0.5, 0.0)
+    assert (track[tk.SCALE:tk.HEARD, :2] == 1.0).all()
 
 
 def test_deviations_grow_with_the_way_and_are_the_user_s_at_first():
-    trust = OdometryTrust(NOISE)
-    near, far = trust.deviations(0.1, 0.0), trust.deviations(10.0, 3.0)
+    track = new_track(NOISE)
+    near, far = deviations(track, 0.1, 0.0), deviations(track, 10.0, 3.0)
     assert (near < far).all()
     assert far[0] == pytest.approx(0.01 * 10.0 + 0.01 * 3.0, rel=0.5) and far[2] == pytest.approx(0.26, rel=0.5)
 
 
 @pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
 def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
-    rng, bias = np.random.default_rng(4), OdometryBias(ahead)
-    variance, lacks = np.square([0.01, 0.01, 0.01]), np.array([-0.02, 0.015, 0.012])
+    rng, track = np.random.default_rng(4), new_track(NOISE, ahead)
+    variance, lacks = (1e-4, 1e-4, 1e-4), np.array([-0.02, 0.015, 0.012])
     for k in range(1500):
         way, turn = rng.uniform(0.2, 0.5) * (-1.0 if k % 5 == 0 else 1.0), rng.normal(0.0, 0.3)
         step = np.array([way * ahead[0], way * ahead[1], turn])
         right = np.array([*step[:2] * (1.0 + lacks[0]), turn * (1.0 + lacks[1]) + lacks[2] * way])
-        error = between(bias.corrected(step), right) + rng.normal(0.0, 0.002, 3)
-        bias.learn(error, variance, np.full(3, 0.9), way, turn)
-    assert bias.bias == pytest.approx(lacks, abs=0.004)
+        error = between(tk.corrected(track, *step)[:3], right) + rng.normal(0.0, 0.002, 3)
+        tk.learn_bias(track, tuple(error), variance, (0.9, 0.9, 0.9), way, turn)
+    assert track[tk.BIAS] == pytest.approx(lacks, abs=0.004)
+
+
+@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
+@pytest.mark.parametrize("off", [0.05, -0.12])
+def test_a_centre_that_is_not_the_axle_s_is_found_by_turning(ahead, off):
+    """Wheels tell of the middle of the axle; published as the base frame's, it goes round what it should be."""
+    rng, track = np.random.default_rng(5), new_track(NOISE, ahead)
+    point = np.array([off * ahead[0], off * ahead[1], 0.0])
+    for _ in range(400):
+        way, turn = rng.choice([0.0, 0.3]), rng.normal(0.0, 0.3)
+        step = np.array([way * ahead[0], way * ahead[1], turn])
+        right = compose(inverse(point), compose(step, point))
+        error = np.array(between(tk.corrected(track, *step)[:3], right)) + rng.normal(0.0, 0.002, 3)
+        tk.learn_bias(track, tuple(error), (1e-4, 1e-4, 1e-4), (0.9, 0.9, 0.9), way, turn)
+    assert track[tk.CENTRE, 0] == pytest.approx(off, abs=0.01) and track[tk.CENTRE, 1] < 1e-4
+    assert np.abs(track[tk.BIAS]).max() < 0.01
 
 
 def test_a_scan_that_says_little_and_an_error_of_another_kind_teach_no_bias():
-    bias = OdometryBias((1.0, 0.0))
+    track, variance = new_track(NOISE), (1e-4, 1e-4, 1e-4)
     for _ in range(50):
-        bias.learn(np.full(3, 0.05), np.full(3, 1e-4), np.full(3, 0.05), 0.5, 0.1)
-        bias.learn(np.full(3, 0.8), np.full(3, 1e-4), np.full(3, 0.9), 0.5, 0.1)
-    assert (bias.bias == 0.0).all()
+        tk.learn_bias(track, (0.05, 0.05, 0.05), variance, (0.05, 0.05, 0.05), 0.5, 0.1)
+        tk.learn_bias(track, (0.8, 0.8, 0.8), variance, (0.9, 0.9, 0.9), 0.5, 0.1)
+    assert (track[tk.BIAS] == 0.0).all() and track[tk.CENTRE, 0] == 0.0
 
 
 def slipped(mapped, ring, laser, jump, looks, then=0.05):
@@ -114,12 +162,12 @@ def test_a_wall_alone_leaves_the_way_along_it_to_odometry(laser):
 
 
 def test_exact_odometry_is_believed_after_a_few_steps_and_doubted_again_when_it_errs():
-    trust = OdometryTrust(MotionNoise())
-    before = trust.deviations(1.0, 0.0)
+    track, sure = new_track(MotionNoise()), np.square([0.003, 0.003, 0.002])
+    before = deviations(track, 1.0, 0.0)
     for _ in range(6):
-        trust.learn(np.zeros(3), np.square([0.003, 0.003, 0.002]), 1.0, 0.0)
-    believed = trust.deviations(1.0, 0.0)
+        teach(track, np.zeros(3), sure, 1.0, 0.0)
+    believed = deviations(track, 1.0, 0.0)
     assert (believed < 0.45 * before).all()
     for _ in range(6):
-        trust.learn(2.0 * before, np.square([0.003, 0.003, 0.002]), 1.0, 0.0)
-    assert (trust.deviations(1.0, 0.0) > 2.0 * believed).all()
+        teach(track, 2.0 * before, sure, 1.0, 0.0)
+    assert (deviations(track, 1.0, 0.0) > 2.0 * believed).all()

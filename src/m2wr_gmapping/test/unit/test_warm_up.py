@@ -3,8 +3,9 @@ import importlib
 
 from m2wr_gmapping.warm_up import warm_up
 
-MODULES = ("correlative_kernels", "graph_kernels", "hill_climb_kernels", "match_kernels", "occupancy_kernels",
-           "pose_graph_kernels", "scan_kernels", "tile_kernels", "tree_kernels")
+MODULES = ("correlative_kernels", "filter_kernels", "graph_kernels", "hill_climb_kernels", "match_kernels",
+           "occupancy_kernels", "pose_graph_kernels", "scan_kernels", "tile_kernels", "tracking_kernels",
+           "tree_kernels")
 
 
 def compiled():

@@ -1,0 +1,56 @@
+"""Small kernels on paths and their nodes, against plain twins."""
+import numpy as np
+import pytest
+
+from m2wr_gmapping import graph_kernels as gk
+from m2wr_gmapping.loop_graph import STEP_FLOOR, covariance, way_along
+
+
+def walk(seed, count):
+    """A path of that many nodes that comes back to where it was, and its length up to each node."""
+    rng = np.random.default_rng(seed)
+    turns = 2.0 * np.pi * 1.7 * np.arange(count) / max(1, count)
+    path = np.stack([8.0 * np.cos(turns), 8.0 * np.sin(turns), turns], -1) + rng.normal(0.0, 0.05, (count, 3))
+    return path, way_along(path)
+
+
+@pytest.mark.parametrize("count", [1, 2, 200])
+def test_the_way_equals_its_plain_twin(count):
+    path, along = walk(count, count)
+    wanted = [sum(float(np.hypot(*(b - a)[:2])) for a, b in zip(path[:k], path[1:k + 1])) for k in range(count)]
+    assert along == pytest.approx(np.array(wanted))
+
+
+@pytest.mark.parametrize("node", [0, 5, 120, 199])
+def test_old_nodes_and_those_met_again_equal_their_plain_twins(node):
+    path, along = walk(3, 200)
+    shift = np.random.default_rng(node).uniform(0.5, 4.0, 200)
+    old = [k for k in range(200) if along[node] - along[k] > 12.0]
+    count = gk.old_nodes(along, node, 12.0)
+    assert old == list(range(count))
+    numbers = np.full((2, 200), -1)
+    near, far = gk.met(path[:node + 1], shift, count, 1.3, 2.0, 2.0, numbers)
+    again = [k for k in old if np.hypot(*(path[k] - path[node])[:2]) < 1.3 * shift[k] + 2.0]
+    assert numbers[0, :near].tolist() == [k for k in again if shift[k] <= 2.0]
+    assert numbers[1, :far].tolist() == [k for k in again if shift[k] > 2.0]
+    assert node < 199 or (near and far)
+
+
+def test_widths_equal_their_plain_twin():
+    rng = np.random.default_rng(0)
+    found, shift, turn = 10.0**rng.uniform(-3.0, 5.0, (300, 3)), np.empty(300), np.empty(300)
+    gk.widths(found, 2.5, 0.0005, (0.5, 30.0), (0.1, 0.6), shift, turn)
+    assert np.allclose(shift, np.minimum(0.5 + 2.5 * (0.0005 * found[:, 0] + np.sqrt(found[:, 1])), 30.0))
+    assert np.allclose(turn, np.minimum(0.1 + 2.5 * 0.0005 * found[:, 2], 0.6))
+    assert shift.min() < 0.6 and shift.max() == 30.0 and turn.min() < 0.11 and turn.max() == 0.6
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_step_tells_is_the_inverse_of_its_covariance(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3, 3)) * 10.0**rng.uniform(-1.0, 3.0, (3, 1))
+    told, deviations, out = (root.T @ root)[np.triu_indices(3)], rng.uniform(0.01, 0.3, 3), np.empty((3, 3))
+    variance = gk.step_information(told, 10.0, deviations, STEP_FLOOR, out)
+    found = covariance(told, deviations, STEP_FLOOR)
+    assert variance == pytest.approx(found[0, 0] + found[1, 1])
+    assert out @ found == pytest.approx(np.eye(3), abs=1e-6) and (out == out.T).all()
