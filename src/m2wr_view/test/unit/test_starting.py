@@ -64,6 +64,13 @@ def test_a_node_that_waits_for_a_master_can_be_interrupted(begin, number):
     assert child.returncode == 1 and "Traceback" not in said
 
 
+@pytest.mark.parametrize("uri", ["localhost:11311", "http://", "http://127.0.0.1:99999", "http://a..b:11311"])
+def test_an_address_that_is_none_is_told(uri):
+    done = subprocess.run([sys.executable, "-c", PROGRAM, "waits"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          env=dict(os.environ, ROS_MASTER_URI=uri), universal_newlines=True, timeout=30)
+    assert done.returncode == 1 and "expected http://HOST:PORT" in done.stdout and "Traceback" not in done.stdout
+
+
 def test_a_fault_of_its_own_is_told(begin, silent_master):
     child, _ = begin("fails", silent_master)
     said, _ = child.communicate(timeout=30)

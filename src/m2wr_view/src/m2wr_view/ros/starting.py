@@ -7,6 +7,7 @@ import time
 
 import rosgraph
 import rosgraph.network
+import rosgraph.rosenv
 import rospy
 
 from m2wr_view.ros.acceptor import accept_side_by_side
@@ -33,12 +34,15 @@ def wait_for_master(name):
     """Return once the master takes connections; exits with 1 if a signal comes before.
 
     rospy waits as well, but with a lock held that its own end needs: who had forgotten roscore could not stop it.
+    Exits with 1, too, where ROS_MASTER_URI is no address: rospy would try it for ever.
     """
-    uri = rosgraph.get_master_uri()
+    uri = rosgraph.get_master_uri() or rosgraph.rosenv.DEFAULT_MASTER_URI       # empty: as rospy takes it
     try:
         address = rosgraph.network.parse_http_host_and_port(uri)
-    except ValueError:
-        return                          # rospy says what it thinks of it
+        address[0].encode("idna")
+    except ValueError as error:
+        sys.stderr.write("%s: ROS_MASTER_URI is %r (%s); expected http://HOST:PORT\n" % (name, uri, error))
+        sys.exit(1)
     told = False
     while not rospy.core.is_shutdown_requested():
         try:
