@@ -170,6 +170,25 @@ def test_single_scans_of_another_time_or_laser_are_left_out(tmp_path, ring, lase
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
 
 
+def test_a_single_scan_far_ahead_costs_no_map(tmp_path, ring, laser):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+    run(tmp_path, "--trajectory", str(tmp_path / "once"))
+
+    def odd(messages):
+        number = 0
+        for topic, message, stamp in messages:
+            yield topic, message, stamp
+            number += topic == "/scan"
+            if topic == "/scan" and number == len(truth) // 2:
+                ahead = LaserScan(ranges=message.ranges)
+                ahead.header.frame_id, ahead.header.stamp = "laser", rospy.Time(10**6)
+                yield topic, ahead, stamp
+    rewrite(tmp_path / "drive.bag", odd)
+    code, stats = run(tmp_path, "--trajectory", str(tmp_path / "twice"))
+    assert code == 0 and (stats["time_jumps"], stats["refused"], stats["without_transform"]) == (0, 1, 0)
+    assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
+
+
 def test_statistics_say_what_was_done(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     _, stats = run(tmp_path)

@@ -36,7 +36,7 @@ class ScanSource:
     early : int
         Scans, apart from those without a transform, that are older than the first one of their laser.
     odd : int
-        Scans with a stamp of long ago among others that have not.
+        Single scans with a stamp of long ago, or far ahead, among others that have not.
     generation : int
         Goes up where time jumps back in the bag, as when a simulation is reset: what follows is another run.
     """
@@ -53,6 +53,7 @@ class ScanSource:
         self._newest_of = {}            # child frame -> its newest stamp [ns]
         self._old = []                  # transforms since the last scan that are older than those before them
         self._last = self._odd = None   # the newest scan's stamp; a scan that looked like a jump back, if the last one
+        self._before = None             # stamp of the scan before the newest
         self._begun = False             # whether a scan of this generation has been handed out
         self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
         self.why = None                 # why a scan has no transform
@@ -93,6 +94,10 @@ class ScanSource:
     def _put(self, scan):
         """Let a scan wait; the second one in a row that is much older than the one before begins another run."""
         stamp = scan.header.stamp
+        if self._is_far_ahead_of(stamp):
+            self._waiting.pop()
+            self.odd += 1
+            self._last = self._before
         if self._last is not None and (self._last - stamp).to_sec() > JUMP:
             if self._odd is None or stamp < self._odd.header.stamp:
                 self.odd += self._odd is not None
@@ -102,9 +107,14 @@ class ScanSource:
             self._waiting.append(self._odd)
         elif self._odd is not None:
             self.odd += 1
-        self._odd, self._last = None, stamp
+        self._odd, self._before, self._last = None, self._last, stamp
         self._old.clear()
         self._waiting.append(scan)
+
+    def _is_far_ahead_of(self, stamp):
+        """Whether the newest scan, which still waits, is of later than this one, and those before it are not."""
+        return (self._before is not None and self._before <= stamp and (self._last - stamp).to_sec() > JUMP
+                and bool(self._waiting) and self._waiting[-1].header.stamp == self._last)
 
     def _jump(self, stamp):
         log.warning("time jumps back from %.3f to %.3f in the bag: the map begins anew", self._last.to_sec(),
