@@ -30,6 +30,7 @@ def _p(default, unit, low, high, meaning):
     return Parameter(default, unit, low, high, meaning)
 
 
+MOST_NOISE = 1e9            # squares and products of it are numbers still
 MOST_CELLS = 1e9            # of the first extent: a byte each in every map that is published
 
 # public name -> parameter. A default of None is filled in from another value, which the meaning names.
@@ -57,10 +58,10 @@ PARAMETERS = {
     "llsamplestep": _p(0.01, "m", -INFINITY, INFINITY, "accepted, without effect as in the original"),
     "lasamplerange": _p(0.005, "rad", -INFINITY, INFINITY, "accepted, without effect as in the original"),
     "lasamplestep": _p(0.005, "rad", -INFINITY, INFINITY, "accepted, without effect as in the original"),
-    "srr": _p(0.1, "m/m", 0.0, INFINITY, "translation noise from translation"),
-    "srt": _p(0.2, "rad/m", 0.0, INFINITY, "heading noise from translation"),
-    "str": _p(0.1, "m/rad", 0.0, INFINITY, "translation noise from turning"),
-    "stt": _p(0.2, "rad/rad", 0.0, INFINITY, "heading noise from turning"),
+    "srr": _p(0.1, "m/m", 0.0, MOST_NOISE, "translation noise from translation"),
+    "srt": _p(0.2, "rad/m", 0.0, MOST_NOISE, "heading noise from translation"),
+    "str": _p(0.1, "m/rad", 0.0, MOST_NOISE, "translation noise from turning"),
+    "stt": _p(0.2, "rad/rad", 0.0, MOST_NOISE, "heading noise from turning"),
     "linearUpdate": _p(1.0, "m", 0.0, INFINITY, "distance after which a scan is processed"),
     "angularUpdate": _p(0.5, "rad", 0.0, INFINITY, "turn after which a scan is processed"),
     "temporalUpdate": _p(-1.0, "s", -INFINITY, INFINITY, "time after which a scan is processed anyhow; < 0: never"),

@@ -182,10 +182,10 @@ class LoopGraph:
         if found is None:
             return None, None, False
         node, row, _, heard = found
-        row[mk.INFORMATION:] = heard
         # along a plain wall the scan fits best where old ones saw all of it, and a second search finds the same
         moved = (change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any()
         slides = slides or ((reach > 0.0 or moved) and not held(row))
+        row[mk.INFORMATION:] = heard
         return link_of(scene.path, node, row, slides), row[:3].copy(), slides
 
     def fine_match(self, scene, old, pose, reach):

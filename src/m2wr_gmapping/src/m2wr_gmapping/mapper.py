@@ -43,6 +43,11 @@ class Update:
     pose: np.ndarray
 
 
+def is_usable(odom_pose, stamp):
+    """Whether a mapper takes a scan from that odometry pose (3,) at that stamp [s]: both are finite and no nonsense."""
+    return bool((np.abs(odom_pose) < FARTHEST_ODOMETRY).all()) and math.isfinite(stamp)
+
+
 class Mapper:
     """A particle filter over grid maps, fed one scan at a time.
 
@@ -106,10 +111,10 @@ class Mapper:
         Raises
         ------
         ValueError
-            If the pose or the stamp is not finite.
+            If the pose or the stamp is not finite, or the pose is too far.
         """
         odom_pose = np.asarray(odom_pose, float)
-        if not (all(abs(value) < FARTHEST_ODOMETRY for value in odom_pose.tolist()) and math.isfinite(stamp)):
+        if not is_usable(odom_pose, stamp):
             raise ValueError("odometry pose {} at {} is not finite or too far: expected numbers below {:g}".format(
                 odom_pose.tolist(), stamp, FARTHEST_ODOMETRY))
         if self.filter is None:
@@ -165,8 +170,9 @@ class Mapper:
             The first scan, as for ``process``.
         """
         start, odom_pose = np.asarray(start, float), np.asarray(odom_pose, float)
-        if not (np.isfinite(start).all() and np.isfinite(odom_pose).all()):
-            raise ValueError("start {} and odometry {}: expected finite numbers".format(start, odom_pose))
+        if not (is_usable(start, stamp) and is_usable(odom_pose, stamp)):
+            raise ValueError("start {} and odometry {} at {}: expected finite numbers below {:g}".format(
+                start, odom_pose, stamp, FARTHEST_ODOMETRY))
         ground = MapReading(saved.walls())
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)

@@ -7,6 +7,7 @@ from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import tracking_kernels as tk
 from m2wr_gmapping.correlative_kernels import search_window
 from m2wr_gmapping.scan import SLIDE_STRAIGHT
+from m2wr_gmapping.se2 import between
 from m2wr_gmapping.tile_kernels import draw_field, tiles_around
 
 WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
@@ -21,6 +22,7 @@ WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the 
 WINDOW_MOST = np.array([0.8, 0.9])      # a search beyond would take longer than a scan may [m, rad]
 PULL = 9.0                      # squared deviations by which a match may move off odometry without being doubted
 SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in deviations of a slip
+GOING_ON = 0.05                 # a scan that was found so far from odometry may have been found after a slip [m, rad]
 SLIP_COST = 6.0                 # minus the logarithm of how often odometry slips
 MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
 
@@ -118,11 +120,14 @@ class FastMatcher:
             return row, False
         slipped, window = False, np.minimum(WINDOW_MOST, ask[tk.WINDOW, :2])
         wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
-        for begin in (row[:3], self.search(maps, particle, reading, expected, window)):
-            other = self.match_one(maps, particle, reading, begin, expected, 1.0 / wide)
-            cost = tk.cost_of(other, expected, wide)[0] + SLIP_COST
-            if cost < best:
-                row, best, slipped = other, cost, True
+        plain, start = row[:3], ask[tk.START]
+        # wheels that go on slipping have slipped already where the scan before was found
+        for centre in (expected, start) if np.abs(between(expected, start)).max() > GOING_ON else (expected,):
+            for begin in (plain, self.search(maps, particle, reading, centre, window)):
+                other = self.match_one(maps, particle, reading, begin, centre, 1.0 / wide)
+                cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
+                if cost < best:
+                    row, best, slipped = other, cost, True
         return row, slipped
 
     def search(self, maps, particle, reading, prediction, window):

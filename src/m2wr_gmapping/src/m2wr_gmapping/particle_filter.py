@@ -29,7 +29,7 @@ class ParticleFilter:
     ----------
     config : GmappingConfig
     matcher : object
-        ``match(maps, reading, starts, predictions, prior)`` returning result rows of ``match_kernels``.
+        ``match(maps, reading, starts, predictions, prior, minimum_score)`` returning result rows of ``match_kernels``.
     start : (3,) float64
         Pose of all particles before the first scan, in ``map``.
 

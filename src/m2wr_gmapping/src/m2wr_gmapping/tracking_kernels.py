@@ -10,7 +10,7 @@ Array layouts
     SLACK               variances of the pose from which EXPECTED leads on
     WAY                 distance [m] and turns [rad] since then
     SIGNED              the same forwards and to the left, less what went back again
-    ASIDE, SLIP         what takes odometry's poses to those found; WAY when that was first seen, how often it was
+    ASIDE, SLIP         what takes odometry's newest pose to the one found; WAY when first seen, how often seen
     DOUBT               score share of a doubt that was answered, NO_DOUBT for none; way [m], [rad] since then
     SCALE, HEARD        scales of odometry's deviations, and how many steps have told of each; two rows each, of the way
                         and of the heading, both by way and by turn
@@ -40,7 +40,7 @@ LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a plain match ma
 SLIP_FLOOR, SLIP_SHARE = (0.2, 0.3), 0.4    # how far a slip leads aside [m, rad]; growth with the step
 SLIP_SEEN = 0.15, 0.1                       # a slip is believed when it is still there that much later [m, rad]
 SLIP_LOOKS = 20                             # or has been seen so often in a row
-SLIP_AGREES = 0.1, 0.1, 0.1                 # and is the same within this [m, m, rad]
+SLIP_AGREES = 0.1, 0.1, 0.1                 # and changes by no more from one scan to the next [m, m, rad]
 SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance that odometry has after a slip was found [m^2, m^2, rad^2]
 GOOD_SHARE = 0.8                            # share of the beams' best possible score below which a match is doubted
 ASK_AGAIN, WORSE_SHARE = (0.15, 0.15), 0.1  # way [m, rad], or fall of the score, after which to doubt anew
@@ -366,10 +366,10 @@ def _judge(track, at_once):
                _wrapped(aside[2] + expected[2]))
         x, y, theta = _between(led, rel)
         again = not _exceeds(x, y, theta, SLIP_AGREES)
-    if not again:               # rel (+) inverse(expected), and the way so far
-        c, s = math.cos(expected[2]), math.sin(expected[2])
-        back = -c * expected[0] - s * expected[1], s * expected[0] - c * expected[1], _wrapped(-expected[2])
-        _compose(rel, back, aside)
+    c, s = math.cos(expected[2]), math.sin(expected[2])     # rel (+) inverse(expected): wheels may go on slipping
+    back = -c * expected[0] - s * expected[1], s * expected[0] - c * expected[1], _wrapped(-expected[2])
+    _compose(rel, back, aside)
+    if not again:
         slip[0], slip[1], slip[2] = way[0], way[1], 0.0
     slip[2] += 1.0
     if at_once or slip[2] > SLIP_LOOKS or way[0] - slip[0] > SLIP_SEEN[0] or way[1] - slip[1] > SLIP_SEEN[1]:

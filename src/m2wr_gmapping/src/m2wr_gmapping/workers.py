@@ -16,16 +16,16 @@ class Workers:
     def __init__(self, threads):
         self._helpers = []
         self._threads = int(threads) or len(os.sched_getaffinity(0))
-        self._shares, self._done = queue.SimpleQueue(), queue.SimpleQueue()
-        self._helpers = [threading.Thread(target=self._help, args=(self._shares, self._done), daemon=True)
+        self._shares = queue.SimpleQueue()
+        self._helpers = [threading.Thread(target=self._help, args=(self._shares,), daemon=True)
                          for _ in range(self._threads - 1)]
         for helper in self._helpers:
             helper.start()
 
     @staticmethod
-    def _help(shares, done):
-        """Do shares of work until there is None, and put what went wrong with each, or None."""
-        for share in iter(shares.get, None):
+    def _help(shares):
+        """Do shares of work until there is None, and put what went wrong with each, or None, where its run waits."""
+        for share, done in iter(shares.get, None):
             try:
                 share()
                 done.put(None)
@@ -45,24 +45,27 @@ class Workers:
             for first, last in ranges:
                 work(first, last)
 
+        done = queue.SimpleQueue()      # its own: what a run that was interrupted left behind is not taken for this one
         for _ in self._helpers:
-            self._shares.put(share)
+            self._shares.put((share, done))
         try:
             share()
         finally:        # nobody writes into these arrays any more when this returns
-            errors = [self._done.get() for _ in range(self._begun())]
+            errors = [done.get() for _ in range(self._begun(done))]
         for error in errors:
             if error is not None:
                 raise error
 
-    def _begun(self):
+    def _begun(self, done):
         """Take back the shares that no helper has begun, on a busy machine, and return the number of those begun."""
-        for begun in range(len(self._helpers), 0, -1):
+        begun = len(self._helpers)
+        while begun:
             try:
-                self._shares.get_nowait()
+                taken = self._shares.get_nowait()
             except queue.Empty:
-                return begun
-        return 0
+                break
+            begun -= taken[1] is done
+        return begun
 
     def close(self):
         """End the threads."""

@@ -41,7 +41,7 @@ def test_values_of_another_kind_leave_the_default_and_are_listed(name, given):
 
 @pytest.mark.parametrize("given, words", [
     (dict(delta=0.0), "delta is 0.0; expected 0.001"), (dict(delta=-1), "delta"), (dict(particles=0), "particles is 0"),
-    (dict(particles=10001), "particles"),
+    (dict(particles=10001), "particles"), (dict(srr=math.inf), "srr is inf"), (dict(stt=1e10), "stt"),
     (dict(xmin=1, xmax=1), "xmin 1.0 and xmax 1.0"), (dict(ymin=5, ymax=-5), "ymin")])
 def test_values_out_of_range_are_named_with_their_range(given, words):
     with pytest.raises(ConfigError, match=re.escape(words)):

@@ -1,5 +1,6 @@
 """Planar poses, motion model, resampling, trajectory tree, pose graph and threads."""
 import math
+import queue
 import threading
 
 import numpy as np
@@ -186,18 +187,19 @@ def test_threads_end_with_their_owner():
 
 
 def test_a_helper_that_comes_too_late_is_not_waited_for():
-    workers, done, begun, go_on = Workers(2), [], threading.Event(), threading.Event()
+    workers, done, begun, go_on, left = Workers(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
 
     def busy():             # as if its core were
         begun.set()
         go_on.wait(20.0)
 
-    workers._shares.put(busy)
+    workers._shares.put((busy, left))
     assert begun.wait(10.0), "the helper has not begun within 10 s"
+    workers._shares.put((busy, left))       # of a run that was interrupted: not taken for a share of the next
     workers.run(lambda first, last: done.extend(range(first, last)), 50)
-    assert sorted(done) == list(range(50)) and not go_on.is_set()
+    assert sorted(done) == list(range(50)) and not go_on.is_set() and workers._shares.empty()
     go_on.set()
-    assert workers._done.get(timeout=10.0) is None
+    assert left.get(timeout=10.0) is None
     workers.close()
 
 

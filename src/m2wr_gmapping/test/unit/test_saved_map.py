@@ -67,6 +67,21 @@ def test_without_a_pose_the_odometry_s_is_taken(plan, laser, ring):
     mapper.close()
 
 
+@pytest.mark.parametrize("no_place", [(1e200, 0.0, 0.0), (0.0, np.nan, 0.0)])
+def test_a_first_scan_that_is_refused_begins_nothing(plan, laser, ring, no_place):
+    beginning, config = Beginning.from_files(GmappingConfig.from_mapping(VALUES), plan, (0.0, 0.0, 0.0))
+    mapper, pose = Mapper(config, laser), drive(1.05)[0]
+    reading = mapper.reading(ring.ranges(pose, laser.angles))
+    assert beginning.connect(mapper, reading, np.array(no_place), 0.0) is None
+    for begin in (mapper.process, lambda *scan: mapper.begin_on(read_map(plan), np.zeros(3), *scan)):
+        with pytest.raises(ValueError, match="odometry"):
+            begin(reading, np.array(no_place), 0.0)
+    assert mapper.filter is None and beginning.connect(mapper, reading, pose, 0.1)
+    mapper.process(reading, pose, 0.1)
+    assert np.hypot(*mapper.base_poses(mapper.pose)[:2]) < 0.08
+    mapper.close()
+
+
 def test_the_old_map_is_there_at_once_and_stays_where_it_is_through_loops(plan, laser, ring):
     saved = read_map(plan)
     truth = drive(1.05)

@@ -131,6 +131,21 @@ def test_a_slip_that_stays_is_followed(mapped, ring, laser):
     mapper.close()
 
 
+@pytest.mark.parametrize("told", [0.0, 0.25, 0.5])
+def test_wheels_that_go_on_slipping_through_a_turn_are_followed(mapped, ring, laser, told):
+    mapper, truth, odom = mapped(laps=0.4, noise=0.0, slip=0.0)
+    at, wheels = truth[-1], odom[-1]
+    for k in range(8):              # a turn of which odometry knows only a part
+        at, wheels = compose(at, [0.03, 0.0, 0.2]), compose(wheels, [0.03, 0.0, 0.2 * told])
+        mapper.process(mapper.reading(ring.ranges(at, laser.angles)), wheels, 100.0 + 0.1 * k)
+    for k in range(10):
+        at, wheels = compose(at, [0.05, 0.0, 0.0]), compose(wheels, [0.05, 0.0, 0.0])
+        update = mapper.process(mapper.reading(ring.ranges(at, laser.angles)), wheels, 110.0 + 0.1 * k)
+    origin = mapper.trajectory()[1][0]
+    assert np.abs(between(between(truth[0], at), between(origin, update.pose))).max() < 0.05
+    mapper.close()
+
+
 def test_a_scan_that_contradicts_odometry_for_a_moment_is_not_processed(mapped, ring, laser):
     mapper, truth, odom = mapped(laps=0.4, noise=0.0, slip=0.0)
     processed = mapper.processed

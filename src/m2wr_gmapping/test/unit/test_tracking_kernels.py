@@ -83,9 +83,9 @@ class Plain:
             self.slip = None
             return
         if self.slip is None or exceeds(between(compose(self.slip[0], self.expected), self.rel), 0.1):
-            self.slip = compose(self.rel, inverse(self.expected)), self.way, 0
-        aside, way, looks = self.slip
-        self.slip = aside, way, looks + 1
+            self.slip = None, self.way, 0
+        _, way, looks = self.slip
+        self.slip = compose(self.rel, inverse(self.expected)), way, looks + 1
         if at_once or looks >= 20 or (self.way - way > [0.15, 0.1]).any():
             self.slip = None
             self.learn_trust(between(self.expected, self.rel), np.zeros(3))

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 
 from m2wr_gmapping import state
-from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.mapper import Mapper, is_usable
 from m2wr_gmapping.replay.map_reading import read_map
 from m2wr_gmapping.scan import ScanError
 from m2wr_gmapping.se2 import compose
@@ -75,7 +75,7 @@ class Beginning:
 
         Later calls do nothing.
         """
-        if self._connected or not (np.isfinite(odom_pose).all() and np.isfinite(stamp)):
+        if self._connected or not is_usable(odom_pose, stamp):
             return None                 # process refuses the latter
         self._connected = True
         if self.loaded is not None:
