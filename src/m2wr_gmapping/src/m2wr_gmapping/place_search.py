@@ -117,6 +117,17 @@ def spread_first(points, spacing):
     return np.sort(first)
 
 
+def _raster(pose, query, path, reference, readings, window, raster_cell):
+    """Return the corner (2,) [m] and the raster of the reference nodes' end points, for the query around ``pose``."""
+    radius = float(np.hypot(query[0], query[1]).max()) + window + MARGIN
+    corner = pose[:2] - radius
+    cells = int(2.0 * radius / raster_cell) + 2
+    raster = np.zeros((cells, cells), np.uint8)
+    for node in reference:
+        ck.stamp_points(path[node], readings[node].points, corner, 1.0 / raster_cell, raster)
+    return corner, raster
+
+
 def coarse_search(pose, query, path, reference, readings, window, turn, raster_cell, allowed=None):
     """Search the query around ``pose`` in a raster of the reference nodes' end points.
 
@@ -133,12 +144,8 @@ def coarse_search(pose, query, path, reference, readings, window, turn, raster_c
     (7,) float64
         ``best`` of ``correlative_kernels.search``.
     """
-    radius = float(np.hypot(query[0], query[1]).max()) + window + MARGIN
-    corner = pose[:2] - radius
-    cells = int(2.0 * radius / raster_cell) + 2
-    raster, coarse = np.zeros((cells, cells), np.uint8), np.empty((cells, cells), np.uint8)
-    for node in reference:
-        ck.stamp_points(path[node], readings[node].points, corner, 1.0 / raster_cell, raster)
+    corner, raster = _raster(pose, query, path, reference, readings, window, raster_cell)
+    coarse = np.empty_like(raster)
     ck.block_maximum(raster, coarse)
     typical = max(1.0, float(np.hypot(query[0], query[1]).mean()))
     count = int(np.ceil(turn * typical / raster_cell))
@@ -156,13 +163,10 @@ def coarse_search(pose, query, path, reference, readings, window, turn, raster_c
 
 def _rated(pose, query, scene, reference, allowed, raster_cell):
     """Rate the places around ``pose`` that are ``allowed`` (N, N): ``rating`` and ``turn`` [rad] of ``ck.survey``."""
-    half = len(allowed) // 2
-    radius = float(np.hypot(query[0], query[1]).max()) + half * raster_cell + MARGIN
-    corner = pose[:2] - radius
-    cells = int(2.0 * radius / raster_cell) + 2
-    raster, seen = np.zeros((cells, cells), np.uint8), np.zeros((cells, cells), np.uint8)
+    window = len(allowed) // 2 * raster_cell
+    corner, raster = _raster(pose, query, scene.path, reference, scene.readings, window, raster_cell)
+    seen = np.zeros_like(raster)
     for node in reference:
-        ck.stamp_points(scene.path[node], scene.readings[node].points, corner, 1.0 / raster_cell, raster)
         ck.mark_seen(scene.path[node], scene.readings[node].rays, corner, 1.0 / raster_cell, seen)
     turns = np.arange(-2, 3) * (0.5 * raster_cell / max(1.0, float(np.hypot(query[0], query[1]).mean())))
     rating, turn = np.empty((2, *allowed.shape))

@@ -146,24 +146,30 @@ def test_time_that_jumps_back_in_a_bag_begins_another_run(tmp_path, ring, laser,
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
 
 
-def test_single_scans_of_another_time_or_laser_are_left_out(tmp_path, ring, laser, caplog):
-    truth = write_bag(tmp_path / "drive.bag", ring, laser)
-    run(tmp_path, "--trajectory", str(tmp_path / "once"))
-
-    def odd(messages):
+def add_scans(path, odd):
+    """Let further scans follow those of a bag: ``odd`` of a scan's number, from 1 on, and message; frame and stamp."""
+    def more(messages):
         number = 0
         for topic, message, stamp in messages:
             yield topic, message, stamp
             number += topic == "/scan"
-            if topic == "/scan" and number in (5, 9, len(truth)):
-                early = LaserScan(ranges=message.ranges)
-                early.header.frame_id, early.header.stamp = "laser", rospy.Time(3)
-                yield topic, early, stamp
-            if topic == "/scan" and number == 7:
-                other = LaserScan(ranges=message.ranges)
-                other.header.frame_id, other.header.stamp = "base", message.header.stamp
-                yield topic, other, stamp
-    rewrite(tmp_path / "drive.bag", odd)
+            header = odd(number, message) if topic == "/scan" else None
+            if header is not None:
+                scan = LaserScan(ranges=message.ranges)
+                scan.header.frame_id, scan.header.stamp = header
+                yield topic, scan, stamp
+    rewrite(path, more)
+
+
+def test_single_scans_of_another_time_or_laser_are_left_out(tmp_path, ring, laser, caplog):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+    run(tmp_path, "--trajectory", str(tmp_path / "once"))
+
+    def odd(number, message):
+        if number in (5, 9, len(truth)):
+            return "laser", rospy.Time(3)
+        return ("base", message.header.stamp) if number == 7 else None
+    add_scans(tmp_path / "drive.bag", odd)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "twice"))
     assert code == 0 and stats["refused"] == 4 and stats["time_jumps"] == 0
     assert "left out 3 of" in caplog.text and "it is of the laser base; expected laser" in caplog.text
@@ -174,16 +180,8 @@ def test_a_single_scan_far_ahead_costs_no_map(tmp_path, ring, laser):
     truth = write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "--trajectory", str(tmp_path / "once"))
 
-    def odd(messages):
-        number = 0
-        for topic, message, stamp in messages:
-            yield topic, message, stamp
-            number += topic == "/scan"
-            if topic == "/scan" and number == len(truth) // 2:
-                ahead = LaserScan(ranges=message.ranges)
-                ahead.header.frame_id, ahead.header.stamp = "laser", rospy.Time(10**6)
-                yield topic, ahead, stamp
-    rewrite(tmp_path / "drive.bag", odd)
+    add_scans(tmp_path / "drive.bag",
+              lambda number, _: ("laser", rospy.Time(10**6)) if number == len(truth) // 2 else None)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "twice"))
     assert code == 0 and (stats["time_jumps"], stats["refused"], stats["without_transform"]) == (0, 1, 0)
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
