@@ -57,7 +57,8 @@ class GazeboRosLaunch(unittest.TestCase):
     def end(self, run):
         """End a program with SIGINT, wait until its node is gone, and return the exit code."""
         code, _ = run.end(signal.SIGINT, STOPPING)
-        wait_until(lambda: "/gazebo" not in names_of_nodes(), "the end of /gazebo")
+        wait_until(lambda: "/gazebo" not in names_of_nodes(),
+                   "/gazebo to leave the master; %s ended with %s and said\n%s" % (run.arguments, code, run.text))
         return code
 
     # ---- launch files ------------------------------------------------------------------------------------------
@@ -131,7 +132,9 @@ class GazeboRosLaunch(unittest.TestCase):
             with self.run_server("-u", command=[program("gazebo_ros", name)]) as run:
                 self.assertEqual(self.models_of(run), ["ground_plane"])
                 if name == "debug":
-                    run.process.send_signal(signal.SIGUSR1)
+                    for _ in range(20):     # while the thread that served this is still at work
+                        self.simulation.models()
+                        run.process.send_signal(signal.SIGUSR1)
                     run.wait_for_text("most recent call first")
                 self.assertEqual(self.end(run), 0, run.text)
                 self.assertIn(words, run.text)

@@ -8,6 +8,7 @@ import sys
 import tempfile
 
 from gazebo_ros.command_line import UsageError, parse, usage
+from gazebo_ros.stacks import show_stacks_on
 from gazebo_ros.worlds import find
 
 _VERSION = 'gzserver of m2wr_sim, in place of Gazebo classic 11 (gazebo_ros 2.9.2)\n'
@@ -92,7 +93,7 @@ def gzserver_main(words=None):
 def debug_main(words=None):
     """Entry point of ``debug``: no debugger, but a crash or SIGUSR1 prints where every thread is."""
     faulthandler.enable()
-    faulthandler.register(signal.SIGUSR1, all_threads=True)
+    show_stacks_on(signal.SIGUSR1)
     say('a crash prints the stack of every thread, and so does `kill -USR1 %d`; to attach a debugger: gdb -p %d'
         % (os.getpid(), os.getpid()), 'debug')
     return gzserver_main(words)

@@ -1,0 +1,32 @@
+"""Where every thread of a running program is, on a signal."""
+import faulthandler
+import os
+import signal
+import sys
+import threading
+
+
+def show_stacks_on(number):
+    """Let a signal print the stack of every thread to stderr; the program goes on.
+
+    ``faulthandler.register()`` prints from within the signal, while the other threads run on and change what it reads:
+    a program with threads at work soon crashes of it.  Here the signal only wakes a thread, which prints while it
+    holds the interpreter, so that all stand still; a main thread deep in a library does not delay it.
+
+    Parameters
+    ----------
+    number : int
+        The signal.  Handlers that others set for other signals stay theirs.
+    """
+    heard, wake = os.pipe()
+    os.set_blocking(wake, False)
+
+    def listen():
+        while True:
+            for number_heard in os.read(heard, 64):
+                if number_heard == number:
+                    faulthandler.dump_traceback(sys.__stderr__)
+
+    threading.Thread(target=listen, name='stacks', daemon=True).start()
+    signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    signal.signal(number, lambda *_: None)
