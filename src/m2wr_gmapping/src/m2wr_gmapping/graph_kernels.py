@@ -174,3 +174,89 @@ def step_information(information, dependent, deviations, floor, out):
     variance = out[0, 0] + out[1, 1]
     inverse(out, out)
     return variance
+
+
+# ---- what is known of odometry's bias later on
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def leverage(information, deviations, led, out):
+    """Write how a step from one node to the next moves with the bias that odometry is corrected by.
+
+    Parameters
+    ----------
+    information : (6,) float64
+        Upper triangle of the scan's information at the newer node. What the scan holds does not move.
+    deviations : (3,) float64
+        Of odometry, to which the match was held.
+    led : (3,) float64
+        Forward way [m] and turn [rad] with their signs, forward direction in the laser's frame [rad].
+    out : (3, 3) float64
+        Written: derivatives of the step, in the axes of the newer node, by scale of ways, scale of turns, turn a metre.
+    """
+    a, b, c = 1.0 / deviations[0]**2, 1.0 / deviations[1]**2, 1.0 / deviations[2]**2
+    _inverse(information[0] + a, information[1], information[2], information[3] + b, information[4],
+             information[5] + c, out)
+    forward, turn, x, y = led[0], led[1], math.cos(led[2]), math.sin(led[2])
+    for k in range(3):
+        ahead, aside, turned = a * out[k, 0], b * out[k, 1], c * out[k, 2]      # rows of the prior's share in the match
+        heading = turned + 0.5 * forward * (x * aside - y * ahead)
+        out[k, 0], out[k, 1], out[k, 2] = forward * (x * ahead + y * aside), turn * heading, forward * heading
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _times(matrix, x, y, z):
+    """Return a matrix (3, 3) times a vector, as three numbers."""
+    return (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
+            matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
+            matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def look_back(accounts, leverages, variance, changes, out):
+    """Find what each step lacks by what the whole run has told of odometry's bias, not by what was known at its time.
+
+    The bias is followed as a random walk, forwards and then backwards.
+
+    Parameters
+    ----------
+    accounts : (K, 6, 3) float64
+        Of each node: information that it told of the bias (3 rows), that times the bias, the bias that odometry was
+        corrected by on the way to it, and as its first value the forward way [m].
+    leverages : (K, 3, 3) float64
+        Of ``leverage``.
+    variance : float
+        Of the bias before anything is told, and at most.
+    changes : (3,) float64
+        What the variance grows by in a metre.
+    out : (K, 3) float64
+        Written: what is to be added to the step to each node, in that node's axes; 0 for the first.
+
+    Notes
+    -----
+    Rauch, Tung, Striebel: Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA Journal 3(8), 1965.
+    """
+    count = out.shape[0]
+    before, after, found = np.empty((count, 3, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+    x = y = z = 0.0
+    spread = variance * np.eye(3)
+    for k in range(count):
+        for i in range(3):
+            spread[i, i] = min(spread[i, i] + changes[i] * abs(accounts[k, 5, 0]), variance)
+        inverse(spread, before[k])
+        x, y, z = _times(before[k], x, y, z)
+        spread[:] = before[k]
+        for i in range(3):
+            for j in range(3):
+                spread[i, j] += accounts[k, i, j]
+        inverse(spread, spread)
+        x, y, z = _times(spread, x + accounts[k, 3, 0], y + accounts[k, 3, 1], z + accounts[k, 3, 2])
+        after[k] = spread
+        found[k, 0], found[k, 1], found[k, 2] = x, y, z
+    for k in range(count - 1, -1, -1):
+        if k < count - 1:
+            dx, dy, dz = _times(before[k + 1], x - found[k, 0], y - found[k, 1], z - found[k, 2])
+            dx, dy, dz = _times(after[k], dx, dy, dz)
+            x, y, z = found[k, 0] + dx, found[k, 1] + dy, found[k, 2] + dz
+        out[k, 0], out[k, 1], out[k, 2] = _times(
+            leverages[k], x - accounts[k, 4, 0], y - accounts[k, 4, 1], z - accounts[k, 4, 2])

@@ -91,9 +91,15 @@ class LoopCloser:
         """Number of times that the path was bent."""
         return self.graph.closures
 
-    def add_step(self, information, deviations):
-        """Say how well the newest node is known from the one before (see ``loop_graph.covariance``)."""
-        self.graph.add_step(information, deviations)
+    def add_step(self, information, deviations, account):
+        """Say how well the newest node is known from the one before (see ``LoopGraph.add_step``)."""
+        self.graph.add_step(information, deviations, account)
+
+    def changed(self, path, changes):
+        """Take in a path (K, 3) whose steps have changed by ``changes`` (K, 3); return one that fits the links too."""
+        self.graph.change_steps(changes)
+        bent = self._solve(path, self._growth.tears)
+        return path if bent is None else bent
 
     def look(self, path, readings):
         """Search for the newest node's place among old nodes; return a corrected path (K, 3) or None.

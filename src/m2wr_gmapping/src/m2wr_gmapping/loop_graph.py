@@ -3,7 +3,7 @@ import numpy as np
 
 from m2wr_gmapping import graph_kernels, place_match, place_search
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.tracking_kernels import DEPENDENT
+from m2wr_gmapping.tracking_kernels import BIAS_CHANGES, BIAS_VARIANCE, DEPENDENT, TOLD, TRACK_ROWS
 from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.se2 import between, compose, wrap
 
@@ -22,7 +22,8 @@ SURE = np.array([0.35, 0.35, 0.1])      # a correction up to this needs no secon
 AGREE = np.array([0.25, 0.25, 0.08])    # two corrections of one loop agree within this [m, m, rad]
 HELD_SHARE = 0.085          # a match must be held across its best direction by that share of what it is along it
 OUTLIER = 12.0              # squared residual of a link, in covariances, that halves its weight
-FIRST_NODES = 1024
+REMEMBERED = 10.0           # looked back at, odometry's bias changes so many times less than while it is followed
+FIRST_NODES, ACCOUNT_ROWS = 1024, TRACK_ROWS - TOLD
 
 
 def covariance(information, deviations, floor):
@@ -100,19 +101,39 @@ class LoopGraph:
         self._steps = []                    # measured pose of each node from the one before, [0] unused
         # of the step to each node, with spare room: information, and variance of the place [m^2]; steps known so far
         self._step_information, self._step_variances = np.zeros((FIRST_NODES, 3, 3)), np.zeros(FIRST_NODES)
+        self._accounts, self._leverages = np.zeros((FIRST_NODES, ACCOUNT_ROWS, 3)), np.zeros((FIRST_NODES, 3, 3))
         self._newest = 0
         self._link_nodes = np.zeros((0, 2), np.int64)   # of ``links``, which only become more
         self.links = []
         self.searches = self.closures = 0
 
-    def add_step(self, information, deviations):
-        """Say how well the newest node is known from the one before (see ``covariance``)."""
+    def add_step(self, information, deviations, account):
+        """Say how well the newest node is known from the one before.
+
+        Parameters
+        ----------
+        information : (6,) float64
+            See ``covariance``.
+        deviations : (3,) float64
+            Likewise.
+        account : (6, 3) float64
+            What the scan told of odometry's bias, and the way: rows ``TOLD`` to ``LED`` of ``tracking_kernels``.
+        """
         self._newest += 1
         if self._newest == len(self._step_variances):
-            self._step_information = np.concatenate([self._step_information, np.zeros_like(self._step_information)])
-            self._step_variances = np.concatenate([self._step_variances, np.zeros_like(self._step_variances)])
+            for name in ("_step_information", "_step_variances", "_accounts", "_leverages"):
+                rows = getattr(self, name)
+                setattr(self, name, np.concatenate([rows, np.zeros_like(rows)]))
         self._step_variances[self._newest] = graph_kernels.step_information(
             information, DEPENDENT, deviations, STEP_FLOOR, self._step_information[self._newest])
+        self._accounts[self._newest] = account
+        graph_kernels.leverage(information, deviations, account[-1], self._leverages[self._newest])
+
+    def change_steps(self, changes):
+        """Append ``changes`` (K, 3), in the axes of the pose each step leads to, to the steps that are known so far."""
+        if self._steps:
+            count = len(self._steps)
+            self._steps = list(compose(np.array(self._steps), changes[:count]))
 
     def scene(self, path, along, readings, node, correction=None):
         """Return the path as it was when ``node`` was the newest one, and which of its old nodes it may have met again.
@@ -192,6 +213,13 @@ class LoopGraph:
         """Return ``place_match.fine_match`` with this graph's matcher and cells."""
         return place_match.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
 
+    def _lacking(self, count):
+        """Return what the steps to ``count`` nodes lack (count, 3), by all that is known of odometry's bias by now."""
+        lacking = np.empty((count, 3))
+        graph_kernels.look_back(self._accounts[:count], self._leverages[:count], BIAS_VARIANCE,
+                                BIAS_VARIANCE / REMEMBERED * np.array(BIAS_CHANGES), lacking)
+        return lacking
+
     def solve(self, path, opened=False):
         """Return the path (K, 3) that fits all steps and links best, or None where it hardly moves.
 
@@ -204,7 +232,8 @@ class LoopGraph:
         count = len(path)
         chain = np.stack([np.arange(count - 1), np.arange(1, count)], -1)
         pairs = np.concatenate([chain, np.array([link[:2] for link in self.links])])
-        measured = np.concatenate([np.array(self._steps[1:]), np.array([link[2] for link in self.links])])
+        steps = compose(np.array(self._steps[1:]), self._lacking(count)[1:])
+        measured = np.concatenate([steps, np.array([link[2] for link in self.links])])
         information = np.concatenate([self._step_information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1

@@ -226,13 +226,25 @@ class Mapper:
             variances, inverse, spread = tracker.lead(anchors, starts, predictions)
             rows = particles.match(reading, starts, predictions, inverse, least, spread)
             best = particles.best
-            tracker.learn(anchors[best], rows[best])
+            tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best])
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)
         if self._loops is not None:
-            self._loops.add_step(rows[best, tk.INFORMATION:], np.sqrt(variances))
+            self._loops.add_step(rows[best, tk.INFORMATION:], np.sqrt(variances), tracker.account)
+        if tracker is not None and tracker.hindsight.due:
+            self._look_back()
+        if self._loops is not None:
             self._bend(self._loops.look(particles.tree.path(particles.best), self.readings))
+
+    def _look_back(self):
+        """Tell the steps of the path where the centre of turning is by now; a saved map holds its path by itself."""
+        if self._tracker is None or self.given:
+            return
+        tracker, particles = self._tracker, self.filter
+        changes, path = tracker.hindsight.look(particles.tree.path(particles.best), tracker.centre)
+        if changes is not None:
+            self._bend(path if self._loops is None else self._loops.changed(path, changes))
 
     def _bend(self, path):
         if path is not None:
@@ -240,7 +252,10 @@ class Mapper:
 
     def finish(self):
         """Bring the path and the maps to agree with all that is known; call when no scan follows, or before saving."""
-        if self._loops is not None and self.filter is not None:
+        if self.filter is None:
+            return
+        self._look_back()
+        if self._loops is not None:
             self._bend(self._loops.conclude(self.filter.tree.path(self.filter.best), self.readings))
 
     def info(self):

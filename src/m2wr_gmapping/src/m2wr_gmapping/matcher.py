@@ -74,6 +74,7 @@ class FastMatcher:
                                least, results)
 
         self._workers.run(work, len(starts))
+        tk.lead_all_back(results, predictions)      # see _tied
         return results
 
     def match_one(self, maps, particle, reading, start, prediction, prior):
@@ -81,6 +82,15 @@ class FastMatcher:
         row = np.empty(mk.RESULT_SIZE)
         mk.match_pose(start, prediction, maps.table[particle], reading.beams, maps.mean, maps.hits, maps.frame, prior,
                       self._settings, row)
+        return row
+
+    def _tied(self, maps, particle, reading, start, prediction, prior):
+        """``match_one`` that keeps to the prediction along a plain wall.
+
+        There it would stay where it began, be it anywhere as after a search, and be drawn to where the wall's map ends.
+        """
+        row = self.match_one(maps, particle, reading, start, prediction, prior)
+        tk.lead_back(row, prediction)
         return row
 
     def track(self, maps, particle, reading, ask, long, good_share):
@@ -106,13 +116,13 @@ class FastMatcher:
         slipped : bool
         """
         expected, variances, inverse = ask[tk.WANTED], ask[tk.VARIANCES], ask[tk.INVERSE]
-        row = self.match_one(maps, particle, reading, ask[tk.START], expected, inverse)
+        row = self._tied(maps, particle, reading, ask[tk.START], expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
         if long:
             window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
             if (window > WINDOW_LEAST).any():
                 found = self.search(maps, particle, reading, expected, window)
-                other = self.match_one(maps, particle, reading, found, expected, inverse)
+                other = self._tied(maps, particle, reading, found, expected, inverse)
                 cost, other_pull = tk.cost_of(other, expected, variances)
                 if cost < best:
                     row, best, pull = other, cost, other_pull
@@ -124,7 +134,7 @@ class FastMatcher:
         # wheels that go on slipping have slipped already where the scan before was found
         for centre in (expected, start) if np.abs(between(expected, start)).max() > GOING_ON else (expected,):
             for begin in (plain, self.search(maps, particle, reading, centre, window)):
-                other = self.match_one(maps, particle, reading, begin, centre, 1.0 / wide)
+                other = self._tied(maps, particle, reading, begin, centre, 1.0 / wide)
                 cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
                 if cost < best:
                     row, best, slipped = other, cost, True

@@ -202,7 +202,7 @@ class ScanReading:
         self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()
         # of the thinned points: neighbouring beams on a near wall lie closer together than they are exact
         beams = np.empty((mk.BEAM_ROWS, count))
-        with_normals(self.points, NORMAL_REACH, NORMAL_SIDE, SLIDE_STRAIGHT, beams)
+        with_normals(self.points, NORMAL_REACH, NORMAL_SIDE, min(laser.limits[2:]), SLIDE_STRAIGHT, beams)
         self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams
 
     def level_part(self, slope, lift):

@@ -8,7 +8,7 @@ STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line by that along it: o
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def surface_normals(points, reach, side, out):
+def surface_normals(points, reach, side, limit, out):
     """Fit a line through each end point and its neighbours along the scan.
 
     Parameters
@@ -20,9 +20,12 @@ def surface_normals(points, reach, side, out):
         where beams graze a wall and its points lie far apart, those a little farther than the nearest one do.
     side : int
         Most neighbours taken on either side.
+    limit : float
+        Surfaces are seen up to here [m]. An end point with one neighbour stands alone, like a post, but not where a
+        third one would lie beyond: a wall goes on there, and what ends is the range.
     out : (3, B) float64
-        Written: unit normal x, y and straightness in [0, 1]; 0 where fewer than three points lie together, with the
-        direction to the laser as normal.
+        Written: unit normal x, y and straightness in [0, 1]; 0 where a point stands alone, with the direction to the
+        laser as normal.
     """
     count = points.shape[1]
     for b in range(count):
@@ -34,6 +37,7 @@ def surface_normals(points, reach, side, out):
                 nearest2 = min(nearest2, dx * dx + dy * dy)
         reach2 = max(reach * reach, min(SPARSE * SPARSE * nearest2, SPARSE_MOST * SPARSE_MOST))
         n, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
+        beside_x = beside_y = 0.0
         for direction in (-1, 1):
             for k in range(1, side + 1):
                 other = b + direction * k
@@ -43,6 +47,7 @@ def surface_normals(points, reach, side, out):
                 if not dx * dx + dy * dy <= reach2:
                     break
                 n += 1
+                beside_x, beside_y = dx, dy
                 sx += dx
                 sy += dy
                 sxx += dx * dx
@@ -53,6 +58,10 @@ def surface_normals(points, reach, side, out):
             out[0, b], out[1, b], out[2, b] = -x / norm, -y / norm, 0.0
         else:
             out[0, b], out[1, b], out[2, b] = 1.0, 0.0, 0.0
+        if n == 2:
+            x, y, norm = x - beside_x, y - beside_y, math.sqrt(beside_x * beside_x + beside_y * beside_y)
+            if norm > 0.0 and x * x + y * y > limit * limit:
+                out[0, b], out[1, b], out[2, b] = -beside_y / norm, beside_x / norm, 1.0
         if n < 3:
             continue
         cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
@@ -73,13 +82,13 @@ def surface_normals(points, reach, side, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def with_normals(points, reach, side, straight, beams):
+def with_normals(points, reach, side, limit, straight, beams):
     """Write end points (2, B) and what their surface is like as beams (7, B), in the layout of ``match_kernels``.
 
-    ``reach`` and ``side`` are those of ``surface_normals``, ``straight`` weighs sliding along a straight wall.
+    ``reach``, ``side`` and ``limit`` are those of ``surface_normals``, ``straight`` weighs sliding along a wall.
     """
     shape = beams[2:5]          # the third of these rows holds straightness until the lever arm takes its place
-    surface_normals(points, reach, side, shape)
+    surface_normals(points, reach, side, limit, shape)
     for b in range(points.shape[1]):
         qx, qy, nx, ny, straightness = points[0, b], points[1, b], shape[0, b], shape[1, b], shape[2, b]
         beams[0, b], beams[1, b] = qx, qy

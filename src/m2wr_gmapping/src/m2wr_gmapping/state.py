@@ -22,7 +22,7 @@ from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.whole_files import write_whole
 
 MAGIC = b"m2wr_gmapping state\n"
-VERSION = 3             # goes up whenever the same attributes come to mean something else
+VERSION = 4             # goes up whenever the same attributes come to mean something else
 PROTOCOL = 4            # readable by Python 3.8
 PACKAGE = __name__.split(".")[0]
 # parameters that are the program's own, not the map's: those of the running program hold

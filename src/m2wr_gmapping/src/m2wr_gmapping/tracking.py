@@ -1,8 +1,10 @@
 """Where the robot is between two processed scans: odometry, matches in the best map, and what to believe of both."""
 import numpy as np
 
+from m2wr_gmapping import hindsight_kernels as hk
 from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping import tracking_kernels as tk
+from m2wr_gmapping.hindsight import Hindsight
 
 
 def new_track(noise, ahead=(1.0, 0.0)):
@@ -44,6 +46,7 @@ class Tracker:
     def __init__(self, matcher, noise, dense, ahead=(1.0, 0.0)):
         self._matcher, self._dense = matcher, dense
         self._track, self._ask = new_track(noise, ahead), np.zeros((tk.ASK_ROWS, 3))
+        self.hindsight = Hindsight(ahead)
 
     def restart(self):
         """The newest scan was processed: all is seen from there."""
@@ -71,6 +74,11 @@ class Tracker:
     def bias(self):
         """What a step of odometry lacks (3,): scale of ways, scale of turns, turn a metre [rad/m]."""
         return self._track[tk.BIAS].copy()
+
+    @property
+    def account(self):
+        """What the newest processed scan told of the bias, and the way to it (6, 3): ``TOLD`` to ``LED``."""
+        return self._track[tk.TOLD:].copy()
 
     @property
     def centre(self):
@@ -111,9 +119,26 @@ class Tracker:
         tk.settle(track, anchor, row, row[mk.SCORE] / beams, slipped, long or not self._dense)
         return True
 
-    def learn(self, anchor, row):
-        """Take in the match of a processed scan, its result row, by the particle that was at ``anchor`` (3,)."""
-        tk.learn(self._track, anchor, row)
+    def learn(self, maps, particle, anchor, prediction, reading, row):
+        """Take in the match of a processed scan by one particle.
+
+        Parameters
+        ----------
+        maps, particle : TileMaps, int
+            Whose map it was matched in.
+        anchor, prediction : (3,) float64
+            That particle's pose at the processed scan before, and where odometry leads from there.
+        reading : ScanReading
+        row : (13,) float64
+            Result of the match.
+        """
+        track, inverse = self._track, np.empty(3)
+        tk.learn_step(track, anchor, row, self.hindsight.room())
+        if tk.would_teach(track, row, inverse):
+            free = self._matcher.match_one(maps, particle, reading, row[:3], prediction, inverse)
+            tk.learn_freely(track, anchor, free, inverse)
 
 
 assert (mk.COST, mk.INFORMATION) == (tk.COST, tk.INFORMATION)
+assert (hk.SILENT, hk.TURN, hk.CENTRE, hk.APPLIED) == (
+    tk.SILENT_AXIS, tk.STEP_TURN, tk.STEP_CENTRE, tk.STEP_APPLIED)

@@ -1,5 +1,8 @@
 """Where the robot is between two processed scans, and what matches find of odometry: the arithmetic of ``tracking``.
 
+All in one file: what numba keeps of a compiled kernel is renewed when the file of that kernel changes, not when one
+that it calls does.
+
 Array layouts
 -------------
 ``track`` (TRACK_ROWS, 3) float64
@@ -18,6 +21,10 @@ Array layouts
     CENTRE              how far odometry's centre lies ahead of that of turning [m], and the variance of that
     AHEAD               forward direction of the base in the laser's frame
     NOISE, NOISE_TURN   noise of the way by way and by turn, noise of the heading by way and by turn
+    TOLD, TOLD_OF       what the newest processed scan has told of the bias: information, three rows, and that times the
+                        bias it told of
+    LED_BY, LED         bias that odometry was corrected by on the way to that scan; forward way [m] and turn [rad] with
+                        their signs, direction of AHEAD [rad]; from TOLD on these are the last rows
 ``ask`` (ASK_ROWS, 3) float64
     START, WANTED       poses in ``map`` where a match begins, and where odometry has it
     VARIANCES, INVERSE  of the latter along its axes [m^2, m^2, rad^2]
@@ -29,10 +36,12 @@ import math
 from numba import njit
 
 (REL, EXPECTED, DRIVEN, SINCE, SLACK, WAY, SIGNED, ASIDE, SLIP, DOUBT, SCALE, HEARD, BIAS, COVARIANCE, CENTRE, AHEAD,
- NOISE, NOISE_TURN, TRACK_ROWS) = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 15, 18, 19, 20, 21, 22
+ NOISE, NOISE_TURN, TOLD, TOLD_OF, LED_BY, LED, TRACK_ROWS) = (
+     0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 15, 18, 19, 20, 21, 22, 25, 26, 27, 28)
 SINCE_PROCESSED = DOUBT     # rows before this one begin anew, at 0, with each processed scan
 START, WANTED, VARIANCES, INVERSE, WINDOW, ASK_ROWS = 0, 1, 2, 3, 4, 5
 COST, INFORMATION = 6, 7
+SILENT_AXIS, STEP_TURN, STEP_CENTRE, STEP_APPLIED = 0, 3, 4, 5
 NO_DOUBT = -1.0
 
 STILL = 0.005, 0.005, 0.005                 # a scan from so near the last matched one tells nothing new [m, m, rad]
@@ -59,6 +68,7 @@ BIAS_CHANGES = 1.0 / 300.0, 0.0, 1.0 / 300.0    # share of it by which they may 
 CENTRE_VARIANCE = 0.1 * 0.1         # of how far off its axle a base frame may lie without odometry knowing [m^2]
 TOGETHER = 4.0              # the errors of matches that follow each other are alike: as if there were that many fewer
 LEAST_TAUGHT = 0.1          # a scan that says less teaches nothing about the bias
+SILENT = 0.085              # what a scan says along a wall is noise below that share of what it says across
 FAR_OFF = 4.0               # deviations beyond which an error is none of odometry's usual ones
 
 
@@ -132,10 +142,28 @@ def odometry_variances(track, distance, turn):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def bias_variances(track, forward, turn):
+    """Return the variances along, across [m^2] and of the heading [rad^2] that an odometry has which errs alike all the
+    time, by what is not known of BIAS and CENTRE, after a way ``forward`` [m] and a ``turn`` [rad] with their signs.
+    """
+    x, y, centre, p = track[AHEAD, 0], track[AHEAD, 1], track[CENTRE, 1], track[COVARIANCE:COVARIANCE + 3]
+    heading = p[1, 1] * turn * turn + 2.0 * p[1, 2] * turn * forward + p[2, 2] * forward * forward
+    along, across = p[0, 0] * forward * forward, 0.25 * forward * forward * heading
+    ahead, aside = 1.0 - math.cos(turn), math.sin(turn)     # what a centre a metre off moves by, as seen at the end
+    one, other = x * ahead - y * aside, y * ahead + x * aside
+    return (x * x * along + y * y * across + centre * one * one,
+            y * y * along + x * x * across + centre * other * other, heading)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def _variances(track, out):
-    """Write the variances (3,) of EXPECTED along its axes."""
+    """Write the variances (3,) of EXPECTED along its axes.
+
+    What is not known of the bias is not in them: where walls are plain, noise would draw every match along them.
+    """
     own, slack = odometry_variances(track, track[WAY, 0], track[WAY, 1]), track[SLACK]
-    out[0], out[1], out[2] = own[0] + slack[0], own[1] + slack[1], own[2] + slack[2]
+    for k in range(3):
+        out[k] = own[k] + slack[k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -196,17 +224,23 @@ def corrected(track, x, y, turn):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _update_bias(track, row, seen, own, heard):
-    """Take in a measurement of the bias' Kalman filter: ``row`` times the bias, by odometry with variance ``own``."""
+def _update_bias(track, row, seen, variance, heard):
+    """Take in a measurement of the bias' Kalman filter: ``row`` times the bias, with that variance."""
     if heard < LEAST_TAUGHT:
         return
     p = track[COVARIANCE:COVARIANCE + 3]
     gain = (p[0, 0] * row[0] + p[0, 1] * row[1] + p[0, 2] * row[2],
             p[1, 0] * row[0] + p[1, 1] * row[1] + p[1, 2] * row[2],
             p[2, 0] * row[0] + p[2, 1] * row[1] + p[2, 2] * row[2])
-    expected = row[0] * gain[0] + row[1] * gain[1] + row[2] * gain[2] + TOGETHER * own / heard
+    noise = TOGETHER * variance
+    expected = row[0] * gain[0] + row[1] * gain[1] + row[2] * gain[2] + noise
     if seen * seen > FAR_OFF * FAR_OFF * expected:
         return
+    lacked = seen + row[0] * track[BIAS, 0] + row[1] * track[BIAS, 1] + row[2] * track[BIAS, 2]
+    for i in range(3):
+        track[TOLD_OF, i] += row[i] * lacked / noise
+        for j in range(3):
+            track[TOLD + i, j] += row[i] * row[j] / noise
     for i in range(3):
         track[BIAS, i] += gain[i] * (seen / expected)
         for j in range(3):
@@ -214,13 +248,13 @@ def _update_bias(track, row, seen, own, heard):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _update_centre(track, turn, seen, own, heard):
+def _update_centre(track, turn, seen, variance, heard):
     """Take in what turning has moved aside, as ``_update_bias``."""
     if heard < LEAST_TAUGHT:
         return
     centre, lever = track[CENTRE], math.sin(turn)
     gain = centre[1] * lever
-    expected = gain * lever + TOGETHER * own / heard
+    expected = gain * lever + TOGETHER * variance
     if seen * seen <= FAR_OFF * FAR_OFF * expected:
         centre[0] += gain * (seen / expected)
         centre[1] -= gain * gain / expected
@@ -240,7 +274,7 @@ def learn_bias(track, error, variance, told, forward, turn):
     error : tuple of 3 float
         Where the scan alone has the pose, from where odometry, corrected, had it; in the laser's axes, as all here.
     variance : tuple of 3 float
-        Of odometry over the stretch, without what is always the same.
+        Of that, but for what is always the same: of odometry over the stretch, and of the scan.
     told : tuple of 3 float
         How much of each the scan has told, from nothing to all.
     forward, turn : float
@@ -347,6 +381,38 @@ def cost_of(row, expected, variances):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def silent_axis(row):
+    """Return the projector, as xx, xy, yy, on the direction in which the scan of a match does not hold the place.
+
+    Nothing where it holds both directions, or neither.
+    """
+    h = row[INFORMATION:]
+    by = 1.0 / h[5] if h[5] > 0.0 else 0.0
+    a, b, d = h[0] - h[2] * h[2] * by, h[1] - h[2] * h[4] * by, h[3] - h[4] * h[4] * by     # whatever the heading
+    half, middle = 0.5 * (a - d), 0.5 * (a + d)
+    root = math.sqrt(half * half + b * b)
+    if not (root > 0.0 and middle - root < SILENT * (middle + root)):
+        return 0.0, 0.0, 0.0
+    # of the weak axis: (1 - (matrix - middle) / root) / 2
+    return 0.5 * (1.0 - half / root), -0.5 * b / root, 0.5 * (1.0 + half / root)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def lead_back(row, expected):
+    """Move the pose of a match to ``expected`` (3,) in the direction in which its scan says nothing."""
+    xx, xy, yy = silent_axis(row)
+    x, y, _ = _between(row, expected)
+    _compose(row, (xx * x + xy * y, xy * x + yy * y, 0.0), row)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def lead_all_back(rows, expected):
+    """``lead_back`` of many matches (N, 13), each to its own ``expected`` (N, 3)."""
+    for n in range(rows.shape[0]):
+        lead_back(rows[n], expected[n])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def _begin_from(track, rel, slack):
     """From here on odometry leads on from the pose ``rel``, which is known with the variances ``slack``."""
     for k in range(3):
@@ -434,20 +500,89 @@ def _left(row, share, prior):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def _alone(prior, heard):
+    """Variance of a scan alone, of which, beside a prior of that variance, so much is heard."""
+    return prior * (1.0 - heard) / max(heard, 1e-9)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def learn(track, anchor, row):
     """Take in how far odometry erred up to a processed scan, by its match in the map of the particle at ``anchor``."""
     slack, way = track[SLACK], track[WAY]
+    track[TOLD:TOLD_OF + 1] = 0.0
+    track[LED_BY] = track[BIAS]
+    track[LED, 0], track[LED, 1] = track[SIGNED, 0], track[SIGNED, 1]
+    track[LED, 2] = math.atan2(track[AHEAD, 1], track[AHEAD, 0])
     if slack[0] != 0.0 or slack[1] != 0.0 or slack[2] != 0.0:       # then it is not odometry's error alone
         return
+    x, y, theta = _between(anchor, row)
     prior = odometry_variances(track, way[0], way[1])
+    learn_trust(track, _between(track[EXPECTED], (x, y, theta)), _left(row, 1.0, prior), way[0], way[1])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _borne_out(row, x, y):
+    """Return which share of a scan's information along the direction x, y is more than noise of normals makes of it."""
+    xx, xy, yy = row[INFORMATION], row[INFORMATION + 1], row[INFORMATION + 3]
+    along = x * x * xx + 2.0 * x * y * xy + y * y * yy
+    return max(0.0, 1.0 - SILENT * (xx + yy) / along) if along > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _heard(row, prior):
+    """Return how much a scan tells of where odometry leads along, across and in heading, from nothing to all."""
+    left = _left(row, 1.0 / DEPENDENT, prior)
+    return (max(1.0 - left[0] / prior[0], 0.0) * _borne_out(row, 1.0, 0.0),
+            max(1.0 - left[1] / prior[1], 0.0) * _borne_out(row, 0.0, 1.0), max(1.0 - left[2] / prior[2], 0.0))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def would_teach(track, row, inverse):
+    """Tell whether a match held less closely to odometry would teach of its bias, and write how closely.
+
+    Wheels that err little from step to step, but always alike, hold every match so closely that no scan would ever tell
+    of it. The pose stays held as it is.
+
+    Parameters
+    ----------
+    row : (13,) float64
+        Result of the match of the processed scan.
+    inverse : (3,) float64
+        Written: inverse variances of EXPECTED in which what is not known of the bias is contained.
+    """
+    slack = track[SLACK]
+    if slack[0] != 0.0 or slack[1] != 0.0 or slack[2] != 0.0:       # then it is not odometry's error alone
+        return False
+    own = odometry_variances(track, track[WAY, 0], track[WAY, 1])
+    always = bias_variances(track, track[SIGNED, 0], track[SIGNED, 1])
+    prior = own[0] + always[0], own[1] + always[1], own[2] + always[2]
+    for k in range(3):
+        inverse[k] = 1.0 / prior[k]
+    heard = _heard(row, prior)
+    return heard[0] >= LEAST_TAUGHT or heard[1] >= LEAST_TAUGHT or heard[2] >= LEAST_TAUGHT
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def learn_freely(track, anchor, row, inverse):
+    """Take in the match of a processed scan that was held to odometry with ``inverse``, as ``would_teach`` wrote it."""
+    own = odometry_variances(track, track[WAY, 0], track[WAY, 1])
+    prior = 1.0 / inverse[0], 1.0 / inverse[1], 1.0 / inverse[2]
     x, y, theta = _between(anchor, row)
     error = _between(track[EXPECTED], (x, y, theta))
-    variance, hearsay = _left(row, 1.0, prior), _left(row, 1.0 / DEPENDENT, prior)
-    told = (max(1.0 - variance[0] / prior[0], LEAST_TAUGHT), max(1.0 - variance[1] / prior[1], LEAST_TAUGHT),
-            max(1.0 - variance[2] / prior[2], LEAST_TAUGHT))
-    heard = (max(1.0 - hearsay[0] / prior[0], 0.0), max(1.0 - hearsay[1] / prior[1], 0.0),
-             max(1.0 - hearsay[2] / prior[2], 0.0))
+    left, heard = _left(row, 1.0, prior), _heard(row, prior)
+    told = (max(1.0 - left[0] / prior[0], LEAST_TAUGHT), max(1.0 - left[1] / prior[1], LEAST_TAUGHT),
+            max(1.0 - left[2] / prior[2], LEAST_TAUGHT))
+    seen = (own[0] + _alone(prior[0], heard[0]), own[1] + _alone(prior[1], heard[1]),
+            own[2] + _alone(prior[2], heard[2]))
     # a match is the mean of scan and odometry, weighted by what was told: alone the scan says that much more
-    learn_bias(track, (error[0] / told[0], error[1] / told[1], error[2] / told[2]), prior, heard, track[SIGNED, 0],
+    learn_bias(track, (error[0] / told[0], error[1] / told[1], error[2] / told[2]), seen, heard, track[SIGNED, 0],
                track[SIGNED, 1])
-    learn_trust(track, error, variance, way[0], way[1])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def learn_step(track, anchor, row, step):
+    """``learn``, and write the ``step`` (STEP_SIZE,) in the layout of ``hindsight_kernels``."""
+    step[SILENT_AXIS], step[SILENT_AXIS + 1], step[SILENT_AXIS + 2] = silent_axis(row)
+    step[STEP_TURN], step[STEP_CENTRE] = track[SIGNED, 1], track[CENTRE, 0]
+    step[STEP_APPLIED:] = 0.0
+    learn(track, anchor, row)

@@ -145,7 +145,8 @@ def graph_of(mapper):
     path = mapper.filter.tree.path(mapper.filter.best)
     graph = LoopGraph(FastMatcher(mapper.config, Workers(1)), mapper.config["delta"])
     for _ in range(len(path) - 1):
-        graph.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02))
+        graph.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02),
+                       np.zeros((6, 3)))
     return graph, path, mapper.readings
 
 
@@ -223,6 +224,19 @@ def test_among_places_alike_one_is_believed_only_if_the_robot_cannot_be_where_it
     assert (found is not None) == believed
     if believed:
         assert np.abs(found.pose).max() < 0.02 and found.correction[1] == pytest.approx(-beside, abs=0.02)
+
+
+def test_fronts_carry_no_correction_that_a_changed_path_has_already():
+    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05)
+    path = np.array([[0.5 * k, 0.0, 0.0] for k in range(41)])
+    for _ in path[1:]:
+        closer.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02), np.zeros((6, 3)))
+    correction = np.array([0.0, 0.3, 0.0])
+    closer._take([(0, 40, np.array([20.0, 0.3, 0.0]), np.diag([1e6, 1e6, 1e2]))], 20.0)
+    closer._growth._fronts = [front[:3] + (correction,) for front in closer._growth._fronts]
+    bent = closer.changed(path, np.zeros_like(path))
+    assert bent[-1, 1] == pytest.approx(0.3, abs=0.05) and closer._growth.fronts == 2
+    assert not any(front[3].any() for front in closer._growth._fronts)
 
 
 def corridor(passages, length=70.0, width=2.0):

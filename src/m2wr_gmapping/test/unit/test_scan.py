@@ -190,7 +190,7 @@ def test_normals_equal_their_plain_twin_in_all_directions(turn):
     along = np.linspace(-0.2, 0.2, 7)
     points = np.array([[c, -s], [s, c]]) @ np.stack([along, rng.normal(0.0, 0.005, 7)]) + [[3.0], [1.0]]
     shape = np.empty((3, 7))
-    surface_normals(points, 0.3, 4, shape)
+    surface_normals(points, 0.3, 4, math.inf, shape)
     for b in range(7):
         near = points[:, [k for k in range(7) if abs(k - b) <= 4 and np.hypot(*(points[:, k] - points[:, b])) <= 0.3]]
         sizes, axes = np.linalg.eigh(np.cov(near))
@@ -202,7 +202,7 @@ def test_normals_equal_their_plain_twin_in_all_directions(turn):
 
 def test_points_that_lie_alike_in_all_directions_still_have_a_normal():
     points, shape = np.array([[1.0, 1.1, 1.1, 1.0], [0.0, 0.0, 0.1, 0.1]]), np.empty((3, 4))
-    surface_normals(points, 0.3, 4, shape)
+    surface_normals(points, 0.3, 4, math.inf, shape)
     assert np.allclose(np.hypot(shape[0], shape[1]), 1.0) and not shape[2].any()
 
 
@@ -210,8 +210,8 @@ def test_points_that_lie_alike_in_all_directions_still_have_a_normal():
 def test_beams_have_normals_lever_arms_and_weights(count):
     points = np.random.default_rng(count).uniform(-2.0, 2.0, (2, count))
     beams, shape = np.full((mk.BEAM_ROWS, count), np.nan), np.empty((3, count))
-    with_normals(points, 0.3, 4, 0.02, beams)
-    surface_normals(points, 0.3, 4, shape)
+    with_normals(points, 0.3, 4, math.inf, 0.02, beams)
+    surface_normals(points, 0.3, 4, math.inf, shape)
     for b in range(count):
         normal, straightness = shape[:2, b], shape[2, b]
         tangent = np.array([-normal[1], normal[0]])
@@ -229,3 +229,17 @@ def test_a_wall_that_beams_graze_has_its_normal_although_its_points_lie_far_apar
     assert gaps.max() > 0.35                            # beyond the reach of near neighbours
     inner = slice(1, -1)                                # the last point has no neighbour on one side
     assert np.allclose(np.abs(beams[mk.NY, inner]), 1.0, atol=1e-6) and beams[mk.SLIDE, inner].max() < 0.05
+
+
+@pytest.mark.parametrize("limit", [5.0, 6.0, 7.5])
+def test_where_the_range_ends_a_wall_does_not(limit):
+    """Its last end point, with one neighbour, would hold every match where the robot was before."""
+    model = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=limit)
+    with np.errstate(divide="ignore"):
+        wall = np.where(model.angles > 0.0, 1.2 / np.sin(model.angles), np.inf)
+    beams = model.reading(wall).beams
+    assert np.hypot(*beams[:2, 0]) > 0.85 * limit and np.allclose(np.abs(beams[mk.NY]), 1.0, atol=1e-6)
+    assert beams[mk.SLIDE, 0] < 0.05
+    post = np.where(np.abs(model.angles - 0.3) < 0.01, 2.0, np.inf)         # nor is a post a wall
+    post[np.flatnonzero(np.isfinite(post))[0] + 1] = 2.0
+    assert (model.reading(post).beams[mk.SLIDE] == 1.0).all()

@@ -146,7 +146,7 @@ def another_head(content, **values):
     (lambda content: content[:25], "damaged or cut off"), (lambda content: content[:len(content) // 2], "cut off"),
     (lambda content: content[:-1], "cut off"), (lambda content: content + b"x", "cut off"),
     (lambda content: content[:-9] + b"123456789", "checksum"),
-    (lambda content: another_head(content, version=99), "version 99; this program reads version 3"),
+    (lambda content: another_head(content, version=99), "version 99; this program reads version 4"),
     (lambda content: another_head(content, bytes="many"), "cut off")])
 def test_what_is_no_state_is_told_why(path, tmp_path, change, words):
     with pytest.raises(state.StateError, match=words) as caught:

@@ -186,3 +186,50 @@ def test_exact_odometry_is_believed_after_a_few_steps_and_doubted_again_when_it_
     for _ in range(6):
         teach(track, 2.0 * before, sure, 1.0, 0.0)
     assert (deviations(track, 1.0, 0.0) > 2.0 * believed).all()
+
+
+def walls(pose, angles, x=(-3.0, 5.0), y=(-3.0, 4.0)):
+    """Distances (B,) to the walls of a room, from inside."""
+    c, s = np.cos(pose[2] + angles), np.sin(pose[2] + angles)
+    with np.errstate(divide="ignore"):
+        ways = [np.where(part * (end - at) > 0.0, (end - at) / part, np.inf)
+                for part, at, ends in ((c, pose[0], x), (s, pose[1], y)) for end in ends]
+    return np.minimum.reduce(ways)
+
+
+def driven(laser, steps, told, room):
+    """A mapper after steps (K, 3), of which odometry tells as ``told`` (K, 3), in a room; and the true last pose."""
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.mapper import Mapper
+    mapper = Mapper(GmappingConfig.from_mapping(dict(
+        particles=4, maxUrange=6.0, srr=0.01, srt=0.02, str=0.01, stt=0.02, linearUpdate=0.5, angularUpdate=0.436)),
+        laser)
+    rng, at, wheels = np.random.default_rng(2), np.zeros(3), np.zeros(3)
+    for k in range(len(steps) + 1):
+        ranges = walls(at, laser.angles, *room) + rng.normal(0.0, 0.01, len(laser.angles))
+        mapper.process(mapper.reading(ranges), wheels, 0.1 * k)
+        if k < len(steps):
+            at, wheels = compose(at, steps[k]), compose(wheels, told[k])
+    mapper.finish()
+    return mapper, at
+
+
+def test_wheels_that_are_exact_straight_ahead_do_not_hold_the_first_turn(laser):
+    """Trust that straight ways have earned is none in the scale of turns."""
+    steps = [[0.05, 0.0, 0.0]] * 60 + [[0.0, 0.0, 0.05]] * 32
+    told = [[x, y, 0.98 * turn] for x, y, turn in steps]
+    mapper, truth = driven(laser, steps, told, ((-3.0, 7.0), (-3.0, 4.0)))
+    error = between(truth, mapper.pose)
+    assert abs(error[2]) < 0.004 and np.hypot(error[0], error[1]) < 0.02
+    mapper.close()
+
+
+def test_a_turn_before_a_long_wall_is_told_later_where_the_robot_s_centre_is(laser):
+    """The place along the wall cannot be seen while odometry goes round the wrong point; a corner tells of it later."""
+    told = ([[0.0, 0.0, 0.05]] * 63 + [[0.05, 0.0, 0.0]] * 150 + [[0.0, 0.0, -0.05]] * 60 + [[0.0, 0.0, 0.05]] * 60)
+    base = np.array([0.05, 0.0, 0.0])               # ahead of the axle, about which wheels tell
+    steps = [compose(inverse(base), compose(step, base)) for step in told]
+    mapper, truth = driven(laser, steps, told, ((-12.0, 20.0), (-9.0, 2.0)))
+    assert mapper._tracker.centre == pytest.approx(0.05, abs=0.015)
+    assert abs(between(truth, mapper.pose)[0]) < 0.035      # along the wall; 0.055 if it is not told
+    mapper.close()

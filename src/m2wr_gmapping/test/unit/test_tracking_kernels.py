@@ -56,6 +56,18 @@ class Plain:
         return np.square(own.sum(axis=1)) + [0.0, aside * aside, 0.0]
 
     @property
+    def always(self):
+        """Variances of what odometry errs alike all the time, as far as it is not known."""
+        forward, turn = self.signed
+        heading = np.array([0.0, turn, forward]) @ self.covariance @ [0.0, turn, forward]
+        along, across = self.covariance[0, 0] * forward**2, 0.25 * heading * forward**2
+        ahead = np.array(AHEAD)
+        moved = ahead - compose([0.0, 0.0, -turn], [*ahead, 0.0])[:2]       # by a centre a metre off
+        squares = np.square(AHEAD)
+        return np.array([squares @ [along, across], squares @ [across, along], heading]) + self.centre_variance * (
+            np.array([*np.square(moved), 0.0]))
+
+    @property
     def variances(self):
         return self.squares(self.way) + self.slack
 
@@ -116,31 +128,51 @@ class Plain:
         grown = self.covariance.diagonal() + 0.03**2 * np.array([1.0, 0.0, 1.0]) / 300.0 * abs(forward)
         np.fill_diagonal(self.covariance, np.minimum(grown, 0.03**2))
         along, squares = np.array(AHEAD), np.square(AHEAD)
-        for seen, own, heard, row in (
+        for seen, noise, heard, row in (
                 (along @ error[:2], squares @ variance[:2], squares @ told[:2], np.array([forward, 0.0, 0.0])),
                 (error[2], variance[2], told[2], np.array([0.0, turn, forward]))):
             gain = self.covariance @ row
-            expected = row @ gain + 4.0 * own / max(heard, 1e-9)
+            expected = row @ gain + 4.0 * noise
             if heard >= 0.1 and seen * seen <= 16.0 * expected:
+                self.told += np.outer(row, row) / (4.0 * noise)
+                self.told_of += row * (seen + row @ self.bias) / (4.0 * noise)
                 self.bias = self.bias + gain * seen / expected
                 self.covariance = self.covariance - np.outer(gain, gain) / expected
         aside, lever = np.array([-AHEAD[1], AHEAD[0]]), math.sin(turn)
-        seen, own, heard = aside @ error[:2], np.square(aside) @ variance[:2], np.square(aside) @ told[:2]
-        expected = lever * self.centre_variance * lever + 4.0 * own / max(heard, 1e-9)
+        seen, noise, heard = aside @ error[:2], np.square(aside) @ variance[:2], np.square(aside) @ told[:2]
+        expected = lever * self.centre_variance * lever + 4.0 * noise
         if heard >= 0.1 and seen * seen <= 16.0 * expected:
             gain = self.centre_variance * lever / expected
             self.centre += gain * seen
             self.centre_variance *= 1.0 - gain * lever
 
     def learn(self, anchor, row):
-        if self.slack.any():
-            return
-        prior, information = self.squares(self.way), row[mk.INFORMATION:]
-        error, variance = between(self.expected, between(anchor, row[:3])), together(information, prior)
-        told = np.maximum(1.0 - variance / prior, 0.0)
-        heard = np.maximum(1.0 - together(information / 10.0, prior) / prior, 0.0)
-        self.learn_bias(error / np.maximum(told, 0.1), prior, heard)
-        self.learn_trust(error, variance)
+        self.told, self.told_of, self.led_by = np.zeros((3, 3)), np.zeros(3), self.bias
+        if not self.slack.any():
+            error = between(self.expected, between(anchor, row[:3]))
+            self.learn_trust(error, together(row[mk.INFORMATION:], self.squares(self.way)))
+
+    @property
+    def prior(self):
+        return self.squares(self.way) + self.always
+
+    def heard_of(self, information):
+        """What a scan tells along, across and of the heading, less what normals that lean by noise make of it."""
+        heard = np.maximum(1.0 - together(information / 10.0, self.prior) / self.prior, 0.0)
+        both = information[0] + information[3]
+        for k in range(2):
+            part = information[3 * k]
+            heard[k] *= max(0.0, 1.0 - 0.085 * both / part) if part > 0.0 else 0.0
+        return heard
+
+    def would_teach(self, row):
+        return not self.slack.any() and (self.heard_of(row[mk.INFORMATION:]) >= 0.1).any()
+
+    def learn_freely(self, anchor, row):
+        own, prior, heard = self.squares(self.way), self.prior, self.heard_of(row[mk.INFORMATION:])
+        error = between(self.expected, between(anchor, row[:3]))
+        told = np.maximum(1.0 - together(row[mk.INFORMATION:], prior) / prior, 0.1)
+        self.learn_bias(error / told, own + prior * (1.0 - heard) / np.maximum(heard, 1e-9), heard)
 
 
 def compare(track, plain):
@@ -207,6 +239,17 @@ def test_a_drive_is_followed_as_by_the_plain_twin(seed):
                                   np.zeros(4), information(rng)])
             tk.learn(track, anchor, row)
             plain.learn(anchor, row)
+            inverse = np.empty(3)
+            teaches = tk.would_teach(track, row, inverse)
+            assert teaches == plain.would_teach(row)
+            if teaches:
+                assert np.allclose(1.0 / inverse, plain.prior)
+                freed = row.copy()
+                freed[:3] = compose(row[:3], rng.normal(size=3) * [0.02, 0.02, 0.01])
+                tk.learn_freely(track, anchor, freed, inverse)
+                plain.learn_freely(anchor, freed)
+            assert np.allclose(track[tk.TOLD:tk.TOLD_OF], plain.told) and np.allclose(track[tk.TOLD_OF], plain.told_of)
+            assert np.allclose(track[tk.LED_BY], plain.led_by) and np.allclose(track[tk.LED, :2], plain.signed)
             compare(track, plain)
             track[:tk.SINCE_PROCESSED] = 0.0
             plain.rel = plain.driven = plain.since = np.zeros(3)
@@ -232,6 +275,42 @@ def test_all_particles_are_led_on_as_by_the_plain_twin(seed):
     assert np.allclose(predictions, compose(anchors, plain.expected))
     assert np.allclose(known[0], plain.variances) and np.allclose(known[1], 1.0 / plain.variances)
     assert np.allclose(known[2], np.minimum(np.sqrt(plain.variances), NOISE.deviations(plain.expected)))
+
+
+@pytest.mark.parametrize("forward, turn", [(0.5, 0.0), (0.0, 0.45), (-0.3, -0.4), (0.6, 0.5)])
+def test_what_is_not_known_of_the_bias_makes_variance_of_where_it_leads(forward, turn):
+    rng, found = np.random.default_rng(1), []
+    track = new_track(NOISE, AHEAD)
+    track[tk.COVARIANCE:tk.CENTRE] = np.diag(np.square([0.02, 0.03, 0.0]))
+    exact = track.copy()
+    parts = 10
+    for _ in range(2000):
+        track[tk.BIAS], track[tk.CENTRE, 0] = rng.normal(0.0, [0.02, 0.03, 1e-12]), rng.normal(0.0, 0.1)
+        poses = np.zeros((2, 3))
+        for k, known in enumerate((track, exact)):
+            for _ in range(parts):
+                step = np.array([forward * AHEAD[0], forward * AHEAD[1], turn]) / parts
+                poses[k] = compose(poses[k], tk.corrected(known, *step)[:3])
+        found.append(between(poses[0], poses[1]))
+    assert np.sqrt(tk.bias_variances(exact, forward, turn)) == pytest.approx(np.std(found, axis=0), rel=0.1, abs=1e-3)
+
+
+def test_a_match_is_led_back_only_in_a_direction_in_which_its_scan_says_nothing():
+    row, expected = np.zeros(mk.RESULT_SIZE), np.array([2.0, 1.0, 0.5])
+    c, s = math.cos(0.4), math.sin(0.4)         # a wall along that direction of the laser's frame
+    for weak, silent in ((0.01, True), (0.15, False)):
+        normals = 1e4 * (np.outer([-s, c], [-s, c]) + weak * np.outer([c, s], [c, s]))
+        row[mk.INFORMATION:] = normals[0, 0], normals[0, 1], 0.0, normals[1, 1], 0.0, 5e4
+        row[:3] = compose(expected, [0.1, -0.05, 0.02])
+        before = row[:3].copy()
+        tk.lead_back(row, expected)
+        moved, lacks = between(before, row[:3]), between(before, expected)
+        wanted = np.array([c, s]) * (lacks[:2] @ [c, s]) if silent else np.zeros(2)
+        assert moved == pytest.approx([*wanted, 0.0], abs=1e-12)
+        assert tk.silent_axis(row) == pytest.approx((c * c, c * s, s * s) if silent else (0.0, 0.0, 0.0))
+    row[mk.INFORMATION:] = 0.0                  # what no scan holds stays where the match has it
+    tk.lead_back(row, expected)
+    assert tk.silent_axis(row) == (0.0, 0.0, 0.0)
 
 
 def test_the_cost_of_a_match_is_that_of_its_beams_and_of_its_distance_from_odometry():

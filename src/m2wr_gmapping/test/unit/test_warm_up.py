@@ -1,11 +1,11 @@
 """Nothing is compiled once the kernels are warm."""
 import importlib
+import pkgutil
 
+import m2wr_gmapping
 from m2wr_gmapping.warm_up import warm_up
 
-MODULES = ("correlative_kernels", "filter_kernels", "graph_kernels", "hill_climb_kernels", "match_kernels",
-           "occupancy_kernels", "pose_graph_kernels", "scan_kernels", "tile_kernels", "tracking_kernels",
-           "tree_kernels")
+MODULES = [found.name for found in pkgutil.iter_modules(m2wr_gmapping.__path__) if found.name.endswith("_kernels")]
 
 
 def compiled():

@@ -1,0 +1,52 @@
+"""What a match makes of a direction in which its scan says nothing."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_gmapping import tracking_kernels as tk
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.matcher import FastMatcher
+from m2wr_gmapping.scan import LaserModel
+from m2wr_gmapping.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.workers import Workers
+
+LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)
+WANTED, START = np.array([0.5, 0.0, 0.0]), np.array([0.47, 0.02, 0.01])
+
+
+def seen(x, end):
+    """Reading from the middle of a corridor 2 m wide, ``x`` [m] along it, of which a wall is the end at ``end`` [m]."""
+    with np.errstate(divide="ignore"):
+        return LASER.reading(np.minimum(1.0 / np.abs(np.sin(LASER.angles)), np.where(
+            np.cos(LASER.angles) > 1e-9, (end - x) / np.cos(LASER.angles), np.inf)))
+
+
+def corridor(end, particles):
+    """Matcher, maps of a scan from where the corridor begins, and a reading half a metre further."""
+    matcher, maps = FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), TileMaps(particles, 0.05, NEVER)
+    first = seen(0.0, end)
+    maps.cover((-8.0, -8.0), (8.0, 8.0))
+    for particle in range(particles):
+        maps.register(particle, np.zeros(3), first.points)
+    return matcher, maps, seen(0.5, end)
+
+
+@pytest.mark.parametrize("end, along", [(60.0, 0.45), (3.0, 0.5)])
+def test_particles_keep_to_odometry_along_a_plain_wall_only(end, along):
+    """Odometry is 5 cm short: the end of the corridor tells of it, plain walls do not."""
+    matcher, maps, reading = corridor(end, 3)
+    predictions = np.tile([0.45, 0.0, 0.0], (3, 1))
+    rows = matcher.match(maps, reading, np.tile(START, (3, 1)), predictions, np.full(3, 10.0), 0.0)
+    assert rows[:, 0] == pytest.approx(np.full(3, along), abs=0.005)
+    assert np.abs(rows[:, 1:3]).max() < 0.01
+
+
+@pytest.mark.parametrize("end", [60.0, 3.0])
+def test_what_is_tracked_keeps_to_odometry_along_a_plain_wall(end):
+    matcher, maps, reading = corridor(end, 1)
+    ask = np.zeros((tk.ASK_ROWS, 3))
+    ask[tk.START], ask[tk.WANTED], ask[tk.VARIANCES], ask[tk.INVERSE] = START, WANTED, 0.1, 10.0
+    ask[tk.WINDOW] = 0.2
+    row, slipped = matcher.track(maps, 0, reading, ask, False, 0.5)
+    assert row[:3] == pytest.approx(WANTED, abs=0.005) and not slipped
