@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -79,6 +80,37 @@ class Shutdown(unittest.TestCase):
 
     def test_interrupt_ends_experiment_and_closes_the_bag(self):
         self.assert_clean_end(*self.start_run(program("m2wr_sim", "experiment"), "--port"))
+
+    def test_interrupt_ends_an_experiment_that_is_being_started(self):
+        for words in ("started roslaunch server", "auto-starting new master", "process[gazebo-"):
+            run = Running([program("m2wr_sim", "experiment"), "--port", str(free_port()), "m2wr_sim", "sim.launch"])
+            self.addCleanup(run.__exit__)
+            run.wait_for_text(words)
+            code, seconds = run.end(signal.SIGINT)
+            self.assertIn(code, (0, 130), run.text)         # 0: by the time it heard of it, all was started
+            self.assertLess(seconds, limit(), run.text)
+            self.assertEqual(marked(run.mark), {})
+            self.assertNotIn("m2wr_sim/ros/experiment.py", run.text)        # no traceback
+
+    def test_a_second_interrupt_ends_an_experiment_whose_start_hangs(self):
+        path, command = os.path.join(self.folder, "hangs.launch"), "sleep 600"
+        with open(path, "w") as stream:
+            stream.write('<launch><param name="never" command="%s"/></launch>' % command)
+        run = Running([program("m2wr_sim", "experiment"), "--port", str(free_port()), "m2wr_sim", path])
+        self.addCleanup(run.__exit__)
+        wait_until(lambda: any(command in line for line in marked(run.mark).values()), "the launch file's command")
+        run.process.send_signal(signal.SIGINT)
+        with self.assertRaises(subprocess.TimeoutExpired):      # it waits for its start to come to an end
+            run.process.wait(6.0)
+        for _ in range(5):                                      # a busy machine may have noted the first one late
+            run.process.send_signal(signal.SIGINT)
+            try:
+                run.process.wait(3.0)
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        self.assertEqual(run.process.returncode, 130, run.text)
+        self.assertNotIn("Traceback", run.text)
 
     def start_node(self, *arguments):
         """Start the simulation alone and wait until it is ready."""

@@ -1,6 +1,7 @@
-"""Every program ends, or goes on, in peace when nobody reads it any more (``... | head``)."""
+"""Every program ends in peace when it is interrupted, and when nobody reads it any more (``... | head``)."""
 import glob
 import os
+import re
 import subprocess
 import sys
 
@@ -8,6 +9,7 @@ import pytest
 
 import workspace_tree as tree
 
+IMPORT = re.compile(r"^ *(?:import|from) (\S+)", re.M)
 PROGRAMS = sorted(path for room in ("nodes", "scripts")
                   for path in glob.glob(os.path.join(tree.ROOT, "src", "*", room, "*")) if os.path.isfile(path))
 #: Programs with words with which each soon prints a lot, and their exit codes.
@@ -24,8 +26,18 @@ def test_a_program_outlives_its_readers(path):
     assert nodes or "\n    go_on_unread(" in text
 
 
+STAND_INS = sorted(glob.glob(os.path.join(tree.ROOT, "dropin", "*", "scripts", "*")))
+
+
+@pytest.mark.parametrize("path", PROGRAMS + STAND_INS, ids=tree.relative)
+def test_an_interruption_of_the_imports_says_nothing(path):
+    quick = {"os", "sys"}                                   # there since Python has started
+    imports = [name for name in IMPORT.findall(tree.read(path)) if name not in quick]
+    assert imports[0] == "m2wr_view.interrupts", "%s comes before what lets Ctrl-C end the imports" % imports[0]
+
+
 def test_programs_are_found():
-    assert len(PROGRAMS) > 30
+    assert len(PROGRAMS) > 30 and len(STAND_INS) > 8
 
 
 @pytest.mark.parametrize("name, words, code", PRINTING, ids=[row[0] for row in PRINTING])

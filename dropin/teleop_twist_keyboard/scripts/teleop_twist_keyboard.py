@@ -2,7 +2,8 @@
 """Drive a robot from the keyboard."""
 import sys
 
+from m2wr_view.interrupts import interruptible
 from twist_keys.node import main
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(interruptible(main))

@@ -4,6 +4,7 @@ In a folder of its own, since Python puts a script's folder first on the module 
 would import that in place of the module.
 """
 import os
+import signal
 import sys
 import xml.parsers.expat     # noqa: F401  the module catches its error without importing it
 
@@ -19,6 +20,7 @@ def arrange_path():
 
 def main():
     """Run xacro with this process's arguments; return 1 if the module is not there."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)        # Ctrl-C in a launch file's terminal: no traceback
     arrange_path()
     try:
         import xacro

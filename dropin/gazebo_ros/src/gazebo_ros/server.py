@@ -77,11 +77,8 @@ def prepare(words):
 
 def run_node():
     """Run the simulation; returns its exit code.  rospy reads ``sys.argv`` when it is imported, so that comes last."""
-    try:
-        from m2wr_sim.ros.node import main
-        return main()
-    except KeyboardInterrupt:       # before the node has handlers of its own
-        return 130
+    from m2wr_sim.ros.node import main
+    return main()
 
 
 def gzserver_main(words=None):

@@ -9,6 +9,7 @@ import time
 import rospy
 from geometry_msgs.msg import Twist, TwistStamped
 
+from m2wr_view.ros.starting import start_node
 from twist_keys.keys import HELP, QUIT, KeyDriver
 from twist_keys.terminal import Keys
 
@@ -138,10 +139,7 @@ def main():
     if not has_keyboard(sys.stdin):
         sys.stderr.write(_NO_KEYBOARD)
         return 1
-    try:
-        rospy.init_node('teleop_twist_keyboard', disable_signals=True)      # may wait for a master
-    except KeyboardInterrupt:
-        return 130
+    start_node('teleop_twist_keyboard')
     try:
         numbers = read_numbers()
     except ParameterError as error:

@@ -100,6 +100,8 @@ class Controller:
         self._turn, self._time_reset = turn, time_reset
         service = rospy.Service("~" + SERVICE, Turn, self._serve)
         rospy.on_shutdown(self._ended.set)
+        if rospy.core.is_shutdown_requested():      # what comes too late to be called is forgotten
+            self._ended.set()
         self._wait_for_the_end()
         if self._error is not None:
             raise self._error

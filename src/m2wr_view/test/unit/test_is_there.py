@@ -1,4 +1,7 @@
 """Looking for nodes and publishers before a launch file starts its own."""
+import threading
+from xmlrpc.server import SimpleXMLRPCServer
+
 import rosgraph
 import pytest
 
@@ -18,7 +21,7 @@ class Master:
 
 
 def look(name):
-    return is_there.who_is_there(name, Master(), lambda address: address != "/dead")
+    return is_there.who_is_there(name, Master(), lambda address, name: address == name != "/dead")
 
 
 @pytest.mark.parametrize("name, found", [
@@ -32,6 +35,31 @@ def test_without_a_master_nothing_is_there(monkeypatch):
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
     assert is_there.who_is_there("/clock") is None
     assert not is_there.alive("http://127.0.0.1:1")
+
+
+@pytest.fixture
+def node():
+    """Return a function that starts the server of a node with some calls, and returns its address."""
+    servers = []
+
+    def make(**calls):
+        servers.append(SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False))
+        for name, answer in calls.items():
+            servers[-1].register_function(lambda _, answer=answer: [1, "", answer], name)
+        threading.Thread(target=servers[-1].serve_forever, args=(0.05,), daemon=True).start()
+        return "http://127.0.0.1:%d" % servers[-1].server_address[1]
+
+    yield make
+    for server in servers:
+        server.shutdown()
+        server.server_close()
+
+
+def test_another_node_at_the_address_of_one_that_has_ended_is_not_it(node):
+    of_rospy, of_roscpp = node(getName="/gazebo", getPid=7), node(getPid=7)
+    assert is_there.alive(of_rospy, "/gazebo") and is_there.alive(of_rospy)
+    assert not is_there.alive(of_rospy, "/bug2")
+    assert is_there.alive(of_roscpp, "/bug2") and not is_there.alive(node(), "/bug2")
 
 
 @pytest.mark.parametrize("found, said", [(None, ["false", "alone.rviz"]), ("/gazebo", ["true", "world.rviz"])])

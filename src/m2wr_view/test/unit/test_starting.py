@@ -4,6 +4,8 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
@@ -12,7 +14,7 @@ from m2wr_view.ros import starting
 PROGRAM = """
 import sys
 import rospy
-from m2wr_view.ros.starting import start_node
+from m2wr_view.ros.starting import note_signals, register, start_node
 at = sys.argv[1]
 begin = rospy.impl.init.start_node
 
@@ -25,7 +27,13 @@ def start(*words, **options):
 
 
 rospy.impl.init.start_node = start
-start_node("early")
+if at == "notes":
+    noted = note_signals()
+    register("early", lambda: bool(noted))
+else:
+    start_node("early")
+print("registered", flush=True)
+rospy.spin()
 """
 
 
@@ -38,10 +46,12 @@ def begin():
         environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:%d" % port)
         child = subprocess.Popen([sys.executable, "-c", PROGRAM, word], stdout=subprocess.PIPE,
                                  stderr=subprocess.STDOUT, env=environment, universal_newlines=True)
-        started.append(child)
+        started.append((child, threading.Timer(60, child.kill)))       # what says nothing keeps no reader waiting
+        started[-1][1].start()
         return child, child.stdout.readline()
     yield make
-    for child in started:
+    for child, deadline in started:
+        deadline.cancel()
         child.kill()
         child.communicate()
 
@@ -69,6 +79,67 @@ def test_an_address_that_is_none_is_told(uri):
     done = subprocess.run([sys.executable, "-c", PROGRAM, "waits"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           env=dict(os.environ, ROS_MASTER_URI=uri), universal_newlines=True, timeout=30)
     assert done.returncode == 1 and "expected http://HOST:PORT" in done.stdout and "Traceback" not in done.stdout
+
+
+class DyingMaster(SimpleXMLRPCServer):
+    """Answers so many calls and is gone then; ``port`` is where."""
+
+    def __init__(self, calls):
+        super().__init__(("127.0.0.1", 0), logRequests=False)
+        self.port, self._left = self.server_address[1], calls
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _serve(self):
+        while self._left:
+            self.handle_request()
+        self.server_close()
+
+    def _dispatch(self, method, params):
+        self._left -= 1
+        return [1, "", [] if method.startswith("register") else 0]
+
+
+@pytest.mark.parametrize("calls", (1, 3, 4, 5))
+def test_a_master_that_dies_keeps_no_node_alive(begin, calls):
+    child, said = begin("dies", DyingMaster(calls).port)
+    while said and not any(words in said for words in ("Unable to", "has gone", "registered")):     # the first: rospy's
+        line = child.stdout.readline()
+        said = said + line if line else ""
+    child.send_signal(signal.SIGINT)
+    rest, _ = child.communicate(timeout=30)
+    assert child.returncode in (0, 1) and "Traceback" not in said + rest
+
+
+def test_a_master_that_has_gone_is_named(begin):
+    master = DyingMaster(1)
+    child, _ = begin("dies", master.port)
+    said, _ = child.communicate(timeout=30)
+    assert child.returncode == 1 and "Traceback" not in said
+    assert "early: the master at http://127.0.0.1:%d has gone" % master.port in said
+
+
+@pytest.mark.parametrize("word", ["hangs", "notes"])
+def test_the_next_signal_ends_what_hangs_on_a_silent_master(begin, word):
+    with socket.socket() as master:
+        master.bind(("127.0.0.1", 0))
+        master.listen(10)
+        master.settimeout(30)
+        child, _ = begin(word, master.getsockname()[1])
+        connections = [master.accept()[0]]
+        while not connections[-1].recv(1):                  # somebody only looked whether there is a master
+            connections.append(master.accept()[0])
+        child.send_signal(signal.SIGINT)
+        with pytest.raises(subprocess.TimeoutExpired):      # the thread that registers waits for an answer
+            child.wait(starting.STUCK + 0.5)
+        for _ in range(10):                                 # a busy machine may have noted the first one late
+            child.send_signal(signal.SIGINT)
+            try:
+                child.wait(3)
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        assert child.returncode == -signal.SIGINT
 
 
 def test_a_fault_of_its_own_is_told(begin, silent_master):

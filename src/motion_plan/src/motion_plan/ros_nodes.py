@@ -152,7 +152,11 @@ class ObstacleAvoidanceNode:
         """Answer a scan with a command."""
         msg = Twist()
         msg.linear.x, msg.angular.z = self.behaviour.update(None, regions)
-        self._publisher.publish(msg)
+        try:
+            self._publisher.publish(msg)
+        except rospy.ROSException:
+            if not rospy.core.is_shutdown_requested():      # which closes the topic under it
+                raise
 
     def _stop(self):
         self._publisher.publish(Twist())

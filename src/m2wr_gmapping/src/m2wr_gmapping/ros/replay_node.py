@@ -48,6 +48,8 @@ class ReplayNode:
     def on_end(self, stop):
         """Call ``stop`` when ROS ends the node."""
         rospy.on_shutdown(stop)
+        if rospy.core.is_shutdown_requested():      # what comes too late to be called is forgotten
+            stop()
 
     def stay(self):
         """Keep the map on the topics until somebody ends the node."""

@@ -82,7 +82,7 @@ class ClickObstacles:
     def run(self):
         """Answer clicks until ROS ends."""
         rospy.on_shutdown(lambda: self._clicks.put(None))
-        while True:
+        while not rospy.core.is_shutdown_requested():       # what comes too late to be called is forgotten
             message = self._clicks.get()
             if message is None or rospy.is_shutdown():
                 return

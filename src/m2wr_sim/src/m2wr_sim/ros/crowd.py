@@ -18,6 +18,7 @@ from m2wr_sim.model.sdf import load_world
 from m2wr_sim.ros.convert import write_pose
 from m2wr_sim.ros.params import find_world
 from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service
+from m2wr_view.ros.starting import start_node
 
 
 def make_parser():
@@ -114,7 +115,7 @@ def hang_on(world_frame, odom_frame, names):
 def main(argv=None):
     """Entry point; returns the exit code.  Stays, if it has frames to publish, until told to end."""
     arguments = make_parser().parse_args(rospy.myargv(argv)[1:])
-    rospy.init_node("spawn_robots", anonymous=True, disable_rostime=True)
+    start_node("spawn_robots", anonymous=True, disable_rostime=True)
     rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
     names = ["%s%d" % (arguments.name, arguments.first + k) for k in range(arguments.robots)]
     try:

@@ -9,7 +9,7 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.report.summary import format_table, obstacle_outlines, summarise
-from m2wr_sim.ros.experiment import free_port, resolve, run
+from m2wr_sim.ros.experiment import INTERRUPTED, free_port, resolve, run
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world
 from m2wr_view.errors import ViewError
@@ -47,6 +47,8 @@ def main(argv=None):
         "gui:=false", "real_time_factor:=%r" % options.real_time_factor, "lockstep:=true", "seed:=%d" % options.seed,
         "record:=%s" % bag, "exit_on_goal:=true"], free_port(), options.timeout)
     wall = time.monotonic() - began
+    if code == INTERRUPTED:
+        return code                     # before there was anything to show
     try:
         share = package_folder()
         world = load_world(find_world(options.world, os.path.join(share, "worlds")),

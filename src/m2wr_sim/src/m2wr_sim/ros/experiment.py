@@ -5,6 +5,7 @@ the whole run, and its code becomes the exit code; a required node that ends wel
 """
 import argparse
 import os
+import signal
 import socket
 import sys
 import threading
@@ -15,6 +16,8 @@ import rospkg
 from roslaunch.pmon import ProcessListener
 
 _USAGE = "experiment [--port PORT] [--timeout SECONDS] PACKAGE FILE.launch [ARG:=VALUE ...]"
+INTERRUPTED = 130           # exit code of a run that Ctrl-C has ended while it was being started
+_STUCK = 5.0                # after so long [s], wall, a second signal breaks off a start that does not get on
 
 
 class _Watch(ProcessListener):
@@ -29,6 +32,29 @@ class _Watch(ProcessListener):
         if exit_code and self.failed is None:
             self.failed = (process_name, exit_code)
             self.dead.set()
+
+
+class _Signals:
+    """Only notes signals, in the list ``noted``, until roslaunch has started everything.
+
+    It would shut down inside the signal, on the thread that may be starting a process at that very moment: then it
+    waits 20 s for a lock that it holds itself, and what it goes on to start stays behind.  Its own handlers come back
+    with the first turns of its loop, and call these when they have done their work.  A start that does not get on, as
+    where a command of the launch file hangs, is broken off at the next signal.
+    """
+
+    def __init__(self):
+        self.noted, self.starting, self._first = [], True, None
+        roslaunch.pmon._init_signal_handlers()          # once; it would do so in the midst of starting
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._note)
+
+    def _note(self, number, _):
+        self.noted.append(number)
+        self._first = self._first or time.monotonic()
+        if self.starting and time.monotonic() - self._first > _STUCK:
+            self.starting = False           # one is enough: what was begun is ended in good order
+            raise KeyboardInterrupt
 
 
 def free_port():
@@ -74,7 +100,8 @@ def run(path, arguments, port=None, timeout=None):
     Returns
     -------
     int
-        0; or the exit code of the first node that failed; 1 after the time-out, 130 after Ctrl-C.
+        0, also when it is ended by Ctrl-C; or the exit code of the first node that failed; 1 after the time-out, 130
+        after Ctrl-C while it was still being started.
     """
     if port is not None:
         os.environ["ROS_MASTER_URI"] = "http://127.0.0.1:%d" % port
@@ -85,9 +112,11 @@ def run(path, arguments, port=None, timeout=None):
     parent = roslaunch.parent.ROSLaunchParent(uuid, [(path, list(arguments))], port=port, process_listeners=[watch],
                                               sigint_timeout=5, sigterm_timeout=2)
     ends, ended = (None if timeout is None else time.monotonic() + timeout), None
+    signals = _Signals()
     try:
         parent.start()
-        while not parent.pm.is_shutdown and not watch.dead.is_set():
+        signals.starting = False
+        while not (signals.noted or parent.pm.is_shutdown or watch.dead.is_set()):
             parent.spin_once()
             parent.pm.join(0.1)
             if not parent.pm.is_alive():
@@ -96,9 +125,16 @@ def run(path, arguments, port=None, timeout=None):
                 sys.stderr.write("experiment: not finished after %g s of wall time; ending the run\n" % timeout)
                 ended = 1
                 break
+        if signals.noted and not parent.pm.is_shutdown:
+            ended = INTERRUPTED
     except KeyboardInterrupt:
-        ended = 130
+        ended = INTERRUPTED
+    except roslaunch.RLException:       # what was told to end with us, too, may be what failed to start
+        if not signals.noted:
+            raise
+        ended = INTERRUPTED
     finally:
+        signals.starting = False
         parent.shutdown()
     if watch.failed is None:
         return ended or 0

@@ -35,9 +35,8 @@ from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
 from m2wr_sim.warm_up import warm_up
-from m2wr_view.ros.acceptor import accept_side_by_side
 from m2wr_view.ros.is_there import alive
-from m2wr_view.ros.starting import wait_for_master
+from m2wr_view.ros.starting import master_gone, register
 
 log = logging.getLogger("m2wr_sim")
 
@@ -214,7 +213,7 @@ def running_namesake(name):
         address = rosgraph.Master("/m2wr_sim_start").lookupNode(name)
     except (rosgraph.MasterException, OSError):
         return None
-    return address if alive(address) else None
+    return address if alive(address, name) else None
 
 
 def main():
@@ -227,20 +226,14 @@ def main():
                          "under another name or master.\n" % (name, address, name))
         return 1
     signals = _note_signals()
-    wait_for_master("gazebo")
-    try:
-        rospy.init_node("gazebo", disable_rostime=True, disable_signals=True)
-    except Exception:                   # of whatever kind: what it was doing was closed under it
-        if not signals:
-            raise
+    register("gazebo", lambda: bool(signals) or rospy.core.is_shutdown_requested(), disable_rostime=True)
     if signals or rospy.is_shutdown():
         return 1
-    accept_side_by_side()
     ended = threading.Event()
     rospy.on_shutdown(lambda: (signals.append("shutdown"), ended.wait(_END_PATIENCE)))     # rosnode kill comes this way
-    _claim_time()
     _log_through_rospy()
     try:
+        _claim_time()
         config, unknown = read_config(private_parameters())
         for name in unknown:
             log.warning("parameter ~%s is not known and has no effect", name)
@@ -250,7 +243,11 @@ def main():
         rospy.logfatal("%s", error)
         return 1
     except Exception as error:
-        log.exception("the simulation ends for a fault of its own: %s: %s", type(error).__name__, error)
+        gone = master_gone(error)
+        if gone:
+            rospy.logfatal("%s", gone)
+        else:
+            log.exception("the simulation ends for a fault of its own: %s: %s", type(error).__name__, error)
         return 1
     finally:
         ended.set()

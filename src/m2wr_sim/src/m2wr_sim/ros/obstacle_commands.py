@@ -11,6 +11,7 @@ from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.model.obstacles import COLOURS, KINDS, Obstacle, draw, read_colour, wall
 from m2wr_sim.ros.obstacles import ObstacleError, Places, World, outline_of, robot_footprint, some_of, touched_robots
 from m2wr_sim.ros.spawn_client import without_exponent
+from m2wr_view.ros.starting import start_node
 
 _DEFAULT_SIZES = {"box": (0.5, 0.5, 0.5), "cylinder": (0.25, 0.5), "sphere": (0.25,)}
 
@@ -216,7 +217,7 @@ def main(command, argv=None):
                          "bug2.launch\", or set ROS_MASTER_URI\n" % (command, rosgraph.get_master_uri()))
         return 1
     try:
-        rospy.init_node(command, anonymous=True, disable_rostime=True)
+        start_node(command, anonymous=True, disable_rostime=True)
         rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
         COMMANDS[command][2](given, World(given.gazebo_namespace))
     except rospy.ROSInterruptException:

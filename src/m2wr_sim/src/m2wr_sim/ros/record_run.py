@@ -18,6 +18,7 @@ import rospkg
 import rospy
 
 from m2wr_sim.ros.bag_order import settle_times
+from m2wr_view.ros.starting import register
 
 _CHUNK_KB = 256             # written at once; what is lost when the recorder is killed
 _SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take
@@ -203,7 +204,7 @@ class Keeper:
     def listen(self):
         """Wait as a node that hears the recorder's topics, for whom time in lockstep waits."""
         try:
-            rospy.init_node("record", disable_rostime=True, disable_signals=True)
+            register("record", self._ending.is_set, disable_rostime=True)
         except rospy.ROSInitException:
             return self.wait()
         for topic in self._words:

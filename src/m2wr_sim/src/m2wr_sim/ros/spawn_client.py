@@ -3,6 +3,7 @@ import argparse
 import math
 import re
 import sys
+import threading
 import time
 from decimal import Decimal
 from xml.sax.saxutils import escape
@@ -15,6 +16,7 @@ from lxml import etree
 from std_srvs.srv import Empty
 
 from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_view.ros.starting import start_node
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
 _NOT_CONFIGURED = "SetModelConfiguration service failed. Exiting."
@@ -227,8 +229,11 @@ def _keep_bond(arguments):
     """Wait for shutdown and take the model out again."""
     service = arguments.gazebo_namespace.rstrip("/") + "/delete_model"
     proxy = rospy.ServiceProxy(service, DeleteModel)
+    once = threading.Lock()
 
     def delete():
+        if not once.acquire(False):             # called in time after all
+            return
         rospy.loginfo("Deleting model %s", arguments.model)
         try:
             proxy(arguments.model)
@@ -236,6 +241,8 @@ def _keep_bond(arguments):
             rospy.logwarn("could not delete %s: %s", arguments.model, error)
 
     rospy.on_shutdown(delete)
+    if rospy.core.is_shutdown_requested():      # what comes too late to be called is forgotten
+        delete()
     rospy.loginfo("Waiting for shutdown to delete model %s", arguments.model)
     rospy.spin()
 
@@ -244,7 +251,7 @@ def main(argv=None):
     """Entry point; returns the exit code."""
     arguments = parse(rospy.myargv(argv)[1:])
     # no ROS time here: this program must not hang while the simulation is paused or its clock has not started
-    rospy.init_node("spawn_model", anonymous=True, disable_rostime=True)
+    start_node("spawn_model", anonymous=True, disable_rostime=True)
     rospy.rostime.switch_to_wallclock()
     try:
         if arguments.wait and not wait_for_model(arguments.wait, arguments.gazebo_namespace):

@@ -4,7 +4,6 @@ import ctypes
 import gc
 import logging
 import os
-import signal
 import sys
 import threading
 import time
@@ -18,6 +17,7 @@ from m2wr_view.bag_file import open_bag, topic_types
 from m2wr_view.dumping import make_dump
 from m2wr_view.errors import ViewError
 from m2wr_view.renderer import Renderer
+from m2wr_view.ros.starting import note_signals, register
 from m2wr_view.scene import TOPICS, Scene
 from m2wr_view.writers import make_writer
 
@@ -176,9 +176,8 @@ class Node:
 
     def run(self):
         """Run; returns the exit code."""
-        rospy.init_node("image_dump", disable_signals=True, disable_rostime=True)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda received, _: self._signals.append(received))
+        self._signals = note_signals()
+        register("image_dump", self._ending, disable_rostime=True)
         try:
             paths = self._start()
         except (ViewError, ValueError, TypeError) as error:
@@ -198,6 +197,9 @@ class Node:
             rospy.logwarn("not one picture was drawn: nothing was heard on clock or odom")
         rospy.signal_shutdown("told to end")
         return 1 if failed else 0
+
+    def _ending(self):
+        return bool(self._signals) or rospy.core.is_shutdown_requested()
 
     def _start(self):
         options = self._options
@@ -233,7 +235,7 @@ class Node:
     def _wait(self):
         """Sleep until told to end; say every now and then what is missing before the first picture."""
         told = time.monotonic()
-        while not self._signals and not rospy.core.is_shutdown():
+        while not self._ending():
             time.sleep(0.05)
             if not self._dump.count and time.monotonic() - told > _REMIND:
                 told = time.monotonic()

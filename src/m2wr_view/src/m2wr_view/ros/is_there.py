@@ -22,10 +22,20 @@ class _Transport(xmlrpc.client.Transport):
         return connection
 
 
-def alive(address):
-    """Return whether a node answers at the address of its XML-RPC server."""
+def alive(address, name=None):
+    """Return whether a node answers at the address of its XML-RPC server.
+
+    With ``name``: a node of that name, as far as it can be asked.  A master remembers the addresses of nodes of rospy
+    after they have ended, and another node may have got the port since.
+    """
+    node = xmlrpc.client.ServerProxy(address, transport=_Transport())
     try:
-        return xmlrpc.client.ServerProxy(address, transport=_Transport()).getPid(_ME)[0] == 1
+        try:
+            if name is not None:
+                return node.getName(_ME)[::2] == [1, name]
+        except xmlrpc.client.Fault:
+            pass                        # a node of roscpp, which has no such call
+        return node.getPid(_ME)[0] == 1
     except (OSError, xmlrpc.client.Error, ValueError):
         return False
 
@@ -46,7 +56,7 @@ def who_is_there(name, master=None, answers=alive):
         publishers = dict(master.getSystemState()[0])
         for node in [name] + publishers.get(name, []):
             try:
-                if answers(master.lookupNode(node)):
+                if answers(master.lookupNode(node), node):
                     return node
             except rosgraph.MasterError:
                 continue            # no node of that name

@@ -15,7 +15,7 @@ from m2wr_view.framebuffer import read_xwd
 from m2wr_view.ros.tie import tied
 
 START_PATIENCE = 20.0       # s of wall time for Xvfb to come up
-_STOP_PATIENCE = 2.0        # s of wall time to end on SIGTERM
+_STOP_PATIENCE = 2.0        # s of wall time to end on a signal
 _LAST_LINES = 3             # of what a process has said, for messages
 _SAME_TRIES = 5             # looks at the screen until two agree: rviz may be drawing
 _KILLED_BY = "signal %d"
@@ -75,7 +75,7 @@ class Child:
 
     def stop(self):
         """End it; returns when it has ended."""
-        for number in (signal.SIGTERM, signal.SIGKILL):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):      # SIGTERM leaves rviz's name on the master
             if not self.alive():
                 return
             self._process.send_signal(number)

@@ -75,7 +75,7 @@ def main(words=None):
             if signal_sent:
                 child.kill()
             elif told:
-                child.terminate()
+                child.send_signal(signal.SIGINT)        # at SIGTERM its name would stay on the master
                 signal_sent = True
     if code and not told:
         say("ended with %s; the run goes on. Where the display's OpenGL is at fault: export LIBGL_ALWAYS_SOFTWARE=1"

@@ -2,7 +2,6 @@
 import logging
 import math
 import os
-import signal
 import threading
 import time
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from m2wr_view.errors import ViewError
 from m2wr_view.ros.processes import Xvfb, start_rviz
+from m2wr_view.ros.starting import note_signals, register
 from m2wr_view.rviz_config import VIEWS, for_pictures
 from m2wr_view.screenshots import Screenshots
 
@@ -95,9 +95,8 @@ class VirtualDisplay:
 
     def run(self):
         """Run; returns the exit code, which is 0 also where no picture can be had: no run is to end for that."""
-        rospy.init_node("virtual_display", disable_signals=True, disable_rostime=True)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda received, _: self._signals.append(received))
+        self._signals = note_signals()
+        register("virtual_display", self._ending, disable_rostime=True)
         try:
             self._config = read_parameters(rospy.get_param)
         except ViewError as error:
@@ -115,6 +114,9 @@ class VirtualDisplay:
         return 0
 
     # ---- beginning and end -----------------------------------------------------------------------------------
+
+    def _ending(self):
+        return bool(self._signals) or rospy.core.is_shutdown_requested()
 
     def _start(self):
         config = self._config
@@ -155,7 +157,7 @@ class VirtualDisplay:
 
     def _loop(self):
         told = False
-        while not self._signals and not rospy.core.is_shutdown():
+        while not self._ending():
             time.sleep(_LOOP)
             now = time.monotonic()
             if not self._display.alive():
