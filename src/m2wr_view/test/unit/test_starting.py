@@ -44,7 +44,7 @@ def begin():
 
     def make(word, port):
         environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:%d" % port)
-        child = subprocess.Popen([sys.executable, "-c", PROGRAM, word], stdout=subprocess.PIPE,
+        child = subprocess.Popen([sys.executable, "-u", "-c", PROGRAM, word], stdout=subprocess.PIPE,
                                  stderr=subprocess.STDOUT, env=environment, universal_newlines=True)
         started.append((child, threading.Timer(60, child.kill)))       # what says nothing keeps no reader waiting
         started[-1][1].start()
