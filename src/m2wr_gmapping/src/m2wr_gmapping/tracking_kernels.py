@@ -162,8 +162,7 @@ def _variances(track, out):
     What is not known of the bias is not in them: where walls are plain, noise would draw every match along them.
     """
     own, slack = odometry_variances(track, track[WAY, 0], track[WAY, 1]), track[SLACK]
-    for k in range(3):
-        out[k] = own[k] + slack[k]
+    out[0], out[1], out[2] = own[0] + slack[0], own[1] + slack[1], own[2] + slack[2]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -506,14 +505,21 @@ def _alone(prior, heard):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def _odometry_alone(track):
+    """Whether all that EXPECTED errs by is odometry's: it has led on from the last processed scan itself."""
+    slack = track[SLACK]
+    return slack[0] == 0.0 and slack[1] == 0.0 and slack[2] == 0.0
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def learn(track, anchor, row):
     """Take in how far odometry erred up to a processed scan, by its match in the map of the particle at ``anchor``."""
-    slack, way = track[SLACK], track[WAY]
+    way = track[WAY]
     track[TOLD:TOLD_OF + 1] = 0.0
     track[LED_BY] = track[BIAS]
     track[LED, 0], track[LED, 1] = track[SIGNED, 0], track[SIGNED, 1]
     track[LED, 2] = math.atan2(track[AHEAD, 1], track[AHEAD, 0])
-    if slack[0] != 0.0 or slack[1] != 0.0 or slack[2] != 0.0:       # then it is not odometry's error alone
+    if not _odometry_alone(track):
         return
     x, y, theta = _between(anchor, row)
     prior = odometry_variances(track, way[0], way[1])
@@ -550,8 +556,7 @@ def would_teach(track, row, inverse):
     inverse : (3,) float64
         Written: inverse variances of EXPECTED in which what is not known of the bias is contained.
     """
-    slack = track[SLACK]
-    if slack[0] != 0.0 or slack[1] != 0.0 or slack[2] != 0.0:       # then it is not odometry's error alone
+    if not _odometry_alone(track):
         return False
     own = odometry_variances(track, track[WAY, 0], track[WAY, 1])
     always = bias_variances(track, track[SIGNED, 0], track[SIGNED, 1])
