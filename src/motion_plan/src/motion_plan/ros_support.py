@@ -13,6 +13,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 
 from m2wr_lockstep.controller import Controller
 from m2wr_view.pipes import go_on_unread
+from m2wr_view.ros.ending import end_run
 from m2wr_view.ros.starting import start_node
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
@@ -24,6 +25,8 @@ RATE_HZ = 20
 REMIND_SECONDS = 5.0
 #: Messages older than this [s] are not driven on.
 STALE_SECONDS = 1.0
+#: Wall seconds that roslaunch has to end this node; then it exits, and roslaunch reports a death.
+PARTING_SECONDS = 15.0
 SCAN_TOPIC = '/m2wr/laser/scan'
 
 
@@ -48,6 +51,7 @@ def _end_unread():
 def run_node(name, make_node, only_prints=False):
     """Start the node ``name``, run what ``make_node()`` returns and leave with its exit code.
 
+    A required node that ends by itself with 0 asks its roslaunch to stop; roslaunch would call its exit a death.
     A NodeError ends in one fatal line and exit code 1, not in a traceback.  A node that only prints ends when nobody
     reads it any more; any other goes on.
     """
@@ -59,6 +63,8 @@ def run_node(name, make_node, only_prints=False):
     library.propagate = False
     try:
         code = make_node().spin()
+        if code == 0 and not rospy.core.is_shutdown_requested():
+            _end_the_run()
     except NodeError as error:
         rospy.logfatal('%s: %s', rospy.get_name(), error)
         code = 1
@@ -67,6 +73,15 @@ def run_node(name, make_node, only_prints=False):
             raise
         code = 0        # interrupted in its sleep, or about to publish on a topic that has just been closed
     sys.exit(code or 0)
+
+
+def _end_the_run():
+    """Let roslaunch stop what it started, where it requires this node; by itself the node just ends."""
+    rospy.loginfo('%s has done its work: the run ends here', rospy.get_name())
+    if end_run():
+        deadline = time.monotonic() + PARTING_SECONDS
+        while not rospy.is_shutdown() and time.monotonic() < deadline:
+            time.sleep(0.02)
 
 
 def required_number(name, meaning, launch_file):

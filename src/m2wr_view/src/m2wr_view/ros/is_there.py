@@ -15,7 +15,9 @@ _PATIENCE = 2.0         # s for a node to answer; one that was killed leaves its
 _ME = "/is_there"
 
 
-class _Transport(xmlrpc.client.Transport):
+class PatientTransport(xmlrpc.client.Transport):
+    """Waits for an answer only so long."""
+
     def make_connection(self, host):
         connection = super().make_connection(host)
         connection.timeout = _PATIENCE
@@ -28,7 +30,7 @@ def alive(address, name=None):
     With ``name``: a node of that name, as far as it can be asked.  A master remembers the addresses of nodes of rospy
     after they have ended, and another node may have got the port since.
     """
-    node = xmlrpc.client.ServerProxy(address, transport=_Transport())
+    node = xmlrpc.client.ServerProxy(address, transport=PatientTransport())
     try:
         try:
             if name is not None:

@@ -1,0 +1,101 @@
+"""Ending a run without roslaunch calling it a death.
+
+roslaunch reports a required node that exits in a red banner, "REQUIRED process has died!", whatever the exit code.  A
+node that has done its work asks its roslaunch to stop instead, by the signal that Ctrl-C sends.
+"""
+import os
+import signal
+import xmlrpc.client
+
+import rosgraph
+import rosgraph.network
+
+from m2wr_view.ros.is_there import PatientTransport
+
+_ME = "/end_run"
+
+
+def ancestry(pid=None, parent_of=None):
+    """Return the process ids of a process and its ancestors, nearest first.
+
+    Parameters
+    ----------
+    pid : int, optional
+        Where to begin; this process by default.
+    parent_of : callable, optional
+        Process id -> that of its parent, 0 where there is none; by default as /proc tells.
+    """
+    pid, parent_of = os.getpid() if pid is None else pid, parent_of or _parent_of
+    found = []
+    while pid > 0 and pid not in found:
+        found.append(pid)
+        pid = parent_of(pid)
+    return found
+
+
+def _parent_of(pid):
+    try:
+        with open("/proc/%d/stat" % pid) as file:
+            return int(file.read().rpartition(")")[2].split()[1])       # the name in brackets may hold anything
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def _addresses(master):
+    """Yield the XML-RPC addresses that roslaunch processes of this machine have left on the parameter server."""
+    try:
+        uris = master.getParam("/roslaunch/uris")
+    except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
+        return
+    for uri in uris.values() if isinstance(uris, dict) else ():
+        try:
+            if rosgraph.network.is_local_address(rosgraph.network.parse_http_host_and_port(uri)[0]):
+                yield uri
+        except (ValueError, TypeError, AttributeError, OSError):
+            continue
+
+
+def _required(server, name, ids):
+    try:
+        told = server.process_info(name)[2]
+    except xmlrpc.client.Fault:         # what roslaunch knows of its master is nothing that XML-RPC can carry
+        return False
+    return bool(told.get("required")) and told.get("pid") in ids
+
+
+def roslaunch_that_requires(ids, master=None):
+    """Return the process id of the roslaunch that started one of these processes as a required node, or None.
+
+    Parameters
+    ----------
+    ids : list of int
+        A process and its ancestors, as :func:`ancestry` returns them; roslaunch must be one of them.
+    master : rosgraph.Master, optional
+    """
+    for uri in _addresses(master or rosgraph.Master(_ME)):
+        server = xmlrpc.client.ServerProxy(uri, transport=PatientTransport())
+        try:
+            parent = server.get_pid()[2]
+            if parent not in ids:
+                continue
+            below = ids[:ids.index(parent)]
+            if any(_required(server, name, below) for name in server.get_node_names()[2]):
+                return parent
+        except (OSError, xmlrpc.client.Error, LookupError, TypeError, AttributeError):
+            continue                    # no roslaunch any more, or something else at its port
+    return None
+
+
+def end_run(master=None, kill=os.kill):
+    """Ask the roslaunch that requires this process to stop, and return whether one was asked.
+
+    It then ends all of its nodes in good order, this one too, so whoever calls waits for its own signal.
+    """
+    parent = roslaunch_that_requires(ancestry(), master)
+    if parent is None:
+        return False
+    try:
+        kill(parent, signal.SIGINT)
+    except OSError:
+        return False
+    return True
