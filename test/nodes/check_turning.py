@@ -35,6 +35,12 @@ class Turning(unittest.TestCase):
         self.assertNotEqual(changed, xml)
         return changed
 
+    @staticmethod
+    def as_described(convention):
+        """The description with a <wheelConvention> tag in the drive plugin."""
+        return rospy.get_param("/robot_description").replace(
+            "<leftJoint>", "<wheelConvention>%s</wheelConvention><leftJoint>" % convention)
+
     def assert_turns(self, name, direction, xml=None):
         """Spawn a robot, command RATE, and compare how far its yaw gets in one second with the closed form."""
         xml = xml or rospy.get_param("/robot_description")
@@ -60,6 +66,22 @@ class Turning(unittest.TestCase):
 
     def test_m2wr_turns_left_with_its_own_launch_files(self):
         self.assert_turns("m2wr", LEFT)
+
+    def test_a_parameter_set_before_the_spawn_wins(self):
+        rospy.set_param("/gazebo/wheel_conventions/chosen", "rep103")
+        self.assert_turns("chosen", LEFT)
+        rospy.set_param("/gazebo/wheel_conventions/chosen", "noetic")
+        self.assert_turns("chosen", RIGHT, self.as_described("kinetic"))
+        rospy.set_param("/gazebo/wheel_conventions/chosen", "left")
+        answer = self.simulation.spawn("chosen", rospy.get_param("/robot_description"), namespace="chosen")
+        self.assertFalse(answer.success)
+        for word in ("~wheel_conventions/chosen", "'left'", "noetic, kinetic, rep103"):
+            self.assertIn(word, answer.status_message)
+        rospy.delete_param("/gazebo/wheel_conventions/chosen")
+
+    def test_a_description_can_choose(self):
+        self.assert_turns("other", LEFT, self.as_described("kinetic"))
+        self.assert_turns("m2wr", LEFT, self.as_described("noetic"))     # sim.launch has set the parameter
 
     def test_any_other_name_has_noetics_mapping_and_turns_right(self):
         self.assert_turns("other", RIGHT)

@@ -51,6 +51,16 @@ def test_every_argument_can_be_given(name):
 
 
 @pytest.mark.parametrize('name', sorted(ARGUMENTS))
+def test_no_name_of_a_robot_is_special_and_a_parameter_set_before_stays(name):
+    assert not [key for key in load(name)[1] if 'wheel_convention' in key]
+
+
+def test_a_wheel_convention_can_be_given_for_all_robots():
+    parameters = load('empty', 'wheel_convention:=rep103')[1]
+    assert {key: value for key, value in parameters.items() if 'wheel' in key} == {'/gazebo/wheel_convention': 'rep103'}
+
+
+@pytest.mark.parametrize('name', sorted(ARGUMENTS))
 def test_the_defaults(name):
     nodes, parameters = load(name)
     server = nodes['gazebo']

@@ -50,12 +50,21 @@ class TestSpawn:
         assert nodes['m2wr_spawn'].package == 'gazebo_ros'
         assert words(nodes['m2wr_spawn']) == '-urdf -param robot_description -model m2wr -x 1.5 -y -2 -z 0.2 -Y 3.1'
 
-    @pytest.mark.parametrize('swap', ['false', 'true'])
-    def test_description_is_the_expanded_model(self, swap):
+    @pytest.mark.parametrize('swap, convention', [('false', 'kinetic'), ('true', '')])
+    def test_description_is_the_expanded_model(self, swap, convention):
         _, params = load('spawn.launch', 'swap_wheel_joints:=' + swap)
         installed = ElementTree.fromstring(params['/robot_description'])
-        expected = ElementTree.fromstring(expand('swap_wheel_joints:=' + swap))
+        expected = ElementTree.fromstring(expand('swap_wheel_joints:=' + swap, 'wheel_convention:=' + convention))
         assert ElementTree.tostring(installed) == ElementTree.tostring(expected)
+
+    @pytest.mark.parametrize('words, convention', [
+        ((), 'kinetic'), (('swap_wheel_joints:=true',), None), (('wheel_convention:=rep103',), 'rep103')])
+    def test_the_report_robot_turns_as_in_the_report_wherever_this_file_spawns_it(self, words, convention):
+        _, params = load('spawn.launch', *words)
+        assert not [name for name in params if 'wheel_convention' in name]     # nothing outlives the robot
+        plugin, = (block for block in ElementTree.fromstring(params['/robot_description']).iter('plugin')
+                   if 'diff_drive' in block.get('filename'))
+        assert plugin.findtext('wheelConvention') == convention
 
 
 @pytest.mark.parametrize('name', ['rvis.launch', 'rviz.launch'])

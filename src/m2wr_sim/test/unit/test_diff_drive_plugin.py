@@ -241,6 +241,21 @@ def test_a_convention_can_be_chosen_for_one_model(make_rig, m2wr):
     assert yaw_of(rig.pose("a")[1]) < -0.5 and yaw_of(rig.pose("b")[1]) > 0.5
 
 
+@pytest.mark.parametrize("described, conventions, sign", [
+    ("kinetic", {}, 1), ("rep103", {}, 1), ("noetic", {}, -1), ("kinetic", {"m2wr": "noetic"}, -1),
+    ("noetic", {"m2wr": "rep103"}, 1), ("kinetic", {"other": "noetic"}, 1)])
+def test_a_description_chooses_unless_a_parameter_does(make, caplog, described, conventions, sign):
+    rig = make({"wheelConvention": described}, wheel_conventions=conventions).send(0.0, 0.3).run(1.0)
+    assert math.copysign(1, yaw_of(rig.pose()[1])) == sign
+    assert not warnings_with(caplog, "<wheelConvention>")
+
+
+def test_a_described_convention_that_is_none_is_named(make, caplog):
+    rig = make({"wheelConvention": "melodic"}).send(0.0, 0.3).run(1.0)
+    assert yaw_of(rig.pose()[1]) < 0.0
+    assert len(warnings_with(caplog, "<wheelConvention> must be one of noetic, kinetic, rep103 but is \"melodic\"")) == 1
+
+
 def test_a_wrong_separation_is_named_and_turns_as_far_off(make, caplog):
     rig = make({"wheelSeparation": "0.5"}, wheel_convention="kinetic").send(0.0, 0.4).run(3.0)
     sentence, = warnings_with(caplog, "wheelSeparation")

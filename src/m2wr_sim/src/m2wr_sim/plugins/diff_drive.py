@@ -5,7 +5,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
-from m2wr_sim.control.diff_drive import EncoderOdometry, is_swapped, ramp, wheel_speeds
+from m2wr_sim.control.diff_drive import CONVENTIONS, EncoderOdometry, is_swapped, ramp, wheel_speeds
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.physics.engine import FASTEST
@@ -60,6 +60,8 @@ class DiffDrive(Plugin):
     def _choose_sides(self, spec, left_name, right_name):
         """Decide which tagged joint is driven as the left wheel, and say so where the names mislead."""
         ctx = self._ctx
+        if spec.spec.find("wheelConvention") is not None:       # the context has read it; here a wrong value is named
+            spec.choice("wheelConvention", CONVENTIONS, ctx.wheel_convention)
         left_y, right_y = ctx.joint_position(left_name)[1], ctx.joint_position(right_name)[1]
         legacy = spec.flag("legacyMode", True) if spec.spec.find("legacyMode") is not None else None
         self._swapped = is_swapped(ctx.wheel_convention, legacy, left_y, right_y)

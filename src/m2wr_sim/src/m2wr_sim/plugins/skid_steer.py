@@ -3,7 +3,7 @@ import math
 
 from nav_msgs.msg import Odometry
 
-from m2wr_sim.control.diff_drive import is_swapped, wheel_speeds
+from m2wr_sim.control.diff_drive import CONVENTIONS, is_swapped, wheel_speeds
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import yaw_of
 from m2wr_sim.plugins.base import Plugin, driven_joint
@@ -36,15 +36,17 @@ class SkidSteer(Plugin):
                      for name, default in (("x", 0.0001), ("y", 0.0001), ("yaw", 0.01)))
         self._covariance = [0.0] * 36
         self._covariance[::7] = [x, y, 1e12, 1e12, 1e12, yaw]
-        self._choose_sides(names)
+        self._choose_sides(spec, names)
         self._command = VelocityCommand(ctx, spec.text("commandTopic", "cmd_vel"), namespace, ctx.command_timeout_ns)
         self._port = ctx.advertise(spec.text("odometryTopic", "odom"), Odometry, namespace=namespace)
         for joint in self._joints:
             self._physics.set_joint_motor(joint, 0.0, self._torque)
 
-    def _choose_sides(self, names):
+    def _choose_sides(self, spec, names):
         """Decide which wheels are driven as the left ones; Gazebo's skid steering never had a legacy mode."""
         ctx = self._ctx
+        if spec.spec.find("wheelConvention") is not None:
+            spec.choice("wheelConvention", CONVENTIONS, ctx.wheel_convention)
         y = [ctx.joint_position(name)[1] for name in names]
         left, right = 0.5 * (y[0] + y[2]), 0.5 * (y[1] + y[3])
         convention = "rep103" if ctx.wheel_convention == "rep103" else "noetic"

@@ -79,6 +79,16 @@ def _note_signals():
     return noted
 
 
+def _convention_set_for(model):
+    """Return what the parameter ~wheel_conventions says of a model at this moment, or None."""
+    try:
+        conventions = rospy.get_param("~wheel_conventions", {})
+    except (rospy.ROSException, OSError) as error:      # the master is away; what was read at the start holds
+        log.warning("parameter ~wheel_conventions cannot be read (%s); what it said before holds", error)
+        return None
+    return conventions.get(model) if isinstance(conventions, dict) else None
+
+
 def package_folder():
     """Return this package's shared files: worlds and models."""
     return rospkg.RosPack().get_path("m2wr_sim")
@@ -190,6 +200,7 @@ def _network(config, simulator, factor, folders, stopping, lockstep):
         diagnostics.set_factor(new)
 
     spawner = Spawner(simulator, folders, config.urdf_surface)
+    spawner.convention_set_for = _convention_set_for
     return loop, GazeboApi(simulator, loop, spawner, config.gazebo_faults, set_factor)
 
 

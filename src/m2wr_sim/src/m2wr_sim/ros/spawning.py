@@ -11,6 +11,7 @@ import rospy
 from gazebo_msgs.srv import SpawnModelResponse
 
 from m2wr_sim.api.devices import said_once
+from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.sdf import load_sdf
@@ -113,6 +114,7 @@ class Spawner:
         self._honour_surface = urdf_surface == "honour"
         self._packages = rospkg.RosPack()
         self.in_loop = lambda function: function()      # runs what touches the world, between two steps
+        self.convention_set_for = lambda name: None     # what ~wheel_conventions says of a model now, or None
         self._newest = ("", None)       # text and record of the URDF spawned last: robots come in crowds
         self._told = (None, "")         # record of which all has been said, and its wheel convention
 
@@ -175,7 +177,7 @@ class Spawner:
 
         So do its meshes become what physics and rays need of them; into the loop goes only what is ready.
         """
-        refusal = self.in_loop(lambda: self._place_of(request)[1])
+        refusal = self._take_convention(request.model_name) or self.in_loop(lambda: self._place_of(request)[1])
         if refusal:
             return SpawnModelResponse(False, refusal)
         try:
@@ -193,6 +195,19 @@ class Spawner:
         response = self.in_loop(lambda: self._enter(request, record))
         del kept
         return response
+
+    def _take_convention(self, name):
+        """Let the parameter that chooses a model's wheel convention count as it is now; return why it cannot, or None."""
+        value = self.convention_set_for(name)
+        if value is None:
+            return None
+        if value not in CONVENTIONS:
+            refusal = ("SpawnModel: parameter ~wheel_conventions/%s is %r; expected one of %s"
+                       % (name, value, ", ".join(CONVENTIONS)))
+            log.error("spawn of \"%s\": %s", name, refusal)
+            return refusal
+        self._simulator.config.wheel_conventions[name] = value
+        return None
 
     def _place_of(self, request):
         """Return the wanted pose in the world, and why it cannot be had: a text for the answer, or None."""

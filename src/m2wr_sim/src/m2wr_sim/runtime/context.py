@@ -24,7 +24,7 @@ class ModelContext(PluginContext):
         self.now_ns, self.measurements = simulator.now_ns, 0    # how often a ray sensor has measured
         self.physics, self.scene = simulator.engine, simulator.scene
         self.log = logging.getLogger("m2wr_sim.plugins")
-        self.wheel_convention = simulator.config.wheel_convention_of(model.name)
+        self.wheel_convention = simulator.config.wheel_convention_of(model.name, spec.find("wheelConvention"))
         self.command_timeout_ns = simulator.config.command_timeout_ns
 
     @property

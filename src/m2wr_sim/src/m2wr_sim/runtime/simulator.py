@@ -10,6 +10,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from typing import Dict
 
+from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Physics, Plane, PluginSpec
@@ -61,9 +62,14 @@ class SimConfig:
     joint_states: bool = True
     joint_state_rate: float = 50.0
 
-    def wheel_convention_of(self, model_name):
-        """Return the convention for one model."""
-        return self.wheel_conventions.get(model_name, self.wheel_convention)
+    def wheel_convention_of(self, model_name, described=None):
+        """Return the convention for one model: what is set for its name, what its description says, the general one.
+
+        ``described`` is the text of a ``<wheelConvention>`` element; None, and a text that is no convention, count as
+        nothing said.
+        """
+        general = described if described in CONVENTIONS else self.wheel_convention
+        return self.wheel_conventions.get(model_name, general)
 
 
 class Simulator:
