@@ -87,6 +87,11 @@ list_entries() {
     sed -e 's/#.*//' -e 's/[[:space:]]*$//' -e '/^$/d' "$1"
 }
 
+# The pinned versions in a file of requirements, `name==version` each, without their hashes.
+pins() {
+    list_entries "$1" | sed -n 's/^\([A-Za-z0-9._-]*==[^ ]*\).*/\1/p'
+}
+
 # One hash over everything a build reads, and over the place it is built for (both spaces hold absolute paths).
 source_hash() {
     (

@@ -59,7 +59,7 @@ install_noetic_packages() {
 
 # True when every pinned distribution is installed in the venv in exactly its version.
 venv_is_current() {
-    [ -x "$VENV/bin/python" ] && list_entries "$1" | "$VENV/bin/python" -c '
+    [ -x "$VENV/bin/python" ] && pins "$1" | "$VENV/bin/python" -c '
 import sys
 try:
     from importlib.metadata import PackageNotFoundError, version
@@ -83,7 +83,8 @@ install_venv() {
         say "workspace venv: $VENV from $requirements"
         "$PYTHON" -m venv --clear --system-site-packages "$VENV"
         # without dependencies: pip must not put a second numpy, lxml or yaml over those of the system
-        "$VENV/bin/python" -m pip --disable-pip-version-check install --quiet --no-deps --retries 5 -r "$requirements"
+        "$VENV/bin/python" -m pip --disable-pip-version-check install --quiet --no-deps --require-hashes --retries 5 \
+            -r "$requirements"
     fi
     "$VENV/bin/python" -c "import $modules" ||
         die "the packages of $requirements are installed in $VENV but cannot be imported (see above);" \
