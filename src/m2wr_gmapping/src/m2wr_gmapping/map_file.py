@@ -1,10 +1,22 @@
-"""Saving a map as map_saver does, a PGM picture and a YAML file, without ever leaving half a map behind."""
+"""Saving a map as map_saver does, a PGM picture and a YAML file that names it, as a pair at every moment.
+
+Two files cannot be replaced at once, but the YAML file alone can, and it decides which picture is read. So over an older
+map the new picture is first written as ``NAME-DIGEST.pgm``, after the digest of its content; then the YAML file comes to
+name that one. Now ``NAME.pgm`` belongs to no pair: it is replaced, the YAML file comes to name it, and the picture with
+the digest goes. A program that is killed on the way leaves a pair, and perhaps a picture too many, which ``tidy`` removes.
+"""
+import hashlib
+import logging
 import math
 import os
+import re
 
 import numpy as np
 
-from m2wr_gmapping.whole_files import write_whole
+from m2wr_gmapping.whole_files import remove_stale, write_whole
+
+log = logging.getLogger(__name__)
+DIGITS = 12             # of the digest in a name
 
 FREE, OCCUPIED, UNKNOWN = 254, 0, 205
 
@@ -44,9 +56,7 @@ def description(image, resolution, origin, free_thresh=0.196, occupied_thresh=0.
 
 
 def save(name, data, resolution, origin, free=25, occupied=65):
-    """Write ``name``.pgm and ``name``.yaml.
-
-    Both are complete on disk before either takes the place of an older one.
+    """Write ``name``.pgm and ``name``.yaml; at every moment the YAML file there is and its picture are of one map.
 
     Parameters
     ----------
@@ -56,7 +66,7 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     Returns
     -------
     list of str
-        The two paths.
+        The two paths. Where only ``name``.pgm cannot be replaced, the picture is the one that has a digest in its name.
 
     Raises
     ------
@@ -75,12 +85,73 @@ def save(name, data, resolution, origin, free=25, occupied=65):
         raise ValueError("the map's resolution is {}; expected more than 0".format(resolution))
     if not os.path.basename(name):
         raise ValueError("the map's name is {!r}; expected one of a file, without ending".format(name))
-    paths = [name + ".pgm", name + ".yaml"]
-    image = os.path.basename(paths[0]) if os.path.isabs(name) or os.path.dirname(name) else paths[0]
-    contents = [pgm(data, resolution, free, occupied), [description(image, resolution, origin).encode()]]
+    parts = pgm(data, resolution, free, occupied)
+    spare = "{}-{}.pgm".format(name, _digest(parts))
+
+    def described(image):
+        return [description(os.path.basename(image), resolution, origin).encode()]
+    picture_path, yaml_path = name + ".pgm", name + ".yaml"
     try:
-        write_whole(*zip(paths, contents))
+        if not os.path.lexists(yaml_path):
+            write_whole((picture_path, parts), (yaml_path, described(picture_path)))
+            tidy(name)
+            return [picture_path, yaml_path]
+        write_whole((spare, parts))
+        try:
+            write_whole((yaml_path, described(spare)))
+        except OSError:
+            os.unlink(spare)
+            raise
     except OSError as error:
         raise MapFileError("cannot write the map {}.pgm and .yaml: {}; what was there before is kept".format(
             name, error.strerror or error))
-    return paths
+    try:
+        write_whole((picture_path, parts))
+        write_whole((yaml_path, described(picture_path)))
+    except OSError as error:
+        log.warning("cannot replace %s: %s; the picture of the new map is %s", picture_path, error.strerror or error,
+                    spare)
+        return [spare, yaml_path]
+    tidy(name)
+    return [picture_path, yaml_path]
+
+
+def _digest(parts):
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part)
+    return digest.hexdigest()[:DIGITS]
+
+
+def tidy(name):
+    """Remove what a program that was killed while it wrote the map ``name`` left; returns the paths.
+
+    These are temporary files without a writer, and pictures with the digest of their content in their name that the YAML
+    file does not name.
+    """
+    folder, base = os.path.split(os.path.abspath(name))
+    removed = remove_stale(folder)
+    spare = re.compile(re.escape(base) + "-([0-9a-f]{%d})[.]pgm" % DIGITS)
+    try:
+        found = [(entry, spare.fullmatch(entry)) for entry in os.listdir(folder)]
+        named = _named_by(name + ".yaml")
+        for entry, match in found:
+            path = os.path.join(folder, entry)
+            if match and entry != named and os.path.isfile(path) and not os.path.islink(path):
+                with open(path, "rb") as stream:
+                    if _digest(iter(lambda: stream.read(1 << 20), b"")) == match.group(1):
+                        os.unlink(path)
+                        removed.append(path)
+    except OSError as error:
+        log.warning("cannot tidy up beside the map %s: %s", name, error)
+    return removed
+
+
+def _named_by(path):
+    """Return the picture that a YAML file of this module names; None if there is no such file."""
+    try:
+        with open(path, "rb") as stream:
+            first = stream.readline(4096)
+    except FileNotFoundError:
+        return None
+    return os.fsdecode(first[len(b"image: "):].strip()) if first.startswith(b"image: ") else None

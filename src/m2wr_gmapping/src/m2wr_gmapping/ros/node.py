@@ -310,6 +310,8 @@ def main():
             warnings.append("there is no state %s yet: the map begins with nothing" % os.path.abspath(state_file))
             state_file = ""
         warnings.extend(trouble_at_exit(options.save_on_exit))
+        if options.save_on_exit:
+            map_file.tidy(os.path.expanduser(options.save_on_exit))
         if options.initial_pose is not None and not options.map_file:
             warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
         beginning, config = Beginning.from_files(config, os.path.expanduser(options.map_file), options.initial_pose,
