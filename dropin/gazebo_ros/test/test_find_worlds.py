@@ -24,8 +24,8 @@ def tree(tmp_path):
 
 
 def find(tree, name):
-    environment = {'PWD': str(tree / 'here'), 'GAZEBO_RESOURCE_PATH': ':/no/such/folder:%s' % (tree / 'resources')}
-    path, searched = worlds.find(name, environment, str(tree), rospkg.RosPack([str(tree / 'packages')]))
+    environment = {'GAZEBO_RESOURCE_PATH': ':/no/such/folder:%s' % (tree / 'resources')}
+    path, searched = worlds.find(name, environment, (str(tree / 'here'), str(tree)), rospkg.RosPack([str(tree / 'packages')]))
     return (None if path is None else os.path.relpath(path, str(tree))), searched
 
 
@@ -71,5 +71,5 @@ def test_a_world_that_is_nowhere_gives_the_empty_one_and_is_named(capsys):
 
 @pytest.mark.parametrize('name', ['empty', 'shapes', 'mud', 'rubble', 'willowgarage', 'elevator_ros'])
 def test_gazebos_names_are_there(name):
-    path, _ = worlds.find('worlds/%s.world' % name, environment={}, working_folder='/')
+    path, _ = worlds.find('worlds/%s.world' % name, environment={}, folders=('/',))
     assert path is not None

@@ -48,7 +48,7 @@ def resolve_world(name):
     if path is None:
         say('Could not open file[%s]: there is no such world; the empty world is used in its place. Searched: %s'
             % (name, ', '.join(searched)))
-        path, searched = find('worlds/empty.world', environment={}, working_folder='/')
+        path, searched = find('worlds/empty.world', environment={}, folders=('/',))
     return path or 'empty.world'
 
 

@@ -4,6 +4,8 @@ import xml.etree.ElementTree as ElementTree
 
 import rospkg
 
+from m2wr_view.user_folder import user_folder
+
 
 def exported_folders(rospack):
     """Return the folders that packages export as ``<gazebo_ros gazebo_media_path="..."/>``, in order of their names.
@@ -34,7 +36,7 @@ def shipped_folders(rospack):
     return [rospack.get_path(name) for name in ('gazebo_ros', 'm2wr_sim')]
 
 
-def candidates(name, environment, working_folder, rospack):
+def candidates(name, environment, folders, rospack):
     """Yield the paths under which a world may lie, best first.
 
     Parameters
@@ -42,17 +44,16 @@ def candidates(name, environment, working_folder, rospack):
     name : str
         As on the command line: absolute, or relative to any of the places.
     environment : dict
-        PWD and GAZEBO_RESOURCE_PATH of it are read; roslaunch starts nodes in a folder of their own, but leaves the
-        user's in PWD.
-    working_folder : str
+        GAZEBO_RESOURCE_PATH of it is read.
+    folders : sequence of str
+        Where the user and this program stand.
     rospack : rospkg.RosPack
     """
     if os.path.isabs(name):
         yield name
         return
-    for folder in (environment.get('PWD', ''), working_folder):
-        if folder:
-            yield os.path.join(folder, name)
+    for folder in folders:
+        yield os.path.join(folder, name)
     for folder in environment.get('GAZEBO_RESOURCE_PATH', '').split(':'):
         if folder:
             yield os.path.join(folder, name)
@@ -64,7 +65,7 @@ def candidates(name, environment, working_folder, rospack):
         yield os.path.join(folder, 'worlds', name + '.world')
 
 
-def find(name, environment=None, working_folder=None, rospack=None):
+def find(name, environment=None, folders=None, rospack=None):
     """Find a world file.
 
     Returns
@@ -76,7 +77,7 @@ def find(name, environment=None, working_folder=None, rospack=None):
     """
     searched = []
     for path in candidates(name, os.environ if environment is None else environment,
-                           working_folder or os.getcwd(), rospack or rospkg.RosPack()):
+                           folders or (user_folder(), os.getcwd()), rospack or rospkg.RosPack()):
         path = os.path.abspath(path)
         if path in searched:
             continue

@@ -1,9 +1,10 @@
 """Saving a map as map_saver does, a PGM picture and a YAML file that names it, as a pair at every moment.
 
-Two files cannot be replaced at once, but the YAML file alone can, and it decides which picture is read. So over an older
-map the new picture is first written as ``NAME-DIGEST.pgm``, after the digest of its content; then the YAML file comes to
-name that one. Now ``NAME.pgm`` belongs to no pair: it is replaced, the YAML file comes to name it, and the picture with
-the digest goes. A program that is killed on the way leaves a pair, and perhaps a picture too many, which ``tidy`` removes.
+Two files cannot be replaced at once, but the YAML file alone can, and it decides which picture is read. So over an
+older map the new picture is first written as ``NAME-DIGEST.pgm``, named after its content, and the YAML file is replaced
+by one that names it. Now ``NAME.pgm`` belongs to no pair: it is replaced too, then the YAML file again by one that names
+it, and the picture with the digest is removed. A program that is killed on the way leaves a pair and perhaps a picture
+too many, which ``tidy`` removes.
 """
 import hashlib
 import logging

@@ -13,8 +13,9 @@ class FakeMachine:
     """A machine on which all is well; tests change what they are about."""
 
     def __init__(self, **changes):
-        self.environ = {"HOME": "/home/me", "ROS_HOSTNAME": "localhost", "PWD": "/home/me", "DISPLAY": ":0",
+        self.environ = {"HOME": "/home/me", "ROS_HOSTNAME": "localhost", "DISPLAY": ":0",
                         "ROS_MASTER_URI": "http://localhost:11311", "CMAKE_PREFIX_PATH": "/ws/devel"}
+        self.folder = "/home/me"
         self.python, self.version = "/usr/bin/python3", (3, 11, 2)
         self.missing, self.absent, self.locked, self.broken = set(), set(), set(), set()
         self.programs = {name: "/usr/bin/" + name for name in (

@@ -2,6 +2,7 @@
 import pytest
 
 from m2wr_sim.errors import ParameterError, WorldError
+from m2wr_sim.ros import params
 from m2wr_sim.ros.params import NodeConfig, find_world, read_config
 
 
@@ -88,7 +89,7 @@ def test_worlds_are_found_by_path_then_in_the_folder(tmp_path, monkeypatch):
     (elsewhere / "a.world").write_text("<sdf/>")
     assert find_world("a.world", str(folder)) == str(elsewhere / "a.world")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PWD", str(elsewhere))       # where the user stands, as roslaunch leaves it
+    monkeypatch.setattr(params, "user_folder", lambda: str(elsewhere))
     assert find_world("b", str(folder)) == str(elsewhere / "b.world")
     with pytest.raises(WorldError, match="nowhere.world.*cannot be read.*%s.*%s" % (elsewhere, folder)):
         find_world("nowhere.world", str(folder))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from m2wr_view import user_folder
 from m2wr_view.errors import ViewError
 from m2wr_view.ros import rviz_window, screenshot, virtual_display
 from m2wr_view.ros.processes import Child, find_program, make_folder
@@ -107,7 +108,7 @@ def test_a_parameter_that_makes_no_sense_is_named(name, value):
 
 
 def test_relative_folders_count_from_where_roslaunch_was_started(monkeypatch):
-    monkeypatch.setenv("PWD", "/home/me")
+    monkeypatch.setattr(user_folder, "user_folder", lambda words=None: "/home/me")
     config = virtual_display.read_parameters(lambda key, default: {"~config": "/a.rviz"}.get(key, default))
     assert config.out == "/home/me/screenshots" and config.size == (1280, 720) and config.frame_rate == 10.0
 

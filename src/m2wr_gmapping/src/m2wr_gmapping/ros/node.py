@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections import deque
+from dataclasses import replace
 
 import rospy
 from sensor_msgs.msg import LaserScan
@@ -26,6 +27,7 @@ from m2wr_gmapping.scan import LaserModel, ScanError
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_gmapping.warm_up import warm_up
 from m2wr_view.ros.starting import start_node
+from m2wr_view.user_folder import from_user
 
 SWITCH_INTERVAL = 0.0005    # threads that bring scans must not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200
@@ -248,7 +250,7 @@ class SlamNode:
         self._intake.close()
         self._worker.join()
         self._maps.close()
-        mapper, name, loaded = self._mapper, os.path.expanduser(self._options.save_on_exit), self._beginning.loaded
+        mapper, name, loaded = self._mapper, self._options.save_on_exit, self._beginning.loaded
         if mapper is None and loaded is not None:
             mapper = loaded.mapper          # no scan has gone on with it
         if mapper is None:
@@ -305,16 +307,18 @@ def main():
         config, options, warnings = read_parameters(given)
         config = with_prefix(config, tf_prefix())
         check_frames(config)
-        state_file = os.path.expanduser(options.state_file)
+        options = replace(options, save_on_exit=from_user(options.save_on_exit),
+                          state_file=from_user(options.state_file), map_file=from_user(options.map_file))
+        state_file = options.state_file
         if state_file and not os.path.exists(state_file):
-            warnings.append("there is no state %s yet: the map begins with nothing" % os.path.abspath(state_file))
+            warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
             state_file = ""
         warnings.extend(trouble_at_exit(options.save_on_exit))
         if options.save_on_exit:
-            map_file.tidy(os.path.expanduser(options.save_on_exit))
+            map_file.tidy(options.save_on_exit)
         if options.initial_pose is not None and not options.map_file:
             warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
-        beginning, config = Beginning.from_files(config, os.path.expanduser(options.map_file), options.initial_pose,
+        beginning, config = Beginning.from_files(config, options.map_file, options.initial_pose,
                                                  state_file, options.odometry_runs_on)
         warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
     except (ConfigError, MapReadingError, state.StateError) as error:

@@ -19,11 +19,14 @@ class Machine:
         The interpreter that runs this.
     version : tuple of int
         Its version.
+    folder : str
+        Where the user stands.
     """
 
     def __init__(self):
         self.environ = dict(os.environ)
         self.python, self.version = sys.executable, tuple(sys.version_info[:3])
+        self.folder = os.getcwd()
 
     def which(self, program):
         """Return the path of a program on PATH, or None."""

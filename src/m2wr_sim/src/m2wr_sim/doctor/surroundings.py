@@ -64,7 +64,7 @@ def _disk(machine):
     home = machine.environ.get("ROS_HOME") or os.path.join(machine.environ.get("HOME", "/"), ".ros")
     places = (("logs (ROS_LOG_DIR)", machine.environ.get("ROS_LOG_DIR") or os.path.join(home, "log"), problem,
                "export ROS_LOG_DIR=/tmp/roslog, or mend the rights of that folder"),
-              ("bags and pictures, the present folder", machine.environ.get("PWD") or ".", warning,
+              ("bags and pictures, the present folder", machine.folder, warning,
                "start roslaunch in another folder, or give record:= and pictures:= an absolute path"))
     found = []
     for what, folder, level, cure in places:

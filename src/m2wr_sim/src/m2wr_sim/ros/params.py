@@ -11,6 +11,7 @@ from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.physics.factory import ENGINES
 from m2wr_sim.ros.api_reconfigure import PARAMETERS
+from m2wr_view.user_folder import user_folder
 
 
 def _parameter(default, help_text, check=None):
@@ -161,14 +162,12 @@ def private_parameters():
 def find_world(name, folder):
     """Return the path of a world: absolute, relative to where the user stands, or from this package's ``folder``.
 
-    roslaunch starts nodes in a folder of their own, but leaves the user's in the environment.
-
     Raises
     ------
     WorldError
         If there is no such file; the message names the places that were searched.
     """
-    places = list(dict.fromkeys((os.environ.get("PWD", ""), os.getcwd(), folder)))
+    places = list(dict.fromkeys((user_folder(), os.getcwd(), folder)))
     for place in places:
         for candidate in (os.path.join(place, name), os.path.join(place, name + ".world")):
             if place and os.path.isfile(candidate):

@@ -19,6 +19,7 @@ import rospy
 
 from m2wr_sim.ros.bag_order import settle_times
 from m2wr_view.ros.starting import register
+from m2wr_view.user_folder import from_user
 
 _CHUNK_KB = 256             # written at once; what is lost when the recorder is killed
 _SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take
@@ -230,7 +231,7 @@ def main(argv=None):
     parser.add_argument("topics", nargs="+", metavar="TOPIC")
     given = parser.parse_args(sys.argv[1:] if argv is None else argv)
     path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))
-    path = os.path.abspath(path if path.endswith(".bag") else path + ".bag")
+    path = from_user(path if path.endswith(".bag") else path + ".bag")
     lockstep = given.lockstep.lower() == "true"
     keeper = Keeper(path, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [], in_order=lockstep)
     try:

@@ -1,6 +1,7 @@
 """The spawn_model command: reads a description, asks the simulation to spawn it.  Exit code 0 or 1; 2 on misuse."""
 import argparse
 import math
+import os
 import re
 import sys
 import threading
@@ -17,6 +18,7 @@ from std_srvs.srv import Empty
 
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_view.ros.starting import start_node
+from m2wr_view.user_folder import from_user
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
 _NOT_CONFIGURED = "SetModelConfiguration service failed. Exiting."
@@ -91,6 +93,8 @@ def read_description(arguments):
         If there is nothing there.
     """
     if arguments.file:
+        if not os.path.exists(arguments.file):      # roslaunch starts this program in a folder of its own
+            arguments.file = from_user(arguments.file)
         rospy.loginfo("Loading model XML from file %s", arguments.file)
         try:
             with open(arguments.file, encoding="utf-8") as stream:

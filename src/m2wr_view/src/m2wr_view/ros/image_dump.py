@@ -19,6 +19,7 @@ from m2wr_view.errors import ViewError
 from m2wr_view.renderer import Renderer
 from m2wr_view.ros.starting import note_signals, register
 from m2wr_view.scene import TOPICS, Scene
+from m2wr_view.user_folder import from_user
 from m2wr_view.writers import make_writer
 
 log = logging.getLogger("rosout.m2wr_view")
@@ -208,8 +209,7 @@ class Node:
         view = _parameter("view", options.view, []) or None
         out = options.out or rospy.get_param("~out", "")
         paths = [path.strip() for path in out.split(",") if path.strip()] if isinstance(out, str) else list(out)
-        home = os.environ.get("PWD", ".")       # roslaunch starts nodes elsewhere but leaves the user's folder here
-        paths = [os.path.join(home, os.path.expanduser(path)) for path in paths]
+        paths = [from_user(path) for path in paths]
         make_dump(rate, tuple(size), view, [])
         self._image = rospy.Publisher("~image", Image, queue_size=2)
         self._dump = make_dump(rate, tuple(size), view, _writers(

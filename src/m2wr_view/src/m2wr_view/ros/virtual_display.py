@@ -16,6 +16,7 @@ from m2wr_view.ros.processes import Xvfb, start_rviz
 from m2wr_view.ros.starting import note_signals, register
 from m2wr_view.rviz_config import VIEWS, for_pictures
 from m2wr_view.screenshots import Screenshots
+from m2wr_view.user_folder import from_user
 
 log = logging.getLogger("rosout.m2wr_view")
 
@@ -75,9 +76,7 @@ def read_parameters(get):
     config = str(get("~config", ""))
     if not config:
         raise ViewError("parameter ~config is not set; expected the path of an rviz configuration")
-    # roslaunch starts nodes elsewhere but leaves the user's folder here
-    out = os.path.join(os.environ.get("PWD", "."), os.path.expanduser(str(get("~out", "screenshots"))))
-    return DisplayConfig(config, out, _number(get, "period", 10.0, 0.0, 86400.0), tuple(size),
+    return DisplayConfig(config, from_user(str(get("~out", "screenshots"))), _number(get, "period", 10.0, 0.0, 86400.0), tuple(size),
                          _number(get, "frame_rate", 10.0, 1.0, 60.0), view, str(get("~follow", "")).strip("/"),
                          _number(get, "distance", 10.0, 0.1, 1000.0), str(get("~state_topic", "bug2/state")))
 

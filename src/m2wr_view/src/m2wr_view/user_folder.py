@@ -1,0 +1,53 @@
+"""The folder in which the user stands, for files that are named relative to it.
+
+roslaunch starts nodes in a folder of their own. ``PWD`` in the environment is no help: it is what some shell once wrote
+there, and ``make -C``, ``sudo``, ``env -C`` and every program that starts another one elsewhere leave it as it was.
+"""
+import os
+import sys
+
+
+def user_folder(words=None):
+    """Return the absolute path of the folder in which the user started this program or the roslaunch that did.
+
+    To be asked at the start: a roslaunch that is gone tells nothing.
+
+    Parameters
+    ----------
+    words : list of str, optional
+        The command line, by default this program's.
+    """
+    if any(word.startswith("__log:=") for word in (sys.argv if words is None else words)):      # by roslaunch alone
+        found = _folder_of(_starter())
+        if found:
+            return found
+        if os.path.isdir(os.environ.get("PWD", "")):        # no /proc, or not to be read
+            return os.path.abspath(os.environ["PWD"])
+    return os.getcwd()
+
+
+def from_user(path, words=None):
+    """Return the absolute path of a file named by the user; ``~`` is the home. The empty path stays empty."""
+    return os.path.normpath(os.path.join(user_folder(words), os.path.expanduser(path))) if path else path
+
+
+def _starter():
+    """Return the process that began the session: roslaunch gives each node one, also below a ``launch-prefix``."""
+    leader = os.getsid(0)
+    return os.getppid() if leader == os.getpid() else _parent(leader)
+
+
+def _parent(process):
+    try:
+        with open("/proc/%d/stat" % process, "rb") as stream:
+            return int(stream.read().rpartition(b")")[2].split()[1])       # the name before may hold anything
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def _folder_of(process):
+    try:
+        found = os.readlink("/proc/%d/cwd" % process)
+    except OSError:
+        return None
+    return found if os.path.isdir(found) else None

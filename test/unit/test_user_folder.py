@@ -1,0 +1,21 @@
+"""Where the user stands is asked in one place: PWD in the environment says what some shell once wrote there."""
+import os
+
+import pytest
+
+import workspace_tree as tree
+
+KNOWS = ("m2wr_view/src/m2wr_view/user_folder.py", "m2wr_view/test/unit/test_user_folder.py")
+
+
+@pytest.mark.parametrize("package", tree.packages(), ids=lambda package: package.name)
+def test_nothing_reads_pwd(package):
+    faults = []
+    for path in tree.files_below(package.folder):
+        if not (path.endswith((".launch", ".test")) or tree.is_python(path)) or path.endswith(KNOWS) \
+                or os.path.samefile(path, __file__):
+            continue
+        for number, line in enumerate(tree.read(path).splitlines(), 1):
+            if "'PWD'" in line or '"PWD"' in line or "env PWD" in line:
+                faults.append("%s:%d: %s" % (tree.relative(path), number, line.strip()))
+    assert not faults, "\n".join(faults)
