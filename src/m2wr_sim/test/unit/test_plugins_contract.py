@@ -8,7 +8,7 @@ import pytest
 from conftest import at
 from m2wr_sim.model.types import PluginSpec
 from m2wr_sim.plugins.base import Plugin, PluginReader
-from m2wr_sim.plugins.registry import LEFT_OUT, PLUGINS, find_plugin, why_left_out
+from m2wr_sim.plugins.registry import PLUGINS, find_plugin
 from m2wr_sim.runtime import simulator
 
 RATE = 20.0
@@ -76,12 +76,7 @@ def test_the_registry_finds_it_under_all_its_names(library):
 
 @pytest.mark.parametrize("name", ["", "libgazebo_ros_unknown.so", ".so", "diff_drive"])
 def test_the_registry_knows_nothing_else(name):
-    assert find_plugin(name) is None and why_left_out(name) == ""
-
-
-@pytest.mark.parametrize("name", ["libgazebo_ros_camera.so", "gazebo_ros_camera", "/lib/libgazebo_ros_depth_camera.so"])
-def test_what_is_left_out_on_purpose_has_a_reason(name):
-    assert "renderer" in why_left_out(name) and find_plugin(name) is None and not set(LEFT_OUT) & set(PLUGINS)
+    assert find_plugin(name) is None
 
 
 def test_the_readme_tells_its_tags_and_their_defaults(make, library, monkeypatch):

@@ -17,33 +17,17 @@ PLUGINS = {
     "libgazebo_ros_ft_sensor.so": "m2wr_sim.plugins.ft_sensor:JointWrench",
 }
 
-_NO_IMAGES = "images need a renderer, which this simulation does not have"
-LEFT_OUT = {
-    "libgazebo_ros_camera.so": _NO_IMAGES,
-    "libgazebo_ros_depth_camera.so": _NO_IMAGES,
-    "libgazebo_ros_openni_kinect.so": _NO_IMAGES,
-    "libgazebo_ros_multicamera.so": _NO_IMAGES,
-    "libgazebo_ros_triggered_camera.so": _NO_IMAGES,
-    "libgazebo_ros_prosilica.so": _NO_IMAGES,
-    "libgazebo_ros_control.so": "the controllers of ros_control are libraries loaded into Gazebo's own process",
-}
-
 
 def find_plugin(filename):
     """Return the plugin class for a library's file name (``lib`` and ``.so`` may be missing), or None."""
-    target = PLUGINS.get(_library(filename))
+    target = PLUGINS.get(library_name(filename))
     if target is None:
         return None
     module, _, attribute = target.partition(":")
     return getattr(importlib.import_module(module), attribute)
 
 
-def why_left_out(filename):
-    """Return why a library has no plugin here, or an empty text where it is not one of those known to be left out."""
-    return LEFT_OUT.get(_library(filename), "")
-
-
-def _library(filename):
+def library_name(filename):
     """Return a library's full name, whatever folder, ``lib`` or ``.so`` is there or missing."""
     name = filename.strip().rsplit("/", 1)[-1]
     if not name.endswith(".so"):

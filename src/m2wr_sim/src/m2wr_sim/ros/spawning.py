@@ -197,7 +197,7 @@ class Spawner:
         return response
 
     def _take_convention(self, name):
-        """Let the parameter that chooses a model's wheel convention count as it is now; return why it cannot, or None."""
+        """Let the parameter for a model's wheel convention count as it is now; return why it cannot, or None."""
         value = self.convention_set_for(name)
         if value is None:
             return None

@@ -16,7 +16,8 @@ from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Physics, Plane, PluginSpec
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.plugins.base import PluginReader
-from m2wr_sim.plugins.registry import find_plugin, why_left_out
+from m2wr_sim.plugins.left_out import AbsentPlugins
+from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.agenda import Agenda
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
@@ -98,6 +99,7 @@ class Simulator:
         self._active = []               # (plugin, context, label) of all models, in load order
         self._scene_ns = self._moving_sight = None
         self._agenda = Agenda(self._failed, self._catch_up)
+        self._absent = AbsentPlugins()
         self._misfits = set()           # what was said of rates that do not fit into the steps
         self._owed, self._hold_ns = 0, 0        # steps that time is ahead of the engine; until when answers hold
 
@@ -120,7 +122,7 @@ class Simulator:
             except ModelError as error:
                 log.error("%s; model \"%s\" is left out", error, record.name)
         for spec in world.plugins:
-            log.warning("%s: world plugin %s (%s) is not known here and left out", spec.where, spec.name, spec.filename)
+            self._absent.tell("the world", spec, None)
         if world.state is not None:
             self.apply_state(world.state)
 
@@ -217,9 +219,7 @@ class Simulator:
     def _start_plugin(self, model, spec, sensor, link, namespace):
         plugin_class = self.plugin_class(spec.filename)
         if plugin_class is None:
-            reason = why_left_out(spec.filename)
-            log.warning("%s: no plugin %s here; %s is left out%s", model.name, spec.filename, spec.where or spec.name,
-                        ": " + reason if reason else "")
+            self._absent.tell(model.name, spec, namespace)
             return
         if namespace and spec.find("robotNamespace") is None:
             spec = replace(spec, parameters=spec.parameters + (("robotNamespace", namespace),))
