@@ -11,7 +11,8 @@ from collections import deque
 import numpy as np
 
 from m2wr_sim.errors import WorldError
-from m2wr_sim.geometry import compose, rotate
+from m2wr_sim.geometry import rotate
+from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 
 LAYOUTS = ("grid", "circle", "random")
@@ -185,15 +186,8 @@ def _flood(blocked):
 
 def _outlines(world):
     """Yield the outlines, (n, 2) corners counter-clockwise, of everything a robot could run into."""
-    moved = {entry.name: entry for entry in world.state.models} if world.state is not None else {}
-    for model in world.models:
-        entry = moved.get(model.name)
-        pose = entry.pose if entry is not None and entry.pose is not None else model.pose
-        links = {name: where for name, where, _ in entry.links if where is not None} if entry is not None else {}
-        for link in model.links:
-            link_pose = links.get(link.name) or compose(pose, link.pose)
-            for collision in link.collisions:
-                yield _outline(collision.geometry, compose(link_pose, collision.pose))
+    for _, collision, pose in placed_collisions(world):
+        yield _outline(collision.geometry, pose)
 
 
 def _outline(geometry, pose):

@@ -61,10 +61,16 @@ class Engine(abc.ABC):
     A step in which more than ``crowded`` contacts between movable models hang together is solved iteratively, whatever
     the solver, and such a step alone: the direct solver would take seconds for robots spawned into one another.  After
     each of those ``between``, if it is set, is called without arguments; what it raises ends :meth:`step` early.
+
+    The poses of links live here and nowhere else.  ``placements`` counts the calls of :meth:`set_link_pose`;
+    ``version`` grows with each of them and with each stretch of steps, so that poses asked for earlier hold while it
+    stays the same.
     """
 
     settings: EngineSettings
     solver_messages = 0
+    placements = 0
+    version = 0
     crowded = CROWDED
     between = None
 
@@ -90,7 +96,15 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def set_link_pose(self, link, pose):
-        """Put a link frame somewhere; velocities stay, joints are not consulted."""
+        """Put a link frame somewhere; velocities stay, joints are not consulted.
+
+        There is no other way to put a link somewhere, and poses are kept nowhere else: who derives something from them
+        compares ``placements`` and ``version``, and asks :meth:`placed_since`.
+        """
+
+    @abc.abstractmethod
+    def placed_since(self, version):
+        """Return the static links that were put somewhere after the engine had that ``version``; the latest first."""
 
     @abc.abstractmethod
     def set_link_velocity(self, link, linear, angular):

@@ -71,6 +71,7 @@ class NativeEngine(PyodeEngine):
         self._angles = {}
 
     def step(self, count):
+        self.version += 1
         if not self._moving:
             self._steps += count
             return

@@ -4,6 +4,7 @@ It is the reference for faster engines and the fallback where they cannot run.  
 objects of the binding die with their last reference, so every geom and joint is held in a list.  No binding object
 refers back to this engine: the cycle collector would free the world before its bodies and crash the interpreter.
 """
+import itertools
 import math
 from dataclasses import replace
 
@@ -38,6 +39,7 @@ class PyodeEngine(Engine):
         self._contact_group = ode.JointGroup()
         self._parts = {}
         self._links, self._joints = {}, {}
+        self._placed = {}                       # static link -> the version since which it stands where it does
         self._next_id = 0
         self._shapes, self._pairs = {}, {}
         self._moving = []                       # parts with bodies, in load order
@@ -134,6 +136,7 @@ class PyodeEngine(Engine):
         for table, ids in ((self._links, handle.links), (self._joints, handle.joints)):
             for number in ids.values():
                 table.pop(number, None)
+                self._placed.pop(number, None)
         self._release(parts)
         self._refresh_lists()
         self._wake()
@@ -187,6 +190,7 @@ class PyodeEngine(Engine):
     def step(self, count):
         world, group, static, moving = self._world, self._contact_group, self._static_space, self._moving
         near = self._near
+        self.version += 1
         # libode ends the process when it meets what is no number: a body must be found before it gets there
         speeds = [(parts, link, link.body.getLinearVel, link.body.getAngularVel)
                   for parts in moving for link in parts.links]
@@ -352,13 +356,20 @@ class PyodeEngine(Engine):
     def set_link_pose(self, link, pose):
         entry = self._links[link]
         self._wake()
+        self.placements += 1
+        self.version += 1
         if entry.body is not None:
             bodies.place_body(entry.body, entry.com, pose)
             return
         entry.pose = pose
+        self._placed.pop(link, None)            # the latest stand last
+        self._placed[link] = self.version
         for geom, collision in entry.geoms:
             if not isinstance(collision.geometry, Plane):
                 bodies.place_geom(geom, pose, collision.pose)
+
+    def placed_since(self, version):
+        return list(itertools.takewhile(lambda link: self._placed[link] > version, reversed(self._placed)))
 
     def set_link_velocity(self, link, linear, angular):
         body = self._links[link].body

@@ -5,7 +5,8 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from m2wr_sim.geometry import compose, matrix_from_quaternion
+from m2wr_sim.geometry import matrix_from_quaternion
+from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import Box, Cylinder, Sphere
 from m2wr_view.outlines import (FLOOR, M2WR_FOOTPRINT, ROBOT_HEIGHT, box_outline, cylinder_outline, least_clearance,
                                 sphere_outline)
@@ -64,19 +65,9 @@ def outline_of(geometry, pose, low=FLOOR, high=ROBOT_HEIGHT, name=""):
 
 def obstacle_outlines(world, low=FLOOR, high=ROBOT_HEIGHT):
     """Return the outlines of all that a robot can bump into in a world, planes apart, where the world file puts it."""
-    stored = {entry.name: entry for entry in world.state.models} if world.state is not None else {}
-    outlines = []
-    for model in world.models:
-        entry = stored.get(model.name)
-        placed = {name: pose for name, pose, _ in entry.links if pose is not None} if entry is not None else {}
-        model_pose = entry.pose if entry is not None and entry.pose is not None else model.pose
-        for link in model.links:
-            link_pose = placed.get(link.name) or compose(model_pose, link.pose)
-            for collision in link.collisions:
-                if not collision.surface.collide_bitmask or collision.surface.collide_without_contact:
-                    continue
-                outlines.append(outline_of(collision.geometry, compose(link_pose, collision.pose), low, high,
-                                           model.name))
+    outlines = [outline_of(collision.geometry, pose, low, high, model.name)
+                for model, collision, pose in placed_collisions(world)
+                if collision.surface.collide_bitmask and not collision.surface.collide_without_contact]
     return [outline for outline in outlines if outline is not None]
 
 

@@ -137,7 +137,7 @@ class WorldMarkers(Plugin):
     def __init__(self, simulator, port, frame, rate):
         self._simulator, self._port, self._frame = simulator, port, frame
         self._schedule = StrictSchedule(rate, simulator.now_ns) if rate else None
-        self._models, self._seen, self._moves, self._shown, self._moving = None, None, None, [], False
+        self._models, self._seen, self._placements, self._shown, self._moving = None, None, None, [], False
         self.look()
 
     def configure(self, spec, ctx):
@@ -153,7 +153,7 @@ class WorldMarkers(Plugin):
     def _changed(self):
         """Tell whether models have come or gone, or been put somewhere, since the last look."""
         simulator = self._simulator
-        return self._moves != simulator.moves or self._models != list(simulator.models.values())
+        return self._placements != simulator.engine.placements or self._models != list(simulator.models.values())
 
     def before_step(self, now_ns):
         if self._schedule.due(now_ns):
@@ -175,8 +175,8 @@ class WorldMarkers(Plugin):
                 self._shown = [known.get(id(model)) or _Shown(model, simulator.engine, self._frame) for model in models]
                 self._seen, changed = models, True
                 self._moving = not all(model.record.static for model in models)
-        elsewhere = self._moves != simulator.moves          # somebody has put a model somewhere, perhaps a static one
-        self._moves = simulator.moves
+        elsewhere = self._placements != simulator.engine.placements     # what was put somewhere may be static
+        self._placements = simulator.engine.placements
         for shown in self._shown:
             if elsewhere or changed or not shown.model.record.static:
                 changed |= shown.follow(simulator.engine)

@@ -33,7 +33,6 @@ def set_link_state(simulator, model, name, pose, linear, angular):
     link = model.handle.links[name]
     simulator.engine.set_link_pose(link, (tuple(pose[0]), normalise_quaternion(pose[1])))
     simulator.engine.set_link_velocity(link, linear, angular)
-    simulator.moved(model)
 
 
 def set_link_properties(simulator, model, name, gravity, inertial, solve):

@@ -32,7 +32,7 @@ class LiveModel:
         self.record, self.handle, self.reset_pose = record, handle, pose
         self.name = handle.name
         self.plugins = []
-        self.sight = None               # SceneRows of what moves
+        self.sight = None               # SceneRows of what can move by itself
         self.kept_inertials = {}        # link -> Inertial that still acts where the record tells another
         self._root = record.links[0]
         self._root_offset = invert(self._root.pose)

@@ -89,7 +89,7 @@ class Simulator:
         self.engine, self.scene, self.ports = engine, scene, ports
         self.config = config or SimConfig()
         self.step_ns = engine.settings.step_ns
-        self.now_ns, self.steps, self.moves = 0, 0, 0       # moves: how often a model was put somewhere else
+        self.now_ns, self.steps = 0, 0
         self.paused = False
         self.models, self.lights = OrderedDict(), OrderedDict()
         self.physics = Physics(max_step_size=self.step_ns * 1e-9, gravity=engine.settings.gravity)  # as last asked for
@@ -97,7 +97,8 @@ class Simulator:
         self.touches, self.touch_counts = [], {}
         self._clock_period_ns, self._clock_due_ns = period_of(self.config.clock_rate), 0
         self._active = []               # (plugin, context, label) of all models, in load order
-        self._scene_ns = self._moving_sight = None
+        self._scene_version = self._moving_sight = None     # the engine's version that the scene shows
+        self._resting_sights = {}       # static link -> SceneRows of its shapes
         self._agenda = Agenda(self._failed, self._catch_up)
         self._absent = AbsentPlugins()
         self._misfits = set()           # what was said of rates that do not fit into the steps
@@ -269,7 +270,9 @@ class Simulator:
         del self.models[name]
         self.touch_counts.pop(name, None)
         self.scene.remove_owner(name)
-        self._scene_ns = self._moving_sight = None
+        for link in model.handle.links.values():
+            self._resting_sights.pop(link, None)
+        self._moving_sight = None
 
     def _stop_plugin(self, entry):
         """Close a plugin, once: one that was switched off before is closed already."""
@@ -301,31 +304,31 @@ class Simulator:
     # ---- what rays see -----------------------------------------------------------------------------------------
 
     def _add_to_scene(self, model):
-        parts = []
+        moving, resting = [], {}
         for link, collision, moves in self.engine.collisions(model.handle):
             pose = compose(self.engine.link_pose(link), collision.pose)
             row = self.scene.add(collision.geometry, pose, model.name, collision.laser_retro)
-            if moves or model.record.static and not isinstance(collision.geometry, Plane):
-                parts.append((row, link, collision.pose))
-        model.sight = SceneRows(parts)
-        self._scene_ns = self._moving_sight = None
+            if moves:
+                moving.append((row, link, collision.pose))
+            elif model.record.static and not isinstance(collision.geometry, Plane):
+                resting.setdefault(link, []).append((row, link, collision.pose))
+        model.sight = SceneRows(moving)
+        self._resting_sights.update((link, SceneRows(parts)) for link, parts in resting.items())
+        self._moving_sight = None
 
     def refresh_scene(self):
-        """Bring the poses of everything that can move into the scene; at most once per instant."""
-        if self._scene_ns == self.now_ns:
-            return
+        """Bring the scene to where the engine has everything now; nothing is done where nothing can have moved."""
+        engine, shown = self.engine, self._scene_version
         if self._moving_sight is None:
-            self._moving_sight = SceneRows([part for model in self.models.values() if not model.record.static
-                                            for part in model.sight.parts])
-        self._moving_sight.refresh(self.engine, self.scene)
-        self._scene_ns = self.now_ns
-
-    def moved(self, model):
-        """Note that a model was put somewhere else."""
-        self.moves += 1
-        if model.record.static:
-            model.sight.refresh(self.engine, self.scene)
-        self._scene_ns = None
+            self._moving_sight = SceneRows([part for model in self.models.values() for part in model.sight.parts])
+        elif shown == engine.version:
+            return
+        for link in engine.placed_since(-1 if shown is None else shown):
+            sight = self._resting_sights.get(link)
+            if sight is not None:
+                sight.refresh(engine, self.scene)
+        self._moving_sight.refresh(engine, self.scene)
+        self._scene_version = engine.version
 
     # ---- time --------------------------------------------------------------------------------------------------
 
@@ -448,7 +451,6 @@ class Simulator:
             linear, angular = rotate(reference.orientation, linear), rotate(reference.orientation, angular)
         model.place(self.engine, _within_reach(name, self.pose_in_world(pose, frame)))
         model.set_velocity(self.engine, linear, angular)
-        self.moved(model)
 
     def set_joint_positions(self, name, positions):
         """Set joints of a model, ``{name: position}``; names it does not have, and fixed joints, are passed over."""
@@ -456,7 +458,6 @@ class Simulator:
         for joint in model.record.joints:
             if joint.name in positions and joint.kind in ("revolute", "prismatic"):
                 model.bend(self.engine, joint.name, positions[joint.name])
-        self.moved(model)
 
     # ---- resets ------------------------------------------------------------------------------------------------
 
@@ -465,7 +466,6 @@ class Simulator:
         for model in self.models.values():
             model.place(self.engine, model.reset_pose)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            self.moved(model)
         self._restart_plugins(rewound=False)
 
     def reset_simulation(self):
@@ -477,7 +477,6 @@ class Simulator:
         for model in self.models.values():
             model.restore(self.engine)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            self.moved(model)
         self.touches, self.touch_counts = [], {}
         self._restart_plugins(rewound=True)
 
