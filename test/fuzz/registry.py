@@ -7,6 +7,14 @@ TARGETS = {
     "world": "target_documents:World",
     "spawn_text": "target_documents:Spawn",
     "services": "target_services:Services",
+    "mesh": "target_files:MeshFile",
+    "heights": "target_files:HeightFile",
+    "map": "target_files:MapFiles",
+    "bag": "target_files:BagFiles",
+    "tour": "target_files:TourFile",
+    "scans": "target_mapping:Scans",
+    "state": "target_mapping:StateFile",
+    "parameters": "target_values:Parameters",
 }
 
 

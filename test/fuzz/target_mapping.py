@@ -1,0 +1,157 @@
+"""What reaches the mapper and the controllers: scans, transforms and states of earlier runs."""
+import hashlib
+import io
+import json
+import math
+import zlib
+
+import mutations
+from harness import Target, Wrong
+from messages import Filler
+from target_files import BagFiles, drive_messages, written
+
+_FRAMES = ("", "odom", "base_link", "laser", "/laser", "map", "elsewhere")
+
+
+class _Memory:
+    """A bag that is a list of messages."""
+
+    fraction, damage = 1.0, None
+
+    def __init__(self, messages):
+        from m2wr_gmapping.replay.bag_file import Message
+        self.topics = {topic: kind for topic, kind, _ in messages}
+        self._messages = [Message(*entry) for entry in messages]
+
+    def messages(self, wanted):
+        """Yield the messages of the topics that are wanted."""
+        return (message for message in self._messages if wanted(message.topic))
+
+
+class Scans(BagFiles):
+    """Scans and transforms with extreme fields, in and out of order, to the mapper and to the motion planner."""
+
+    name, cpu, weight = "scans", 4.0, 3.0
+
+    def prepare(self):
+        super().prepare()
+        from motion_plan.obstacle_avoidance import ObstacleAvoidance
+        from motion_plan.regions import RegionReader, ScanError
+        from motion_plan.wall_follower import WallFollower
+        self.planners, self.region_reader, self.scan_error = (ObstacleAvoidance, WallFollower), RegionReader, ScanError
+        self.drive = [(topic, message) for topic, message, _ in drive_messages() if topic in ("/tf", "/scan")]
+
+    def make(self, rng):
+        case = []
+        for topic, message in self.drive:
+            buffer = io.BytesIO()
+            message.serialize(buffer)
+            case.append((topic, message._type, buffer.getvalue()))
+        filler = Filler(lambda: _FRAMES, 0.15)
+        for _ in range(1 + rng.randrange(5)):
+            at, kind = rng.randrange(len(case)), rng.randrange(6)
+            if kind == 0:
+                case.insert(rng.randrange(len(case)), case[at])
+            elif kind == 1 and len(case) > 2:
+                del case[at]
+            elif kind == 2:
+                topic, name, data = case[at]
+                case[at] = topic, name, mutations.change_bytes(rng, data)
+            else:
+                topic, message = self.drive[at % len(self.drive)]
+                fresh = type(message)()
+                buffer = io.BytesIO()
+                message.serialize(buffer)
+                fresh.deserialize(buffer.getvalue())
+                target = fresh.transforms[rng.randrange(2)] if topic == "/tf" else fresh
+                filler._one_extreme(rng, target)
+                if rng.randrange(8) == 0:
+                    filler.fill(rng, target)
+                buffer = io.BytesIO()
+                fresh.serialize(buffer)
+                case[at % len(case)] = topic, message._type, buffer.getvalue()
+        return case
+
+    def describe(self, case):
+        return repr(case).encode()
+
+    def run(self, case):
+        from sensor_msgs.msg import LaserScan
+        replay = self.command.Replay(_Memory(case), self.options, self.config)
+        self.replay(replay)
+        reader, planners = self.region_reader(), [kind() for kind in self.planners]
+        for topic, _, data in case:
+            if topic != "/scan":
+                continue
+            try:
+                scan = LaserScan().deserialize(data)
+            except Exception:       # what a broken message makes of genpy never reaches a callback
+                continue
+            try:
+                regions = reader.read(scan.ranges, scan.angle_min, scan.angle_max, scan.angle_increment)
+            except self.scan_error:
+                continue
+            for planner in planners:
+                command = planner.update(regions=regions)
+                if not all(map(math.isfinite, command)):
+                    raise Wrong("%s commands %s" % (type(planner).__name__, command))
+
+
+class StateFile(Target):
+    """States of the mapper: damaged ones, and ones that somebody made whole again after changing them."""
+
+    name, cpu, weight = "state", 3.0, 1.0
+
+    def prepare(self):
+        import numpy as np
+        from m2wr_gmapping import state
+        from m2wr_gmapping.config import GmappingConfig
+        from m2wr_gmapping.mapper import Mapper
+        from m2wr_gmapping.scan import LaserModel
+        from m2wr_gmapping.warm_up import warm_up
+        warm_up()
+        self.state, self.foreseen, self.numpy = state, (state.StateError,), np
+        laser = LaserModel.from_message(-1.5, 1.5, 0.1, 31, 0.1, 8.0)
+        config = GmappingConfig.from_mapping(dict(particles=2, threads=1, linearUpdate=0.2, xmin=-3.0, ymin=-3.0, xmax=3.0,
+                                                  ymax=3.0))
+        mapper = Mapper(config, laser)
+        for k in range(4):
+            mapper.process(mapper.reading(np.full(31, 3.0 - 0.1 * k)), np.array([0.3 * k, 0.0, 0.0]), 0.1 * k)
+        path = written("made.state", b"")
+        state.save(path, state.snapshot(mapper, dict(laser_frame="laser")))
+        mapper.close()
+        with open(path, "rb") as stream:
+            self.whole = stream.read()
+
+    def make(self, rng):
+        if rng.randrange(4) == 0:
+            return mutations.change_bytes(rng, self.whole)
+        return self.resealed(rng)
+
+    def resealed(self, rng):
+        """Return a state whose content was changed and whose checksum is right all the same."""
+        lines = self.whole.split(b"\n", 2)
+        try:
+            head = json.loads(lines[1])
+            content = zlib.decompress(lines[2])
+        except (ValueError, IndexError, zlib.error):
+            return mutations.change_bytes(rng, self.whole)
+        packed = zlib.compress(mutations.change_bytes(rng, content), 1)
+        head.update(bytes=len(packed), sha256=hashlib.sha256(packed).hexdigest())
+        return b"\n".join((lines[0], json.dumps(head).encode(), packed))
+
+    def run(self, case):
+        path = written("case.state", case)
+        try:
+            found = self.state.load(path)
+        except self.foreseen:
+            return
+        mapper = found.mapper
+        try:
+            try:
+                mapper.process(mapper.reading(self.numpy.full(len(mapper.laser.angles), 2.0)), self.numpy.zeros(3), 9.0)
+                mapper.occupancy(exact=False)
+            except ValueError:
+                pass
+        finally:
+            mapper.close()
