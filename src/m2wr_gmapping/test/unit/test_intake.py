@@ -196,6 +196,20 @@ def test_one_transform_far_ahead_does_not_push_out_the_others_two_are_believed(i
     assert stamps_taken(intake, [10.2, 10.3, 300.0, 300.1]) == [10.2, 10.3, 300.1]
 
 
+def test_stamps_that_tf2_cannot_calculate_with_are_refused(intake):
+    for seconds in (2**31, 2**32 - 70, 2**32 - 1):          # each ended the process
+        odd = transform("odom", "laser", 10.0)
+        odd.header.stamp.secs = seconds
+        intake.on_transforms(TFMessage([odd]))
+        intake.on_transforms(TFMessage([odd]), static=True)
+        scan = waiting_scan("laser", 10.0)
+        scan.header.stamp.secs = seconds
+        intake.on_scan(scan)
+    assert intake.dropped == 3 and intake.waiting == 0
+    intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))
+    assert stamps_taken(intake, [10.1]) == [10.1] and intake.generation == 0
+
+
 def test_the_transform_that_is_published_is_not_taken_in(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
     intake = Intake("odom", 5, "map")

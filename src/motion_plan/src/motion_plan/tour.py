@@ -14,6 +14,8 @@ TURN_FIRST = 0.4
 TURN_GAIN, TURN_MOST = 1.5, 0.7
 #: Within this of a way point [m] the robot slows down, to this share of its speed.
 SLOW_DOWN, SLOWEST = 0.8, 0.4
+#: No robot is driven faster [m/s]; the simulation carries no more either.
+FASTEST = 1e4
 #: A robot that has come no nearer for so long [s] will not arrive.
 PATIENCE = 20.0
 #: What counts as nearer [m], and as turned towards the way point [rad].
@@ -44,19 +46,19 @@ class Tour:
     Raises
     ------
     TourError
-        If there is no way point, one is no pair of finite numbers, or the speed is not above 0.
+        If there is no way point, one is no pair of finite numbers, or the speed is no number above 0.
     """
 
     def __init__(self, way_points, speed=0.5):
         try:
             points = [(float(x), float(y)) for x, y in way_points]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             points = []
         if not points or not all(math.isfinite(value) for point in points for value in point):
             raise TourError('way points are %r: expected a list of [x, y] with finite numbers' % (way_points,))
-        if not (math.isfinite(speed) and speed > 0.0):
-            raise TourError('speed is %r: expected more than 0' % (speed,))
-        self.way_points, self._speed = points, speed
+        if isinstance(speed, bool) or not isinstance(speed, (int, float)) or not 0.0 < speed < FASTEST:
+            raise TourError('speed is %r: expected a number above 0 and below %g m/s' % (speed, FASTEST))
+        self.way_points, self._speed = points, float(speed)
         self.restart()
 
     def restart(self):

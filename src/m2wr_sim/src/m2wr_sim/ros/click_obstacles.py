@@ -10,6 +10,7 @@ import tf2_ros
 from geometry_msgs.msg import PointStamped
 from m2wr_view.outlines import point_distances
 from m2wr_view.ros.starting import start_node
+from m2wr_view.ros.transform_buffer import TransformBuffer
 
 from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate
@@ -125,7 +126,7 @@ class ClickObstacles:
         if frame in ("", "world", self._config.frame):
             return point
         if self._transforms is None:        # transforms cost time; most clicks need none
-            self._transforms = tf2_ros.Buffer()
+            self._transforms = TransformBuffer()
             tf2_ros.TransformListener(self._transforms)
         transform = self._lookup(frame).transform
         q, shift = transform.rotation, transform.translation
