@@ -78,7 +78,7 @@ class MeshFile(_Shape):
     def prepare(self):
         super().prepare()
         self.plain = {"obj": corpus("*.obj"), "stl": corpus("*.stl")}
-        self.trees = mutations.Trees([text.replace('<?xml version="1.0" encoding="utf-8"?>', "") for text in corpus("*.dae")])
+        self.trees = mutations.Trees([text.partition("?>")[2] for text in corpus("*.dae")])
         facet = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
         self.binary = [b"binary".ljust(80) + struct.pack("<I", 4) + 4 * facet]
 

@@ -112,8 +112,8 @@ class StateFile(Target):
         warm_up()
         self.state, self.foreseen, self.numpy = state, (state.StateError,), np
         laser = LaserModel.from_message(-1.5, 1.5, 0.1, 31, 0.1, 8.0)
-        config = GmappingConfig.from_mapping(dict(particles=2, threads=1, linearUpdate=0.2, xmin=-3.0, ymin=-3.0, xmax=3.0,
-                                                  ymax=3.0))
+        config = GmappingConfig.from_mapping(dict(particles=2, threads=1, linearUpdate=0.2, xmin=-3.0, ymin=-3.0,
+                                                  xmax=3.0, ymax=3.0))
         mapper = Mapper(config, laser)
         for k in range(4):
             mapper.process(mapper.reading(np.full(31, 3.0 - 0.1 * k)), np.array([0.3 * k, 0.0, 0.0]), 0.1 * k)

@@ -42,7 +42,7 @@ class _Loop:
 
 
 class Services(Target):
-    """A case is a list of operations: ``("service", name, seed)``, the same of ``topic`` and ``plugin``, ``("step", n, 0)``.
+    """A case is a list of operations: ``("service", name, seed)``, the same of ``topic`` and ``plugin``, and steps.
 
     The values of a request come from its seed and from what is in the world when it is made, so that a sequence stays
     meaningful when parts of it are taken away.

@@ -2,9 +2,10 @@
 import mutations
 from harness import Target
 
-_VALUES = (None, True, False, 0, 1, -1, 2 ** 31, 2 ** 70, 0.0, 0.5, -0.5, 1e-9, 1e9, 1e400, -1e400, float("nan"), "", "0.5",
-           "1e-3", "nan", "true", "x" * 500, "../..", [], [1], ["/a"], ["/a -> /b by /c once"], [None], [[1]], {}, {"a": 1},
-           {"m2wr": "kinetic"}, {1: 2}, [{"/a": "/b"}], "native", "pyode", "step", "quick", "noetic", "rep103", b"bytes")
+_VALUES = (None, True, False, 0, 1, -1, 2 ** 31, 2 ** 70, 0.0, 0.5, -0.5, 1e-9, 1e9, 1e400, -1e400, float("nan"), "",
+           "0.5", "1e-3", "nan", "true", "x" * 500, "../..", [], [1], ["/a"], ["/a -> /b by /c once"], [None], [[1]],
+           {}, {"a": 1}, {"m2wr": "kinetic"}, {1: 2}, [{"/a": "/b"}], "native", "pyode", "step", "quick", "noetic",
+           "rep103", b"bytes")
 
 
 class Parameters(Target):

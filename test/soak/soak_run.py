@@ -23,7 +23,7 @@ from work import Task, Work, call
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.abspath(os.path.join(HERE, "..", ".."))
 DAY = 24.0                                                  # h, for which the counts below are
-CYCLES, RESETS, SHIFTS, ASKED, PUSHED, MOVED, PAUSED, MAPS, RECONNECTED = 5000, 2000, 96, 10000, 1000, 500, 500, 200, 1000
+COUNTS = dict(cycles=5000, resets=2000, shifts=96, ask=10000, push=1000, move=500, pause=500, map=200, reconnect=1000)
 MOST_MEMORY, MOST_OTHER = 0.2, 0.05                         # MB, and descriptors or threads, an hour
 PATIENCE = 120.0                                            # s of wall time without a clock
 SAMPLES = 1200                                              # over the run
@@ -68,7 +68,8 @@ class Nodes:
         os.environ.update(ROS_MASTER_URI=self.uri, ROS_HOSTNAME="127.0.0.1", ROS_LOG_DIR=folder, ROS_HOME=folder)
         os.environ.pop("ROS_IP", None)
         self.log = os.path.join(folder, "soak.log")
-        self._command = ["roslaunch", "-p", str(port), os.path.join(HERE, "soak.launch"), "real_time_factor:=%g" % factor]
+        self._command = ["roslaunch", "-p", str(port), os.path.join(HERE, "soak.launch"),
+                         "real_time_factor:=%g" % factor]
         self._process = None
 
     def __enter__(self):
@@ -108,9 +109,7 @@ class Run:
     def __init__(self, hours, nodes):
         self._seconds, self._nodes = 3600.0 * hours, nodes
         share = hours / DAY
-        self._count = {name: max(1, int(round(number * share))) for name, number in dict(
-            cycles=CYCLES, resets=RESETS, shifts=SHIFTS, ask=ASKED, push=PUSHED, move=MOVED, pause=PAUSED, map=MAPS,
-            reconnect=RECONNECTED).items()}
+        self._count = {name: max(1, int(round(number * share))) for name, number in COUNTS.items()}
         self.shift_seconds = self._seconds / self._count["shifts"]
         self.clock, self._stopping = Clock(), threading.Event()
         self.stamps = {topic: Stamps(period) if not offset else Stamps(period, offset)
@@ -230,8 +229,8 @@ class Run:
         os.makedirs(folder, exist_ok=True)
         done = {task.name: task.done for task in self.tasks}
         title = "%.1f simulated hours in %.0f min: %d spawned and deleted, %d resets, %d clients" % (
-            self.clock.total / 3600.0, self.wall / 60.0, done["spawn and delete"], done["reset_world"] + self.clock.shift,
-            len(LISTENED))
+            self.clock.total / 3600.0, self.wall / 60.0, done["spawn and delete"],
+            done["reset_world"] + self.clock.shift, len(LISTENED))
         path = os.path.join(folder, "soak.png")
         draw(path, title, self.samples, self.shift_seconds, told)
         with open(os.path.join(folder, "soak.json"), "w") as stream:

@@ -6,7 +6,7 @@ from collections import namedtuple
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 Sample = namedtuple("Sample", "hours shift age memory descriptors threads")
-"""``hours`` [h, simulated, over all shifts], ``shift`` number, ``age`` [s, simulated] in it, ``memory`` [MB, resident]."""
+"""``hours`` [h] and ``age`` in the shift [s] are simulated; ``shift`` number; resident ``memory`` [MB]."""
 
 
 def look_at(pid):
