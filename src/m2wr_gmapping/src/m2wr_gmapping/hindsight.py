@@ -63,3 +63,16 @@ class Hindsight:
             return None, path
         self._steps[:self._count, kernels.APPLIED:] += changes[1:, :2]
         return changes, found
+
+    # ---- saving
+
+    def compact(self):
+        """Return what is stored: the steps so far."""
+        return dict(steps=self._steps[:self._count], _looked_at=self._looked_at)
+
+    def restore(self, stored):
+        """Take over what ``compact`` returned."""
+        steps, self._looked_at = stored["steps"], stored["_looked_at"]
+        self._count = len(steps)
+        self._steps = np.zeros((max(FIRST_STEPS, self._count), kernels.STEP_SIZE))
+        self._steps[:self._count] = steps

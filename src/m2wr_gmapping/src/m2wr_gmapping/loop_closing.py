@@ -25,7 +25,7 @@ CONCLUSIONS = 3             # times that the whole path is looked at again in th
 
 
 @dataclass(frozen=True)
-class _Find:
+class Find:
     """What a wide search has found.
 
     Attributes
@@ -178,7 +178,7 @@ class LoopCloser:
         return bool((change > BEND).any())
 
     def _wide_find(self, scene, old):
-        """Return what a wide search finds (_Find), or None."""
+        """Return what a wide search finds (Find), or None."""
         path, here = scene.path, scene.along[-1]
         self.wide_searches += 1
         place = place_search.wide_search(scene, old)
@@ -194,8 +194,8 @@ class LoopCloser:
             return None
         slides, pose = not held(row), row[:3].copy()
         row[mk.INFORMATION:] = heard
-        return _Find(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
-                     _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
+        return Find(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
+                    _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
 
     def conclude(self, path, readings):
         """No scan follows: believe the newest find, if it is clear and not far off; then bend the path to all there is.

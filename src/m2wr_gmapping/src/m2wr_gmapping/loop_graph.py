@@ -24,6 +24,7 @@ HELD_SHARE = 0.085          # a match must be held across its best direction by 
 OUTLIER = 12.0              # squared residual of a link, in covariances, that halves its weight
 REMEMBERED = 10.0           # looked back at, odometry's bias changes so many times less than while it is followed
 FIRST_NODES, ACCOUNT_ROWS = 1024, TRACK_ROWS - TOLD
+BY_STEP = "_step_information", "_step_variances", "_accounts", "_leverages"
 
 
 def covariance(information, deviations, floor):
@@ -121,7 +122,7 @@ class LoopGraph:
         """
         self._newest += 1
         if self._newest == len(self._step_variances):
-            for name in ("_step_information", "_step_variances", "_accounts", "_leverages"):
+            for name in BY_STEP:
                 rows = getattr(self, name)
                 setattr(self, name, np.concatenate([rows, np.zeros_like(rows)]))
         self._step_variances[self._newest] = graph_kernels.step_information(
@@ -237,10 +238,25 @@ class LoopGraph:
         information = np.concatenate([self._step_information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1
-        bent, self.link_weights = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
+        bent, _ = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
         shift = np.abs(bent - path)
         shift[:, 2] = np.abs(wrap(bent[:, 2] - path[:, 2]))
         if (shift <= BEND).all():
             return None
         self.closures += 1
         return bent
+
+    # ---- saving
+
+    def compact(self):
+        """Return what is stored: arrays without their spare room."""
+        return dict({name: getattr(self, name)[:self._newest + 1] for name in BY_STEP}, _steps=self._steps,
+                    links=self.links, searches=self.searches, closures=self.closures)
+
+    def restore(self, stored):
+        """Take over what ``compact`` returned; raises ValueError where a link does not lead to a newer node."""
+        if any(old >= new for old, new, _, _ in stored["links"]):
+            raise ValueError("a link that leads from a node to itself or back")
+        self.__dict__.update(stored)
+        self._newest = len(self._step_variances) - 1
+        self._link_nodes = np.zeros((0, 2), np.int64)

@@ -159,11 +159,18 @@ class Occupancy:
 
     # ---- saving
 
-    def __getstate__(self):
-        """Only the blocks that are in use."""
+    def compact(self):
+        """Return what is stored: only the blocks that are in use."""
         count = int(self._used[0])
-        return dict(self.__dict__, _blocks={name: array[:count] for name, array in self._blocks.items()})
+        return dict({name: array[:count] for name, array in self._blocks.items()}, _anchor=self._anchor,
+                    _shift=self._shift, _table=self._table, _poses=self._poses, beyond=self.beyond, traced=self.traced)
 
-    def __setstate__(self, state):
-        self.__dict__.update(state)
-        self._blocks = {name: np.array(array) for name, array in state["_blocks"].items()}      # resizable
+    def restore(self, stored):
+        """Take over what ``compact`` returned; raises ValueError where the grid is larger than it may be."""
+        stored = dict(stored)
+        if stored["_table"].size * CELLS > max(self._most_cells, self._table.size * CELLS) or not stored["_table"].size:
+            raise ValueError("a grid of {} x {} patches; expected some, with at most {} cells".format(
+                *stored["_table"].shape, self._most_cells))
+        self._blocks = {name: stored.pop(name) for name in self._blocks}        # own their memory: resizable
+        self._used = np.array([len(self._blocks["changed"])])
+        self.__dict__.update(stored)

@@ -1,42 +1,31 @@
-"""Everything a mapper needs to go on as if it had never stopped, in one file.
+"""Everything a mapper needs to go on as if it had never stopped, in one file of numbers.
 
-A line that says what it is, a line of JSON (version, length, checksum), then a packed stream of the attributes. That
-stream can only make arrays, random generators and objects of this package: a file from elsewhere runs no code.
+See ``state_file`` for the container and ``state_layout`` for what is stored. A mapper that this program makes by itself
+is filled with what was stored, checked value by value: a file runs no code and reaches outside no array.
 """
-import hashlib
-import importlib
-import inspect
-import io
-import json
 import math
-import pickle
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping import state_file, state_layout
+from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.saved_map import GivenOccupancy
 from m2wr_gmapping.se2 import between, compose
-from m2wr_gmapping.whole_files import write_whole
+from m2wr_gmapping.state_file import StateError
+from m2wr_gmapping.state_kinds import KindError, Store
 
-MAGIC = b"m2wr_gmapping state\n"
-VERSION = 4             # goes up whenever the same attributes come to mean something else
-PROTOCOL = 4            # readable by Python 3.8
-PACKAGE = __name__.split(".")[0]
 # parameters that are the program's own, not the map's: those of the running program hold
 OWN = ("throttle_scans", "base_frame", "map_frame", "odom_frame", "map_update_interval", "transform_publish_period",
        "tf_delay", "threads")
+MOST_WORDS = 1000       # letters of what the program that saved a state added, each
 FASTEST = 5.0           # an odometry that went faster between state and scan has begun anew [m/s]
 FAR = np.array([1.0, 0.7])          # so far from that of the state an odometry is checked by the scan [m, rad]
 LOOK = np.array([0.5, 0.3])         # each place is looked at so far around [m, rad]
 FIT = 1.0 / np.square([0.3, 0.3, 0.2])
 BETTER_SHARE = 0.1      # by so much of its beams a scan must fit better where the robot stood than where odometry leads
-
-
-class StateError(ValueError):
-    """A state file cannot be written or used; says which one and why."""
 
 
 @dataclass
@@ -58,104 +47,35 @@ class State:
     differing: dict
 
 
-class _Pickler(pickle.Pickler):
-    """Writes ``outside`` objects by name and random generators by their state."""
+@dataclass(frozen=True)
+class Snapshot:
+    """A mapper as it was at one moment; it shares no memory with the mapper."""
 
-    def __init__(self, stream, outside):
-        super().__init__(stream, PROTOCOL)
-        self._outside = {id(found): name for name, found in outside.items()}
-        self._generators = {}
-
-    def persistent_id(self, found):
-        if id(found) in self._outside:
-            return "outside", self._outside[id(found)]
-        if isinstance(found, np.random.Generator):
-            number = self._generators.setdefault(id(found), len(self._generators))
-            return "generator", number, found.bit_generator.state
-        return None
-
-
-class _Unpickler(pickle.Unpickler):
-    """Makes arrays, generators and objects of this package, nothing else."""
-
-    ARRAYS = {"numpy": ("ndarray", "dtype"), "numpy.core.multiarray": ("_reconstruct", "scalar"),
-              "numpy._core.multiarray": ("_reconstruct", "scalar")}
-
-    def __init__(self, stream, outside):
-        super().__init__(stream)
-        self._outside, self._generators = outside, {}
-
-    def persistent_load(self, pid):
-        if pid[0] == "outside":
-            return self._outside[pid[1]]
-        if pid[1] not in self._generators:
-            generator = np.random.default_rng()
-            generator.bit_generator.state = pid[2]
-            self._generators[pid[1]] = generator
-        return self._generators[pid[1]]
-
-    def find_class(self, module, name):
-        if name in self.ARRAYS.get(module, ()):
-            return super().find_class("numpy.core.multiarray" if module.endswith("multiarray") else module, name)
-        if module.startswith(PACKAGE + ".") and module.count(".") == 1:
-            found = getattr(importlib.import_module(module), name, None)
-            if inspect.isclass(found) and found.__module__ == module:
-                return found
-        raise pickle.UnpicklingError("it holds {}.{}, which is no part of a map".format(module, name))
-
-
-def _outside(mapper):
-    """Objects that belong to the program and its parameters, not to the state."""
-    return {"config": mapper.config, "matcher": mapper._matcher, "workers": mapper._workers}
+    document: dict
+    arrays: dict
 
 
 def snapshot(mapper, host=None):
-    """Return the state (bytes) of a mapper as it is now; between two scans, and while nobody makes a map of it.
+    """Return the Snapshot of a mapper as it is now; between two scans, and while nobody makes a map of it.
 
-    ``host`` (dict of plain values) comes back with it. Raises StateError before the first scan.
+    ``host`` (dict of words and numbers) comes back with it. Raises StateError before the first scan.
     """
     if mapper.filter is None:
         raise StateError("there is nothing to save yet: no scan has been processed")
-    stream = io.BytesIO()
-    _Pickler(stream, {}).dump((mapper.config.as_dict(), mapper.laser, dict(host or {})))
-    _Pickler(stream, _outside(mapper)).dump({name: value for name, value in vars(mapper).items() if name not in (
-        "config", "laser", "_matcher", "_workers")})
-    return stream.getvalue()
+    store, given = Store(), isinstance(mapper._occupancy, GivenOccupancy)
+    try:
+        state_layout.LASER.take(mapper.laser, "laser", store)
+        if given:
+            state_layout.GIVEN.take(mapper._occupancy._given, "saved_map", store)
+        state_layout.mapper_part(given).take(mapper, "", store)
+    except KindError as error:
+        raise StateError("this mapper cannot be saved: {}".format(error))
+    return Snapshot(dict(config=mapper.config.as_dict(), host=dict(host or {}), values=store.values), store.arrays)
 
 
 def save(path, taken):
-    """Write a snapshot to a file; an older file is replaced only by a complete new one. Raises StateError."""
-    packed = zlib.compress(taken, 1)
-    head = dict(version=VERSION, bytes=len(packed), sha256=hashlib.sha256(packed).hexdigest())
-    try:
-        write_whole((path, (MAGIC, json.dumps(head).encode(), b"\n", packed)))
-    except OSError as error:
-        raise StateError("cannot write the state {}: {}; what was there before is kept".format(
-            path, error.strerror or error))
-
-
-def _checked(path):
-    """Return the snapshot in a file; raises StateError."""
-    try:
-        with open(path, "rb") as stream:
-            magic = stream.read(len(MAGIC))
-            if magic != MAGIC:
-                raise StateError("{}: begins with {!r}; expected a state that slam_gmapping saved".format(path, magic))
-            line, packed = stream.readline(100000), stream.read()
-    except OSError as error:
-        raise StateError("cannot read the state {}: {}".format(path, error.strerror or error))
-    try:
-        head = json.loads(line.decode())
-        version, length, checksum = head["version"], head["bytes"], head["sha256"]
-    except (ValueError, KeyError, TypeError):
-        raise StateError("{}: its second line cannot be read; the file is damaged or cut off".format(path))
-    if version != VERSION:
-        raise StateError("{}: a state of version {}; this program reads version {} only".format(path, version, VERSION))
-    if len(packed) != length:
-        raise StateError("{}: {} bytes where {} are expected; the file is cut off".format(path, len(packed), length))
-    if hashlib.sha256(packed).hexdigest() != checksum:
-        raise StateError("{}: the checksum is another one; the file is damaged".format(path))
-    return zlib.decompress(packed)
+    """Write a Snapshot to a file; an older file is replaced only by a complete new one. Raises StateError."""
+    state_file.write(path, taken.document, taken.arrays)
 
 
 def load(path, live=None):
@@ -169,57 +89,64 @@ def load(path, live=None):
     Raises
     ------
     StateError
-        If there is no such file, or it is damaged, of another version or not a state at all.
+        If there is no such file, or it is damaged, of another version, not a state at all, or made to do harm.
     """
-    stream = io.BytesIO(_checked(path))
+    document, arrays = state_file.read(path)
     try:
-        values, laser, host = _Unpickler(stream, {}).load()
-        differing = {}
-        if live is not None:
-            given = live.as_dict()
-            differing = {name: "{} {} (asked for {})".format(name, values[name], given[name]) for name in values
-                         if name not in OWN and name in given and values[name] != given[name]}
-            values.update((name, given[name]) for name in OWN)
-        config = GmappingConfig.from_mapping({name: value for name, value in values.items() if value is not None})
-        mapper = Mapper(config, laser)
-        try:
-            vars(mapper).update(_Unpickler(stream, _outside(mapper)).load())
-            _compare(mapper, config, laser)
-        except BaseException:
-            mapper.close()
-            raise
-    except StateError as error:
-        raise StateError("{}: {}".format(path, error))
-    except Exception as error:          # whatever unpickling another program's attributes may raise
-        raise StateError("{}: written by another version of this program ({}: {})".format(
-            path, type(error).__name__, error))
-    return State(mapper, host, differing)
+        config, differing = _config(document.get("config"), live)
+        return State(_mapper(config, Store(_plain(document.get("values"), "values"), arrays)),
+                     _plain(document.get("host"), "host", words_only=True), differing)
+    except (KindError, ConfigError) as error:
+        raise StateError("{}: it was damaged, or written by another version of this program: {}".format(path, error))
+    except (ValueError, ArithmeticError) as error:
+        raise StateError("{}: its parts do not fit together: {}".format(path, str(error)[:300]))
+    except MemoryError:
+        raise StateError("{}: there is not enough memory for it".format(path))
 
 
-def _compare(mapper, config, laser):
-    """Raise StateError if a mapper made now would have attributes that the one from the file has not."""
-    fresh = Mapper(config, laser)
+def _plain(found, name, words_only=False):
+    """Return a dict of JSON as it is if it is one; with ``words_only``, of words, numbers and None."""
+    if not isinstance(found, dict):
+        raise KindError("{} is no table of names and values".format(name))
+    for key, value in found.items() if words_only else ():
+        if not isinstance(value, (str, int, float, type(None))) or len(str(value)) > MOST_WORDS:
+            raise KindError("{} {:.40} is no number or short word".format(name, key))
+    return found
+
+
+def _config(values, live):
+    """Return the configuration of a state, and which parameters of the running program do not hold."""
+    values, differing = _plain(values, "config", words_only=True), {}
+    if live is not None:
+        given = live.as_dict()
+        differing = {name: "{} {} (asked for {})".format(name, values[name], given[name]) for name in values
+                     if name not in OWN and name in given and values[name] != given[name]}
+        values = dict(values, **{name: given[name] for name in OWN})
+    config = GmappingConfig.from_mapping({name: value for name, value in values.items() if value is not None})
+    if config.unknown or config.unusable:
+        raise KindError("parameters that cannot be used: {}".format(", ".join(config.unknown + config.unusable)[:300]))
+    return config, differing
+
+
+def _mapper(config, store):
+    """Return a Mapper with all that is stored."""
+    laser = state_layout.LASER.give("laser", store, {})
+    mapper = Mapper(config, laser)
     try:
-        fresh.process(fresh.reading(np.full(len(laser.angles), np.nan)), np.zeros(3), 0.0)
-        missing = list(_missing(vars(mapper), vars(fresh), "Mapper"))
-    finally:
-        fresh.close()
-    if missing:
-        raise StateError("written by another version of this program; it has no {}".format(", ".join(missing)))
-
-
-def _missing(found, expected, where):
-    for name, value in expected.items():
-        if name not in found:
-            yield "{}.{}".format(where, name)
-            continue
-        one, other = found[name], value
-        if isinstance(one, list) and isinstance(other, list) and one and other:
-            one, other = one[0], other[0]
-        inside = type(other).__module__.split(".")[0] == PACKAGE and hasattr(other, "__dict__")
-        if inside and type(one).__name__ == type(other).__name__ and name not in ("_matcher", "_workers", "config"):
-            for sentence in _missing(vars(one), vars(other), type(other).__name__):
-                yield sentence
+        given = any(name.startswith("saved_map.") for name in store.arrays)
+        if given:
+            saved = state_layout.GIVEN.give("saved_map", store, {})
+            if saved.resolution != config["delta"] or saved.data.size > state_layout.MOST_CELLS:
+                raise KindError("a saved map of {} cells of {} m; expected at most {} of {}".format(
+                    saved.data.size, saved.resolution, state_layout.MOST_CELLS, config["delta"]))
+            mapper._occupancy = GivenOccupancy(saved, config["occ_thresh"])
+        mapper.process(mapper.reading(np.full(len(laser.angles), np.nan)), np.zeros(3), 0.0)
+        state_layout.mapper_part(given).give_to(mapper, "", store)
+        state_layout.check(mapper)
+    except BaseException:
+        mapper.close()
+        raise
+    return mapper
 
 
 def _fit(mapper, reading, pose):

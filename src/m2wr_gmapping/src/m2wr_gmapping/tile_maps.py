@@ -93,9 +93,12 @@ class TileMaps:
             x, y = old_x - first[0], old_y - first[1]
             table[:, y:y + rows, x:x + columns] = self.table
         self.table, self._corner = table, first
-        # the lattice is the published map's: cell centres at whole multiples of the resolution
-        self.frame[:2] = np.array(first) * size - 0.5 * self.resolution
+        self._place()
         return True
+
+    def _place(self):
+        """Set the frame: the lattice is the published map's, with cell centres at whole multiples of the resolution."""
+        self.frame[:2] = np.array(self._corner) * (CELLS_A_SIDE * self.resolution) - 0.5 * self.resolution
 
     def register(self, particle, pose, points):
         """Register end points (2, B) of a scan taken at ``pose`` in one particle's map, where the table spans it."""
@@ -156,18 +159,23 @@ class TileMaps:
 
     # ---- saving
 
-    def __getstate__(self):
-        """Only the tiles that somebody holds, numbered anew: which number a tile has changes nothing."""
+    def compact(self):
+        """Return what is stored: the tiles that somebody holds, numbered anew, for their numbers change nothing."""
         kept = np.flatnonzero(self._holders)
         number = np.full(len(self._holders) + 1, -1, np.int32)          # the last one is for places without a tile
         number[kept] = np.arange(len(kept))
-        state = dict(self.__dict__, table=number[self.table], mean=self.mean[kept], hits=self.hits[kept],
-                     _holders=self._holders[kept])
-        del state["_free"], state["_counters"]
-        return state
+        return dict(table=number[self.table], mean=self.mean[kept], hits=self.hits[kept], beyond=self.beyond,
+                    _corner=self._corner)
 
-    def __setstate__(self, state):
-        self.__dict__.update(state)
-        for name in ("mean", "hits"):                   # arrays of their own, which _more_tiles can resize
-            setattr(self, name, np.array(state[name]))
+    def restore(self, stored):
+        """Take over what ``compact`` returned; raises ValueError where the table does not fit its limit or corner."""
+        self.__dict__.update(stored)            # mean and hits own their memory, which _more_tiles resizes
+        self.count, rows, columns = self.table.shape
+        empty = not rows * columns
+        if rows * columns > self._limit or (self._corner is None) != empty or empty != (not rows and not columns):
+            raise ValueError("a table of {} x {} tiles; expected at most {}, and a corner if any".format(
+                rows, columns, self._limit))
+        if self._corner is not None:
+            self._place()
+        self._holders = np.bincount(self.table[self.table >= 0], minlength=len(self.mean)).astype(np.int32)
         self._free, self._counters = np.zeros(len(self._holders), np.int32), np.zeros(1, np.int64)

@@ -97,3 +97,37 @@ class TrajectoryTree:
         above = kernels.chain(path, self._parent, self._children, self._pose, self._serial, self._free, self._counters)
         self.leaves, self.depth = np.full(len(last), above, np.int64), len(path)
         self.extend(last)
+
+    # ---- saving
+
+    def compact(self):
+        """Return what is stored: the nodes in use, each after the one that it follows."""
+        used = np.ones(len(self._parent), bool)
+        used[self._free[:self._counters[0]]] = False
+        order = np.flatnonzero(used)
+        order = order[np.argsort(self._serial[order], kind="stable")]
+        number = np.full(len(used) + 1, -1, np.int64)           # the last one is for "none"
+        number[order] = np.arange(len(order))
+        return dict(leaves=number[self.leaves], _parent=number[self._parent[order]], _pose=self._pose[order],
+                    _serial=self._serial[order], next_serial=int(self._counters[1]), depth=self.depth)
+
+    def restore(self, stored):
+        """Take over what ``compact`` returned; raises ValueError where it is no tree with all leaves equally deep."""
+        parent, serial, count = stored["_parent"], stored["_serial"], len(stored["_parent"])
+        if (parent >= np.arange(count)).any() or (np.diff(serial) <= 0).any() \
+                or (count and serial[-1] >= stored["next_serial"]):
+            raise ValueError("the paths' nodes are not in the order in which they were made")
+        nodes = np.unique(stored["leaves"])
+        for _ in range(stored["depth"]):
+            if nodes[0] < 0:
+                break
+            nodes = np.unique(parent[nodes])
+        else:
+            if (nodes < 0).all():
+                self.leaves, self._parent, self._pose, self._serial = (
+                    stored[name] for name in ("leaves", "_parent", "_pose", "_serial"))
+                self._children = np.bincount(parent[parent >= 0], minlength=count).astype(np.int32)
+                self._free = np.zeros(count, np.int64)
+                self._counters, self.depth = np.array([0, stored["next_serial"]]), stored["depth"]
+                return
+        raise ValueError("a path has not the {} nodes that it should have".format(stored["depth"]))

@@ -198,7 +198,7 @@ def test_places_of_long_ago_are_looked_at_again(open_ring):
 
 def find(along, correction=0.0, clear=False, alike=False, drift=10.0):
     link = (0, 1, None, None)
-    return loop_closing._Find(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift, False)
+    return loop_closing.Find(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift, False)
 
 
 @pytest.mark.parametrize("finds, enough", [
