@@ -17,6 +17,7 @@ from m2wr_sim.physics.engine import settings_from_physics
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.runtime.ports import LocalPorts
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
+from m2wr_sim.runtime.told import Told
 from m2wr_sim.sensors.scene import Scene
 
 BOX = """<model name="{name}"><static>{static}</static><pose>{x} {y} 0.25 0 0 0</pose><link name="link">
@@ -326,8 +327,9 @@ def test_clearance_is_the_distance_to_what_is_nearest(m2wr_record):
         assert sim.clearance(20.0, 0.0, reach=3.0) == 3.0
 
 
-def test_second_robot_of_a_record_is_not_warned_of_again(m2wr_record, caplog):
-    with caplog.at_level(logging.WARNING), Sim("empty") as sim:
+def test_second_robot_of_a_record_is_not_warned_of_again(m2wr_record, caplog, monkeypatch):
+    monkeypatch.setattr("m2wr_sim.api.sim._TOLD", Told())
+    with caplog.at_level(logging.WARNING), Sim("empty", wheel_convention="noetic") as sim:
         sim.spawn(m2wr_record, name="one")
         said = len(caplog.records)
         sim.spawn(m2wr_record, (2.0, 0.0, 0.0), "two")

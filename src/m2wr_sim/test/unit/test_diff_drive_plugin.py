@@ -1,4 +1,5 @@
 """The differential drive plugin in a running simulation: topics, gate times, odometry, sides, refusals, resets."""
+import logging
 import math
 from dataclasses import replace
 
@@ -30,9 +31,9 @@ def make(m2wr_rig, m2wr):
     return make_with
 
 
-def warnings_with(caplog, words):
+def said_with(caplog, words):
     return [record.getMessage() for record in caplog.records
-            if record.levelname == "WARNING" and words in record.getMessage()]
+            if words in record.getMessage()]
 
 
 # -- times --------------------------------------------------------------------------------------------------------
@@ -212,15 +213,18 @@ TURNS = [("noetic", None, -1), ("noetic", "true", -1), ("noetic", "false", -1),
 
 @pytest.mark.parametrize("convention, legacy, sign", TURNS)
 def test_which_way_m2wr_turns_for_positive_angular_z(make, caplog, convention, legacy, sign):
+    caplog.set_level(logging.INFO)
     rig = make({"legacyMode": legacy}, wheel_convention=convention).send(0.5, 0.3).run(2.0)
     turned = yaw_of(rig.pose()[1])
     assert turned == pytest.approx(sign * 0.3 * 1.92, rel=0.05)
     assert rig.rate("joint_left_wheel") == pytest.approx(5.0 + 0.6 * sign, rel=1e-3)        # at y = -0.2
     assert rig.rate("joint_right_wheel") == pytest.approx(5.0 - 0.6 * sign, rel=1e-3)
-    sentence, = warnings_with(caplog, "wheel_convention")
+    sentence, = said_with(caplog, "wheel_convention")
     assert "joint_left_wheel" in sentence and "on the robot's RIGHT side (y = -0.200 m)" in sentence
     assert "\"%s\"" % convention in sentence and "~wheel_conventions/m2wr" in sentence
     assert ("counter-clockwise, as REP 103 asks" if sign > 0 else "turns it clockwise, against REP 103") in sentence
+    assert [record.levelname for record in caplog.records if record.getMessage() == sentence] == [
+        "INFO" if sign > 0 else "WARNING"]         # nothing is wrong with a robot that turns as it should
 
 
 @pytest.mark.parametrize("convention, legacy, sign", [
@@ -229,7 +233,7 @@ def test_which_way_a_robot_with_true_names_turns(make, caplog, convention, legac
     rig = make({"leftJoint": "joint_right_wheel", "rightJoint": "joint_left_wheel", "legacyMode": legacy},
                wheel_convention=convention).send(0.5, 0.3).run(2.0)
     assert math.copysign(1, yaw_of(rig.pose()[1])) == sign
-    assert len(warnings_with(caplog, "wheel_convention")) == (1 if sign < 0 else 0)
+    assert len(said_with(caplog, "wheel_convention")) == (1 if sign < 0 else 0)
 
 
 def test_a_convention_can_be_chosen_for_one_model(make_rig, m2wr):
@@ -247,19 +251,19 @@ def test_a_convention_can_be_chosen_for_one_model(make_rig, m2wr):
 def test_a_description_chooses_unless_a_parameter_does(make, caplog, described, conventions, sign):
     rig = make({"wheelConvention": described}, wheel_conventions=conventions).send(0.0, 0.3).run(1.0)
     assert math.copysign(1, yaw_of(rig.pose()[1])) == sign
-    assert not warnings_with(caplog, "<wheelConvention>")
+    assert not said_with(caplog, "<wheelConvention>")
 
 
 def test_a_described_convention_that_is_none_is_named(make, caplog):
     rig = make({"wheelConvention": "melodic"}).send(0.0, 0.3).run(1.0)
     assert yaw_of(rig.pose()[1]) < 0.0
-    sentence, = warnings_with(caplog, "<wheelConvention>")
+    sentence, = said_with(caplog, "<wheelConvention>")
     assert "must be one of noetic, kinetic, rep103 but is \"melodic\"" in sentence
 
 
 def test_a_wrong_separation_is_named_and_turns_as_far_off(make, caplog):
     rig = make({"wheelSeparation": "0.5"}, wheel_convention="kinetic").send(0.0, 0.4).run(3.0)
-    sentence, = warnings_with(caplog, "wheelSeparation")
+    sentence, = said_with(caplog, "wheelSeparation")
     assert "0.5 m" in sentence and "0.4 m apart" in sentence and "1.25 times" in sentence
     assert rig.messages("/odom")[-1].twist.twist.angular.z == pytest.approx(0.4 * 1.25, rel=1e-3)
 
@@ -282,7 +286,7 @@ def test_a_command_that_is_not_finite_is_refused_and_the_last_one_stays(make, ca
     for _ in range(120):                    # twelve seconds of them
         rig.send(linear, angular).run(0.1)
     assert rig.rate("joint_left_wheel") == pytest.approx(3.0, rel=1e-3)
-    sentences = warnings_with(caplog, "refused")
+    sentences = said_with(caplog, "refused")
     assert len(sentences) == 3              # at once, after five seconds, after ten
     assert "m2wr" in sentences[0] and "expected finite" in sentences[0] and "0.3 m/s" in sentences[0]
     assert ("linear.x = %s, angular.z = %s" % (linear, angular)) in sentences[0]
@@ -337,8 +341,9 @@ def test_senseless_choices_keep_the_default(make, tags):
 
 
 def test_dead_tags_are_named(make, caplog):
+    caplog.set_level(logging.INFO)
     make({"torqueLimit": "3"})
-    sentence, = warnings_with(caplog, "nothing reads")
+    sentence, = said_with(caplog, "nothing reads")
     assert "<torque>" in sentence and "<torqueLimit>" in sentence and "<updateRate>" not in sentence
 
 

@@ -1,4 +1,5 @@
 """What every registered plugin must do: start, keep its rate, reset, let go, and name what it does not read."""
+import logging
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -135,6 +136,7 @@ def test_it_lets_go_of_everything_when_its_model_is_deleted(make, library, m2wr)
 
 
 def test_it_names_the_tags_nothing_reads(make, library, caplog):
+    caplog.set_level(logging.INFO)
     make(library, (("colour", "red"), ("alwaysOn", "true"), ("colour", "blue")))
     sentence, = [record.getMessage() for record in caplog.records if "nothing reads" in record.getMessage()]
     assert sentence.count("<colour>") == 1 and "alwaysOn" not in sentence and library in sentence

@@ -1,4 +1,5 @@
 """The skid steering plugin: wheel speeds, sides, odometry, tf, names, refusals; how it turns is in test_robots."""
+import logging
 import math
 from dataclasses import replace
 
@@ -32,6 +33,7 @@ def test_wheel_speeds(make):
 
 @pytest.mark.parametrize("convention, sign", [("noetic", -1.0), ("kinetic", -1.0), ("rep103", 1.0)])
 def test_wheels_on_the_wrong_side_turn_it_the_wrong_way_unless_told_otherwise(make, caplog, convention, sign):
+    caplog.set_level(logging.INFO)
     rig = make(wheel_convention=convention).send(0.0, 0.5).run(2.0)
     assert rig.messages("/odom")[-1].twist.twist.angular.z == pytest.approx(sign * 0.5, rel=0.02)
     assert "on the robot's RIGHT side" in caplog.text and "~wheel_conventions/m2wr" in caplog.text

@@ -1,5 +1,6 @@
 """Spawning beside the loop: what is read where, what is refused for its size, what a URDF's <surface> counts for."""
 import gc
+import logging
 from types import SimpleNamespace
 
 import numpy as np
@@ -83,6 +84,7 @@ def test_a_urdf_of_too_many_parts_is_refused_too(rig, monkeypatch):
 
 @pytest.mark.parametrize("mode, friction", [("honour", (0.0, 0.0, 1.0)), ("gazebo", (1.0, 1.0, 0.0))])
 def test_surface_in_a_urdf_counts_as_the_parameter_says(make_rig, caplog, mode, friction):
+    caplog.set_level(logging.INFO)
     rig = make_rig()
     assert Spawner(rig.simulator, urdf_surface=mode).spawn_urdf_model(request(CASTER)).success
     surface = rig.simulator.models["thing"].record.links[0].collisions[0].surface

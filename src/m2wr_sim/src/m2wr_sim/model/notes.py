@@ -1,7 +1,8 @@
 """What was read but not used: one sentence a subject, so that nothing is ignored in silence.
 
-Three degrees: a *fault* made something be left out, a *note* is worth a warning, a *remark* names what belongs to
-viewers or other programs and is gathered into one quiet sentence.
+Four degrees: a *fault* made something be left out.  A *note* is worth a warning, for the model does not do what its
+author sees it do in Gazebo.  An *aside* tells of what Gazebo does not apply either, or of what is applied here beyond
+that.  A *remark* names what belongs to viewers or other programs and is gathered into one quiet sentence.
 """
 from lxml import etree
 
@@ -15,6 +16,7 @@ class Notes:
         self._subjects = set()
         self._sentences = []
         self._faults = []
+        self._asides = []
         self._quiet = {}
 
     def add(self, sentence, subject=None):
@@ -23,6 +25,12 @@ class Notes:
         if key not in self._subjects:
             self._subjects.add(key)
             self._sentences.append(sentence)
+
+    def aside(self, sentence, subject):
+        """Add a sentence that is worth no warning, unless its ``subject`` was told before."""
+        if subject not in self._subjects:
+            self._subjects.add(subject)
+            self._asides.append(sentence)
 
     def remark(self, element, holder):
         """Note that ``element``, which stands in a ``holder`` (``<world>``), has no part in the simulation."""
@@ -61,11 +69,11 @@ class Notes:
         return tuple(self._faults)
 
     def remarks(self):
-        """Return the one quiet sentence about what has no part in the simulation, as a tuple; empty without any."""
+        """Return the asides, and the one sentence about what has no part in the simulation, as a tuple."""
         if not self._quiet:
-            return ()
+            return tuple(self._asides)
         files = {}
         for (holder, name), (file, line) in self._quiet.items():
             files.setdefault(file, []).append("<{}> in {} (line {})".format(name, holder, line))
-        return ("; ".join("{}: without effect on the simulation: {}".format(file, ", ".join(told))
-                          for file, told in files.items()) + ".",)
+        return tuple(self._asides) + ("; ".join("{}: without effect on the simulation: {}".format(
+            file, ", ".join(told)) for file, told in files.items()) + ".",)

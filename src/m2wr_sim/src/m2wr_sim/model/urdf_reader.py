@@ -85,7 +85,7 @@ def parse_robot(root, source, notes):
         parent, (kind, name) = found[0], match.groups()[:2]
         instead = _INSTEAD.get((parent.tag, name))
         shown = "<{}>".format(name) if kind == "tag" else "attribute {}".format(name)
-        notes.add("{}: {} in <{}> is no part of URDF and not read{}.".format(
+        notes.aside("{}: {} in <{}> is no part of URDF and not read{}.".format(
             line_of(parent), shown, parent.tag, "; " + instead if instead else ""), (parent.tag, kind, name))
 
     with _reports_to(report):
@@ -128,11 +128,12 @@ def _own_surface(element, honoured, notes):
     if surface is None:
         return Surface()
     if not honoured:
-        notes.add("{}: <surface> in a URDF collision is not read; <mu1> and <mu2> in a <gazebo reference=...> block "
-                  "are.".format(line_of(surface)), ("surface", "ignored"))
+        notes.aside("{}: <surface> in a URDF collision is not read; <mu1> and <mu2> in a <gazebo reference=...> block "
+                    "are.".format(line_of(surface)), ("surface", "ignored"))
         return Surface()
-    notes.add("{}: <surface> in a URDF collision: mu, mu2, slip1 and slip2 are applied here, while Gazebo itself reads "
-              "only <mu1> and <mu2> in a <gazebo reference=...> block.".format(line_of(surface)), ("surface", "read"))
+    notes.aside("{}: <surface> in a URDF collision: mu, mu2, slip1 and slip2 are applied here, while Gazebo itself "
+                "reads only <mu1> and <mu2> in a <gazebo reference=...> block.".format(line_of(surface)),
+                ("surface", "read"))
     node = Node(surface, notes)
     read = read_surface(node)
     node.done()
@@ -172,7 +173,7 @@ def _axis(joint, element, notes):
     """Return the Axis of a moving joint, with URDF's default direction and Gazebo's limits."""
     axis_element = element.find("axis")
     if axis_element is not None and any(word.strip("+-0.") for word in (axis_element.get("rpy") or "").split()):
-        notes.add("{}: attribute rpy of <axis> is no part of URDF and not read; xyz alone gives the axis.".format(
+        notes.aside("{}: attribute rpy of <axis> is no part of URDF and not read; xyz alone gives the axis.".format(
             line_of(axis_element)), ("axis", "rpy"))
     xyz = unit(element, joint.axis or (1.0, 0.0, 0.0))
     lower, upper = -NO_LIMIT, NO_LIMIT

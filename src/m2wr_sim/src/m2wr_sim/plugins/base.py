@@ -189,6 +189,10 @@ class PluginContext(abc.ABC):
     wheel_convention = "noetic"
     command_timeout_ns = 0      # 0: the last command holds for ever, as in Gazebo
 
+    def tell_once(self, level, text, *values):
+        """Log a line of the configuration, unless it was logged before of another model like this one."""
+        self.log.log(level, text, *values)
+
     @abc.abstractmethod
     def link(self, name):
         """Return the engine's number of a link of this model; PluginError names the links there are."""

@@ -1,4 +1,5 @@
 """libgazebo_ros_diff_drive.so: two driven wheels, odometry, tf."""
+import logging
 import math
 
 from geometry_msgs.msg import Twist
@@ -66,24 +67,24 @@ class DiffDrive(Plugin):
         legacy = spec.flag("legacyMode", True) if spec.spec.find("legacyMode") is not None else None
         self._swapped = is_swapped(ctx.wheel_convention, legacy, left_y, right_y)
         if (left_y < right_y) != self._swapped:
-            turns = "clockwise, against REP 103"
+            level, turns = logging.WARNING, "clockwise, against REP 103"
         else:
-            turns = "counter-clockwise, as REP 103 asks"
+            level, turns = logging.INFO, "counter-clockwise, as REP 103 asks"
         if left_y < right_y:
-            ctx.log.warning(
-                "%s: the joint tagged left (%s) is on the robot's RIGHT side (y = %+.3f m) and the one tagged right "
+            ctx.tell_once(
+                level, "%s: the joint tagged left (%s) is on the robot's RIGHT side (y = %+.3f m) and the one tagged right "
                 "(%s) on its left (y = %+.3f m); with wheel_convention \"%s\" positive angular.z turns it %s. Set the "
                 "parameter ~wheel_conventions/%s to noetic, kinetic or rep103 to choose.",
                 ctx.model_name, left_name, left_y, right_name, right_y, ctx.wheel_convention, turns, ctx.model_name)
         elif self._swapped:
-            ctx.log.warning("%s: wheel_convention \"%s\" exchanges left and right although %s is on the left; positive "
-                            "angular.z turns it %s. Set ~wheel_conventions/%s to noetic or rep103.",
-                            ctx.model_name, ctx.wheel_convention, left_name, turns, ctx.model_name)
+            ctx.tell_once(level, "%s: wheel_convention \"%s\" exchanges left and right although %s is on the left; "
+                          "positive angular.z turns it %s. Set ~wheel_conventions/%s to noetic or rep103.",
+                          ctx.model_name, ctx.wheel_convention, left_name, turns, ctx.model_name)
         distance = abs(left_y - right_y)
         if distance > 0.0 and abs(distance / self._separation - 1.0) > 0.01:
-            ctx.log.warning("%s: wheelSeparation is %g m but the wheel joints are %g m apart: the robot turns %.2f "
-                            "times as fast as commanded.",
-                            ctx.model_name, self._separation, distance, self._separation / distance)
+            ctx.tell_once(logging.WARNING, "%s: wheelSeparation is %g m but the wheel joints are %g m apart: the robot "
+                          "turns %.2f times as fast as commanded.",
+                          ctx.model_name, self._separation, distance, self._separation / distance)
 
     def _on_command(self, message):
         self.command(message.linear.x, message.angular.z)

@@ -1,4 +1,5 @@
 """libgazebo_ros_skid_steer_drive.so: two driven wheels on each side, odometry, tf."""
+import logging
 import math
 
 from nav_msgs.msg import Odometry
@@ -52,10 +53,11 @@ class SkidSteer(Plugin):
         convention = "rep103" if ctx.wheel_convention == "rep103" else "noetic"
         self._swapped = is_swapped(convention, None, left, right)
         if left < right:
-            ctx.log.warning("%s: the joints tagged left (%s, %s) are on the robot's RIGHT side; with wheel_convention "
-                            "\"%s\" positive angular.z turns it %s. Set the parameter ~wheel_conventions/%s to noetic "
-                            "or rep103 to choose.", ctx.model_name, names[0], names[2], convention,
-                            "counter-clockwise" if self._swapped else "clockwise, against REP 103", ctx.model_name)
+            level, turns = ((logging.INFO, "counter-clockwise") if self._swapped
+                            else (logging.WARNING, "clockwise, against REP 103"))
+            ctx.tell_once(level, "%s: the joints tagged left (%s, %s) are on the robot's RIGHT side; with wheel_convention "
+                          "\"%s\" positive angular.z turns it %s. Set the parameter ~wheel_conventions/%s to noetic "
+                          "or rep103 to choose.", ctx.model_name, names[0], names[2], convention, turns, ctx.model_name)
 
     def next_before(self, now_ns):
         self._command.look(now_ns)

@@ -27,6 +27,9 @@ class ModelContext(PluginContext):
         self.wheel_convention = simulator.config.wheel_convention_of(model.name, spec.find("wheelConvention"))
         self.command_timeout_ns = simulator.config.command_timeout_ns
 
+    def tell_once(self, level, text, *values):
+        self._simulator.config.told.once(level, self._model.name, text, *values)
+
     @property
     def step_ns(self):
         return self._simulator.step_ns

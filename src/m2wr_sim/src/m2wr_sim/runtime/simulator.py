@@ -22,6 +22,7 @@ from m2wr_sim.runtime.agenda import Agenda
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
 from m2wr_sim.runtime.schedule import first_step, misfit, period_of
+from m2wr_sim.runtime.told import Told
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +53,7 @@ class SimConfig:
     ``wheel_conventions`` overrides ``wheel_convention`` for models by name; see
     :func:`m2wr_sim.control.diff_drive.is_swapped`.  ``command_timeout_ns`` stops a robot whose commands have ceased
     for that long; 0 keeps the last command for ever.  ``joint_states`` gives robots joint states even if their
-    description names no plugin for them.
+    description names no plugin for them.  ``told`` knows what was said of models already.
     """
 
     seed: int = 0
@@ -62,6 +63,7 @@ class SimConfig:
     command_timeout_ns: int = 0
     joint_states: bool = True
     joint_state_rate: float = 50.0
+    told: Told = field(default_factory=Told, repr=False, compare=False)
 
     def wheel_convention_of(self, model_name, described=None):
         """Return the convention for one model: what is set for its name, what its description says, the general one.
@@ -112,9 +114,9 @@ class Simulator:
         A model that the engine cannot build is named and left out.
         """
         for note in world.notes:
-            log.warning("%s", note)
+            self.config.told.once(logging.WARNING, "", "%s", note)
         for remark in world.remarks:
-            log.info("%s", remark)
+            self.config.told.once(logging.INFO, "", "%s", remark)
         self.physics = replace(world.physics, max_step_size=self.step_ns * 1e-9)
         self.lights.update((light.name, light) for light in world.lights)
         for record in world.models:
@@ -177,9 +179,9 @@ class Simulator:
         if not record.links:
             raise ModelError("model \"%s\" has no links" % name)
         for note in record.notes:
-            log.warning("%s: %s", name, note)
+            self.config.told.once(logging.WARNING, name, "%s: %s", name, note)
         for remark in record.remarks:
-            log.info("%s: %s", name, remark)
+            self.config.told.once(logging.INFO, name, "%s: %s", name, remark)
         pose = _within_reach(name, (tuple(pose[0]), normalise_quaternion(pose[1])))
         for link in record.links:
             for part in (link,) + link.collisions:
@@ -236,12 +238,7 @@ class Simulator:
             context.close()
             log.exception("%s failed to start and will not run", label)
             return
-        if reader.defaults:
-            log.info("%s takes defaults for %s", label, ", ".join("%s = %s" % pair for pair in reader.defaults))
-        for problem in reader.problems:
-            log.warning("%s: %s", label, problem)
-        if reader.unread():
-            log.warning("%s: nothing reads %s", label, ", ".join("<%s>" % tag for tag in reader.unread()))
+        self.config.told.parameters(model.name, label, reader)
         self._tell_misfits(label, spec, sensor)
         entry = (plugin, context, label)
         model.plugins.append(entry)

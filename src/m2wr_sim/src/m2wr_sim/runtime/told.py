@@ -1,0 +1,58 @@
+"""What was said of models and worlds, so that nothing is said twice.
+
+A warning is for what its reader can change: what is left out, differs from Gazebo, or drives a robot astray.
+What Gazebo does not apply either is told at level INFO.
+"""
+import logging
+
+_MOST = 10000           # lines remembered, so that years of spawning take no memory
+
+log = logging.getLogger("m2wr_sim")
+
+
+class Told:
+    """Logs each line once; simulations that share one say it once among them."""
+
+    def __init__(self):
+        self._lines = set()
+
+    def once(self, level, name, text, *values):
+        """Log a line unless the same was logged before, also of a model by another name.
+
+        Parameters
+        ----------
+        level : int
+            As of :mod:`logging`.
+        name : str
+            Name of the model, which does not count when lines are compared; empty for the world.
+        text, *values : str, objects
+            As of :meth:`logging.Logger.log`.
+        """
+        line = text % values
+        key = line.replace(name, "*") if name else line
+        if key not in self._lines:
+            if len(self._lines) >= _MOST:
+                self._lines.clear()
+            self._lines.add(key)
+            log.log(level, "%s", line)
+
+    def parameters(self, name, label, reader):
+        """Tell which defaults a plugin takes, which values it refuses, and what it does not read.
+
+        Parameters
+        ----------
+        name : str
+            Of the model.
+        label : str
+            Which plugin.
+        reader : PluginReader
+            What it has read its parameters with.
+        """
+        if reader.defaults:
+            self.once(logging.INFO, name, "%s takes defaults for %s", label,
+                      ", ".join("%s = %s" % pair for pair in reader.defaults))
+        for problem in reader.problems:
+            self.once(logging.WARNING, name, "%s: %s", label, problem)
+        if reader.unread():             # nor does Gazebo's plugin
+            self.once(logging.INFO, name, "%s: nothing reads %s", label,
+                      ", ".join("<%s>" % tag for tag in reader.unread()))
