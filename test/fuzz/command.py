@@ -36,7 +36,7 @@ def parse(argv):
 
 
 def _program():
-    return os.path.relpath(os.path.join(ROOT, "test", "fuzz", "fuzz"))
+    return "/usr/bin/python3 " + os.path.relpath(os.path.join(ROOT, "test", "fuzz", "fuzz.py"))
 
 
 def tell(target, finding, seed, out, smaller):

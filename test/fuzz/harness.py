@@ -27,6 +27,7 @@ ADDRESS_SPACE = 3 * 2 ** 30     # bytes above what the worker has at its start: 
 STUCK = 5.0                     # a case is killed when it has taken so many times its share of processor time
 WORDS_KEPT = 3000               # characters of what a library wrote before it ended the process
 MINIMISING = 20.0               # s of wall time spent on making a failing case smaller
+AGAIN = 3                       # exit code of a worker whose target has to begin anew
 EXAMPLES = 3                    # findings of one signature that are kept in full
 
 
@@ -47,12 +48,15 @@ class Target:
         Bytes by which a case may raise the process's peak.
     weight : float
         Share of the time, against that of other targets.
+    broken : bool
+        Set by :meth:`run` where no further case can run in this process.
     """
 
     name = ""
     cpu = 2.0
     memory = 300 * 2 ** 20
     weight = 1.0
+    broken = False
 
     def prepare(self):
         """Import, compile, read the corpus: once, before workers are forked."""
@@ -180,11 +184,11 @@ def judge(target, case, listener):
         found = ("exception", "logged " + signature_of(error), "only logged, but nobody foresaw it:\n" + text)
     spent = time.process_time() - before
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak) * 1024
-    if found is None and spent > target.cpu:
-        found = ("slow", "slow", "%.2f s of processor time; expected at most %g s" % (spent, target.cpu))
     if found is None and grown > target.memory:
         found = ("memory", "memory", "%d MB more than before; expected at most %d MB" % (
             grown >> 20, target.memory >> 20))
+    if found is None and spent > target.cpu:
+        found = ("slow", "slow", "%.2f s of processor time; expected at most %g s" % (spent, target.cpu))
     return found, spent
 
 
@@ -218,8 +222,7 @@ class _Child:
             _limit()
             listener = _listen(foreseen)
             with os.fdopen(writing, "wb", buffering=0) as pipe:
-                work(lambda message: self._send(pipe, message), self._at, listener)
-            code = 0
+                code = AGAIN if work(lambda message: self._send(pipe, message), self._at, listener) else 0
         except BaseException:
             traceback.print_exc()
             sys.stderr.flush()
@@ -325,11 +328,14 @@ def run_cases(target, seed, numbers, deadline=None, patience=120.0, make=None):
                 if found is not None:
                     sent[found[1]] = sent.get(found[1], 0) + 1
                     send((number, found[0], found[1], found[2] if sent[found[1]] <= EXAMPLES else ""))
+                if target.broken:
+                    break
                 if cases % 50 == 0:
                     send((cases, slowest, time.process_time() - start))
                     cases, slowest, start = 0, 0.0, time.process_time()
             target.end()
             send((cases, slowest, time.process_time() - start))
+            return target.broken
 
         child, stuck, counted = _Child(work, getattr(target, "foreseen", ())), False, 0
         for message in _messages(child, patience, target):
@@ -345,6 +351,10 @@ def run_cases(target, seed, numbers, deadline=None, patience=120.0, make=None):
                     yield finding
         last, _ = child.where()
         ended, words = child.close()
+        if ended == "exit code %d" % AGAIN:
+            tally.cases += last - at + 1
+            at = last + 1
+            continue
         if stuck:
             finding = Finding(target.name, last, "stuck", "stuck",
                               "killed: far beyond %g s of processor time" % target.cpu)

@@ -14,6 +14,7 @@ TARGETS = {
     "tour": "target_files:TourFile",
     "scans": "target_mapping:Scans",
     "state": "target_mapping:StateFile",
+    "network": "target_network:Network",
     "parameters": "target_values:Parameters",
 }
 

@@ -48,7 +48,7 @@ class Services(Target):
     meaningful when parts of it are taken away.
     """
 
-    name, cpu, weight = "services", 4.0, 6.0
+    name, cpu, weight = "services", 4.0, 4.0
     extremes = 0.15
 
     def prepare(self):

@@ -15,13 +15,14 @@ from collections import OrderedDict
 import rosgraph
 import rospy
 
-import slopes
-from watch import Clock, Sample, Stamps, look_at
-from wire import Listener
-from work import Task, Work, call
-
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.abspath(os.path.join(HERE, "..", ".."))
+sys.path.insert(0, os.path.join(ROOT, "test", "nodes"))
+import slopes  # noqa: E402
+from watch import Clock, Sample, Stamps, look_at  # noqa: E402
+from wire import Listener  # noqa: E402
+from work import Task, Work, call  # noqa: E402
+
 DAY = 24.0                                                  # h, for which the counts below are
 COUNTS = dict(cycles=5000, resets=2000, shifts=96, ask=10000, push=1000, move=500, pause=500, map=200, reconnect=1000)
 MOST_MEMORY, MOST_OTHER = 0.2, 0.05                         # MB, and descriptors or threads, an hour

@@ -1,10 +1,9 @@
-#!/usr/bin/env python3
-"""Lets simulation and mapper run for simulated hours and watches what grows; see docs/endurance.md."""
+"""Feeds the workspace with odd input; see README.md beside this file."""
 import sys
 
 import m2wr_view.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
+from command import main
 from m2wr_view.pipes import go_on_unread
-from soak_run import main
 
 if __name__ == "__main__":
     go_on_unread()
