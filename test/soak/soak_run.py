@@ -146,8 +146,8 @@ class Run:
         for task in self.tasks:
             task.start()
 
-    def go(self, tell):
-        """Run; ``tell(text)`` hears of progress.  Raises SoakError where a node ends or the clock stands."""
+    def go(self, tell, on_progress):
+        """Run; ``tell(text)`` hears of progress, and ``on_progress()`` is called then.  Raises SoakError where a node ends or the clock stands."""
         wait_for(lambda: rosgraph.Master("/soak").lookupService("/gazebo/get_world_properties"), "the simulation")
         wait_for(lambda: "wanderer" in call("get_world_properties").model_names, "the robot to be spawned")
         pids = {name: wait_for(lambda node=node: self._nodes.pid(node), node) for name, node in WATCHED.items()}
@@ -157,7 +157,7 @@ class Run:
         wait_for(lambda: self.clock.total > 2.0, "the clock")
         self._start_tasks()
         try:
-            self._watch(pids, tell)
+            self._watch(pids, tell, on_progress)
         finally:
             self._stopping.set()
             for listener in self._listeners:
@@ -166,7 +166,7 @@ class Run:
                 task.join(10.0)
             self.wall = time.monotonic() - self._began
 
-    def _watch(self, pids, tell):
+    def _watch(self, pids, tell, on_progress):
         interval, due, told = self._seconds / SAMPLES, 0.0, 0
         moved, at = time.monotonic(), -1.0
         while self.clock.total < self._seconds or any(task.is_alive() for task in self.tasks):
@@ -193,9 +193,11 @@ class Run:
             share = int(20.0 * clock.total / self._seconds)
             if share > told:
                 told = share
-                tell("%3d %%: %.2f simulated hours in %.0f s, %s" % (5 * share, clock.total / 3600.0, time.monotonic(
-                    ) - self._began, ", ".join("%s %.1f MB" % (name, seen[-1].memory)
-                                               for name, seen in self.samples.items())))
+                self.wall = time.monotonic() - self._began
+                tell("%3d %%: %.2f simulated hours in %.0f s, %s" % (
+                    5 * share, clock.total / 3600.0, self.wall, ", ".join(
+                        "%s %.1f MB" % (name, seen[-1].memory) for name, seen in self.samples.items())))
+                on_progress()
 
     def failures(self, bounds):
         """Return what was not as it must be, as sentences; and texts for the figure by (process, quantity)."""
@@ -265,7 +267,9 @@ def main(argv=None):
             try:
                 wait_for(lambda: rosgraph.Master("/soak").getPid(), "the master")
                 rospy.init_node("soak", disable_rostime=True, disable_signals=True, log_level=rospy.ERROR)
-                run.go(tell)
+                run.go(tell, lambda: run.write(arguments.out, run.failures(False)[1]))
+            except KeyboardInterrupt:
+                tell("soak: interrupted; what has been seen until now:")
             except SoakError as error:
                 with open(nodes.log) as stream:
                     tell(stream.read()[-3000:])
