@@ -16,6 +16,7 @@ PATIENCE = 5.0
 FAREWELL = 0.2
 #: Wall seconds without a first turn after which that is said; then after twice as many, and so on.
 REMINDER = 5.0
+LONG_WAIT = 60.0        # s of wall time after which waiting for the first turn is worth a warning
 
 
 def _sender_of(message):
@@ -111,21 +112,22 @@ class Controller:
         return self._code or 0
 
     def _wait_for_the_end(self):
-        """Wait, and say when nobody asks for turns."""
+        """Wait, and say when nobody asks for turns: a warning only after a minute, for a start takes time."""
         waited, pause, told = 0.0, REMINDER, 0
         while not self._ended.wait(pause):
             waited += pause
             if self._last is None:
-                rospy.logwarn("%s: nobody has asked for a turn in %g s. The simulator does once all that it waits for "
-                              "are there, if it runs with ~lockstep and this name is among its ~lockstep_controllers.",
-                              rospy.get_name(), waited)
+                tell = rospy.loginfo if waited < LONG_WAIT else rospy.logwarn
+                tell("%s: nobody has asked for a turn in %g s. The simulator does once all that it waits for are there, "
+                     "if it runs with ~lockstep and this name is among its ~lockstep_controllers.",
+                     rospy.get_name(), waited)
                 pause = waited
             else:
                 pause = REMINDER
             dropped = self._inputs.dropped
             if dropped > told:
-                rospy.logwarn("%s: %d messages were dropped, because nobody asks for turns", rospy.get_name(),
-                              dropped - told)
+                tell = rospy.loginfo if self._last is None and waited < LONG_WAIT else rospy.logwarn
+                tell("%s: %d messages were dropped, because nobody asks for turns", rospy.get_name(), dropped - told)
                 told = dropped
 
     def _serve(self, request):

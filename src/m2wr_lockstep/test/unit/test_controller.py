@@ -11,9 +11,10 @@ from m2wr_lockstep.srv import TurnRequest
 
 @pytest.fixture
 def said(monkeypatch):
-    """What the controller warns of."""
+    """What the controller says."""
     lines = []
-    monkeypatch.setattr(rospy, "logwarn", lambda words, *values: lines.append(words % values))
+    for name in ("loginfo", "logwarn"):
+        monkeypatch.setattr(rospy, name, lambda words, *values: lines.append(words % values))
     return lines
 
 
@@ -53,6 +54,21 @@ def test_that_nobody_asks_for_turns_is_said(said, monkeypatch):
     waiting.join(20.0)
     assert not waiting.is_alive() and "nobody has asked for a turn in 0.01 s" in said[0]
     assert 2 <= len(said) <= 8      # less and less often
+
+
+def test_waiting_is_a_warning_only_after_a_minute(monkeypatch):
+    told = {"info": [], "warn": []}
+    for level, lines in told.items():
+        monkeypatch.setattr(rospy, "log" + level, lambda text, *words, lines=lines: lines.append(text % words))
+    monkeypatch.setattr(controller, "REMINDER", 0.01)
+    monkeypatch.setattr(controller, "LONG_WAIT", 0.03)
+    made = Controller()
+    waiting = threading.Thread(target=made._wait_for_the_end)
+    waiting.start()
+    waiting.join(0.5)
+    made._ended.set()
+    waiting.join(20.0)
+    assert "in 0.01 s" in told["info"][0] and told["warn"] and "in 0.01 s" not in told["warn"][0]
 
 
 def test_that_messages_were_dropped_is_said(said, monkeypatch):

@@ -243,7 +243,7 @@ def test_programs_for_pictures(program):
 def make_graph(**changes):
     running = graph.Graph(
         publishers={"/clock": ["/gazebo"], "/cmd_vel": ["/go_to_point", "/wall_follower"], "/scan": ["/gazebo"]},
-        subscribers={"/cmd_vel": ["/gazebo"]}, services={},
+        subscribers={"/cmd_vel": ["/gazebo"], "/tf": ["/rviz"]}, services={},
         types={"/clock": "rosgraph_msgs/Clock", "/cmd_vel": "geometry_msgs/Twist", "/scan": "sensor_msgs/LaserScan"},
         nodes={"/gazebo": "http://localhost:1", "/go_to_point": "http://localhost:2"}, silent=[], sim_time=True)
     return running._replace(**changes)
@@ -342,6 +342,15 @@ def test_faults_of_frames(changes, level, words):
 def test_a_laser_frame_that_nobody_knows():
     seen = make_seen(scans={"/scan": frames.Stream(9, {("laser", None)}, [0.01])})
     one_fault(frames.check(make_graph(), seen), "problem", "\"laser\" is in no transform", "link_chassis")
+
+
+@pytest.mark.parametrize("edges", [{}, without(("link_chassis", "sensor_laser"), ("link_chassis", "link_left_wheel"))])
+def test_a_robot_just_spawned_is_no_problem_while_nothing_reads_its_frames(edges):
+    alone = make_graph(subscribers={"/tf": ["/doctor_17_3"]})
+    found = frames.check(alone, make_seen(edges=edges))
+    assert not faults(found) and any("rvis.launch" in finding.what for finding in found)
+    read = make_graph(subscribers={"/tf": ["/doctor_17_3", "/rviz"]})
+    assert any(finding.level == "problem" for finding in frames.check(read, make_seen(edges=edges)))
 
 
 def test_fast_time_ages_stamps_faster():

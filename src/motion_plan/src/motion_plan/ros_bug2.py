@@ -6,7 +6,7 @@ import time
 
 import rospy
 from gazebo_msgs.msg import ModelState
-from gazebo_msgs.srv import SetModelState
+from gazebo_msgs.srv import GetWorldProperties, SetModelState
 from geometry_msgs.msg import PointStamped, PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import String
@@ -23,6 +23,7 @@ from motion_plan.ros_support import (SCAN_TOPIC, NodeError, Senses, choose_rhyth
 LAUNCH_FILE = 'bug2.launch'
 SWITCHES = ('/go_to_point_switch', '/wall_follower_switch')
 SET_MODEL_STATE = '/gazebo/set_model_state'
+GET_WORLD_PROPERTIES = '/gazebo/get_world_properties'
 GOAL_TOPIC = '/move_base_simple/goal'
 STATUS_PERIOD = 0.5
 #: Wall seconds that the last latched messages get to leave before the node exits.
@@ -247,14 +248,23 @@ class Bug2Node:
 
     def _wait_for_services(self):
         for service in SWITCHES + (SET_MODEL_STATE,):
-            while True:
-                try:
-                    rospy.wait_for_service(service, timeout=4.0)
-                    break
-                except rospy.ROSException:
-                    if rospy.is_shutdown():
-                        raise rospy.ROSInterruptException('shutdown while waiting for %s' % service)
-                    rospy.logwarn('bug2: still waiting for the service %s', service)
+            wait_while(lambda: not self._is_service(service),
+                       lambda: 'bug2: still waiting for the service %s' % service)
+
+    @staticmethod
+    def _is_service(name):
+        try:
+            rospy.wait_for_service(name, timeout=0.5)
+            return True
+        except rospy.ROSException:
+            return False
+
+    def _model_is_there(self):
+        """Return whether the simulator has the robot's model, as far as it tells."""
+        try:
+            return self._model_name in rospy.ServiceProxy(GET_WORLD_PROPERTIES, GetWorldProperties)().model_names
+        except (rospy.ServiceException, rospy.ROSException):
+            return True         # it does not tell: the next call will
 
     def _place_robot(self):
         """Set the robot to the start; asked again and again until the simulator has the model."""
@@ -264,6 +274,8 @@ class Bug2Node:
         if self._initial_yaw != 0.0:    # else the report's all-zero quaternion, which means no rotation
             state.pose.orientation.z = math.sin(self._initial_yaw / 2)
             state.pose.orientation.w = math.cos(self._initial_yaw / 2)
+        wait_while(lambda: not self._model_is_there(),
+                   lambda: 'bug2: still waiting for the model "%s" to be spawned' % self._model_name)
         quiet_until = time.monotonic() + PLACE_PATIENCE
         while not rospy.is_shutdown():
             try:

@@ -23,6 +23,8 @@ from motion_plan.surroundings import Surroundings
 RATE_HZ = 20
 #: Wall seconds between two reminders of something that is waited for.
 REMIND_SECONDS = 5.0
+#: Wall seconds after which waiting is worth a warning.
+LONG_WAIT_SECONDS = 60.0
 #: Messages older than this [s] are not driven on.
 STALE_SECONDS = 1.0
 #: Wall seconds that roslaunch has to end this node; then it exits, and roslaunch reports a death.
@@ -115,14 +117,18 @@ def finite_number(name, value, meaning):
 
 
 def wait_while(condition, sentence):
-    """Wait in wall time while ``condition()`` holds; warn with ``sentence()`` every five seconds. Ends on shutdown."""
-    last = time.monotonic()
+    """Wait in wall time while ``condition()`` holds; say ``sentence()`` every five seconds. Ends on shutdown.
+
+    A start takes its time on a slow machine: waiting is a warning only after a minute.
+    """
+    began = last = time.monotonic()
     while condition():
         if rospy.is_shutdown():
             raise rospy.ROSInterruptException('shutdown while waiting')
         if time.monotonic() - last > REMIND_SECONDS:
             last = time.monotonic()
-            rospy.logwarn('%s', sentence())
+            tell = rospy.loginfo if last - began < LONG_WAIT_SECONDS else rospy.logwarn
+            tell('%s', sentence())
         time.sleep(0.02)
 
 

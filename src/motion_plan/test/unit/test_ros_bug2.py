@@ -105,6 +105,21 @@ def test_a_new_goal_begins_anew_from_where_the_robot_is(node, calls):
     assert len(calls.switched) == 3                 # once
 
 
+def test_bug2_places_the_robot_only_once_there_is_one(calls, monkeypatch):
+    rospy, asked, worlds = ros_bug2.rospy, [], [['ground_plane'], ['ground_plane', 'm2wr']]
+
+    def service(name, _):
+        def call(*_):
+            asked.append(name)
+            models = worlds.pop(0) if name == ros_bug2.GET_WORLD_PROPERTIES else []
+            return SimpleNamespace(success=True, model_names=models)
+        return call
+
+    monkeypatch.setattr(rospy, 'ServiceProxy', service)
+    ros_bug2.Bug2Node()._place_robot()
+    assert asked == [ros_bug2.GET_WORLD_PROPERTIES] * 2 + [ros_bug2.SET_MODEL_STATE] and not calls.warnings
+
+
 def test_a_goal_after_the_end_is_driven_to_as_well(node):
     node.bug.state = State.GOAL_UNREACHABLE
     node.clbk_goal(goal(1.0, 6.0))

@@ -108,7 +108,7 @@ def check(graph, seen):
     """Return the findings on what was :class:`Seen`."""
     clock = _clock(graph, seen)
     standing = bool(clock) and clock[0].level != "ok"
-    return clock + _scans(seen, standing) + _publishers(seen) + _tree(graph, seen) + _links(seen) + _stamps(seen)
+    return clock + _scans(seen, standing) + _publishers(seen) + _tree(graph, seen) + _links(graph, seen) + _stamps(seen)
 
 
 def _clock(graph, seen):
@@ -183,6 +183,9 @@ def _tree(graph, seen):
     found, frames = [], _frames(seen)
     wanted = {frame for stream in seen.scans.values() for frame, _ in stream.frames}
     odometry = {frame for stream in seen.odometry.values() for frame, _ in stream.frames}
+    if wanted and _nobody_asks(graph):
+        return [ok(_FRAMES, "robot_state_publisher does not run, and nothing reads /tf; rviz and mapping need it: "
+                            "roslaunch m2wr_description rvis.launch starts it with rviz")]
     if not frames:
         return [problem(_FRAMES, "there are no transforms at all", _start_publisher(graph))] if wanted else []
     for frame in sorted(wanted):
@@ -199,17 +202,28 @@ def _tree(graph, seen):
     return found
 
 
+def _publisher_runs(graph):
+    return any(name.endswith("robot_state_publisher") for names in graph.publishers.values() for name in names)
+
+
+def _nobody_asks(graph):
+    """Return whether frames of links matter to nobody yet: a robot that was just spawned, and no program for tf."""
+    readers = {name for topic in ("/tf", "/tf_static") for name in graph.subscribers.get(topic, ())} - set(graph.silent)
+    return not _publisher_runs(graph) and all(name.startswith("/doctor") for name in readers)
+
+
 def _start_publisher(graph):
-    if any(name.endswith("robot_state_publisher") for names in graph.publishers.values() for name in names):
+    if _publisher_runs(graph):
         return "robot_state_publisher runs: look whether joint_states come (rostopic hz /joint_states) and whether " \
                "its robot_description is that of this robot"
-    return "start rosrun robot_state_publisher robot_state_publisher, with the parameter robot_description set"
+    return "rosrun robot_state_publisher robot_state_publisher (it reads the parameter robot_description); roslaunch " \
+           "m2wr_description rvis.launch starts it with rviz"
 
 
-def _links(seen):
+def _links(graph, seen):
     """Check that every link of the description has a transform."""
     frames = _frames(seen)
-    if len(seen.links) < 2 or not frames:
+    if len(seen.links) < 2 or not frames or _nobody_asks(graph):
         return []
     missing = [link for link in seen.links if link not in frames
                and not any(frame.endswith("/" + link) for frame in frames)]

@@ -21,6 +21,7 @@ from m2wr_view.ros.starting import start_node
 from m2wr_view.user_folder import from_user
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
+_LONG_WAIT = 60.0          # s of wall time after which waiting for a service is worth a warning
 _NOT_CONFIGURED = "SetModelConfiguration service failed. Exiting."
 
 
@@ -167,13 +168,16 @@ def wait_for_model(name, namespace):
 def wait_for_service(name):
     """Wait for a service, naming it every few seconds."""
     rospy.loginfo("Waiting for service %s", name)
+    began = time.monotonic()
     while not rospy.is_shutdown():
         try:
             rospy.wait_for_service(name, timeout=5.0)
             return
         except rospy.ROSException:
             if not rospy.is_shutdown():
-                rospy.logwarn("still waiting for service %s: is the simulation running?", name)
+                # a simulation takes its time to start on a slow machine
+                tell = rospy.loginfo if time.monotonic() - began < _LONG_WAIT else rospy.logwarn
+                tell("still waiting for service %s: is the simulation running?", name)
     raise SpawnError("interrupted while waiting for %s" % name)
 
 
