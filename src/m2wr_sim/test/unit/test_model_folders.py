@@ -36,13 +36,21 @@ def package(tmp_path):
 def test_the_order_is_home_environment_own_packages(places, package, monkeypatch):
     home = places("home/.gazebo/models", "a", "b")
     monkeypatch.setenv("HOME", home[:-len("/.gazebo/models")])
-    listed, own = places("listed", "a", "b", "c"), places("own", "b", "c", "d")
-    exported = places("pkg/models", "d", "e")
-    folders = standard_folders(own, {"GAZEBO_MODEL_PATH": ":/nowhere:%s:" % listed},
+    listed, own = places("listed", "a", "b", "c"), places("share/models", "b", "c", "d")
+    exported, stand_ins = places("pkg/models", "d", "e"), places("share/stand_ins", "e", "f")
+    folders = standard_folders(own[:-len("/models")], {"GAZEBO_MODEL_PATH": ":/nowhere:%s:" % listed},
                                lambda: [package("pkg", "gazebo_model_path", "${prefix}/models")])
-    found = {name: folders("model://" + name) for name in "abcdef"}
+    found = {name: folders("model://" + name) for name in "abcdefg"}
     assert found == {"a": home + "/a/model.sdf", "b": home + "/b/model.sdf", "c": listed + "/c/model.sdf",
-                     "d": own + "/d/model.sdf", "e": exported + "/e/model.sdf", "f": None}
+                     "d": own + "/d/model.sdf", "e": exported + "/e/model.sdf", "f": stand_ins + "/f/model.sdf",
+                     "g": None}
+    assert {name: folders.stood_in(found[name]) for name in "aef"} == {"a": "", "e": "", "f": "f"}
+
+
+def test_a_message_names_few_folders():
+    assert str(ModelFolders(["/%d" % index for index in range(40)])) == (
+        "/0, /1, /2, /3, /4, and 35 folders that packages or GAZEBO_MODEL_PATH name")
+    assert str(ModelFolders(["/a", "/b"])) == "/a, /b" and str(ModelFolders()) == "no folders"
 
 
 def test_packages_are_asked_once_and_only_for_what_is_nowhere_else(places):

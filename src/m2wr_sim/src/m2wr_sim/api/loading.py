@@ -52,9 +52,9 @@ def package_folder(name):
 
 
 def _model_folders():
-    own = os.path.join(package_folder("m2wr_sim"), "models")
     packages = _packages(os.environ.get("ROS_PACKAGE_PATH"))
-    return standard_folders(own, os.environ, lambda: [packages.get_path(name) for name in sorted(packages.list())])
+    return standard_folders(package_folder("m2wr_sim"), os.environ,
+                            lambda: [packages.get_path(name) for name in sorted(packages.list())])
 
 
 def read_world(world):

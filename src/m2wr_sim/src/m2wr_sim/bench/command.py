@@ -8,12 +8,11 @@ import tempfile
 
 from m2wr_sim.bench import c_loop, in_process, machine, others, reference, table
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.physics.factory import ENGINES
 from m2wr_sim.ros.experiment import free_port
 from m2wr_sim.ros.node import package_folder
-from m2wr_sim.ros.params import find_world
+from m2wr_sim.ros.params import find_world, model_folders
 
 _C_SOURCE = os.path.join("bench", "step_loop.c")
 _C_STEPS = 20000                # robot steps in a run
@@ -91,7 +90,7 @@ def world_text_or_path(options, folder):
 
 
 def _load(options, folder):
-    folders = ModelFolders(os.environ.get("GAZEBO_MODEL_PATH", "").split(":") + [os.path.join(folder, "models")])
+    folders = model_folders(folder)
     return load_world(world_text_or_path(options, folder), resolve_model=folders)
 
 

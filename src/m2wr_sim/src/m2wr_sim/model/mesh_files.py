@@ -157,11 +157,6 @@ def _whole_binary_stl(content, path):
     return content[:stated * 50 + 84]
 
 
-_TO_Z_UP = {"X_UP": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-            "Y_UP": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
-            "Z_UP": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}
-
-
 _NO_SHAPES = ("library_materials", "library_effects", "library_images", "library_cameras", "library_lights",
               "library_animations", "bind_material", "instance_camera", "instance_light", "extra")
 _SCHEMA = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
@@ -186,9 +181,8 @@ def _read_collada(content, path):
     collada = _collada(path)
     try:
         document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])
-        to_metres = np.eye(4)
-        to_metres[:3, :3] = np.array(_TO_Z_UP.get(document.assetInfo.upaxis, _TO_Z_UP["Y_UP"])) * float(
-            document.assetInfo.unitmeter or 1.0)
+        # Gazebo's loader reads the unit and never <up_axis>; models are made to stand upright there
+        to_metres = np.diag([float(document.assetInfo.unitmeter or 1.0)] * 3 + [1.0])
         found = []
         scene = document.scene or (document.scenes[0] if len(document.scenes) else None)
         if scene is None:
@@ -206,7 +200,7 @@ def _read_collada(content, path):
 
 
 def _walk(collada, node, matrix, names, found):
-    """Collect the geometries below a node; ``matrix`` (4, 4) takes its parent's coordinates to metres, z up."""
+    """Collect the geometries below a node; ``matrix`` (4, 4) takes its parent's coordinates to metres."""
     if isinstance(node, collada.scene.GeometryNode):
         found.extend(_collada_parts(node.geometry, matrix, names))
     elif isinstance(node, collada.scene.ControllerNode):

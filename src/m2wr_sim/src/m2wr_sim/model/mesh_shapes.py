@@ -10,6 +10,7 @@ import numpy as np
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.mesh_files import FARTHEST_VERTEX, MAX_TRIANGLES, read_mesh_file
 from m2wr_sim.model.mesh_polyline import extrude
+from m2wr_sim.model.model_folders import tell_stand_in
 from m2wr_sim.model.safe_xml import XmlError, fail, file_of, parse_vector, place
 from m2wr_sim.model.types import Heightmap, Mesh
 
@@ -133,6 +134,7 @@ class MeshReader:
     def _mesh(self, element, uri, scale, submesh, centred):
         try:
             path = self._find(uri, element)
+            tell_stand_in(self._notes, self._resolve_model, path)
             parts = read_mesh_file(path)
             if submesh is not None:
                 known = sorted({name for part in parts for name in part.names})

@@ -1,9 +1,13 @@
 """From ``model://NAME`` to the SDF file of that model, on this machine's disk only."""
+import glob
 import os
 
 from m2wr_sim.model.safe_xml import XmlError, parse_xml, read_file
 
 NEWEST_SDF = (1, 7)
+HOW_TO_INSTALL = "put its folder into ~/.gazebo/models or into a folder that GAZEBO_MODEL_PATH names"
+_MOST_TOLD = 5          # folders in a message
+_INSTALLED = "/usr/share/gazebo*/models"        # where Gazebo's packages put theirs, its default for GAZEBO_MODEL_PATH
 
 
 def parse_version(text):
@@ -60,9 +64,12 @@ class ModelFolders:
     packages : callable, optional
         Returns the folders of all ROS packages; what those export is searched last.  It is called only when something
         was found nowhere else, once.
+    stand_ins : str
+        Folder of models of the same outer size as others that many worlds name; searched after everything else.
     """
 
-    def __init__(self, folders=(), resources=(), packages=None):
+    def __init__(self, folders=(), resources=(), packages=None, stand_ins=""):
+        self._stand_ins = stand_ins
         self.folders = tuple(folder for folder in folders if folder)
         self.resources = tuple(folder for folder in resources if folder)
         self._packages, self._by_package = packages, {}
@@ -91,11 +98,23 @@ class ModelFolders:
         XmlError
             If the path contains ``..``, or the model's own model.config is malformed or names no usable file.
         """
-        found = self._find(uri)
-        return self._find(uri) if found is None and self._ask_packages() else found
+        found = self._first(self._candidates(uri))
+        if found is None and self._ask_packages():
+            found = self._first(self._candidates(uri))
+        if found is None and self._stand_ins and uri.startswith("model://"):
+            found = self._first([os.path.join(self._stand_ins, uri[len("model://"):].strip("/"))])
+        return found
 
-    def _find(self, uri):
-        for candidate in self._candidates(uri):
+    def stood_in(self, path):
+        """Return the name of the model that the file at ``path`` stands in for; an empty text if it is no stand-in."""
+        if not self._stand_ins:
+            return ""
+        inside = os.path.relpath(os.path.realpath(path), os.path.realpath(self._stand_ins))
+        return "" if inside.startswith(os.pardir) else inside.split(os.sep)[0]
+
+    @staticmethod
+    def _first(candidates):
+        for candidate in candidates:
             if os.path.isfile(candidate):
                 return candidate
             found = _file_in_folder(candidate) if os.path.isdir(candidate) else None
@@ -121,17 +140,39 @@ class ModelFolders:
         return [rest] if os.path.isabs(rest) else [os.path.join(folder, rest) for folder in self.resources]
 
     def __str__(self):
-        return ", ".join(self.folders) if self.folders else "no folders"
+        told = list(self.folders[:_MOST_TOLD])
+        if len(self.folders) > _MOST_TOLD:
+            told.append("and %d folders that packages or GAZEBO_MODEL_PATH name" % (len(self.folders) - _MOST_TOLD))
+        return ", ".join(told) if told else "no folders"
 
 
-def standard_folders(own, environment, packages=None):
+def standard_folders(share, environment, packages=None):
     """Return the :class:`ModelFolders` of a program started in ``environment``, in Gazebo's order.
 
-    ``own`` is the folder of models that this package ships.
+    ``share`` is the folder that holds ``models`` and ``stand_ins`` of this package.
     """
     home = os.path.join(os.path.expanduser("~"), ".gazebo", "models")
     listed = [environment.get(name, "").split(":") for name in ("GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH")]
-    return ModelFolders([home] + listed[0] + [own], listed[1], packages)
+    if not any(listed[0]):
+        listed[0] = sorted(glob.glob(_INSTALLED))
+    return ModelFolders([home] + listed[0] + [os.path.join(share, "models")], listed[1], packages,
+                        os.path.join(share, "stand_ins"))
+
+
+def tell_stand_in(notes, folders, path):
+    """Say once of a model that a stand-in takes its place, where the file at ``path`` belongs to one.
+
+    Parameters
+    ----------
+    notes : Notes
+    folders : callable or None
+        What found the file; only :class:`ModelFolders` has stand-ins.
+    path : str
+    """
+    name = folders.stood_in(path) if isinstance(folders, ModelFolders) else ""
+    if name:
+        notes.add("model://{} is not installed; using the stand-in of the same outer size ({}).".format(
+            name, HOW_TO_INSTALL), ("stand-in", name))
 
 
 def _file_in_folder(folder):

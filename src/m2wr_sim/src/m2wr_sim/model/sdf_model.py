@@ -7,7 +7,7 @@ from typing import Any, Callable, Dict, Optional, Tuple
 from m2wr_sim.geometry import compose, invert
 from m2wr_sim.model.inertials import mass_fault, usable
 from m2wr_sim.model.mesh_shapes import MeshReader
-from m2wr_sim.model.model_folders import NEWEST_SDF, parse_version
+from m2wr_sim.model.model_folders import HOW_TO_INSTALL, NEWEST_SDF, parse_version, tell_stand_in
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.safe_xml import XmlError, fail, line_of, parse_xml, path_of, read_file
@@ -313,9 +313,10 @@ def _find_included(node, context):
         node.fail("<uri> is missing or empty", "model://NAME there")
     path = None if context.resolve_model is None else context.resolve_model(uri)
     if path is None:
-        context.notes.add("{}: {} was not found (searched: {}; nothing is downloaded); it is left out.".format(
-            node.line, uri, context.resolve_model or "no folders"))
+        context.notes.add("{}: {} was not found (searched: {}; nothing is downloaded); it is left out ({}).".format(
+            node.line, uri, context.resolve_model or "no folders", HOW_TO_INSTALL))
         return None
+    tell_stand_in(context.notes, context.resolve_model, path)
     path = os.path.realpath(path)
     if path in context.including:
         node.fail("{} includes itself ({})".format(uri, " -> ".join(context.including + (path,))),

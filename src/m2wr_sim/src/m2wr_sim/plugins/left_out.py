@@ -204,6 +204,10 @@ NOT_NEEDED = {
     "libHeightmapLODPlugin.so": "it is for viewers",
     "libKeyboardGUIPlugin.so": "it is for viewers",
 }
+NOT_NEEDED.update({
+    "lib%s-%s-system.so" % (family, system): "it is a part of Gazebo Sim that this simulation has built in"
+    for family in ("gz-sim", "ignition-gazebo")
+    for system in ("physics", "user-commands", "scene-broadcaster", "sensors", "imu", "contact")})
 
 
 class AbsentPlugins:

@@ -11,12 +11,11 @@ from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 
 from m2wr_sim.errors import SimError, WorldError
-from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.report.map_agreement import LASER_HEIGHT, SLICE, Truth, compare, format_agreement, picture
 from m2wr_sim.report.summary import obstacle_outlines
 from m2wr_sim.ros.node import package_folder
-from m2wr_sim.ros.params import find_world
+from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_view.ros.starting import start_node
 
 SCALE = 3           # pixels a cell
@@ -41,7 +40,7 @@ def read_world(world):
     """Return the World of a world file or name; raises WorldError."""
     share = package_folder()
     return load_world(find_world(world, os.path.join(share, "worlds")),
-                      resolve_model=ModelFolders([os.path.join(share, "models")]))
+                      resolve_model=model_folders(share))
 
 
 def read_truth(world, height, frame=(0.0, 0.0, 0.0)):

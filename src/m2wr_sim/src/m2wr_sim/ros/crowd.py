@@ -12,11 +12,10 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import quaternion_from_rpy
-from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.places import LAYOUTS, find_places
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.ros.convert import write_pose
-from m2wr_sim.ros.params import find_world
+from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service
 from m2wr_view.ros.starting import start_node
 
@@ -59,7 +58,7 @@ def places_in(arguments):
     if not name:
         raise SpawnError("parameter %s is not set: name the world file with --world" % parameter)
     folder = rospkg.RosPack().get_path("m2wr_sim")
-    folders = ModelFolders(os.environ.get("GAZEBO_MODEL_PATH", "").split(":") + [os.path.join(folder, "models")])
+    folders = model_folders(folder)
     try:
         world = load_world(find_world(name, os.path.join(folder, "worlds")), resolve_model=folders)
         return find_places(world, arguments.robots, arguments.layout, (arguments.x, arguments.y), arguments.spacing,

@@ -6,12 +6,11 @@ import sys
 import time
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.report.summary import format_table, obstacle_outlines, summarise
 from m2wr_sim.ros.experiment import INTERRUPTED, free_port, resolve, run
 from m2wr_sim.ros.node import package_folder
-from m2wr_sim.ros.params import find_world
+from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_view.errors import ViewError
 from m2wr_view.run_log import read_run
 from m2wr_view.run_picture import draw_run
@@ -52,7 +51,7 @@ def main(argv=None):
     try:
         share = package_folder()
         world = load_world(find_world(options.world, os.path.join(share, "worlds")),
-                           resolve_model=ModelFolders([os.path.join(share, "models")]))
+                           resolve_model=model_folders(share))
         log = read_run(bag, start=tuple(options.start), goal=tuple(options.goal))
         summary = summarise(log, world)
         draw_run(log, obstacle_outlines(world), obstacle_outlines(world, high=math.inf), summary, picture)

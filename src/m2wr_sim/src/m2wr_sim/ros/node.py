@@ -15,7 +15,6 @@ from rospy.rostime import set_rostime_initialized
 from visualization_msgs.msg import MarkerArray
 
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
-from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.model.types import Physics
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
@@ -27,7 +26,7 @@ from m2wr_sim.ros.gazebo_api import GazeboApi
 from m2wr_sim.ros.lockstep import Lockstep
 from m2wr_sim.ros.lockstep_ports import LockstepPorts
 from m2wr_sim.ros.loop import Loop
-from m2wr_sim.ros.params import find_world, private_parameters, read_config
+from m2wr_sim.ros.params import find_world, model_folders, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
 from m2wr_sim.ros.spawning import Spawner
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
@@ -94,12 +93,6 @@ def package_folder():
     return rospkg.RosPack().get_path("m2wr_sim")
 
 
-def package_folders():
-    """Return the folders of all packages that rospack finds, in the order of their names."""
-    packages = rospkg.RosPack()
-    return [packages.get_path(name) for name in sorted(packages.list())]
-
-
 def _load_world(config, worlds, folders):
     """Return the record of the world and its name: of the one in its place if it cannot be read and one is named."""
     try:
@@ -140,7 +133,7 @@ def build(config, folder):
     WorldError, ModelError
         If the world cannot be read or built.
     """
-    folders = standard_folders(os.path.join(folder, "models"), os.environ, package_folders)
+    folders = model_folders(folder)
     world, name = _load_world(config, os.path.join(folder, "worlds"), folders)
     step_ns = _step_of(config, world, name)
     engine = make_engine(config.engine, settings_from_physics(world.physics, step_ns, config.solver))

@@ -5,10 +5,12 @@ import re
 from dataclasses import dataclass, field, fields
 from typing import Dict, List, Optional
 
+import rospkg
 import rospy
 
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ParameterError, WorldError
+from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.physics.factory import ENGINES
 from m2wr_sim.ros.api_reconfigure import PARAMETERS
 from m2wr_view.user_folder import user_folder
@@ -157,6 +159,12 @@ def private_parameters():
     """Return this node's private parameters, without what rospy and the dynamic parameters keep there."""
     others = {"log_level", "enable_statistics"}.union(PARAMETERS)
     return {name: value for name, value in rospy.get_param("~", {}).items() if name not in others}
+
+
+def model_folders(share):
+    """Return where models are looked for in this process; ``share`` is the folder of this package's shared files."""
+    packages = rospkg.RosPack()
+    return standard_folders(share, os.environ, lambda: [packages.get_path(name) for name in sorted(packages.list())])
 
 
 def find_world(name, folder):
