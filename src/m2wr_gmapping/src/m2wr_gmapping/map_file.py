@@ -1,10 +1,10 @@
 """Saving a map as map_saver does, a PGM picture and a YAML file that names it, as a pair at every moment.
 
 Two files cannot be replaced at once, but the YAML file alone can, and it decides which picture is read. So over an
-older map the new picture is first written as ``NAME-DIGEST.pgm``, named after its content, and the YAML file is replaced
-by one that names it. Now ``NAME.pgm`` belongs to no pair: it is replaced too, then the YAML file again by one that names
-it, and the picture with the digest is removed. A program that is killed on the way leaves a pair and perhaps a picture
-too many, which ``tidy`` removes.
+older map the new picture is first written as ``NAME-DIGEST.pgm``, after its content, and the YAML file is replaced
+by one that names it. Now ``NAME.pgm`` belongs to no pair: it is replaced too, then the YAML file again by one that
+names it, and the picture with the digest is removed. A program that is killed on the way leaves a pair and perhaps a
+picture too many, which ``tidy`` removes.
 """
 import hashlib
 import logging
@@ -127,8 +127,8 @@ def _digest(parts):
 def tidy(name):
     """Remove what a program that was killed while it wrote the map ``name`` left; returns the paths.
 
-    These are temporary files without a writer, and pictures with the digest of their content in their name that the YAML
-    file does not name.
+    These are temporary files without a writer, and pictures with the digest of their content in their name that the
+    YAML file does not name.
     """
     folder, base = os.path.split(os.path.abspath(name))
     removed = remove_stale(folder)

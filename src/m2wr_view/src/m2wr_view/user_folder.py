@@ -18,7 +18,7 @@ def user_folder(words=None):
         The command line, by default this program's.
     """
     if any(word.startswith("__log:=") for word in (sys.argv if words is None else words)):      # by roslaunch alone
-        found = _folder_of(_starter())
+        found = _folder_of(starter())
         if found:
             return found
         if os.path.isdir(os.environ.get("PWD", "")):        # no /proc, or not to be read
@@ -31,8 +31,8 @@ def from_user(path, words=None):
     return os.path.normpath(os.path.join(user_folder(words), os.path.expanduser(path))) if path else path
 
 
-def _starter():
-    """Return the process that began the session: roslaunch gives each node one, also below a ``launch-prefix``."""
+def starter():
+    """Return the number of the process that began the session: roslaunch gives each node one, also below a ``launch-prefix``."""
     leader = os.getsid(0)
     return os.getppid() if leader == os.getpid() else _parent(leader)
 

@@ -18,6 +18,7 @@ from m2wr_gmapping.replay.beginning import Beginning
 from m2wr_gmapping.replay.map_reading import MapReadingError
 from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.intake import Intake
+from m2wr_gmapping.ros.keeping import Keeper, place
 from m2wr_gmapping.ros.missing import name_what_is_missing
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
 from m2wr_gmapping.ros.params import (check_frames, frame, private_parameters, read_parameters, read_ranges, tf_prefix,
@@ -42,13 +43,18 @@ class SlamNode:
     options : NodeOptions
     beginning : Beginning
         What the map begins on.
+    keeper : Keeper
+        Of the state of this run.
+    resumed : bool
+        The beginning is a state that this run has kept.
     """
 
-    def __init__(self, config, options, beginning):
+    def __init__(self, config, options, beginning, keeper, resumed=False):
         self._config, self._options = config, options
         self._base, self._map_frame = frame(config["base_frame"]), frame(config["map_frame"])
         self._lock = threading.RLock()          # of the mapper
         self._mapper, self._beginning = None, beginning
+        self._keeper, self._resumed = keeper, resumed
         self._generation = 0
         self._counted = self._refused = self._passed = 0
         self._fed = None                        # the mapper that has taken a scan of this run
@@ -100,8 +106,7 @@ class SlamNode:
             with self._lock, self._maps.busy:
                 if self._mapper is None:
                     raise state.StateError("there is nothing to save yet: no scan has been processed")
-                taken = state.snapshot(self._mapper, dict(
-                    laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted))
+                taken = state.snapshot(self._mapper, self._host())
                 processed = self._mapper.processed
             state.save(path, taken)
         except state.StateError as error:
@@ -187,6 +192,8 @@ class SlamNode:
             return
         began, stamp = time.perf_counter(), scan.header.stamp.to_sec()
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
+        if self._resumed and not self._still_the_run(stamp):
+            return
         if stamp < self._first_stamp + self._options.settle_time:
             return
         if self._mapper is None:
@@ -216,6 +223,26 @@ class SlamNode:
         if update.processed and not 0.0 <= since <= self._config["map_update_interval"]:
             self._map_stamp = stamp
             self._maps.ask(mapper)
+        if self._keeper.due() and self._maps.busy.acquire(blocking=False):
+            try:
+                self._keeper.keep(mapper, self._host())
+            finally:
+                self._maps.busy.release()
+
+    def _host(self):
+        """What goes with a state beside the mapper."""
+        return dict(laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted)
+
+    def _still_the_run(self, stamp):
+        """At the first scan after the node was killed: whether the kept state is to be gone on with."""
+        last, self._resumed = self._beginning.loaded.mapper.stamps[-1], False
+        if stamp < last:
+            rospy.logwarn("time has gone back from %.3f to %.3f while this node was not there: the map begins anew",
+                          last, stamp)
+            self._begin_anew(self._generation)
+            return False
+        self._first_stamp = -math.inf           # the robot was put down long ago
+        return True
 
     def _begin(self, scan):
         mount = self._intake.mount(self._base, scan)
@@ -254,6 +281,7 @@ class SlamNode:
         if mapper is None and loaded is not None:
             mapper = loaded.mapper          # no scan has gone on with it
         if mapper is None:
+            self._keeper.forget()
             if name:
                 rospy.logwarn("there is no map to save as %s: no scan has been processed", name)
             return not name
@@ -268,6 +296,7 @@ class SlamNode:
             return False
         finally:
             mapper.close()
+        self._keeper.forget()
         return True
 
     @staticmethod
@@ -297,38 +326,53 @@ def log_through_rospy():
     log.setLevel(logging.INFO)
 
 
+def _prepare():
+    """Read parameters and files; returns what a SlamNode takes and warnings, raises ConfigError and others."""
+    given = private_parameters()
+    config, options, warnings = read_parameters(given)
+    config = with_prefix(config, tf_prefix())
+    check_frames(config)
+    options = replace(options, save_on_exit=from_user(options.save_on_exit), state_file=from_user(options.state_file),
+                      map_file=from_user(options.map_file))
+    warnings.extend(trouble_at_exit(options.save_on_exit))
+    if options.save_on_exit:
+        map_file.tidy(options.save_on_exit)
+    if options.initial_pose is not None and not options.map_file:
+        warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
+    keeper = Keeper(*place(), period=options.state_save_period)
+    kept = keeper.resume(config)
+    if kept is not None:
+        warnings.append("this node was killed: the map goes on as it was at %.3f, after %d processed scans" % (
+            kept.mapper.stamps[-1], kept.mapper.processed))
+        beginning, config = Beginning(loaded=kept, runs_on=options.odometry_runs_on), kept.mapper.config
+        return (config, options, beginning, keeper, True), warnings
+    state_file = options.state_file
+    if state_file and not os.path.exists(state_file):
+        warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
+        state_file = ""
+    beginning, config = Beginning.from_files(config, options.map_file, options.initial_pose, state_file,
+                                             options.odometry_runs_on)
+    warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
+    return (config, options, beginning, keeper), warnings
+
+
 def main():
     """Entry point of the executable; returns the exit code."""
     start_node("slam_gmapping")
     sys.setswitchinterval(SWITCH_INTERVAL)
     log_through_rospy()
     try:
-        given = private_parameters()
-        config, options, warnings = read_parameters(given)
-        config = with_prefix(config, tf_prefix())
-        check_frames(config)
-        options = replace(options, save_on_exit=from_user(options.save_on_exit),
-                          state_file=from_user(options.state_file), map_file=from_user(options.map_file))
-        state_file = options.state_file
-        if state_file and not os.path.exists(state_file):
-            warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
-            state_file = ""
-        warnings.extend(trouble_at_exit(options.save_on_exit))
-        if options.save_on_exit:
-            map_file.tidy(options.save_on_exit)
-        if options.initial_pose is not None and not options.map_file:
-            warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
-        beginning, config = Beginning.from_files(config, options.map_file, options.initial_pose,
-                                                 state_file, options.odometry_runs_on)
-        warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
+        prepared, warnings = _prepare()
     except (ConfigError, MapReadingError, state.StateError) as error:
         rospy.logfatal("%s", error)
+        if private_parameters().get("respawn") is True:
+            rospy.spin()                # started again, it would say the same again and again
         return 1
     for warning in warnings:
         rospy.logwarn("%s", warning)
-    rospy.loginfo("parameters: %s", ", ".join("%s %s" % item for item in config.as_dict().items()))
+    rospy.loginfo("parameters: %s", ", ".join("%s %s" % item for item in prepared[0].as_dict().items()))
     warm_up()
-    node = SlamNode(config, options, beginning)
+    node = SlamNode(*prepared)
     rospy.loginfo("ready, listening to %s", rospy.resolve_name("scan"))
     rospy.spin()
     return 0 if node.close() else 1

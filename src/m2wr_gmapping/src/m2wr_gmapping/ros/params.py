@@ -23,6 +23,10 @@ class NodeOptions:
         Scans of that many seconds after the first one are left out.
     state_file : str
         State to begin from, if it exists; also the name that the services take when they get none.
+    state_save_period : float
+        Between two states that are kept for a node that roslaunch starts again [s], wall; 0: none is.
+    respawn : bool
+        roslaunch starts a node that ends again and again: one that cannot begin waits for the end of the run.
     odometry_runs_on : bool
         Whether the odometry is still the one that the state was made with.
     map_file : str
@@ -35,6 +39,8 @@ class NodeOptions:
     save_on_exit: str = ""
     settle_time: float = 0.0
     state_file: str = ""
+    state_save_period: float = 60.0
+    respawn: bool = False
     odometry_runs_on: bool = True
     map_file: str = ""
     initial_pose_x: typing.Optional[float] = None
@@ -54,13 +60,15 @@ NODE_PARAMETERS = {
     "save_on_exit": "map to write when the node ends, without .pgm; empty: none",
     "settle_time": "scans of that many seconds after the first one are left out: a robot that was just put down rocks",
     "state_file": "state to go on from, if that file exists; also what save_state and load_state take without a name",
+    "state_save_period": "wall seconds between two states kept beside the log, to go on from when killed; 0: none",
+    "respawn": "roslaunch restarts this node whenever it ends: one that cannot begin waits for the end",
     "odometry_runs_on": "false: the odometry has begun anew since the state was saved, the robot stands where it stood",
     "map_file": "saved map (YAML) to begin on; `delta` is then its cell size",
     "initial_pose_x": "where the base stands on it at the first scan, within 1 m [m]; default as the odometry says",
     "initial_pose_y": "likewise [m]",
     "initial_pose_a": "its heading, within 0.5 rad [rad]",
 }
-LEAST = {"scan_queue": 1, "settle_time": 0.0}
+LEAST = {"scan_queue": 1, "settle_time": 0.0, "state_save_period": 0.0}
 
 
 def private_parameters():
