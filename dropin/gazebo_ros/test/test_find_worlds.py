@@ -25,7 +25,8 @@ def tree(tmp_path):
 
 def find(tree, name):
     environment = {'GAZEBO_RESOURCE_PATH': ':/no/such/folder:%s' % (tree / 'resources')}
-    path, searched = worlds.find(name, environment, (str(tree / 'here'), str(tree)), rospkg.RosPack([str(tree / 'packages')]))
+    folders = (str(tree / 'here'), str(tree))
+    path, searched = worlds.find(name, environment, folders, rospkg.RosPack([str(tree / 'packages')]))
     return (None if path is None else os.path.relpath(path, str(tree))), searched
 
 

@@ -32,7 +32,10 @@ def from_user(path, words=None):
 
 
 def starter():
-    """Return the number of the process that began the session: roslaunch gives each node one, also below a ``launch-prefix``."""
+    """Return the number of the process that began the session.
+
+    roslaunch gives each node a session, also below a ``launch-prefix``; started by it, this is roslaunch.
+    """
     leader = os.getsid(0)
     return os.getppid() if leader == os.getpid() else _parent(leader)
 

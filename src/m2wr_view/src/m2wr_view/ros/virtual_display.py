@@ -76,7 +76,8 @@ def read_parameters(get):
     config = str(get("~config", ""))
     if not config:
         raise ViewError("parameter ~config is not set; expected the path of an rviz configuration")
-    return DisplayConfig(config, from_user(str(get("~out", "screenshots"))), _number(get, "period", 10.0, 0.0, 86400.0), tuple(size),
+    out = from_user(str(get("~out", "screenshots")))
+    return DisplayConfig(config, out, _number(get, "period", 10.0, 0.0, 86400.0), tuple(size),
                          _number(get, "frame_rate", 10.0, 1.0, 60.0), view, str(get("~follow", "")).strip("/"),
                          _number(get, "distance", 10.0, 0.1, 1000.0), str(get("~state_topic", "bug2/state")))
 
