@@ -10,9 +10,9 @@ import pytest
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 sys.path.insert(0, str(SOURCE))         # for a plain pytest run; catkin's environment leads to the same files
 
+from m2wr_sim.api.loading import read_robot  # noqa: E402
 from m2wr_sim.model.types import (Box, Collision, Cylinder, Inertial, Link, Model, Plane, Sphere,  # noqa: E402
                                   Surface, World)
-from m2wr_sim.model.urdf import load_urdf  # noqa: E402
 from m2wr_sim.physics import factory  # noqa: E402
 from m2wr_sim.physics.engine import EngineSettings  # noqa: E402
 from m2wr_sim.runtime.ports import LocalPorts  # noqa: E402
@@ -80,8 +80,7 @@ def cylinder(name, x, y, z, radius=0.25, length=1.0, **values):
 @pytest.fixture(scope="session")
 def m2wr():
     """Return the report's robot, read from its xacro."""
-    path = Path(package_folder("m2wr_description")) / "urdf" / "m2wr.xacro"
-    return load_urdf(path.read_text(encoding="utf-8"), str(path), resolve_package=package_folder)
+    return read_robot("m2wr")
 
 
 @pytest.fixture(scope="session")

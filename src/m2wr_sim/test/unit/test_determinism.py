@@ -12,16 +12,14 @@ from conftest import SOURCE
 RUN = """
 import hashlib, json, sys
 import conftest
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.api.loading import read_robot
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.runtime.ports import LocalPorts
 from m2wr_sim.sensors.scene import Scene
 
 seed, kind, solver = int(sys.argv[1]), sys.argv[2], sys.argv[3]
-path = conftest.package_folder("m2wr_description") + "/urdf/m2wr.xacro"
-with open(path) as stream:
-    robot = load_urdf(stream.read(), path, resolve_package=conftest.package_folder)
+robot = read_robot("m2wr")
 engine = conftest.factory.make_engine(kind, EngineSettings(step_ns=int(sys.argv[4]) * 1000000, solver=solver))
 engine.reseed(seed)
 rig = conftest.Rig(Simulator(engine, Scene(), LocalPorts(conftest.copied), SimConfig(seed=seed)))

@@ -432,12 +432,11 @@ def test_only_the_worlds_sound_settings_are_taken():
 CHURN = """
 import resource
 import conftest
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.api.loading import read_robot
 from m2wr_sim.physics.engine import EngineSettings
 engine = conftest.factory.make_engine("%s", EngineSettings(step_ns=2000000))
 engine.add_model(conftest.ground(), conftest.at())
-path = conftest.package_folder("m2wr_description") + "/urdf/m2wr.xacro"
-robot = load_urdf(open(path).read(), path, resolve_package=conftest.package_folder)
+robot = read_robot("m2wr")
 sizes = []
 for turn in range(%d):
     handles = [engine.add_model(robot, conftest.at(x=2.0 * k, z=0.1), "robot%%d" %% k) for k in range(4)]

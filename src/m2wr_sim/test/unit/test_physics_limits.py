@@ -120,10 +120,9 @@ PROGRAM = """
 import gc, logging, numpy, random, sys
 import conftest
 from m2wr_sim.api import Sim
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.api.loading import read_robot
 from m2wr_sim.physics.engine import EngineSettings
-path = conftest.package_folder("m2wr_description") + "/urdf/m2wr.xacro"
-robot = load_urdf(open(path).read(), path, resolve_package=conftest.package_folder)
+robot = read_robot("m2wr")
 logging.disable(logging.CRITICAL)
 kind, end = sys.argv[1], sys.argv[2]
 """

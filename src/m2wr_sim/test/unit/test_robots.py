@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from conftest import at, box, package_folder
+from conftest import at, box
+from m2wr_sim.api.loading import read_robot
 from m2wr_sim.geometry import yaw_of
-from m2wr_sim.model.sdf import load_sdf_models
-from m2wr_sim.model.urdf import load_urdf
 
 ROBOTS = Path(__file__).resolve().parents[1] / "data" / "robots"
 SPAWN_HEIGHT = {"four_wheels.xacro": 0.0, "ball_wheels.urdf": 0.08, "omni.xacro": 0.0, "cart.sdf": 0.0}
@@ -19,10 +18,7 @@ TURNS = {"four_wheels.xacro": (0.61, 1.0), "ball_wheels.urdf": (0.99, 1.01), "om
 
 def load(name):
     """Return a robot by its file, whatever it is written in."""
-    text = (ROBOTS / name).read_text(encoding="utf-8")
-    if name.endswith(".sdf"):
-        return load_sdf_models(text, source=name)[0]
-    return load_urdf(text, str(ROBOTS / name), resolve_package=package_folder)
+    return read_robot(ROBOTS / name)
 
 
 @pytest.fixture(params=sorted(SPAWN_HEIGHT))

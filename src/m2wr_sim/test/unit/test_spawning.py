@@ -112,3 +112,24 @@ def test_a_model_with_bad_parts_is_spawned_and_one_of_which_nothing_is_left_is_r
         "other"))
     assert not answer.success and "mass is 0; expected a positive mass in kg" in answer.status_message
     assert list(rig.simulator.models)[-1] == "thing"
+
+
+# ---- text that somebody else sent
+
+def test_xacro_over_a_service_is_refused_with_the_command_to_run_first(rig, tmp_path):
+    target = tmp_path / "owned"
+    text = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${(lambda: open(\'%s\', \'w\'))()}"/>'
+            '</robot>' % target)
+    for answer in (rig.spawner.spawn_urdf_model(request(text)), rig.spawner.spawn_sdf_model(request(text))):
+        assert not answer.success and "xacro FILE.xacro > FILE.urdf" in answer.status_message
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("text, words", [
+    ("<robot>" + " " * (spawning.MOST_TEXT + 1), "characters; expected at most"),
+    ("<robot>" + "<a/>" * (spawning.MOST_MARKS + 1), "tags and attributes; expected at most")])
+def test_a_text_that_is_too_large_is_refused_before_it_is_parsed(rig, monkeypatch, text, words):
+    monkeypatch.setattr(spawning, "load_urdf", None)
+    for spawn in (rig.spawner.spawn_urdf_model, rig.spawner.spawn_sdf_model):
+        answer = spawn(request(text))
+        assert not answer.success and words in answer.status_message

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from m2wr_sim.api.loading import read_robot
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy
 from m2wr_sim.model.types import Cylinder, Noise, Sphere
 from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.xacro_text import expanded
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 DESCRIPTION = Path(__file__).resolve().parents[3] / "m2wr_description"
@@ -36,9 +38,13 @@ def refusal(*parts):
     return str(caught.value)
 
 
+def m2wr_text():
+    return expanded(M2WR.read_text(), str(M2WR), {"m2wr_description": str(DESCRIPTION)}.get)
+
+
 @pytest.fixture(scope="module")
 def m2wr():
-    return load_urdf(M2WR.read_text(), str(M2WR), resolve_package={"m2wr_description": str(DESCRIPTION)}.get)
+    return load_urdf(m2wr_text(), str(M2WR))
 
 
 # -- the report's robot -------------------------------------------------------------------------------------------
@@ -79,8 +85,7 @@ def test_m2wr_caster_friction_is_the_reports_and_everything_else_default(m2wr):
     assert (caster.mu, caster.mu2, caster.slip1, caster.slip2) == (0.0, 0.0, 1.0, 1.0)
     assert (box.mu, box.mu2, box.slip1) == (laser.mu, laser.mu2, laser.slip1) == (1.0, 1.0, 0.0)
     assert m2wr.links[0].collisions[1].geometry == Sphere(0.05)
-    literal = load_urdf(M2WR.read_text(), str(M2WR), resolve_package={"m2wr_description": str(DESCRIPTION)}.get,
-                        honour_collision_surface=False)
+    literal = load_urdf(m2wr_text(), str(M2WR), honour_collision_surface=False)
     assert literal.links[0].collisions[1].surface == box
 
 
@@ -251,9 +256,11 @@ def test_body_of_a_plugin_on_a_lumped_link_becomes_the_carrier_with_offsets():
 
 @pytest.mark.parametrize("namespace", ["http://www.ros.org/wiki/xacro", "https://www.ros.org/wiki/xacro",
                                        "http://ros.org/wiki/xacro"])
-def test_raw_xacro_is_expanded(namespace):
-    model = load_urdf('<robot name="r" xmlns:xacro="{}"><xacro:property name="m" value="3"/>'
-                      '<link name="a">{}</link></robot>'.format(namespace, INERTIAL.replace('"1"', '"${m}"')))
+def test_a_xacro_file_is_expanded(namespace, tmp_path):
+    path = tmp_path / "r.xacro"
+    path.write_text('<robot name="r" xmlns:xacro="{}"><xacro:property name="m" value="3"/>'
+                    '<link name="a">{}</link></robot>'.format(namespace, INERTIAL.replace('"1"', '"${m}"')))
+    model = read_robot(path)
     assert model.links[0].inertial.mass == 3.0
 
 
@@ -267,26 +274,43 @@ def test_raw_xacro_is_expanded(namespace):
 def test_xacro_that_does_not_expand_names_file_and_cause(name, parts):
     path = DATA / name
     with pytest.raises(ModelError) as caught:
-        load_urdf(path.read_text(), str(path))
+        read_robot(path)
     for part in parts:
         assert part in str(caught.value)
 
 
 def test_xacro_and_its_include_that_are_no_xml_name_file_and_line(tmp_path):
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+    (tmp_path / "a.xacro").write_text(head + '<link name="${1}">\n</robot>')
     with pytest.raises(ModelError, match=r"a\.xacro:3: not well-formed"):
-        load_urdf(head + '<link name="${1}">\n</robot>', "a.xacro")
+        read_robot(tmp_path / "a.xacro")
     (tmp_path / "part.xacro").write_text("<robot>\n<link>\n</robot>")
     with pytest.raises(ModelError, match=r"part\.xacro:3: not well-formed"):
-        load_urdf(head + '<xacro:include filename="{}"/></robot>'.format(tmp_path / "part.xacro"), "a.xacro")
+        (tmp_path / "a.xacro").write_text(head + '<xacro:include filename="part.xacro"/></robot>')
+        read_robot(tmp_path / "a.xacro")
 
 
-def test_unknown_package_in_find_is_named():
+def test_unknown_package_in_find_is_named(tmp_path):
     text = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
             '<xacro:include filename="$(find no_such_package)/a.xacro"/></robot>')
+    (tmp_path / "r.xacro").write_text(text)
     with pytest.raises(ModelError) as caught:
-        load_urdf(text, "r.xacro", resolve_package={}.get)
+        read_robot(tmp_path / "r.xacro")
     assert "$(find no_such_package)" in str(caught.value)
+
+
+@pytest.mark.parametrize("inside", [
+    '<xacro:property name="m" value="3"/>', '<link name="${(lambda: open(TARGET, \'w\'))()}"/>',
+    '<link name="$(eval open(TARGET, \'w\'))"/>', '<xacro:include filename="/etc/passwd"/>',
+    '<link name="${load_yaml(\'/etc/passwd\')}"/>', '<link name="${\'a\'*3*10**9}"/>'])
+def test_xacro_in_text_is_refused_and_nothing_of_it_runs(inside, tmp_path):
+    target = tmp_path / "owned"
+    text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}{}</robot>'.format(
+        link("a"), inside.replace("TARGET", "'%s'" % target))
+    for read in (load_urdf, read_robot):
+        with pytest.raises(ModelError, match="this is xacro, not yet URDF.*xacro FILE.xacro > FILE.urdf"):
+            read(text)
+    assert not target.exists()
 
 
 # -- refusals -----------------------------------------------------------------------------------------------------

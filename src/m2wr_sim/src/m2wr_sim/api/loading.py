@@ -1,18 +1,18 @@
 """Worlds and robots from what a caller has at hand: a name, a path, the text itself, or a record read before."""
 import os
-import re
 from functools import lru_cache
 from pathlib import Path
 
 import rospkg
 
 from m2wr_sim.errors import ModelError, NotFoundError, WorldError
+from m2wr_sim.model.lenient_xml import root_tag
 from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.model.safe_xml import errors_as
 from m2wr_sim.model.sdf import load_sdf_models, load_world
 from m2wr_sim.model.types import Model, World
 from m2wr_sim.model.urdf import load_urdf
-from m2wr_sim.model.xacro_text import expand_xacro
+from m2wr_sim.model.xacro_text import expand_xacro, expanded
 
 _HERE = Path(__file__).resolve()
 #: Robots that are known by name: package, and file in it.
@@ -96,7 +96,8 @@ def read_robot(robot, arguments=None):
     ----------
     robot : Model, str or Path
         A record (returned as it is), the name of a robot of this workspace (``m2wr``), the path of a URDF, xacro or
-        SDF file, or the text of one.
+        SDF file, or the text of one. A file is expanded by xacro where it needs to be, text only if ``arguments`` are
+        given: xacro runs code.
     arguments : dict, optional
         Values of xacro arguments, by name.
 
@@ -112,21 +113,25 @@ def read_robot(robot, arguments=None):
     """
     if isinstance(robot, Model):
         return robot
-    text, source = os.fspath(robot), "robot"
+    text, source, file = os.fspath(robot), "robot", None
     if text in ROBOTS:
         package, file = ROBOTS[text]
         text = os.path.join(package_folder(package), file)
     if "<" not in text:
-        source = text
+        source = file = text
         try:
             text = Path(source).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ModelError("robot \"%s\": %s; expected a readable file, its text, or one of %s"
                              % (source, error, ", ".join(sorted(ROBOTS))))
-    if re.search(r"<robot[\s/>]", text):
-        if arguments:
-            with errors_as(ModelError):
-                text = expand_xacro(text, source, package_folder, {name: str(arguments[name]) for name in arguments})
+    if root_tag(text) == "robot":
+        with errors_as(ModelError):
+            given, values = text, {name: str(value) for name, value in (arguments or {}).items()}
+            if arguments is not None:
+                text = expand_xacro(text, source, package_folder, values)
+            elif source == file:
+                text = expanded(text, source, package_folder)
+            source += "" if text == given else " (expanded)"
         return load_urdf(text, source, resolve_package=package_folder, resolve_model=_model_folders())
     models = load_sdf_models(text, source, resolve_model=_model_folders())
     if len(models) != 1:

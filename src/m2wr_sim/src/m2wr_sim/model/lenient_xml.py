@@ -8,11 +8,13 @@ import re
 
 _MOST_BYTES = 32 * 1024 * 1024      # of a file to put right; such slips are made by hand, in files written by hand
 
-_DECLARATION = re.compile(r"<\?xml\b[^>]*\?>")
 _ENCODING = re.compile(br"""<\?xml\b[^>]*\bencoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
 _AMPERSAND = re.compile(r"&(?!(?:#\d+|#x[0-9A-Fa-f]+|[A-Za-z_][\w.-]*);)")
 _PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s=/>])")
 _FIRST_TAG = re.compile(r"<[A-Za-z_][^\s/>]*")
+_DECLARED = re.compile(r"xmlns:([A-Za-z_][\w.-]*)")
+_FILLED = re.compile(r"[\s\ufeff]*")      # always matches, and never goes back
+_NAME = re.compile(r"<([A-Za-z_][\w.:-]{0,200})")
 _MOST_PREFIXES = 50
 
 
@@ -37,14 +39,14 @@ def tidy(data, encoding=None):
     if len(data) > _MOST_BYTES:
         return data, slips
     text = _decoded(data, encoding, slips)
-    without = _without_comments(text)
+    without = without_comments(text)
     if without != text and _has_odd_comment(text):
         slips.append('"--" inside a comment')
     text = without
-    if _DECLARATION.search(text):
-        if not text.startswith("<?xml"):
-            slips.append("something in front of the XML declaration")
-        text = _DECLARATION.sub(lambda found: "\n" * found.group().count("\n"), text)
+    without = _without(text, _declarations(text))
+    if without != text and not text.startswith("<?xml"):
+        slips.append("something in front of the XML declaration")
+    text = without
     if _AMPERSAND.search(text):
         slips.append('an "&" that is not written "&amp;"')
         text = _AMPERSAND.sub("&amp;", text)
@@ -64,25 +66,37 @@ def _decoded(data, encoding, slips):
     return data.decode("latin-1")
 
 
-def _comments(text):
-    """Yield start and end of every comment that is closed."""
-    at = text.find("<!--")
+def _spans(text, begin, end):
+    """Yield where every ``begin`` that has an ``end`` starts and ends; each character is looked at a few times."""
+    at = text.find(begin)
     while at >= 0:
-        end = text.find("-->", at + 4)
-        if end < 0:
+        close = text.find(end, at + len(begin))
+        if close < 0:
             return
-        yield at, end + 3
-        at = text.find("<!--", end + 3)
+        yield at, close + len(end)
+        at = text.find(begin, close + len(end))
+
+
+def _comments(text):
+    return _spans(text, "<!--", "-->")
+
+
+def _declarations(text):
+    return _spans(text, "<?xml", "?>")
 
 
 def _has_odd_comment(text):
     return any("--" in text[start + 4:end - 3] or text[end - 4] == "-" for start, end in _comments(text))
 
 
-def _without_comments(text):
+def without_comments(text):
     """Return the text with nothing but the line ends of its comments."""
+    return _without(text, _comments(text))
+
+
+def _without(text, spans):
     kept, at = [], 0
-    for start, end in _comments(text):
+    for start, end in spans:
         kept.append(text[at:start] + "\n" * text.count("\n", start, end))
         at = end
     return "".join(kept) + text[at:]
@@ -90,10 +104,36 @@ def _without_comments(text):
 
 def _declared(text, slips):
     """Return the text with a declaration in the root element of each prefix that has none anywhere."""
-    missing = sorted({prefix for prefix in _PREFIX.findall(text)
-                      if prefix not in ("xml", "xmlns") and "xmlns:" + prefix not in text})[:_MOST_PREFIXES]
+    missing = sorted(set(_PREFIX.findall(text)).difference(_DECLARED.findall(text), ("xml", "xmlns")))[:_MOST_PREFIXES]
     first = _FIRST_TAG.search(text)
     if not missing or first is None:
         return text
     slips.append("the undeclared prefix " + ", ".join(missing))
     return text[:first.end()] + "".join(' xmlns:{0}="{0}"'.format(prefix) for prefix in missing) + text[first.end():]
+
+
+def root_tag(text):
+    """Return the name of the first element of a text that may be no XML at all; None if there is none.
+
+    Goes through what may stand before it, blanks, declarations, comments and a document type, once.
+    """
+    at = 0
+    while True:
+        at = _FILLED.match(text, at).end()
+        if text.startswith("<?", at):
+            at = _behind(text, "?>", at)
+        elif text.startswith("<!--", at):
+            at = _behind(text, "-->", at + 4)
+        elif text.startswith("<!DOCTYPE", at):
+            close, inner = text.find(">", at), text.find("[", at)
+            if 0 <= inner < close:
+                close = text.find(">", _behind(text, "]", inner))
+            at = close + 1 if close >= 0 else len(text)
+        else:
+            found = _NAME.match(text, at)
+            return found.group(1) if found else None
+
+
+def _behind(text, mark, at):
+    found = text.find(mark, at)
+    return len(text) if found < 0 else found + len(mark)

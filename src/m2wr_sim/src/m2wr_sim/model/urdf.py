@@ -13,11 +13,11 @@ from m2wr_sim.model.inertials import usable
 from m2wr_sim.model.lumping import WORLD, children_of, depth_first, lump, part_names
 from m2wr_sim.model.mesh_shapes import MeshReader
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.safe_xml import errors_as, fail, line_of, parse_xml, place
+from m2wr_sim.model.safe_xml import XmlError, errors_as, fail, line_of, parse_xml, place
 from m2wr_sim.model.types import Collision, Joint, Link, Model, Visual
 from m2wr_sim.model.urdf_checks import attribute_numbers, check_urdf
 from m2wr_sim.model.urdf_reader import NO_MASS, parse_robot, read_body, read_connection
-from m2wr_sim.model.xacro_text import expand_xacro, is_xacro
+from m2wr_sim.model.xacro_text import xacro_in
 
 
 def _drop_massless(bodies, connections, order, root, elements, notes):
@@ -131,13 +131,13 @@ def _link_poses(order, connections):
     return poses
 
 
-def _document(text, source, resolve_package):
-    """Return the root element of the URDF, expanded by xacro where it needs to be."""
+def _document(text, source):
+    """Return the root element of the URDF; xacro is refused, for it is a program that runs while it is expanded."""
     root = parse_xml(text, source)
-    if root.tag == "robot" and is_xacro(root):
-        if isinstance(text, bytes):
-            text = text.decode("utf-8", "replace")
-        root = parse_xml(expand_xacro(text, source, resolve_package), source + " (expanded)")
+    found = xacro_in(root) if root.tag == "robot" else None
+    if found:
+        raise XmlError("{}: this is xacro, not yet URDF; expected URDF. Expand it first: xacro FILE.xacro > "
+                       "FILE.urdf, or spawn the file: rosrun m2wr_sim spawn_model -urdf -file FILE.xacro -model NAME".format(found))
     return root
 
 
@@ -157,13 +157,13 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
     Parameters
     ----------
     text : str or bytes
-        URDF, or xacro that still has to be expanded.
+        URDF. Xacro is refused; see :func:`m2wr_sim.model.xacro_text.expanded`.
     source : str
-        Name of the document for messages; where it is a file's path, relative xacro includes start from there.
+        Name of the document for messages.
     model_name : str or None
         Name of the model; the robot's own where None.
     resolve_package : callable or None
-        ``resolve_package(name) -> folder``, for ``$(find name)`` in xacro and ``package://`` of collision meshes.
+        ``resolve_package(name) -> folder``, for ``package://`` of collision meshes.
     honour_collision_surface : bool
         Apply mu, mu2, slip1 and slip2 of a ``<surface>`` inside a URDF collision, which Gazebo drops.
     resolve_model : callable or None
@@ -182,7 +182,7 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
     """
     with errors_as(ModelError):
         notes = Notes()
-        root = _document(text, source, resolve_package)
+        root = _document(text, source)
         elements, joint_elements, root_link = check_urdf(root)
         tags = GazeboTags(root, elements, joint_elements, notes)
         robot = parse_robot(root, source, notes)

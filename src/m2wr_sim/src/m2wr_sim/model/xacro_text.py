@@ -1,4 +1,8 @@
-"""Raw xacro text -> plain URDF text, through the xacro module of ROS."""
+"""Raw xacro text -> plain URDF text, through the xacro module of ROS.
+
+A xacro document is a program: its expressions are Python, and it reads any file. So only what the user named on a
+command line or in a call is expanded, never what came over a topic, service or parameter.
+"""
 import io
 import os
 import re
@@ -6,21 +10,32 @@ import threading
 from contextlib import contextmanager
 from xml.parsers.expat import ExpatError
 
-from m2wr_sim.model.safe_xml import XmlError, parse_xml, read_file, shorten
+from m2wr_sim.model.safe_xml import XmlError, line_of, parse_xml, read_file, shorten
 
 _FIND = re.compile(r"\$\(find\s+([^)\s]+)\s*\)")
 _EXPRESSION = re.compile(r"\$[{(]")
 _LOCK = threading.Lock()     # the xacro module keeps its state in globals
 
 
-def is_xacro(root):
-    """Return whether a parsed document still holds xacro elements or ``${...}``, ``$(...)`` in its attributes."""
+def xacro_in(root):
+    """Return where a parsed document holds a xacro element, or ``${...}`` or ``$(...)`` in an attribute; else None."""
     for element in root.iter("*"):
         if element.prefix == "xacro" or element.tag.rstrip("}").startswith("{http://www.ros.org/wiki/xacro"):
-            return True
-        if any(_EXPRESSION.search(value) for value in element.attrib.values()):
-            return True
-    return False
+            return "{}: <xacro:{}>".format(line_of(element), element.tag.rpartition("}")[2])
+        for name, value in element.attrib.items():
+            if _EXPRESSION.search(value):
+                return '{}: {}="{}"'.format(line_of(element), name, shorten(value))
+    return None
+
+
+def expanded(text, source, resolve_package=None):
+    """Return a description from a file the user named, expanded where it is xacro; other text comes back as it is.
+
+    Never for text that came over a topic, service or parameter: xacro evaluates Python expressions. Parameters and
+    errors as of :func:`expand_xacro`.
+    """
+    root = parse_xml(text, source)
+    return expand_xacro(text, source, resolve_package) if root.tag == "robot" and xacro_in(root) else text
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import time
 from decimal import Decimal
 from xml.sax.saxutils import escape
 
+import rospkg
 import rospy
 from gazebo_msgs.msg import ModelStates
 from gazebo_msgs.srv import DeleteModel, SetModelConfiguration, SpawnModel
@@ -17,6 +18,9 @@ from lxml import etree
 from std_srvs.srv import Empty
 
 from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_sim.model.lenient_xml import root_tag
+from m2wr_sim.model.safe_xml import XmlError
+from m2wr_sim.model.xacro_text import expanded
 from m2wr_view.ros.starting import start_node
 from m2wr_view.user_folder import from_user
 
@@ -100,10 +104,12 @@ def read_description(arguments):
         try:
             with open(arguments.file, encoding="utf-8") as stream:
                 text = stream.read()
-        except (OSError, UnicodeDecodeError) as error:
+            if not text.strip():
+                raise SpawnError("Error: file %s is empty" % arguments.file)
+            if root_tag(text) == "robot":       # here and not in the simulator: xacro runs code
+                text = expanded(text, arguments.file, rospkg.RosPack().get_path)
+        except (OSError, UnicodeDecodeError, XmlError) as error:
             raise SpawnError("Error: cannot read file %s: %s" % (arguments.file, error))
-        if not text.strip():
-            raise SpawnError("Error: file %s is empty" % arguments.file)
     elif arguments.param:
         rospy.loginfo("Loading model XML from ros parameter %s", arguments.param)
         text = rospy.get_param(arguments.param, None)

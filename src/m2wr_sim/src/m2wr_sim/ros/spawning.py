@@ -14,6 +14,7 @@ from m2wr_sim.api.devices import said_once
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
+from m2wr_sim.model.lenient_xml import root_tag, without_comments
 from m2wr_sim.model.sdf import load_sdf
 from m2wr_sim.model.types import Heightmap, Light, Mesh
 from m2wr_sim.model.urdf import load_urdf
@@ -25,13 +26,12 @@ log = logging.getLogger(__name__)
 
 _UNREADABLE = ("GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot be converted to "
                "Gazebo compatible format.")
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _PACKAGE = re.compile(r"package://([^/\"'<>\s]+)")
-_BEFORE_ROOT = re.compile(r"(?:\s|\ufeff|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>)*"
-                          r"<([A-Za-z_][\w.:-]*)", re.DOTALL)
 _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to scope the link by model name?")
 
 
+MOST_TEXT = 32 * 1024 * 1024        # characters of a description that comes over a service
+MOST_MARKS = 2000000                # "<" and "=" in it: elements, their ends, and attributes; each costs some 100 bytes
 _LONG_TEXT = 1000000        # characters; such a text makes so many objects that collecting them would stop the loop
 _MOST_PARTS = 10000         # links and collisions of a model; putting them into the world takes up to half a second
 _MANY_TRIANGLES = 50000     # from here on it is said that a mesh is being prepared
@@ -91,12 +91,6 @@ def prepare(record):
     return kept
 
 
-def _root_tag(text):
-    """Return the name of the root element as far as it can be told without parsing; None if there is none."""
-    found = _BEFORE_ROOT.match(text)
-    return found.group(1) if found else None
-
-
 class Spawner:
     """Reads models from requests and puts them into a simulator.
 
@@ -128,11 +122,15 @@ class Spawner:
 
     def spawn_urdf_model(self, request):
         """Answer spawn_urdf_model; without a ``<robot>``, or with an unknown ``package://``, the call itself fails."""
-        if _root_tag(request.model_xml) != "robot":
+        refusal = self._size_refusal(request.model_xml)
+        if refusal:
+            log.error("spawn of \"%s\": %s", request.model_name, refusal)
+            return SpawnModelResponse(False, refusal)
+        if root_tag(request.model_xml) != "robot":
             log.error("spawn_urdf_model: the text for \"%s\" has no <robot> element; expected a URDF",
                       request.model_name)
             raise rospy.ServiceException("SpawnModel: Failure - entity format is invalid.")
-        for package in sorted(set(_PACKAGE.findall(_COMMENT.sub("", request.model_xml)))):
+        for package in sorted(set(_PACKAGE.findall(without_comments(request.model_xml)))):
             self._package_folder(package)       # also those of visual meshes, which nothing here opens
         return self._spawn(request, lambda: self._urdf_record(request))
 
@@ -146,7 +144,7 @@ class Spawner:
 
     def spawn_sdf_model(self, request):
         """Answer spawn_sdf_model; a URDF is taken too, as Gazebo does."""
-        root = _root_tag(request.model_xml)
+        root = root_tag(request.model_xml)
         if root == "robot":
             return self.spawn_urdf_model(request)
         if root not in ("sdf", "gazebo"):
@@ -207,6 +205,16 @@ class Spawner:
             log.error("spawn of \"%s\": %s", name, refusal)
             return refusal
         self._simulator.config.wheel_conventions[name] = value
+        return None
+
+    @staticmethod
+    def _size_refusal(text):
+        """Return why a text is too large to be read beside a simulation, or None."""
+        if len(text) > MOST_TEXT:
+            return "SpawnModel: the text has %d characters; expected at most %d" % (len(text), MOST_TEXT)
+        marks = text.count("<") + text.count("=")
+        if marks > MOST_MARKS:
+            return "SpawnModel: the text has %d tags and attributes; expected at most %d" % (marks, MOST_MARKS)
         return None
 
     def _place_of(self, request):
