@@ -118,8 +118,8 @@ def test_a_model_with_bad_parts_is_spawned_and_one_of_which_nothing_is_left_is_r
 
 def test_xacro_over_a_service_is_refused_with_the_command_to_run_first(rig, tmp_path):
     target = tmp_path / "owned"
-    text = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="${(lambda: open(\'%s\', \'w\'))()}"/>'
-            '</robot>' % target)
+    text = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="'
+            '${(lambda: open(\'%s\', \'w\'))()}"/></robot>' % target)
     for answer in (rig.spawner.spawn_urdf_model(request(text)), rig.spawner.spawn_sdf_model(request(text))):
         assert not answer.success and "xacro FILE.xacro > FILE.urdf" in answer.status_message
     assert not target.exists()

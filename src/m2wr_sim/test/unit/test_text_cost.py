@@ -19,9 +19,12 @@ READERS = {
     "root_tag": root_tag, "without_comments": without_comments, "tidy": lambda text: tidy(text.encode()),
     "urdf": lambda text: load_urdf(text, "a.urdf"), "sdf": lambda text: load_sdf(text, "a.sdf")}
 PIECES = [
-    "<?xml ", "<?xml ?>", "<?a?>", "<?", "<!--", "<!---->", "<!-- - --", "<!DOCTYPE ", "<!DOCTYPE a []>", "<!DOCTYPE a [",
-    " ", "\n", "\ufeff", "&", "&a", "&#1", "<", "<a", "<a>", "<a/>", "<a:b", "<a:b ", "a:", ":", "a", " a:b=''", "xmlns:a=''",
-    "<robot>", "<link name='a'/>", "<![CDATA[", "]]>", "package://", "<?xml -- ><!--", "</a>", "<gazebo/>", "'", "\"", "\0"]
+    "<?xml ", "<?xml ?>", "<?a?>", "<?", "<!--", "<!---->", "<!-- - --", "<!DOCTYPE ", "<!DOCTYPE a []>",
+    "<!DOCTYPE a [", " ", "\n", "\ufeff", "&", "&a", "&#1", "<", "<a", "<a>", "<a/>", "<a:b", "<a:b ", "a:", ":", "a",
+    " a:b=''",
+    "xmlns:a=''", "<robot>", "<link name='a'/>", "<![CDATA[", "]]>", "package://", "<?xml -- ><!--", "</a>",
+    "<gazebo/>",
+    "'", "\"", "\0"]
 HEADS = {"urdf": ["<robot name='r'>"], "sdf": ["<sdf version='1.6'><model name='m'>"]}
 ANY_HEADS = ["", "<?xml version='1.0'?>", "<!-- ", "<?xml "]
 
@@ -70,6 +73,7 @@ def test_many_prefixes_cost_no_more_than_their_length():
 
 def test_the_texts_that_stopped_the_clock():
     for text in ("<?" + "<?>?><!---->" * 15, "<!---->" * 3 + "<?a?>" * 20 + "<!--" + "--><!--" * 20,
-                 "<?" + "?><?" * 30, "<?xml " * 40000, "\n<?xml " + "<?xml" * 48000, "<!DOCTYPE" + "[]" * 1000 + "<!DOCTYPE []>" * 30):
+                 "<?" + "?><?" * 30, "<?xml " * 40000, "\n<?xml " + "<?xml" * 48000,
+                 "<!DOCTYPE" + "[]" * 1000 + "<!DOCTYPE []>" * 30):
         for read in READERS.values():
             assert cost(read, text, 1) < 1.0

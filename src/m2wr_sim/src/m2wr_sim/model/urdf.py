@@ -136,8 +136,9 @@ def _document(text, source):
     root = parse_xml(text, source)
     found = xacro_in(root) if root.tag == "robot" else None
     if found:
-        raise XmlError("{}: this is xacro, not yet URDF; expected URDF. Expand it first: xacro FILE.xacro > "
-                       "FILE.urdf, or spawn the file: rosrun m2wr_sim spawn_model -urdf -file FILE.xacro -model NAME".format(found))
+        raise XmlError("{}: this is xacro, not yet URDF; expected URDF. Expand it first: xacro FILE.xacro > FILE.urdf, "
+                       "or spawn the file: rosrun m2wr_sim spawn_model -urdf -file FILE.xacro -model "
+                       "NAME".format(found))
     return root
 
 
