@@ -1,9 +1,9 @@
 # Every target is one script in tools/; `make help` lists them. Variables given on the command line reach the scripts.
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo demo-mapping gallery reference test lint clean
+.PHONY: help setup build demo demo-mapping gallery reference test fuzz soak lint clean
 .NOTPARALLEL:
 
-export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES
+export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES MINUTES FUZZ_ARGS HOURS SOAK_ARGS
 
 help:  ## list the targets and the variables they take
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
@@ -12,6 +12,8 @@ help:  ## list the targets and the variables they take
 	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
 	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run side by side"
 	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counted as failed"
+	@echo "           MINUTES=60  how long fuzz runs;  FUZZ_ARGS='--target urdf'  its options (test/fuzz/README.md)"
+	@echo "           HOURS=24  simulated hours of soak;  SOAK_ARGS='--factor 20'  its options (docs/endurance.md)"
 
 setup:  ## system packages, workspace venv and build: all that the other targets need
 	@tools/setup.sh
@@ -33,6 +35,12 @@ reference: setup  ## write docs/reference.md again: packages, programs, topics, 
 
 test: setup  ## run every test of every package and print one summary; JUnit XML in test_results/
 	@tools/test.sh
+
+fuzz: setup  ## odd input to readers, services, topics and sockets, for MINUTES; what is found can be repeated
+	@tools/fuzz.sh
+
+soak: setup  ## simulated HOURS of mapping, spawning, resetting and asking; what grows, as a figure
+	@tools/soak.sh
 
 lint: setup  ## catkin_lint, flake8, XML and shell syntax, structure of the workspace; a warning is an error
 	@tools/lint.sh

@@ -17,7 +17,7 @@ class Filler:
     Parameters
     ----------
     names : callable
-        Returns the texts that mean something to the receiver, as of now.
+        Returns the texts that mean something to the receiver in a field of that name, as of now.
     extremes : float
         Share of the fields that get an extreme value.
     """
@@ -29,7 +29,7 @@ class Filler:
         """Fill all fields of a message, nested ones too; returns it."""
         wild = rng.random() * self._extremes * 2.0 if rng.randrange(3) else 0.0
         for name, kind in zip(message.__slots__, message._slot_types):
-            setattr(message, name, self._value(rng, kind, getattr(message, name), wild))
+            setattr(message, name, self._value(rng, kind, getattr(message, name), wild, name))
         if rng.randrange(4) == 0:
             self._one_extreme(rng, message)
         return message
@@ -43,11 +43,11 @@ class Filler:
         if isinstance(value, genpy.Message):
             self._one_extreme(rng, value)
         else:
-            setattr(message, name, self._value(rng, kind, value, 1.0))
+            setattr(message, name, self._value(rng, kind, value, 1.0, name))
 
-    def _value(self, rng, kind, value, wild):
+    def _value(self, rng, kind, value, wild, field):
         if kind.endswith("]"):
-            return self._array(rng, kind, value, wild)
+            return self._array(rng, kind, value, wild, field)
         extreme = rng.random() < wild
         if kind in ("float64", "float32"):
             return self._float(rng, kind, extreme)
@@ -56,11 +56,11 @@ class Filler:
         if kind == "bool":
             return bool(rng.randrange(2))
         if kind == "string":
-            return rng.choice(mutations.WORDS) if extreme else rng.choice(self._names() or [""])
+            return rng.choice(mutations.WORDS) if extreme else rng.choice(self._names(field) or [""])
         if kind in ("time", "duration"):
             return self._time(rng, kind, extreme)
         for name, inner in zip(value.__slots__, value._slot_types):
-            setattr(value, name, self._value(rng, inner, getattr(value, name), wild))
+            setattr(value, name, self._value(rng, inner, getattr(value, name), wild, name))
         if not extreme and kind == "geometry_msgs/Quaternion" and rng.randrange(2):
             value.x, value.y, value.z, value.w = 0.0, 0.0, 0.0, 1.0
         return value
@@ -91,13 +91,13 @@ class Filler:
             return genpy.Duration(rng.choice((-2 ** 31, 2 ** 31 - 1, -1)), rng.choice((0, 999999999)))
         return genpy.Duration(0, rng.randrange(10 ** 8))
 
-    def _array(self, rng, kind, value, wild):
+    def _array(self, rng, kind, value, wild, field):
         base, _, size = kind[:-1].partition("[")
         count = int(size) if size else rng.choice((0, 1, 1, 2, 2, 3, 200 if rng.random() < wild else 4))
         if base in ("uint8", "char"):
             return bytes(rng.randrange(256) for _ in range(count))
         prototype = roslib.message.get_message_class(base) if "/" in base else None
-        return [self._value(rng, base, prototype() if prototype else None, wild) for _ in range(count)]
+        return [self._value(rng, base, prototype() if prototype else None, wild, field) for _ in range(count)]
 
 
 def finite_floats(message):

@@ -45,7 +45,7 @@ class Scans(BagFiles):
             buffer = io.BytesIO()
             message.serialize(buffer)
             case.append((topic, message._type, buffer.getvalue()))
-        filler = Filler(lambda: _FRAMES, 0.15)
+        filler = Filler(lambda _: _FRAMES, 0.15)
         for _ in range(1 + rng.randrange(5)):
             at, kind = rng.randrange(len(case)), rng.randrange(6)
             if kind == 0:
@@ -129,7 +129,8 @@ class StateFile(Target):
         changes = []
         for _ in range(1 + int(rng.expovariate(0.7))):
             if rng.randrange(3):
-                changes.append(("array", rng.choice(sorted(self.taken.arrays)), rng.randrange(10), rng.randrange(2 ** 32)))
+                name = rng.choice(sorted(self.taken.arrays))
+                changes.append(("array", name, rng.randrange(10), rng.randrange(2 ** 32)))
             else:
                 changes.append(("value", rng.randrange(1000), rng.randrange(4), rng.randrange(2 ** 32)))
         return changes

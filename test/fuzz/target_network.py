@@ -148,7 +148,7 @@ class Network(Target):
         import roslib.message
         from messages import Filler
         from target_documents import corpus
-        self.filler = Filler(lambda: ("", "world", "cart", "cart::base", "jl", "crate", "crate::link", "sun"), 0.2)
+        self.filler = Filler(lambda _: ("", "world", "cart", "cart::base", "jl", "crate", "crate::link", "sun"), 0.2)
         self.requests = {name: SERVICES[name]._request_class for name in _SERVICES}
         kinds = {"/cmd_vel": "geometry_msgs/Twist", "/scan": "sensor_msgs/LaserScan", "/tf": "tf2_msgs/TFMessage",
                  "/tf_static": "tf2_msgs/TFMessage", "/clock": "rosgraph_msgs/Clock",
@@ -158,7 +158,8 @@ class Network(Target):
         self.headers = [wire.header(callerid=_ME, topic="/clock", type="*", md5sum="*", tcp_nodelay="1"),
                         wire.header(callerid=_ME, service="/gazebo/get_world_properties", md5sum="*", persistent="1"),
                         wire.header(callerid=_ME, topic="/scan", type="sensor_msgs/LaserScan", md5sum="0" * 32),
-                        wire.header(callerid=_ME), wire.header(error="x" * 3000), struct.pack("<I", 0xffffffff) + b"a=b",
+                        wire.header(callerid=_ME), wire.header(error="x" * 3000),
+                        struct.pack("<I", 0xffffffff) + b"a=b",
                         struct.pack("<I", 4) + struct.pack("<I", 0), b"GET / HTTP/1.0\r\n\r\n", b"\0" * 64]
         self.graph, self._publishers = None, {}
 
@@ -192,7 +193,8 @@ class Network(Target):
 
     @staticmethod
     def _http(rng, kind):
-        arguments = tuple(rng.choice(("/fuzz", "/clock", 0, -1, 2 ** 31 - 1, [], [["TCPROS"]], [["UDPROS", 1, 2, 3]], "",
+        arguments = tuple(rng.choice(("/fuzz", "/clock", 0, -1, 2 ** 31 - 1, [], [["TCPROS"]], [["UDPROS", 1, 2, 3]],
+                                      "",
                                       ["http://127.0.0.1:1"], {"a": [1.5]}, True, "x" * 2000)) for _ in range(
                                           rng.randrange(5)))
         body = xmlrpc.client.dumps(arguments, rng.choice(_METHODS)).encode()

@@ -63,6 +63,7 @@ class Services(Target):
         self.rospy, self.worlds, self.gazebo_api, self.spawner_class = rospy, worlds, gazebo_api, Spawner
         self.foreseen = (SimError, rospy.ServiceException)
         self.names = sorted(SERVICES)
+        self.changing = [name for name in self.names if name.startswith(("apply_", "set_", "spawn_"))]
         self.texts = {"spawn_urdf_model": corpus("*.urdf"), "spawn_sdf_model": corpus("*.sdf")}
         self.trees = {name: mutations.Trees(texts) for name, texts in self.texts.items()}
         gazebo_api._DRAIN = 0.0             # s of waiting for the network, which is not there
@@ -72,7 +73,8 @@ class Services(Target):
         for _ in range(rng.randrange(3, 24)):
             kind = rng.randrange(10)
             if kind < 5:
-                case.append(("service", rng.choice(self.names), rng.randrange(2 ** 32)))
+                names = self.names if rng.randrange(4) == 0 else self.changing
+                case.append(("service", rng.choice(names), rng.randrange(2 ** 32)))
             elif kind == 5:
                 case.append(("topic", rng.choice(("set_model_state", "set_link_state")), rng.randrange(2 ** 32)))
             elif kind == 6:
@@ -108,7 +110,7 @@ class Services(Target):
             self.worlds.run(simulator, what)
             return
         rng = mutations.generator(seed, kind, zlib.crc32(str(what).encode()))
-        filler = Filler(lambda: _names_in(simulator), self.extremes)
+        filler = Filler(lambda field: _names_in(simulator, field), self.extremes)
         if kind == "plugin":
             topics = sorted(simulator.ports.subscriptions)
             if topics:
@@ -143,9 +145,15 @@ def _over_the_wire(message):
     return type(message)().deserialize(buffer.getvalue())
 
 
-def _names_in(simulator):
-    """Return the names that mean something at the moment: models, links, joints, lights, frames."""
-    names = ["", "world"] + list(simulator.models) + list(simulator.lights)
-    for name, model in simulator.models.items():
-        names += ["%s::%s" % (name, link) for link in model.handle.links] + list(model.handle.joints)
-    return names
+def _names_in(simulator, field):
+    """Return the names that mean something at the moment in a field of that name."""
+    links = ["%s::%s" % (name, link) for name, model in simulator.models.items() for link in model.handle.links]
+    if "frame" in field or "relative" in field:
+        return ["", "world", "map"] + links + list(simulator.models)
+    if "joint" in field:
+        return [joint for model in simulator.models.values() for joint in model.handle.joints]
+    if "link" in field or "body" in field:
+        return links
+    if "light" in field:
+        return list(simulator.lights)
+    return list(simulator.models)[1:] + ["ground_plane"]

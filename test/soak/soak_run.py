@@ -110,7 +110,7 @@ class Run:
     def __init__(self, hours, nodes):
         self._seconds, self._nodes = 3600.0 * hours, nodes
         share = hours / DAY
-        self._count = {name: max(1, int(round(number * share))) for name, number in COUNTS.items()}
+        self._count = {name: max(2, int(round(number * share))) for name, number in COUNTS.items()}
         self.shift_seconds = self._seconds / self._count["shifts"]
         self.clock, self._stopping = Clock(), threading.Event()
         self.stamps = {topic: Stamps(period) if not offset else Stamps(period, offset)
@@ -147,7 +147,13 @@ class Run:
             task.start()
 
     def go(self, tell, on_progress):
-        """Run; ``tell(text)`` hears of progress, and ``on_progress()`` is called then.  Raises SoakError where a node ends or the clock stands."""
+        """Run; ``tell(text)`` hears of progress, and ``on_progress()`` is called then.
+
+        Raises
+        ------
+        SoakError
+            Where a node ends or the clock stands.
+        """
         wait_for(lambda: rosgraph.Master("/soak").lookupService("/gazebo/get_world_properties"), "the simulation")
         wait_for(lambda: "wanderer" in call("get_world_properties").model_names, "the robot to be spawned")
         pids = {name: wait_for(lambda node=node: self._nodes.pid(node), node) for name, node in WATCHED.items()}

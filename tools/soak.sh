@@ -1,0 +1,11 @@
+#!/usr/bin/env bash
+# Lets simulation and mapper run for simulated hours; exit 0 only if nothing grew. Figure: demo_output/soak.png.
+#   HOURS      simulated (default 24); the counts of all that is done go with them
+#   SOAK_ARGS  options, such as "--factor 20" (soak.py -h)
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+enter_run_environment
+cd "$WORKSPACE"
+read -r -a soak_args <<< "${SOAK_ARGS:-}"
+exec "$PYTHON" test/soak/soak.py --hours "${HOURS:-24}" "${soak_args[@]}"
