@@ -264,3 +264,10 @@ def test_both_spellings_of_the_xacro_namespace_load(tmp_path, namespace):
     def without_banner(urdf):
         return re.sub(r'<!--.*?-->', '', urdf, flags=re.DOTALL)
     assert without_banner(text) == without_banner(expand())
+
+
+def test_another_robot_may_include_the_plugin_blocks(tmp_path):
+    other = tmp_path / 'other.xacro'
+    other.write_text('<robot name="other" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include '
+                     'filename="$(find m2wr_description)/urdf/m2wr.gazebo"/><link name="link_chassis"/></robot>')
+    assert expand(path=other).count('<plugin ') == 2

@@ -60,6 +60,16 @@ def test_what_gazebo_never_sees_of_a_urdf_changes_nothing_and_is_told(more):
     assert len(changed.notes) == 1 and plain.notes == ()
 
 
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+@pytest.mark.parametrize("further, told", [('<material name="grey"/>', "a material belongs after </geometry>"),
+                                           ('<box size="1 1 1"/>', "the first element of <geometry> is the shape.")])
+def test_the_first_element_of_a_geometry_is_its_shape_and_what_follows_is_told(tag, further, told):
+    model = robot(link("a", INERTIAL + shape(tag).replace("</geometry>", further + "</geometry>")))
+    kept, = getattr(model.links[0], tag + "s")
+    note, = [note for note in model.notes if "<geometry>" in note]
+    assert kept.geometry.radius == 0.1 and note.startswith("r.urdf:2: ") and told in note
+
+
 def test_a_slider_without_limit_is_refused():
     with pytest.raises(ModelError, match="<limit> is missing.*prismatic"):
         robot(link("a"), link("b"), joint("j", "prismatic", "a", "b"))

@@ -184,7 +184,7 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
     with errors_as(ModelError):
         notes = Notes()
         root = _document(text, source)
-        elements, joint_elements, root_link = check_urdf(root)
+        elements, joint_elements, root_link = check_urdf(root, notes)
         tags = GazeboTags(root, elements, joint_elements, notes)
         robot = parse_robot(root, source, notes)
         colours = {material.name: material.color for material in robot.materials}

@@ -5,7 +5,7 @@ needs (finite numbers).
 """
 import math
 
-from m2wr_sim.model.safe_xml import fail, parse_float, parse_vector, path_of, required_name
+from m2wr_sim.model.safe_xml import fail, parse_float, parse_vector, path_of, place, required_name
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 SHAPES = ("box", "cylinder", "sphere", "mesh")
@@ -64,17 +64,22 @@ def _check_inertial(link):
             fail(inertial, "<inertia> is missing", "<inertia ixx=... ixy=... ixz=... iyy=... iyz=... izz=.../> there")
 
 
-def _check_geometry(link):
+def _check_geometry(link, notes):
     for tag in ("visual", "collision"):
         for part in link.findall(tag):
             geometry = part.find("geometry")
             expected = "one of {} in it".format(", ".join(SHAPES))
             if geometry is None:
                 fail(part, "<geometry> is missing", expected)
-            if len(geometry) != 1:
-                fail(geometry, "<geometry> holds {} elements".format(len(geometry)), expected)
+            if len(geometry) == 0:
+                fail(geometry, "<geometry> holds 0 elements", expected)
             if geometry[0].tag not in SHAPES:
                 fail(geometry[0], 'unknown geometry "{}"'.format(geometry[0].tag), expected)
+            for further in geometry[1:]:                # Gazebo's reader takes the first, whatever comes after it
+                notes.add("{}: <{}> is not read; the first element of <geometry> is the shape{}.".format(
+                    place(further), further.tag,
+                    ", and a material belongs after </geometry>" if further.tag == "material" else ""))
+                geometry.remove(further)
 
 
 def _check_joint(joint, links):
@@ -134,13 +139,15 @@ def _check_tree(root, links, joints):
     return roots[0]
 
 
-def check_urdf(root):
+def check_urdf(root, notes):
     """Check a parsed URDF document.
 
     Parameters
     ----------
     root : lxml element
-        The document's root.
+        The document's root; what follows the shape in a ``<geometry>`` is taken out of it.
+    notes : Notes
+        Told of that.
 
     Returns
     -------
@@ -161,7 +168,7 @@ def check_urdf(root):
     if not links:
         fail(root, "the robot has no link", "at least one <link>")
     for link in links.values():
-        _check_geometry(link)
+        _check_geometry(link, notes)
         _check_numbers(link)
         _check_inertial(link)
     for joint in joints.values():
