@@ -343,3 +343,68 @@ def test_signals_at_the_end_of_a_wait_do_not_make_it_endless():
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
         rescue.cancel()
+
+
+# -- requests and steps share the thread --------------------------------------------------------------------------
+
+class Stepped:
+    """A simulator that only counts: each advance is one step and takes so long on a wall clock of the test's."""
+
+    def __init__(self, wall, cost):
+        self.wall, self.cost = wall, cost
+        self.now_ns, self.step_ns, self.paused, self.events = 0, MS, False, []
+
+    def advance(self, until_ns, lazily=False):
+        self.now_ns += self.step_ns
+        self.wall.now += self.cost
+        self.events.append("step")
+        return self.now_ns
+
+    def settle(self):
+        pass
+
+
+def flooded(monkeypatch, factor, step_cost, request_cost, requests, turns):
+    """Return what a loop does in so many turns when all those requests wait at the start: ``step`` or their numbers."""
+    wall = Wall()
+    monkeypatch.setattr(time, "monotonic", wall)
+    monkeypatch.setattr(time, "thread_time", wall)
+    simulator, left = Stepped(wall, step_cost), [turns]
+
+    def stopping():
+        left[0] -= 1
+        return left[0] < 0
+
+    loop = Loop(simulator, factor, stopping, lambda: None)
+
+    def request(number):
+        wall.now += request_cost
+        simulator.events.append(number)
+
+    for number in range(requests):
+        loop._put(_Request(lambda number=number: request(number)))
+    loop.run()
+    return simulator.events
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0])
+def test_requests_take_no_more_time_than_steps_while_time_is_behind(monkeypatch, factor):
+    events = flooded(monkeypatch, factor, step_cost=0.02, request_cost=0.004, requests=200, turns=12)
+    answered = [event for event in events if event != "step"]
+    assert answered == list(range(len(answered))), "not in the order in which they came"
+    assert 12 <= len(answered) < 200
+    assert 0.004 * len(answered) <= 0.02 * events.count("step") + 0.004 * 12        # and one request each turn
+    runs = "".join("s" if event == "step" else "r" for event in events).split("s")
+    assert max(map(len, runs)) <= 10 + 1        # as long as the two steps before them, and one request more
+
+
+def test_one_long_request_at_a_time_holds_the_clock(monkeypatch):
+    events = flooded(monkeypatch, 0.0, step_cost=0.0005, request_cost=0.5, requests=5, turns=20)
+    answers = [index for index, event in enumerate(events) if event != "step"]
+    assert len(answers) == 5 and all(later - earlier > 1 for earlier, later in zip(answers, answers[1:]))
+
+
+def test_what_has_time_left_answers_all(monkeypatch):
+    events = flooded(monkeypatch, 1.0, step_cost=0.00001, request_cost=0.0001, requests=300, turns=6)
+    answered = [event for event in events if event != "step"]
+    assert len(answered) >= 250         # 10 ms of simulated time cost 0.1 ms: nearly all of the wall's 10 ms is free

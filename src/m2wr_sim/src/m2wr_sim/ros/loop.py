@@ -12,6 +12,9 @@ _MAX_LAG = 0.1              # s of wall time that may be caught up before the sc
 _LIGHT = 0.001              # s of processor time that a batch may take on average for the engine to be left behind
 _SAMPLE = 16                # batches over which that is looked at
 _HOUSEKEEPING = 5           # batches between two calls of on_turn then
+# s: steps go on for so long, of processor time, before requests cut a batch short; and requests of one turn may take as
+# long as the steps before them did, but so long in any case
+_LEAST_SHARE = 0.001
 
 
 class ShuttingDown(Exception):
@@ -108,6 +111,7 @@ class Loop:
         self._arrived = threading.Lock()
         self._arrived.acquire()
         self._ended = False
+        self._stepped = 0.0             # s on the wall that the steps of the last batch have taken
         self._lazily, self._turns, self._spent = False, 0, math.inf     # whether the engine may be behind; see _choose
 
     def set_factor(self, factor):
@@ -137,6 +141,9 @@ class Loop:
 
     def _put(self, request):
         self._requests.put(request)
+        self._announce()
+
+    def _announce(self):
         try:
             self._arrived.release()
         except RuntimeError:            # it is free already
@@ -165,7 +172,7 @@ class Loop:
         try:
             while not self._stopping():
                 if self._requests.qsize():
-                    self._serve(0.0)
+                    self._serve(0.0, max(self._stepped, _LEAST_SHARE))
                 if simulator.paused or not (self._lockstep is None or self._lockstep.open()):
                     self._pacer.restart()
                     self._serve(_IDLE_WAIT)
@@ -192,17 +199,26 @@ class Loop:
         batch_ns = batch_length(self._factor, step_ns)
         end_ns = max((simulator.now_ns // batch_ns + 1) * batch_ns, simulator.now_ns + step_ns)
         self._served = False
+        began, asked = time.monotonic(), None
         while simulator.now_ns + step_ns <= end_ns:
             if lazily:
                 advance(end_ns, True)
             else:
                 advance(end_ns)
-            if self._served or self._requests.qsize():
+            if self._served:
                 break
+            if self._requests.qsize():
+                if asked is None:
+                    asked = time.thread_time()
+                elif time.thread_time() - asked >= _LEAST_SHARE:
+                    break
+        self._stepped = time.monotonic() - began
         ahead = self._pacer.ahead(simulator.now_ns)
         while ahead > 0.0:
-            if not self._serve(min(ahead, _IDLE_WAIT)) and ahead <= _IDLE_WAIT or simulator.paused or self._stopping():
-                return                  # the time is up; or stands still
+            if not self._serve(min(ahead, _IDLE_WAIT), ahead) and ahead <= _IDLE_WAIT:
+                return                  # the time is up
+            if simulator.paused or self._stopping():
+                return
             if ahead > _IDLE_WAIT:
                 self._on_turn()         # a slow schedule: housekeeping goes by the clock on the wall
             ahead = self._pacer.ahead(simulator.now_ns)
@@ -214,8 +230,13 @@ class Loop:
         spent = time.thread_time()
         self._lazily, self._spent = 0.0 <= spent - self._spent < _SAMPLE * _LIGHT, spent
 
-    def _serve(self, patience):
-        """Answer requests, waiting up to ``patience`` seconds for the first; returns whether any may have come."""
+    def _serve(self, patience, budget=math.inf):
+        """Answer requests in the order in which they came; returns whether any may have come.
+
+        Waits up to ``patience`` seconds for the first.  No further one is begun once they have taken ``budget`` seconds
+        on the wall: the rest keeps its place in the queue, behind the next steps.  So a step is never kept from the
+        simulation for longer than the budget and one request.
+        """
         if patience > 0.0:
             arrived = self._arrived.acquire(True, patience)
         else:
@@ -224,15 +245,19 @@ class Loop:
             return False
         simulator = self._simulator
         simulator.settle()              # before a request is taken: where this fails, the request waits to be refused
-        before_ns = simulator.now_ns
+        before_ns, end = simulator.now_ns, time.monotonic() + budget
         try:
             for _ in range(self._requests.qsize()):     # what comes meanwhile waits, or time might never pass again
                 self._requests.get_nowait().run()
                 self._served = True
                 if simulator.now_ns < before_ns:
                     self._pacer.restart()
+                if time.monotonic() >= end:
+                    break
         except queue.Empty:
             pass
+        if self._requests.qsize():
+            self._announce()
         return True
 
     def _refuse_all(self):
