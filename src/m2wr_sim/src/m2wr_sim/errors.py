@@ -13,6 +13,22 @@ class WorldError(SimError):
     """A world file cannot be used."""
 
 
+class LostError(SimError):
+    """Bodies have been thrown out of the world.
+
+    Attributes
+    ----------
+    models : tuple of str
+        The models they belong to.
+    left : int
+        How many of the steps that were asked for have not been taken.
+    """
+
+    def __init__(self, message, models, left):
+        super().__init__(message)
+        self.models, self.left = tuple(models), left
+
+
 class PluginError(SimError):
     """A plugin cannot be configured; the simulation goes on without it."""
 

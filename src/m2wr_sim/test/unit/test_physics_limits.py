@@ -196,7 +196,7 @@ def test_the_process_ends_well(engine_kind, program, end):
                             universal_newlines=True)
     assert (result.returncode, result.stderr) == (0, "")
     if program is RAISED:
-        assert "SimError" in result.stdout and "ModelError" in result.stdout
+        assert "LostError" in result.stdout and "ModelError" in result.stdout
 
 
 def test_a_model_that_cannot_be_built_among_others_leaves_them_alone(make_engine, build, m2wr):

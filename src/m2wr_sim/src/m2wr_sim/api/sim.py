@@ -87,7 +87,7 @@ class Sim:
         self.world, self.sensing, self._simulator = read_world(world), sensing, None
         step = self.world.physics.max_step_size if step is None else step
         config = SimConfig(seed=_checked_seed(seed), clock_rate=_NO_CLOCK, wheel_convention=wheel_convention,
-                           command_timeout_ns=int(round(command_timeout * 1e9)), told=_TOLD)
+                           command_timeout_ns=int(round(command_timeout * 1e9)), told=_TOLD, loss_ends=True)
         settings = settings_from_physics(self.world.physics, whole_step(step, "world %s" % self.world.name), solver)
         self._simulator = DirectSimulator(make_engine(engine, settings), Scene(), SilentPorts(), config)
         self._robots, self._start_ns, self._spawned = {}, 0, []

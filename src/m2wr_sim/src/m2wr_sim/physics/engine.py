@@ -15,10 +15,13 @@ from m2wr_sim.physics.crowds import CROWDED
 
 log = logging.getLogger(__name__)
 
-# Beyond these ODE loses its numbers and ends the process without a word of ours.
+# Beyond these ODE loses its numbers and ends the process without a word of ours; see physics/limits.py.
 LEAST_MASS, LEAST_INERTIA, FARTHEST, FASTEST = 1e-6, 1e-12, 1e6, 1e4      # kg, kg m^2, m, m/s and rad/s
 
 TOO_FAST = 1e9          # m/s and rad/s, in all directions together: only a world that has come apart gets there
+TOO_FAR = 1e8           # m, in all directions together: at 2^31 cells of 1/8 m ODE's hash space ends the process
+
+MOST_ITERATIONS, MOST_CONTACTS = 10000, 1000     # of the iterative solver, and per pair: more only takes time
 
 SHORTEST_STEP, LONGEST_STEP, TRUSTED_STEP = 1e-5, 0.1, 0.02     # s; up to the last one robots drive true
 
@@ -83,8 +86,23 @@ class Engine(abc.ABC):
         """Take a model out of the world and free everything it owned."""
 
     @abc.abstractmethod
+    def abandon_model(self, handle):
+        """Free a model's bodies, geoms and joints at once, but go on answering for its links and joints.
+
+        Its links rest where they were built, its joints at 0, and nothing acts on either any more.  For a model that is
+        lost in the middle of a stretch of steps; :meth:`remove_model` has to follow.
+        """
+
+    @abc.abstractmethod
     def step(self, count):
-        """Advance the world by ``count`` steps of ``settings.step_ns``."""
+        """Advance the world by ``count`` steps of ``settings.step_ns``.
+
+        Raises
+        ------
+        LostError
+            If a body is nowhere, farther than ``TOO_FAR`` or faster than ``TOO_FAST``: before ODE, which ends the
+            process for it, sees it again.  Stepping may go on once the models it names have been abandoned.
+        """
 
     @abc.abstractmethod
     def link_pose(self, link):
@@ -289,5 +307,6 @@ def settings_from_physics(physics, step_ns, solver="step"):
     on stock ODE shake or slide.
     """
     limits: Dict[str, float] = {"erp": min(0.8, max(0.2, physics.erp))}
-    return EngineSettings(step_ns=step_ns, solver=solver, iterations=max(1, physics.iters), gravity=physics.gravity,
-                          max_contacts=max(1, physics.max_contacts), **limits)
+    return EngineSettings(step_ns=step_ns, solver=solver, iterations=min(max(1, physics.iters), MOST_ITERATIONS),
+                          gravity=physics.gravity, max_contacts=min(max(1, physics.max_contacts), MOST_CONTACTS),
+                          **limits)

@@ -10,14 +10,12 @@ import math
 import numpy as np
 import ode
 
-from m2wr_sim.errors import SimError
 from m2wr_sim.model.types import Plane
 from m2wr_sim.physics import native_ode, step_kernels as kernels, step_layout as layout
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.engine import Touch
 from m2wr_sim.physics.fence_kernels import count_solids
-from m2wr_sim.physics.pyode_bodies import describe_loss
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 
 log = logging.getLogger(__name__)
@@ -62,6 +60,10 @@ class NativeEngine(PyodeEngine):
         self._forget_block()            # carries the touches over while the model's names are still known
         super().remove_model(handle)
 
+    def abandon_model(self, handle):
+        self._forget_block()
+        super().abandon_model(handle)
+
     def _forget_block(self):
         if self._words is not None:
             self._carry_touches()
@@ -85,13 +87,13 @@ class NativeEngine(PyodeEngine):
                 return
             count -= abs(taken)
             if taken < 0:
-                self._read_news()
+                self._read_news(count)
             if not count:
                 break
         if 2 * words[layout.H_BEFORE_COUNT] > self._touching_room:
             self._make_room()
 
-    def _read_news(self):
+    def _read_news(self, left):
         words = self._words
         if words[layout.H_LOG_COUNT]:
             self._read_log()
@@ -101,7 +103,8 @@ class NativeEngine(PyodeEngine):
             words[layout.H_CROWDED] = 0
             self._tell_crowd(self._crowd_members, int(words[layout.H_CROWD]))
         if words[layout.H_LOST]:
-            self._tell_lost()
+            words[layout.H_LOST] = 0
+            raise self._lost(left)
 
     def _crowd_members(self):
         """Return the names of the models in the largest crowd of the last step."""
@@ -125,12 +128,6 @@ class NativeEngine(PyodeEngine):
         if 2 * count > self._touching_room:
             self._forget_block()
             self._touching_room = 4 * count
-
-    def _tell_lost(self):
-        """Say which body has been thrown out of the world, and what drove it."""
-        parts, link = [(parts, link) for parts in self._moving for link in parts.links][
-            int(self._words[layout.H_LOST]) - 1]
-        raise SimError(describe_loss(int(self._words[layout.H_STEPS]), self._dt, parts, link))
 
     # ---- the block ---------------------------------------------------------------------------------------------
 

@@ -5,14 +5,14 @@ only the origin is shifted, by ``com`` (in link axes); geoms carry the same shif
 """
 import math
 
-import numpy as np
 import ode
 
 from m2wr_sim.errors import ModelError
-from m2wr_sim.geometry import IDENTITY, compose, matrix_from_quaternion, multiply, rotate, rotate_inverse
+from m2wr_sim.geometry import IDENTITY, compose, multiply, rotate, rotate_inverse
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Sphere
 from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
-from m2wr_sim.physics.engine import FARTHEST, LEAST_INERTIA, LEAST_MASS
+from m2wr_sim.physics.engine import FARTHEST
+from m2wr_sim.physics.limits import check_inertial, turned_tensor
 from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
 
 CATEGORY_STATIC, CATEGORY_MOVING = 1, 2
@@ -81,18 +81,10 @@ def make_mass(inertial, name):
     Raises
     ------
     ModelError
-        If mass or inertia are not those of a physical body.
+        If mass or inertia are not those of a physical body, or more or less than ODE takes.
     """
-    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
-    if not 0.0 < inertial.mass < math.inf or not np.all(np.isfinite(tensor)) or np.linalg.eigvalsh(tensor)[0] <= 0.0:
-        raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
-                         "positive definite inertia" % (name, inertial.mass, list(inertial.inertia)))
-    if inertial.mass < LEAST_MASS or np.linalg.eigvalsh(tensor)[0] < LEAST_INERTIA:
-        raise ModelError("link %s: mass %g kg with inertia %s is less than the solver can take; expected at least %g "
-                         "kg and %g kg m^2" % (name, inertial.mass, list(inertial.inertia), LEAST_MASS, LEAST_INERTIA))
-    turn = matrix_from_quaternion(inertial.pose[1])
-    tensor = turn @ tensor @ turn.T
+    check_inertial(inertial, name)
+    tensor = turned_tensor(inertial)
     mass = ode.Mass()
     mass.setParameters(inertial.mass, 0.0, 0.0, 0.0, tensor[0, 0], tensor[1, 1], tensor[2, 2],
                        tensor[0, 1], tensor[0, 2], tensor[1, 2])
@@ -324,6 +316,6 @@ def describe_loss(step, dt, parts, link):
     motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
                                        drive.joint.getParam(PARAM_FMAX))
               for drive in parts.joints if drive.spec.kind in ("revolute", "prismatic")]
-    return ("step %d (%g ms each): %s is at %s and moves at %s m/s, turning at %s rad/s; the world has come apart and "
-            "cannot go on. Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
-                                          link.body.getAngularVel(), ", ".join(motors) or "none"))
+    return ("step %d (%g ms each): %s is at %s and moves at %s m/s, turning at %s rad/s; it has come apart and cannot "
+            "go on. Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
+                                   link.body.getAngularVel(), ", ".join(motors) or "none"))

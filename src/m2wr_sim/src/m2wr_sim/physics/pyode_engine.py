@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import ode
 
-from m2wr_sim.errors import ModelError, SimError
+from m2wr_sim.errors import LostError, ModelError
 from m2wr_sim.geometry import cross, rotate
 from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
@@ -18,7 +18,8 @@ from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import MODE_FDIR1, STEEP, load_class, pair_surface, reduced
 from m2wr_sim.physics.crowds import Crowds
-from m2wr_sim.physics.engine import TOO_FAST, Engine, LinkState, ModelHandle, Touch
+from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, Engine, LinkState, ModelHandle, Touch
+from m2wr_sim.physics.limits import check_model
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
 
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
@@ -57,6 +58,7 @@ class PyodeEngine(Engine):
 
     def add_model(self, model, pose, name=None):
         name = name or model.name
+        check_model(model, name)
         parts = bodies.ModelParts(name, model.static)
         try:
             self._build(parts, model, pose)
@@ -129,15 +131,28 @@ class PyodeEngine(Engine):
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
-    def remove_model(self, handle):
+    def abandon_model(self, handle):
         parts = self._parts.pop(handle.name)
+        self._moving.remove(parts)
+        for number in handle.joints.values():
+            drive = self._joints[number]
+            drive.hinge, drive.spec = False, replace(drive.spec, kind="fixed")
+            drive.damping = drive.stiffness = drive.pull = 0.0
+        self._release(parts)
+        self._refresh_lists()
+        self._wake()
+        self.version += 1
+
+    def remove_model(self, handle):
+        parts = self._parts.pop(handle.name, None)
         if parts in self._moving:
             self._moving.remove(parts)
         for table, ids in ((self._links, handle.links), (self._joints, handle.joints)):
             for number in ids.values():
                 table.pop(number, None)
                 self._placed.pop(number, None)
-        self._release(parts)
+        if parts is not None:           # else it was abandoned before
+            self._release(parts)
         self._refresh_lists()
         self._wake()
 
@@ -188,13 +203,22 @@ class PyodeEngine(Engine):
     # ---- stepping ----------------------------------------------------------------------------------------------
 
     def step(self, count):
+        left = self._take_steps(count)
+        if left is not None:
+            raise self._lost(left)
+
+    def _take_steps(self, count):
+        """Take steps; returns None, or how many are left where one has thrown a body out of the world.
+
+        Nothing is raised for that here: a traceback would keep this frame's objects of the binding beyond their world.
+        """
         world, group, static, moving = self._world, self._contact_group, self._static_space, self._moving
         near = self._near
         self.version += 1
         # libode ends the process when it meets what is no number: a body must be found before it gets there
-        speeds = [(parts, link, link.body.getLinearVel, link.body.getAngularVel)
-                  for parts in moving for link in parts.links]
-        for _ in range(count):
+        motions = [(link.body.getPosition, link.body.getLinearVel, link.body.getAngularVel)
+                   for parts in moving for link in parts.links]
+        for taken in range(1, count + 1):
             self._steps += 1
             if self._damped_joints or self._damped_links:
                 dampers.slow_down(self._damped_joints, self._damped_links)
@@ -211,12 +235,25 @@ class PyodeEngine(Engine):
             group.empty()
             if self._touched or self._touching:
                 self._note_touches()
-            for parts, link, linear, angular in speeds:
-                if not sum(map(abs, linear() + angular())) < TOO_FAST:
-                    raise SimError(bodies.describe_loss(self._steps, self._dt, parts, link))
+            for position, linear, angular in motions:
+                if not (sum(map(abs, linear() + angular())) < TOO_FAST and sum(map(abs, position())) < TOO_FAR):
+                    return count - taken
             self._unwrap()
             if crowded:
                 self._tell_crowd(self._crowds.members, self._crowds.largest)
+        return None
+
+    def _lost(self, left):
+        """Return the LostError for every model with a body that is nowhere, too far or too fast."""
+        found = {}
+        for parts in self._moving:
+            for link in parts.links:
+                body = link.body
+                if parts.name not in found and not (
+                        sum(map(abs, body.getLinearVel() + body.getAngularVel())) < TOO_FAST
+                        and sum(map(abs, body.getPosition())) < TOO_FAR):
+                    found[parts.name] = bodies.describe_loss(self._steps, self._dt, parts, link)
+        return LostError("; ".join(found.values()), found, left)
 
     def _solve(self, world):
         """Find the forces and move the bodies; returns whether that was done iteratively for a crowd's sake."""
@@ -467,7 +504,8 @@ class PyodeEngine(Engine):
             self._felt_since[joint] = self._steps
 
     def joint_wrench(self, joint):
-        if self._felt_since[joint] == self._steps:      # what the binding has there is no number yet
+        # before the first step what the binding has is no number yet; nothing acts on what has been abandoned
+        if self._felt_since[joint] == self._steps or self._joints[joint].joint.getBody(0) is None:
             return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         return self._joints[joint].joint.getFeedback()[:2]
 

@@ -24,7 +24,7 @@ from m2wr_sim.physics.step_layout import (
     REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT, SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF,
     TOUCH_WORDS, X_AWAKE, X_CONTACTS, X_FOR, X_STEP)
 
-_TOO_FAST = 1e9         # m/s and rad/s, as in engine
+_TOO_FAST, _TOO_FAR = 1e9, 1e8      # m/s and rad/s, m; as in engine
 _PARAM_VEL = 2
 _UNWRAP_AFTER, _ASTRAY = 8, 1.0     # steps, and rad that the way by the rates may be off, before turns are counted
 _STEEP, _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.5, 0.02, 2, 3        # as in contacts
@@ -297,7 +297,7 @@ def _lost_body(words):
         at, speed = carray(_position(body), (3,)), carray(_linear_velocity(body), (3,))
         turn = carray(_angular_velocity(body), (3,))
         fast = abs(speed[0]) + abs(speed[1]) + abs(speed[2]) + abs(turn[0]) + abs(turn[1]) + abs(turn[2])
-        if not (abs(at[0]) + abs(at[1]) + abs(at[2]) < math.inf and fast < _TOO_FAST):
+        if not (abs(at[0]) + abs(at[1]) + abs(at[2]) < _TOO_FAR and fast < _TOO_FAST):
             return index + 1
     return 0
 

@@ -142,7 +142,7 @@ def build(config, folder):
     simulator = Simulator(engine, Scene(), ports, SimConfig(
         seed=config.seed, clock_rate=config.pub_clock_frequency, wheel_convention=config.wheel_convention,
         wheel_conventions=config.wheel_conventions, command_timeout_ns=int(config.command_timeout * 1e9),
-        joint_states=config.joint_states, joint_state_rate=config.joint_state_rate))
+        joint_states=config.joint_states, joint_state_rate=config.joint_state_rate, loss_ends=config.loss_ends))
     simulator.paused = config.paused
     simulator.load_world(world)
     factor = config.real_time_factor

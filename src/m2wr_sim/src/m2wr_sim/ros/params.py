@@ -78,6 +78,8 @@ class NodeConfig:
     gazebo_faults: bool = _parameter(True, "keep the known faults of Gazebo's services; see Services")
     joint_states: bool = _parameter(True, "publish joint_states for robots whose description names no plugin for it")
     joint_state_rate: float = _parameter(50.0, "rate of those [Hz]", _at_least(0.0))
+    loss_ends: bool = _parameter(
+        False, "a model that is thrown out of the world ends the node with an error, for tests; off: it is removed")
     lockstep: bool = _parameter(False, "time waits for those named below; see Lockstep")
     lockstep_controllers: List[str] = _names("nodes that take turns, in this order")
     lockstep_replies: List[str] = _names("topics on which others answer: \"/TRIGGER -> /TOPIC [by /NODE] [once]\"")

@@ -6,10 +6,12 @@ from dataclasses import replace
 from m2wr_sim.errors import ModelError, ParameterError
 from m2wr_sim.geometry import IDENTITY, compose, cross, normalise_quaternion, rotate, rotate_inverse
 from m2wr_sim.physics.engine import FARTHEST, FASTEST, settings_from_physics
-from m2wr_sim.runtime.limits import (FARTHEST_CENTRE, GREATEST_GRAVITY, GREATEST_INERTIA, GREATEST_MOTOR, HEAVIEST,
-                                     solver_stops)
+from m2wr_sim.physics.limits import GREATEST_NUMBER
+from m2wr_sim.runtime.limits import GREATEST_GRAVITY, GREATEST_MOTOR, solver_stops
 
 log = logging.getLogger(__name__)
+
+_SOFTNESS = ("cfm", "stop_cfm", "erp", "stop_erp")      # below 0 they make the solver's matrix singular
 
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1         # s
 
@@ -45,12 +47,6 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
     """
     link = model.handle.links[name]
     if solve:
-        if not (inertial.mass <= HEAVIEST and all(abs(value) <= GREATEST_INERTIA for value in inertial.inertia)):
-            raise ModelError("link %s::%s: mass %g kg with inertia %s; expected at most %g kg and %g kg m^2" % (
-                model.name, name, inertial.mass, list(inertial.inertia), HEAVIEST, GREATEST_INERTIA))
-        if not all(abs(value) <= FARTHEST_CENTRE for value in inertial.pose[0]):
-            raise ModelError("link %s::%s: centre of mass at %s; expected at most %g m from the link's frame" % (
-                model.name, name, tuple(inertial.pose[0]), FARTHEST_CENTRE))
         simulator.engine.set_link_inertial(link, inertial)
         model.kept_inertials.pop(name, None)
     else:
@@ -102,12 +98,15 @@ def set_joint_properties(simulator, model, name, changes):
 
 def _check_joint_numbers(where, numbers):
     """Raise ModelError if one of some ``(name, value)`` is not finite or more than the world survives."""
-    most = {"rate": FASTEST, "max_force": GREATEST_MOTOR}
+    most = {"rate": FASTEST, "max_force": GREATEST_MOTOR, "lower": math.inf, "upper": math.inf}
     for key, value in numbers:
         if not math.isfinite(value):
             raise ModelError("joint %s: %s is %g; expected a finite number" % (where, key, value))
-        if abs(value) > most.get(key, math.inf):
-            raise ModelError("joint %s: %s is %g; expected at most %g" % (where, key, value, most[key]))
+        if abs(value) > most.get(key, GREATEST_NUMBER):
+            raise ModelError("joint %s: %s is %g; expected at most %g" % (where, key, value,
+                                                                          most.get(key, GREATEST_NUMBER)))
+        if value < 0.0 and key in _SOFTNESS:
+            raise ModelError("joint %s: %s is %g; expected at least 0" % (where, key, value))
 
 
 def wrench_as_gazebo(link_pose, frame, point, force, torque):

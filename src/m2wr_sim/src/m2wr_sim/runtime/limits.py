@@ -9,8 +9,6 @@ from m2wr_sim.physics.engine import FASTEST
 
 GREATEST_GRAVITY = 1e4                      # m/s^2: what falls becomes as fast as anything may be within a second
 GREATEST_MOTOR = 1e6                        # N m and N
-HEAVIEST, GREATEST_INERTIA = 1e9, 1e9       # kg, kg m^2
-FARTHEST_CENTRE = 100.0                     # m, of the centre of mass from its link's frame
 
 
 def strongest(inertial, step):

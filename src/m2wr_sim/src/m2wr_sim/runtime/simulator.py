@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Dict
 
 from m2wr_sim.control.diff_drive import CONVENTIONS
-from m2wr_sim.errors import ModelError, NotFoundError, SimError
+from m2wr_sim.errors import LostError, ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Physics, Plane, PluginSpec
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
@@ -53,7 +53,9 @@ class SimConfig:
     ``wheel_conventions`` overrides ``wheel_convention`` for models by name; see
     :func:`m2wr_sim.control.diff_drive.is_swapped`.  ``command_timeout_ns`` stops a robot whose commands have ceased
     for that long; 0 keeps the last command for ever.  ``joint_states`` gives robots joint states even if their
-    description names no plugin for them.  ``told`` knows what was said of models already.
+    description names no plugin for them.  Models that are thrown out of the world are removed and named, and the others
+    go on; with ``loss_ends`` what advances the time raises LostError instead.  ``told`` knows what was said of models
+    already.
     """
 
     seed: int = 0
@@ -63,6 +65,7 @@ class SimConfig:
     command_timeout_ns: int = 0
     joint_states: bool = True
     joint_state_rate: float = 50.0
+    loss_ends: bool = False
     told: Told = field(default_factory=Told, repr=False, compare=False)
 
     def wheel_convention_of(self, model_name, described=None):
@@ -104,6 +107,7 @@ class Simulator:
         self._agenda = Agenda(self._failed, self._catch_up)
         self._absent = AbsentPlugins()
         self._misfits = set()           # what was said of rates that do not fit into the steps
+        self._lost = []                 # names of models that have been thrown out of the world and are still listed
         self._owed, self._hold_ns = 0, 0        # steps that time is ahead of the engine; until when answers hold
 
     # ---- world -------------------------------------------------------------------------------------------------
@@ -337,6 +341,8 @@ class Simulator:
         """
         step_ns, now_ns = self.step_ns, self.now_ns
         first_ns = now_ns + step_ns
+        if self._lost:
+            self._bury()
         if self.paused or until_ns < first_ns:
             return now_ns
         agenda = self._agenda
@@ -379,14 +385,43 @@ class Simulator:
         """Bring the bodies to where they are now, and ask all plugins before time passes again."""
         self._hold_ns = 0
         self._catch_up()
+        self._bury()
 
     def _catch_up(self):
         if self._owed:
             owed, self._owed = self._owed, 0
-            self.engine.step(owed)
+            while owed:
+                try:
+                    self.engine.step(owed)
+                    owed = 0
+                except LostError as error:
+                    if self.config.loss_ends:
+                        raise
+                    owed = error.left
+                    self._lose(error)
             touches = self.engine.drain_touches()
             if touches:
                 self._collect(touches)
+
+    def _lose(self, error):
+        """Take models that have been thrown out of the world from physics and lasers, now; their plugins end later.
+
+        This may be in the middle of a plugin's turn, who may still ask for what it knows.
+        """
+        log.error("%s. Removed: %s; the others go on (parameter ~loss_ends: end instead)", error,
+                  ", ".join("model \"%s\"" % name for name in error.models))
+        for name in error.models:
+            model = self.models[name]
+            self.engine.abandon_model(model.handle)
+            self.scene.remove_owner(name)
+            model.sight = SceneRows([])
+            self._lost.append(name)
+        self._moving_sight = None
+
+    def _bury(self):
+        """Delete the models that have been lost; nobody is in the middle of anything."""
+        while self._lost:
+            self.delete(self._lost.pop())
 
     def hand_over(self, context, function, message):
         """Give a plugin, known by its context, a message that has come for it."""
