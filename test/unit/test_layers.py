@@ -43,7 +43,7 @@ RULES = (
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_lockstep/controller.py", ANYTHING, True, False, ()),
     Rule("m2wr_lockstep/*.py", set(), False, False, ("m2wr_lockstep.controller",)),       # waits in wall time
-    Rule("m2wr_course/*.py", NUMERIC | {"lxml"}, False, True, EDGES),
+    Rule("m2wr_course/*.py", NUMERIC | {"lxml", "PIL", "yaml"}, False, True, EDGES),
     Rule("m2wr_view/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag", "yaml"}, False, True, ("m2wr_view.ros",)),
     Rule("m2wr_gmapping/replay/*.py", ANYTHING, True, False, ()),         # reads bags and measures time

@@ -3,6 +3,7 @@ import argparse
 import os
 import sys
 
+from m2wr_course.maps import whole_map
 from m2wr_course.programs import nearest
 from m2wr_course.robots import laser_behind, same_robot, wider_robot
 from m2wr_course.worlds import two_walls
@@ -15,6 +16,7 @@ EXERCISES = {
     3: ("robot with a second laser that looks back (.xacro, .urdf)", laser_behind),
     4: ("Python file with the function nearest", nearest),
     5: ("world in which Bug 2 meets two walls (.world)", two_walls),
+    6: ("map of world02, of all of it (.yaml)", whole_map),
 }
 
 
@@ -39,7 +41,11 @@ def main(arguments=None):
             if not finding.right:
                 wrong += 1
                 print("         %s" % finding.cure)
-    except (SimError, SyntaxError, OSError) as error:
+    except SyntaxError as error:        # of a student's program
+        print("exercise %d: %s, line %s: syntax error, Python says: %s\n    %s" % (
+            options.number, options.file, error.lineno, error.msg, (error.text or "").strip()), file=sys.stderr)
+        return 2
+    except (SimError, OSError) as error:
         print("exercise %d: %s: %s" % (options.number, options.file, error), file=sys.stderr)
         return 2
     print("exercise %d: %s" % (options.number, "done" if not wrong else "%d of %d not yet" % (wrong, looked)))

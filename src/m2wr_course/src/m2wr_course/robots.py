@@ -95,9 +95,18 @@ def _described(path):
     root = etree.fromstring(expand_xacro(Path(path).read_text(encoding="utf-8"), str(path), package_folder).encode())
     parts = {}
     for child in root.iterchildren(tag=etree.Element):
-        name = child.get("name") or child.get("reference") or ""
-        parts.setdefault("%s %s" % (child.tag, name), []).append(_plain(child))
-    return {key: sorted(value, key=repr) for key, value in parts.items() if key.strip() != "material"}
+        parts.setdefault(_title(child), []).append(_plain(child))
+    return {key: sorted(value, key=repr) for key, value in parts.items() if not key.startswith("<material")}
+
+
+def _title(element):
+    """Return what a reader looks for in the file: the tag with its name, or what it holds where it has none."""
+    for attribute in ("name", "reference"):
+        if element.get(attribute):
+            return "<%s %s=\"%s\">" % (element.tag, attribute, element.get(attribute))
+    held = ["<%s%s>" % (child.tag, " name=\"%s\"" % child.get("name") if child.get("name") else "")
+            for child in element.iterchildren(tag=etree.Element)]
+    return "<%s> with %s" % (element.tag, ", ".join(held)) if held else "<%s>" % element.tag
 
 
 def same_robot(path):
@@ -112,7 +121,7 @@ def same_robot(path):
         if mine.get(key) != original.get(key):
             what = ("is missing" if key not in mine else "is not in m2wr" if key not in original
                     else "differs from m2wr's")
-            yield Finding(False, "<%s> %s" % (key, what), "compare the texts: xacro FILE > a.urdf; diff a.urdf b.urdf")
+            yield Finding(False, "%s %s" % (key, what), "compare the texts: xacro FILE > a.urdf; diff a.urdf b.urdf")
     if mine == original:
         yield Finding(True, "it is the same robot, in %d parts" % len(mine))
     texts = [file.read_text(encoding="utf-8") for file in sorted(Path(path).parent.iterdir())

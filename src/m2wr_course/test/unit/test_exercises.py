@@ -2,9 +2,13 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
+
 from m2wr_course.command import EXERCISES, main
-from m2wr_sim.api.loading import package_folder
+from m2wr_sim.api.loading import package_folder, read_world
+from m2wr_sim.report.map_agreement import INSIDE, LASER_HEIGHT, WALL, Truth
 
 URDF = Path(package_folder("m2wr_description")) / "urdf"
 BACK = """
@@ -136,3 +140,48 @@ def test_files_that_cannot_be_tried_end_in_a_sentence(number, tmp_path, capsys):
     (tmp_path / "broken").write_text("<robot name=")
     code, said = check(number, tmp_path / "broken", capsys)
     assert code == 2 and said.err.count("\n") == 1 and "broken" in said.err
+
+
+def test_a_part_that_differs_is_named_as_it_stands_in_the_file(robot, capsys):
+    path = robot(("m2wr.gazebo", "<wheelSeparation>0.4", "<wheelSeparation>0.5"),
+                 ("m2wr.xacro", '<mass value="5"/>', '<mass value="6"/>'))
+    code, said = check(2, path, capsys)
+    assert code == 1 and '<gazebo> with <plugin name="differential_drive_controller"> differs' in said.out
+    assert '<link name="link_chassis"> differs' in said.out
+
+
+def test_a_syntax_error_is_told_with_its_line(tmp_path, capsys):
+    path = tmp_path / "mine.py"
+    path.write_text("import math\ndef nearest(ranges, angle_min, angle_increment)\n    return None\n")
+    code, said = check(4, path, capsys)
+    assert code == 2 and "mine.py, line 2: syntax error" in said.err
+    assert "def nearest(ranges, angle_min, angle_increment)" in said.err
+
+
+def make_map(folder, shape=(400, 400), bend=0.0):
+    """Write the map of world02 that a perfect mapper would draw, turned by an angle [rad]; returns the YAML file."""
+    truth = Truth(read_world("world02"), LASER_HEIGHT, (0.0, 0.0, bend))
+    drawn = truth.drawn(shape, 0.05, np.array((-0.025 * shape[1], -0.025 * shape[0])))
+    grey = np.select([drawn == WALL, drawn == INSIDE], [0, 205], 254).astype(np.uint8)
+    Image.fromarray(grey[::-1]).save(str(folder / "plan.pgm"))
+    (folder / "plan.yaml").write_text("image: plan.pgm\nresolution: 0.05\norigin: [%g, %g, 0.0]\n" % (
+        -0.025 * shape[1], -0.025 * shape[0]))
+    return folder / "plan.yaml"
+
+
+def test_a_good_map_is_done(tmp_path, capsys):
+    code, said = check(6, make_map(tmp_path), capsys)
+    assert code == 0, said.out
+
+
+def test_a_map_that_bends_or_is_small_is_not(tmp_path, capsys):
+    code, said = check(6, make_map(tmp_path, bend=0.1), capsys)
+    assert code == 1 and "not yet" in said.out and "particles" in said.out
+    code, said = check(6, make_map(tmp_path, (100, 100)), capsys)
+    assert code == 1 and "drive farther" in said.out
+
+
+def test_what_is_no_map_is_told(tmp_path, capsys):
+    (tmp_path / "plan.yaml").write_text("image: plan.pgm\n")
+    code, said = check(6, tmp_path / "plan.yaml", capsys)
+    assert code == 2 and "expected the .yaml file that map_saver writes" in said.err

@@ -118,8 +118,8 @@ class Controller:
             waited += pause
             if self._last is None:
                 tell = rospy.loginfo if waited < LONG_WAIT else rospy.logwarn
-                tell("%s: nobody has asked for a turn in %g s. The simulator does once all that it waits for are there, "
-                     "if it runs with ~lockstep and this name is among its ~lockstep_controllers.",
+                tell("%s: nobody has asked for a turn in %g s. The simulator does once all that it waits for are "
+                     "there, if it runs with ~lockstep and this name is among its ~lockstep_controllers.",
                      rospy.get_name(), waited)
                 pause = waited
             else:

@@ -42,15 +42,41 @@ def drive(env, observation, limit=1000):
     return rewards, (terminated, truncated, info), seen
 
 
-def test_passes_the_checker_without_a_warning():
+@pytest.mark.parametrize("mode", [None, "rgb_array"])
+def test_passes_the_checker_without_a_warning(mode):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        env = gymnasium.make(gym_env.ENV_ID)
+        env = gymnasium.make(gym_env.ENV_ID, render_mode=mode)
         try:
             check_env(env.unwrapped)
         finally:
             env.close()
     assert [str(one.message) for one in said if "ymnasium" in str(one.filename) or one.category is UserWarning] == []
+
+
+def test_it_is_drawn_from_above(scene):
+    env = gym_env.GoToGoalEnv(render_mode="rgb_array", **scene)
+    try:
+        with pytest.raises(RuntimeError, match="before reset"):
+            env.render()
+        env.reset(seed=1, options={"start": (0.0, 8.0, 0.0), "goal": (3.0, 8.0)})
+        first = env.render()
+        for _ in range(20):
+            env.step(np.array([0.6, 0.0], np.float32))
+        later = env.render()
+        for picture in (first, later):
+            assert picture.shape == (800, 800, 3) and picture.dtype == np.uint8 and len(np.unique(picture)) > 20
+        assert (first != later).any()           # it has driven
+        env.reset(seed=1, options={"start": (0.0, 8.0, 0.0), "goal": (3.0, 8.0)})
+        assert (env.render() == first).all()    # and the trail is gone
+    finally:
+        env.close()
+
+
+def test_without_pictures_nothing_that_draws_is_loaded():
+    program = ("import sys; from m2wr_sim.api import gym_env; env = gym_env.GoToGoalEnv(); env.reset(); "
+               "assert env.render() is None; sys.exit('cairo' in sys.modules)")
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0
 
 
 def test_made_by_name_with_options_and_vectorised():
@@ -126,7 +152,8 @@ def test_scan_holds_the_least_range_of_each_group(env):
 
 
 @pytest.mark.parametrize("options, text", [
-    ({"beams": 7}, "expected a divisor of the laser's 720"), ({"render_mode": "human"}, "no rendering"),
+    ({"beams": 7}, "expected a divisor of the laser's 720"),
+    ({"render_mode": "human"}, "expected None or one of rgb_array"),
     ({"goal_radius": 3.0}, "goal_radius")])
 def test_unusable_options_are_refused(scene, options, text):
     with pytest.raises(ValueError, match=text):

@@ -24,12 +24,14 @@ class Dump:
         See :mod:`m2wr_view.writers`; one that fails is named and left out from then on.
     show : callable, optional
         Called with (image, time [s]) of each picture.
+    limit : int
+        So many pictures are written at most; then files are finished while ``show`` goes on.  0: no limit.
     clock : callable, optional
         Returns seconds; by it is measured what pictures take, see :meth:`timing`.
     """
 
-    def __init__(self, renderer, rate, writers, show=None, clock=None):
-        self.scene, self.count = Scene(), 0
+    def __init__(self, renderer, rate, writers, show=None, clock=None, limit=0):
+        self.scene, self.count, self._limit = Scene(), 0, limit
         self._clock, self._times = clock, defaultdict(list)
         self._renderer, self._period, self._writers, self._show = renderer, 1.0 / rate, list(writers), show
         self._due, self._state, self._complained = None, None, set()
@@ -70,7 +72,10 @@ class Dump:
             self._complain("drawing", "%s: %s" % (type(error).__name__, error))
             return
         self.count += 1
-        for writer in list(self._writers):
+        if self._limit and self.count == self._limit + 1 and self._writers:
+            log.warning("%d pictures are written; no more are, for that is the limit (max_pictures; 0: none)",
+                        self._limit)
+        for writer in list(self._writers) if not self._limit or self.count <= self._limit else ():
             self._guarded(writer, lambda writer=writer: self._timed(writer.path, writer.write, image))
         if self._show is not None:
             self._timed("topic", self._show, image, self.scene.now or 0.0)
@@ -113,7 +118,7 @@ class Dump:
             log.warning("%s: %s; left out of the pictures", topic, text)
 
 
-def make_dump(rate, size, bounds, writers, show=None, clock=None):
+def make_dump(rate, size, bounds, writers, show=None, clock=None, limit=0):
     """Return a :class:`Dump` for numbers as users give them.
 
     Raises
@@ -128,4 +133,6 @@ def make_dump(rate, size, bounds, writers, show=None, clock=None):
     if bounds is not None and not (len(bounds) == 4 and all(map(math.isfinite, bounds)) and bounds[0] < bounds[2]
                                    and bounds[1] < bounds[3]):
         raise ViewError("view %r: expected least x, least y, greatest x, greatest y [m]" % (bounds,))
-    return Dump(Renderer(size[0], size[1], bounds), rate, writers, show, clock)
+    if limit < 0:
+        raise ViewError("max_pictures %r: expected a whole number, 0 for no limit" % limit)
+    return Dump(Renderer(size[0], size[1], bounds), rate, writers, show, clock, limit)

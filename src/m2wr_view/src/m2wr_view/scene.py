@@ -91,6 +91,11 @@ class Scene:
         yaw = yaw_of((turn.x, turn.y, turn.z, turn.w))
         self._move(message.header.stamp.to_sec(), np.array((where.x, where.y, yaw)))
 
+    def place(self, now, pose):
+        """Take the robot's pose x, y, yaw (3,) at a time [s] from who has it at hand, without messages."""
+        self._odometry_seen = True
+        self._move(now, np.asarray(pose, dtype=float))
+
     def _move(self, stamp, pose):
         if not np.all(np.isfinite(pose)):
             return

@@ -161,3 +161,13 @@ def test_without_a_clock_nothing_is_measured(make):
     dump = make_dump(10.0, (200, 200), None, [])
     dump.take("odom", make.odometry(0.0, 0.0, 0.0))
     assert dump.count == 1 and dump.timing() == []
+
+
+def test_what_is_left_alone_fills_no_disk(make, caplog):
+    shown, kept = [], Kept()
+    dump = make_dump(10.0, (200, 200), None, [kept], lambda image, now: shown.append(now), limit=3)
+    for number in range(21):
+        dump.take("odom", make.odometry(0.1 * number, 0.0, 0.0))
+    assert len(shown) >= 10 and kept.count == 3 and not dump.failed
+    assert dump.close().startswith(kept.path) and kept.count == 3
+    assert caplog.text.count("no more are, for that is the limit") == 1

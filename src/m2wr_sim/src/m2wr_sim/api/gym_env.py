@@ -66,8 +66,8 @@ class GoToGoalEnv(gymnasium.Env):
         Least and greatest distance from start to goal [m].
     goal_radius : float
         The goal counts as reached within this distance [m].
-    render_mode : None
-        There is no rendering.
+    render_mode : str, optional
+        ``rgb_array``: :meth:`render` returns a picture from above, (800, 800, 3) uint8.
     **options
         The other options of Sim.
 
@@ -77,17 +77,18 @@ class GoToGoalEnv(gymnasium.Env):
         If the robot's laser cannot be cut into ``beams`` groups, or an option has an unusable value.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(self, world="world02", robot="m2wr", duration=0.1, time_limit=60.0, beams=72, max_linear=0.6,
                  max_angular=1.0, area=(-8.0, 8.0, -8.0, 8.0), distance=(2.0, 6.0), goal_radius=0.3, render_mode=None,
                  **options):
-        if render_mode is not None:
-            raise ValueError("render_mode %r; expected None: there is no rendering" % (render_mode,))
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError("render_mode %r; expected None or one of %s" % (
+                render_mode, ", ".join(self.metadata["render_modes"])))
         if not 0.0 <= goal_radius < distance[0] <= distance[1]:
             raise ValueError("goal_radius %r and distance %r; expected goal_radius < least distance <= greatest"
                              % (goal_radius, distance))
-        self.render_mode = None
+        self.render_mode, self._picture = render_mode, None
         self._sim = Sim(world, robot, sensing="now", **options)
         try:
             laser = self._sim.lasers()[0] if self._sim.lasers() else None
@@ -122,6 +123,8 @@ class GoToGoalEnv(gymnasium.Env):
         self._goal = goal
         result = sim.observe()
         self._distance = self._goal_distance(result)
+        if self.render_mode is not None:
+            self._begin_picture(result)
         return self._observation(result), self._info(result)
 
     def _places(self, start, goal):
@@ -151,6 +154,8 @@ class GoToGoalEnv(gymnasium.Env):
             raise ValueError("action %r; expected two finite numbers: linear x [m/s], angular z [rad/s]" % (action,))
         result = self._sim.step(np.clip(command, self.action_space.low, self.action_space.high), self._duration)
         before, self._distance = self._distance, self._goal_distance(result)
+        if self._picture is not None:
+            self._picture.take(result)
         touched, reached = bool(result.touches), self._distance < self._goal_radius
         reward = PROGRESS_REWARD * (before - self._distance) + TIME_REWARD * self._duration
         if touched:
@@ -177,6 +182,27 @@ class GoToGoalEnv(gymnasium.Env):
         touches = len(result.touches)
         return {"distance": self._distance, "time": result.time, "touches": touches,
                 "is_success": self._distance < self._goal_radius and not touches}
+
+    def _begin_picture(self, result):
+        if self._picture is None:
+            from m2wr_sim.api.gym_picture import EnvPicture     # what draws is loaded only where pictures are wanted
+            self._picture = EnvPicture(self._sim, self._name)
+        self._picture.begin(self._goal)
+        self._picture.take(result)
+
+    def render(self):
+        """Return the picture of now, (800, 800, 3) uint8, or None without a ``render_mode``.
+
+        Raises
+        ------
+        RuntimeError
+            Before the first reset.
+        """
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            raise RuntimeError("render() before reset(): there is nothing to draw yet")
+        return self._picture.draw()
 
     def close(self):
         """Free the world."""

@@ -73,8 +73,8 @@ class DiffDrive(Plugin):
         if left_y < right_y:
             ctx.tell_once(
                 level, "%s: the joint tagged left (%s) is on the robot's RIGHT side (y = %+.3f m) and the one tagged "
-                "right (%s) on its left (y = %+.3f m); with wheel_convention \"%s\" positive angular.z turns it %s. Set "
-                "the parameter ~wheel_conventions/%s to noetic, kinetic or rep103 to choose.",
+                "right (%s) on its left (y = %+.3f m); with wheel_convention \"%s\" positive angular.z turns it %s. "
+                "Set the parameter ~wheel_conventions/%s to noetic, kinetic or rep103 to choose.",
                 ctx.model_name, left_name, left_y, right_name, right_y, ctx.wheel_convention, turns, ctx.model_name)
         elif self._swapped:
             ctx.tell_once(level, "%s: wheel_convention \"%s\" exchanges left and right although %s is on the left; "

@@ -56,8 +56,9 @@ class SkidSteer(Plugin):
             level, turns = ((logging.INFO, "counter-clockwise") if self._swapped
                             else (logging.WARNING, "clockwise, against REP 103"))
             ctx.tell_once(level, "%s: the joints tagged left (%s, %s) are on the robot's RIGHT side; with "
-                          "wheel_convention \"%s\" positive angular.z turns it %s. Set the parameter ~wheel_conventions/%s to noetic "
-                          "or rep103 to choose.", ctx.model_name, names[0], names[2], convention, turns, ctx.model_name)
+                          "wheel_convention \"%s\" positive angular.z turns it %s. Set the parameter "
+                          "~wheel_conventions/%s to noetic or rep103 to choose.",
+                          ctx.model_name, names[0], names[2], convention, turns, ctx.model_name)
 
     def next_before(self, now_ns):
         self._command.look(now_ns)

@@ -23,6 +23,7 @@ from m2wr_view.user_folder import from_user
 from m2wr_view.writers import make_writer
 
 log = logging.getLogger("rosout.m2wr_view")
+MOST_PICTURES = 500     # some 30 MB of PNG files, four minutes at two a second: what is left alone fills no disk
 _REMIND = 5.0           # s of wall time between two lines on what is waited for
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3           # of glibc's mallopt
 _KEPT_FREE, _LARGEST_KEPT = 128 << 20, 32 << 20         # bytes; the largest picture takes 64 MB, one of 800 x 800 3 MB
@@ -40,6 +41,8 @@ def _parser():
                         help="what to show [m] (default: everything)")
     parser.add_argument("--speed", type=float, default=5.0,
                         help="of films, in times the simulated time (default: %(default)s)")
+    parser.add_argument("--max-pictures", type=int, metavar="N",
+                        help="write so many at most, 0: no limit (default: %d, of a bag no limit)" % MOST_PICTURES)
     parser.add_argument("--times", action="store_true",
                         help="say at the end how much processor time drawing and writing took for a picture")
     return parser
@@ -118,7 +121,7 @@ def dump_bag(options, mappings=None):
         check_topics(path, types, names)
         dump = make_dump(rate, tuple(options.size or (800, 800)), options.view,
                          _writers(options.out or [os.path.splitext(path)[0] + "_pictures"], rate, options.speed),
-                         clock=_clock(options))
+                         clock=_clock(options), limit=options.max_pictures or 0)
         if dump.failed:
             return 1
         usable = [topic for topic in names if types.get(topic) == TOPICS[names[topic]][0]]
@@ -210,10 +213,11 @@ class Node:
         out = options.out or rospy.get_param("~out", "")
         paths = [path.strip() for path in out.split(",") if path.strip()] if isinstance(out, str) else list(out)
         paths = [from_user(path) for path in paths]
-        make_dump(rate, tuple(size), view, [])
+        limit = int(_parameter("max_pictures", options.max_pictures, MOST_PICTURES))
+        make_dump(rate, tuple(size), view, [], limit=limit)
         self._image = rospy.Publisher("~image", Image, queue_size=2)
         self._dump = make_dump(rate, tuple(size), view, _writers(
-            paths, rate, float(_parameter("speed", None, options.speed))), self._show, _clock(options))
+            paths, rate, float(_parameter("speed", None, options.speed))), self._show, _clock(options), limit)
         for name, (kind, _) in TOPICS.items():
             rospy.Subscriber(name, roslib.message.get_message_class(kind), self._take, name, queue_size=100,
                              tcp_nodelay=True)

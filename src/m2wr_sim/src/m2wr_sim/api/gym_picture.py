@@ -1,0 +1,63 @@
+"""Pictures of a Gymnasium environment, by the renderer of m2wr_view; nothing of ROS runs."""
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+from m2wr_view.frames import matrix_of
+from m2wr_view.renderer import Renderer
+from m2wr_view.scene import Scene
+
+from m2wr_sim.geometry import IDENTITY, compose
+from m2wr_sim.model.types import World
+from m2wr_sim.report.summary import obstacle_outlines
+
+_BASE, _LASER = "base", "laser"
+SIZE = 800              # pixels, width and height
+
+
+class EnvPicture:
+    """Draws one robot in its world from above: obstacles where the world puts them, trail, scan and goal.
+
+    Parameters
+    ----------
+    sim : m2wr_sim.api.sim.Sim
+    name : str
+        Of the robot.
+    """
+
+    def __init__(self, sim, name):
+        self._sim, self._name = sim, name
+        self._renderer = self._scene = None
+        self._record = sim.simulator.models[name].record
+        self._footprint = obstacle_outlines(World(models=(replace(self._record, pose=IDENTITY, static=True),)),
+                                            -math.inf, math.inf)
+
+    def begin(self, goal):
+        """Forget the episode before; ``goal`` is (x, y) in the world [m]."""
+        self._renderer = Renderer(SIZE, SIZE)           # it keeps what it drew of a scene
+        scene = self._scene = Scene()
+        scene.solids.blocking = obstacle_outlines(self._sim.world)
+        scene.footprint = self._footprint or scene.footprint
+        scene.line = [(float(goal[0]), float(goal[1]))]
+        scene.base_frame = _BASE
+        for link in self._record.links:
+            for sensor in link.sensors:
+                if sensor.ray is not None:
+                    scene.frames.set(_BASE, _LASER, matrix_of(*compose(link.pose, sensor.pose)))
+                    return
+
+    def take(self, result):
+        """Take what a step, or the observation after a reset, has told."""
+        self._scene.place(result.time, result.pose)
+        scan = result.scan
+        if scan is not None:
+            stamp = result.time
+            self._scene.scan = SimpleNamespace(
+                header=SimpleNamespace(stamp=SimpleNamespace(to_sec=lambda: stamp), frame_id=_LASER),
+                ranges=scan.ranges.tolist(), angle_min=scan.angle_min, angle_increment=scan.angle_increment,
+                range_min=scan.range_min, range_max=scan.range_max)
+
+    def draw(self):
+        """Return the picture, (SIZE, SIZE, 3) uint8, top row first."""
+        return np.array(self._renderer.draw(self._scene).convert("RGB"), dtype=np.uint8)
