@@ -73,6 +73,7 @@ class SlamState(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = folder.name
+        self.words = QUICK + ["_state_folder:=" + self.folder]
 
     def path(self, name):
         """Return the path of a file of this test."""
@@ -87,7 +88,7 @@ class SlamState(unittest.TestCase):
 
     def test_going_on_from_a_state_gives_the_map_of_a_run_without_a_break(self):
         def words(name):
-            return QUICK + ["_save_on_exit:=" + self.path(name)]
+            return self.words + ["_save_on_exit:=" + self.path(name)]
         with Mapping(self.robot, words("a")) as node:
             node.drive(TOUR[:HALF])
             answer = state_service("save", self.path("half.state"))
@@ -118,11 +119,11 @@ class SlamState(unittest.TestCase):
             self.assertEqual(self.ended_map(node, "c"), picture)
 
     def test_an_odometry_that_begins_anew_goes_on_where_the_robot_stood(self):
-        with Mapping(self.robot, QUICK) as node:
+        with Mapping(self.robot, self.words) as node:
             node.drive(TOUR[:HALF])
             self.assertTrue(state_service("save", self.path("half.state")).success)
-        with Mapping(self.robot, QUICK + ["_state_file:=" + self.path("half.state"),
-                                          "_odometry_runs_on:=false"]) as node:
+        with Mapping(self.robot, self.words + ["_state_file:=" + self.path("half.state"),
+                                               "_odometry_runs_on:=false"]) as node:
             robot, begin = self.robot, np.array(TOUR[HALF - 1])
             for pose in TOUR[HALF - 1:]:
                 robot.tell_time(robot.now + 0.1)
@@ -134,12 +135,15 @@ class SlamState(unittest.TestCase):
     def test_what_cannot_be_saved_or_loaded_is_told_and_changes_nothing(self):
         with open(self.path("text.state"), "w") as stream:
             stream.write("no state")
-        with Mapping(self.robot, QUICK) as node:
+        with Mapping(self.robot, self.words) as node:
             answer = state_service("save", self.path("a.state"))
             self.assertEqual((answer.success, "nothing to save" in answer.message), (False, True))
             node.drive(TOUR[:HALF])
             for verb, name, words in (("save", "", "~state_file"), ("load", "", "~state_file"),
                                       ("save", self.path("nowhere/a.state"), "cannot write"),
+                                      ("save", "/tmp/outside.state", "~state_folder"),
+                                      ("save", "../outside.state", "~state_folder"),
+                                      ("load", "/etc/passwd", "~state_folder"),
                                       ("load", self.path("none.state"), "No such file"),
                                       ("load", self.path("text.state"), "expected a state")):
                 answer = state_service(verb, name)
@@ -150,20 +154,20 @@ class SlamState(unittest.TestCase):
         self.assertIn("expected a state", done.stdout + done.stderr)
 
     def test_a_state_of_another_laser_is_refused_and_said(self):
-        with Mapping(self.robot, QUICK) as node:
+        with Mapping(self.robot, self.words) as node:
             node.drive(TOUR[:3])
             self.assertTrue(state_service("save", self.path("a.state")).success)
-        with Mapping(self.robot, QUICK + ["_state_file:=" + self.path("a.state")]) as node:
+        with Mapping(self.robot, self.words + ["_state_file:=" + self.path("a.state")]) as node:
             self.robot.tick(TOUR[3], count=91)
             node.wait_for_text("91 beams")
             node.drive(TOUR[3:5])                           # the right one goes on
 
     def test_beginning_on_a_saved_map(self):
-        with Mapping(self.robot, QUICK + ["_save_on_exit:=" + self.path("plan")]) as node:
+        with Mapping(self.robot, self.words + ["_save_on_exit:=" + self.path("plan")]) as node:
             node.drive(TOUR)
             self.ended_map(node, "plan")
-        with Mapping(self.robot, QUICK + ["_map_file:=" + self.path("plan.yaml"), "_initial_pose_x:=0.6",
-                                          "_initial_pose_y:=0.4", "_initial_pose_a:=1.3"]) as node:
+        with Mapping(self.robot, self.words + ["_map_file:=" + self.path("plan.yaml"), "_initial_pose_x:=0.6",
+                                               "_initial_pose_y:=0.4", "_initial_pose_a:=1.3"]) as node:
             answer = None
             for k in range(4):                              # odometry begins at 0 there
                 self.robot.tell_time(self.robot.now + 0.1)
@@ -180,7 +184,7 @@ class SlamState(unittest.TestCase):
         self.assertIn("none.yaml: No such file", done.stdout + done.stderr)
 
     def test_a_robot_that_is_far_away_at_once_leaves_a_map_of_bounded_size_and_is_told(self):
-        with Mapping(self.robot, QUICK) as node:
+        with Mapping(self.robot, self.words) as node:
             node.drive(TOUR[:3])
             robot = self.robot
             for x in (500.0, 1000.0, 2000.0):
@@ -195,7 +199,7 @@ class SlamState(unittest.TestCase):
         rospy.set_param("/tf_prefix", "/r1/")
         self.robot.prefix = "r1/"
         self.robot.mount()
-        with Mapping(self.robot, QUICK) as node:
+        with Mapping(self.robot, self.words) as node:
             transforms = Recorder("/tf", TFMessage)     # not before: the robot takes the first listener for the node
             answer = node.drive(TOUR[:3])
             self.assertEqual(answer.header.frame_id, "r1/map")
@@ -208,7 +212,7 @@ class SlamState(unittest.TestCase):
             wait_until(sent, "the transform r1/map -> r1/odom")
             transforms.close()
         # a name that has the prefix already, and one with a slash in front
-        with Mapping(self.robot, QUICK + ["_odom_frame:=r1/odom", "_map_frame:=/plan"]) as node:
+        with Mapping(self.robot, self.words + ["_odom_frame:=r1/odom", "_map_frame:=/plan"]) as node:
             self.assertEqual(node.drive(TOUR[:3]).header.frame_id, "plan")
 
     def test_diagnostics_tell_what_the_mapper_does_and_which_transform_is_missing(self):
@@ -220,7 +224,7 @@ class SlamState(unittest.TestCase):
                     if entry.name == "slam_gmapping: mapping" and fits(entry)), None), what)
             finally:
                 recorder.close()
-        with Mapping(self.robot, QUICK) as node:
+        with Mapping(self.robot, self.words) as node:
             self.robot.tell_time(self.robot.now + 0.1)
             self.robot.look(TOUR[0])        # before the first transform, as where a laser begins before the odometry
             node.drive(TOUR)
@@ -236,7 +240,7 @@ class SlamState(unittest.TestCase):
             self.assertNotIn(" beside this node's ", node.text)
             self.robot.tf.publish(TFMessage([transform("map", "odom", rospy.Time.from_sec(self.robot.now))]))
             node.wait_for_text("publishes map -> odom beside this node's map -> odom")
-        with Mapping(self.robot, QUICK + ["_odom_frame:=nowhere"]) as node:
+        with Mapping(self.robot, self.words + ["_odom_frame:=nowhere"]) as node:
             self.robot.tick((0.0, 0.0, 0.0))
             found = status(lambda entry: "nowhere -> sensor_laser" in entry.message, "the missing transform")
             self.assertEqual(found.level, 1)

@@ -1,11 +1,10 @@
 """A map's YAML file and picture as a grid."""
-import math
 import os
 from collections import namedtuple
 
 import numpy as np
-import yaml
-from PIL import Image
+
+from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
 
 MODES = ("trinary", "scale", "raw")
 
@@ -15,13 +14,6 @@ SavedMap.__doc__ += ": data (H, W) int8, lowest row first; resolution [m]; origi
 
 class MapError(ValueError):
     """A map cannot be read; the message names the file and what was expected."""
-
-
-def _number(values, name, path, default=None):
-    value = values.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise MapError("{}: {} is {!r}; expected a number".format(path, name, value))
-    return float(value)
 
 
 def cells(grey, alpha, negate=False, occupied=0.65, free=0.196, mode="trinary"):
@@ -55,38 +47,32 @@ def cells(grey, alpha, negate=False, occupied=0.65, free=0.196, mode="trinary"):
     return data.astype(np.int8)[::-1]
 
 
+def _named(path, error):
+    return MapError("{}: {}".format(path, getattr(error, "strerror", None) or error))
+
+
 def read_picture(path):
     """Return (grey (H, W) float64, alpha or None) of a picture; raises MapError."""
     try:
-        with Image.open(path) as picture:
-            pixels = np.asarray(picture.convert("RGBA" if "A" in picture.getbands() or "transparency" in picture.info
-                                                else "RGB"))
-    except (OSError, ValueError) as error:
-        raise MapError("{}: cannot be read as a picture: {}".format(path, error))
+        pixels = read_pixels(path, lambda picture: "RGBA" if "A" in picture.getbands() or "transparency" in picture.info
+                             else "RGB")
+    except (OSError, MapInputError) as error:
+        raise _named(path, error)
     return pixels[..., :3].mean(axis=2), pixels[..., 3] if pixels.shape[2] == 4 else None
 
 
 def read_map(path):
     """Return the SavedMap of a YAML file; raises MapError."""
     try:
-        with open(path, encoding="utf-8") as stream:
-            values = yaml.safe_load(stream)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise MapError("{}: cannot be read: {}".format(path, error))
-    if not isinstance(values, dict) or not isinstance(values.get("image"), str) or not values["image"]:
-        raise MapError("{}: expected a map description with image, resolution and origin".format(path))
-    resolution = _number(values, "resolution", path)
-    if resolution <= 0.0:
-        raise MapError("{}: resolution is {}; expected more than 0".format(path, resolution))
-    origin = values.get("origin")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError("{}: origin is {!r}; expected [x, y, yaw]".format(path, origin))
-    origin = tuple(_number(dict(enumerate(origin)), index, path) for index in range(3))
-    mode = values.get("mode", "trinary")
-    if mode not in MODES:
-        raise MapError("{}: mode is {!r}; expected one of {}".format(path, mode, ", ".join(MODES)))
-    occupied, free = _number(values, "occupied_thresh", path, 0.65), _number(values, "free_thresh", path, 0.196)
-    image = os.path.join(os.path.dirname(os.path.abspath(path)), values["image"])
-    grey, alpha = read_picture(image)
-    data = cells(grey, alpha, bool(_number(values, "negate", path, 0)), occupied, free, mode)
-    return SavedMap(data, resolution, origin)
+        values = read_values(path)
+        resolution, origin = number(values, "resolution", 1e-6, 1e6), origin_of(values, 3)
+        mode = values.get("mode", "trinary")
+        if mode not in MODES:
+            raise MapInputError("mode is {!r:.60}; expected one of {}".format(mode, ", ".join(MODES)))
+        occupied, free = (number(values, name, default=default) for name, default in (
+            ("occupied_thresh", 0.65), ("free_thresh", 0.196)))
+        negate = yes(values, "negate")
+    except (OSError, MapInputError) as error:
+        raise _named(path, error)
+    grey, alpha = read_picture(os.path.join(os.path.dirname(os.path.abspath(path)), values["image"]))
+    return SavedMap(cells(grey, alpha, negate, occupied, free, mode), resolution, origin)

@@ -193,3 +193,10 @@ def test_a_large_file_is_announced(saved, monkeypatch, caplog):
     with caplog.at_level("INFO", logger="m2wr_sim.model.mesh_files"):
         read_mesh_file(saved("large.stl", text_stl(PYRAMID)))
     assert "large.stl" in caplog.text
+
+
+@pytest.mark.parametrize("text", ["v 0 0\nv 1 0\nv 0 1\nv 2 2\nf 1 2 3\n", "v 0\nv 1\nv 2\nv 3\nf 1 2 3\n"])
+def test_vertices_with_other_than_three_coordinates_are_refused(tmp_path, text):
+    (tmp_path / "a.obj").write_text(text)
+    with pytest.raises(XmlError, match=r"a\.obj: .*three coordinates"):
+        read_mesh_file(str(tmp_path / "a.obj"))

@@ -369,3 +369,15 @@ def test_nothing_is_printed(capfd):
     robot(link("a", INERTIAL + "<strange/>"), joint("j", "fixed", "a", "b", "<odd/>"), link("b"))
     captured = capfd.readouterr()
     assert captured.out == captured.err == ""
+
+
+@pytest.mark.parametrize("axis", ["1e200 0 0", "1e308 1e308 1e308"])
+def test_numbers_whose_squares_no_float_can_hold_are_no_traceback(axis):
+    try:
+        robot(TWO, joint("j", "continuous", "a", "b", '<axis xyz="{}"/>'.format(axis)))
+    except ModelError as error:
+        assert "j" in str(error)
+    try:
+        robot(link("a", '<collision><geometry><box size="1e200 1 1"/></geometry></collision>'))
+    except ModelError:
+        pass

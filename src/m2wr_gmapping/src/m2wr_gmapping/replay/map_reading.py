@@ -1,23 +1,14 @@
 """Reading a map from the files that map_saver writes."""
-import math
 import os
 
 import numpy as np
-import yaml
-from PIL import Image
 
 from m2wr_gmapping.saved_map import SavedMap
+from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
 
 
 class MapReadingError(ValueError):
     """A saved map cannot be read or used; says which file and what was expected."""
-
-
-def _number(values, key, low, high):
-    value = values.get(key)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise ValueError("{} is {!r}; expected a number from {} to {}".format(key, value, low, high))
-    return float(value)
 
 
 def read_map(path):
@@ -34,29 +25,22 @@ def read_map(path):
         If a file cannot be read, a value is missing, or the map is turned against its frame.
     """
     path = path if os.path.splitext(path)[1] in (".yaml", ".yml") else path + ".yaml"
+    at = path
     try:
-        with open(path, encoding="utf-8") as stream:
-            values = yaml.safe_load(stream)
-        if not isinstance(values, dict) or not isinstance(values.get("image"), str):
-            raise ValueError("expected the keys image, resolution, origin, occupied_thresh, free_thresh, negate")
-        resolution = _number(values, "resolution", 0.001, 10.0)
-        origin = values.get("origin")
-        if not (isinstance(origin, list) and len(origin) >= 2 and all(
-                isinstance(v, (int, float)) and math.isfinite(v) for v in origin)):
-            raise ValueError("origin is {!r}; expected [x, y, yaw]".format(origin))
-        if len(origin) > 2 and abs(origin[2]) > 1e-6:
-            raise ValueError("origin {} is turned; expected yaw 0".format(origin))
+        values = read_values(path)
+        resolution, origin = number(values, "resolution", 0.001, 10.0), origin_of(values)
+        if abs(origin[2]) > 1e-6:
+            raise MapInputError("origin {} is turned; expected yaw 0".format(list(origin)))
         if values.get("mode", "trinary") == "raw":
-            raise ValueError("mode raw; expected trinary or scale")
-        occupied, free = _number(values, "occupied_thresh", 0.0, 1.0), _number(values, "free_thresh", 0.0, 1.0)
-        image = os.path.join(os.path.dirname(os.path.abspath(path)), values["image"])
-        with Image.open(image) as opened:
-            dark = 1.0 - np.asarray(opened.convert("L"), float)[::-1] / 255.0
-    except (OSError, ValueError, yaml.YAMLError, Image.DecompressionBombError) as error:
-        if isinstance(error, OSError) and error.strerror:
-            error = "{}: {}".format(error.filename, error.strerror)
-        raise MapReadingError("map {}: {}".format(path, error))
-    if values.get("negate"):
+            raise MapInputError("mode raw; expected trinary or scale")
+        occupied, free = number(values, "occupied_thresh", 0.0, 1.0), number(values, "free_thresh", 0.0, 1.0)
+        negate = yes(values, "negate")
+        at = os.path.join(os.path.dirname(os.path.abspath(path)), values["image"])
+        dark = 1.0 - read_pixels(at, lambda picture: "L")[::-1] / 255.0
+    except (OSError, MapInputError) as error:
+        raise MapReadingError("map {}: {}{}".format(
+            path, "" if at == path else at + ": ", getattr(error, "strerror", None) or error))
+    if negate:
         dark = 1.0 - dark
     data = np.select([dark > occupied, dark < free], [100, 0], -1).astype(np.int8)
     if not (data == 100).any():

@@ -8,12 +8,14 @@ import time
 from collections import deque
 from dataclasses import replace
 
+import rospkg
 import rospy
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping import map_file, state
 from m2wr_gmapping.config import ConfigError
+from m2wr_gmapping.confined import OutsideError, confined
 from m2wr_gmapping.replay.beginning import Beginning
 from m2wr_gmapping.replay.map_reading import MapReadingError
 from m2wr_gmapping.ros.backlog import may_pass
@@ -95,10 +97,15 @@ class SlamNode:
     # ---- state
 
     def _file(self, request):
-        name = request.file or self._options.state_file
-        if not name:
+        if request.file:
+            folder = self._options.state_folder or os.path.join(rospkg.get_ros_home(), "m2wr")
+            try:
+                return confined(folder, request.file, "~state_folder")
+            except OutsideError as error:
+                raise state.StateError(str(error))
+        if not self._options.state_file:
             raise state.StateError("no file name: expected one in the request or in the parameter ~state_file")
-        return os.path.abspath(os.path.expanduser(name))
+        return os.path.abspath(os.path.expanduser(self._options.state_file))
 
     def _save_state(self, request):
         try:
@@ -332,7 +339,8 @@ def _prepare():
     config, options, warnings = read_parameters(given)
     config = with_prefix(config, tf_prefix())
     check_frames(config)
-    options = replace(options, save_on_exit=from_user(options.save_on_exit), state_file=from_user(options.state_file),
+    options = replace(options, save_on_exit=from_user(options.save_on_exit),
+                      state_folder=from_user(options.state_folder), state_file=from_user(options.state_file),
                       map_file=from_user(options.map_file))
     warnings.extend(trouble_at_exit(options.save_on_exit))
     if options.save_on_exit:

@@ -23,6 +23,8 @@ class NodeOptions:
         Scans of that many seconds after the first one are left out.
     state_file : str
         State to begin from, if it exists; also the name that the services take when they get none.
+    state_folder : str
+        Where the services save and load states that they are given a name for; empty: ``m2wr`` below ROS_HOME.
     state_save_period : float
         Between two states that are kept for a node that roslaunch starts again [s], wall; 0: none is.
     respawn : bool
@@ -39,6 +41,7 @@ class NodeOptions:
     save_on_exit: str = ""
     settle_time: float = 0.0
     state_file: str = ""
+    state_folder: str = ""
     state_save_period: float = 60.0
     respawn: bool = False
     odometry_runs_on: bool = True
@@ -60,6 +63,7 @@ NODE_PARAMETERS = {
     "save_on_exit": "map to write when the node ends, without .pgm; empty: none",
     "settle_time": "scans of that many seconds after the first one are left out: a robot that was just put down rocks",
     "state_file": "state to go on from, if that file exists; also what save_state and load_state take without a name",
+    "state_folder": "folder of the files that save_state and load_state are given; empty: m2wr below ROS_HOME (~/.ros)",
     "state_save_period": "wall seconds between two states kept beside the log, to go on from when killed; 0: none",
     "respawn": "roslaunch restarts this node whenever it ends: one that cannot begin waits for the end",
     "odometry_runs_on": "false: the odometry has begun anew since the state was saved, the robot stands where it stood",

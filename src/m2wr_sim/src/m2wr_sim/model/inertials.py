@@ -34,7 +34,7 @@ def usable(inertial, collisions):
     if inertial_moments(inertial)[0] > 0.0:
         return inertial, None
     radius = max((_reach(shape, inertial.pose[0]) for shape in collisions), default=0.0) or _NO_SHAPE
-    moment = 0.4 * inertial.mass * radius ** 2
+    moment = 0.4 * inertial.mass * radius * radius
     told = ("the inertia tensor (ixx ixy ixz iyy iyz izz = {}) is not positive definite; expected three positive "
             "principal moments; that of a ball of {:g} kg and {:.3g} m is taken".format(
                 " ".join("{:g}".format(value) for value in inertial.inertia), inertial.mass, radius))
@@ -45,7 +45,7 @@ def _reach(collision, centre):
     """Return how far a collision reaches from a point of its link [m], at most; 0 for what has no end."""
     shape = collision.geometry
     if isinstance(shape, Box):
-        extent = 0.5 * math.sqrt(sum(side ** 2 for side in shape.size))
+        extent = 0.5 * math.hypot(*shape.size)
     elif isinstance(shape, Sphere):
         extent = shape.radius
     elif isinstance(shape, Cylinder):

@@ -80,8 +80,8 @@ def _checked(path, parts):
     """Return the parts that have triangles with an area; XmlError where none has or a number is not usable."""
     kept, count = [], 0
     for names, vertices, triangles in parts:
-        vertices = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
-        triangles = np.ascontiguousarray(triangles, dtype=np.int64).reshape(-1, 3)
+        vertices = _rows_of_three(vertices, np.float64, path, "vertices", "three coordinates")
+        triangles = _rows_of_three(triangles, np.int64, path, "faces", "three corners")
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
             raise XmlError("{}: a triangle names vertex {}, but there are {}; expected a mesh that is whole".format(
                 path, int(triangles.max()), len(vertices)))
@@ -98,6 +98,14 @@ def _checked(path, parts):
     if count > MAX_TRIANGLES:
         raise XmlError("{}: the mesh has {} triangles; expected at most {}".format(path, count, MAX_TRIANGLES))
     return tuple(kept)
+
+
+def _rows_of_three(rows, kind, path, what, expected):
+    """Return an array (n, 3); XmlError where a file has rows of another length."""
+    rows = np.ascontiguousarray(rows, dtype=kind)
+    if rows.size and (rows.ndim != 2 or rows.shape[1] != 3):
+        raise XmlError("{}: {} of the shape {}; expected {} each".format(path, what, rows.shape, expected))
+    return rows.reshape(-1, 3)
 
 
 def has_area(corners):

@@ -100,7 +100,7 @@ def _check_joint(joint, links):
             kind))
     axis = joint.find("axis")
     if axis is not None and axis.get("xyz") is not None and kind not in ("fixed", "floating"):
-        if math.sqrt(sum(value ** 2 for value in attribute_numbers(axis, "xyz", 3))) < 1e-9:
+        if math.hypot(*attribute_numbers(axis, "xyz", 3)) < 1e-9:
             fail(axis, 'the axis "{}" has no length'.format(axis.get("xyz")), "a direction such as 0 0 1")
 
 

@@ -6,7 +6,6 @@ import threading
 
 import numpy as np
 import rospy
-import yaml
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 
@@ -16,6 +15,7 @@ from m2wr_sim.report.map_agreement import LASER_HEIGHT, SLICE, Truth, compare, f
 from m2wr_sim.report.summary import obstacle_outlines
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world, model_folders
+from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values
 from m2wr_view.ros.starting import start_node
 
 SCALE = 3           # pixels a cell
@@ -25,13 +25,11 @@ LOOK = 0.5          # between two looks at whether ROS has ended [s], wall
 def read_saved(path):
     """Return data (H, W) int8, resolution and origin (2,) of a map_saver YAML file; raises WorldError."""
     try:
-        with open(path, encoding="utf-8") as stream:
-            values = yaml.safe_load(stream)
+        values = read_values(path)
         image = os.path.join(os.path.dirname(os.path.abspath(path)), values["image"])
-        with Image.open(image) as opened:
-            grey = np.asarray(opened.convert("L"))[::-1]
-        resolution, origin = float(values["resolution"]), np.array(values["origin"][:2], float)
-    except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+        grey = read_pixels(image, lambda picture: "L")[::-1]
+        resolution, origin = number(values, "resolution", 1e-6, 1e6), np.array(origin_of(values)[:2])
+    except (OSError, MapInputError) as error:
         raise WorldError("%s: no map that can be read (%s); expected a YAML file of map_saver" % (path, error))
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 
