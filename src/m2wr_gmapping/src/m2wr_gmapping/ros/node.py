@@ -175,7 +175,7 @@ class SlamNode:
             except (ScanError, ValueError) as error:
                 self._refuse(scan, error)
             except rospy.ROSException:
-                if rospy.is_shutdown():
+                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() tells
                     return
                 raise
             except Exception as error:      # a fault of this program must not end the map that is there
