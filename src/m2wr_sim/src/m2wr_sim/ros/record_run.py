@@ -5,6 +5,7 @@ given an index and its proper name, and the run goes on.
 """
 import argparse
 import ctypes
+import http.client
 import os
 import signal
 import subprocess
@@ -14,6 +15,8 @@ import threading
 import time
 
 import rosbag
+import rosgraph
+import rosgraph.names
 import rospkg
 import rospy
 
@@ -135,6 +138,35 @@ def _has_messages(path):
         return os.path.exists(path)
 
 
+def leave_master(argv):
+    """Take the name of a recorder that died from the master: nobody else does, and it would be listed for ever.
+
+    Parameters
+    ----------
+    argv : list of str
+        Command line with the recorder's ``__name:=``.
+    """
+    names = [word[len("__name:="):] for word in argv if word.startswith("__name:=")]
+    if not names:
+        return
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(argv=argv), names[0])
+    master = rosgraph.Master(name)
+    try:
+        address = master.lookupNode(name)
+        publishers, subscribers, services = master.getSystemState()
+        for topic, nodes in publishers:
+            if name in nodes:
+                master.unregisterPublisher(topic, address)
+        for topic, nodes in subscribers:
+            if name in nodes:
+                master.unregisterSubscriber(topic, address)
+        for service, nodes in services:
+            if name in nodes:
+                master.unregisterService(service, master.lookupService(service))
+    except (OSError, http.client.HTTPException, rosgraph.MasterException, ValueError):
+        return              # the master has gone, or the name has
+
+
 def _die_with_parent():
     """Let the recorder close its file when its keeper is killed; called in the recorder's process before it begins."""
     ctypes.CDLL(None, use_errno=True).prctl(_SET_DEATH_SIGNAL, signal.SIGINT)
@@ -239,6 +271,7 @@ def main(argv=None):
     except RecordError as error:
         sys.stderr.write("record: %s. The run goes on without a recording.\n" % error)
         sys.stderr.flush()
+        leave_master(sys.argv)
         if lockstep:
             keeper.listen()
         else:
