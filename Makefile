@@ -1,9 +1,9 @@
 # Every target is one script in tools/; `make help` lists them. Variables given on the command line reach the scripts.
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo demo-mapping gallery reference test fuzz soak lint clean
+.PHONY: help setup build demo demo-mapping gallery reference test fuzz soak faults lint clean
 .NOTPARALLEL:
 
-export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES MINUTES FUZZ_ARGS HOURS SOAK_ARGS
+export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES MINUTES FUZZ_ARGS HOURS SOAK_ARGS MOMENTS PAIRS
 
 help:  ## list the targets and the variables they take
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
@@ -11,6 +11,7 @@ help:  ## list the targets and the variables they take
 	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
 	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
 	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run side by side"
+	@echo "           MOMENTS=100  interrupts of each launch file by make faults;  PAIRS=10  runs repeated under load"
 	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counted as failed"
 	@echo "           MINUTES=60  how long fuzz runs;  FUZZ_ARGS='--target urdf'  its options (test/fuzz/README.md)"
 	@echo "           HOURS=24  simulated hours of soak;  SOAK_ARGS='--factor 20'  its options (docs/endurance.md)"
@@ -41,6 +42,9 @@ fuzz: setup  ## odd input to readers, services, topics and sockets, for MINUTES;
 
 soak: setup  ## simulated HOURS of mapping, spawning, resetting and asking; what grows, as a figure
 	@tools/soak.sh
+
+faults: setup  ## every fault of test/faults, interrupts of every launch file, repeatability under load; hours
+	@tools/faults.sh
 
 lint: setup  ## catkin_lint, flake8, XML and shell syntax, structure of the workspace; a warning is an error
 	@tools/lint.sh

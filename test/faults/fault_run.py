@@ -1,0 +1,231 @@
+"""A launch file in a folder, with a home and a master of its own; what is done to it and what must be left."""
+import fnmatch
+import glob
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+import rosbag
+import rosgraph
+import yaml
+from PIL import Image
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "nodes"))
+from check_launch_errors import free_port  # noqa: E402
+from sim_probe import Running, marked, wait_until  # noqa: E402
+
+PATIENCE = 300.0        # s of wall time for anything; far above what is needed, because machines that test are slow
+NEVER = ("Traceback", "core dumped", "Segmentation", "Aborted")
+TEMPORARY = (".whole-*", "*.part", "*.active", "*.orig.active")
+
+
+class FaultRun:
+    """A running launch file; a context manager that ends whatever is left.
+
+    Parameters
+    ----------
+    words : list of str
+        Of roslaunch.
+    environment : dict
+        Variables that differ; None takes one away.
+    prefix : list of str
+        Command in front of roslaunch; ``{folder}`` and ``{home}`` in it are filled in.
+    """
+
+    def __init__(self, words, environment=None, prefix=()):
+        self.top = tempfile.mkdtemp(prefix="fault_")
+        self.folder, self.home = os.path.join(self.top, "run"), os.path.join(self.top, "home")
+        os.mkdir(self.folder)
+        os.mkdir(self.home)
+        port = free_port()
+        self._uri = "http://127.0.0.1:%d" % port
+        self._master = Running([shutil.which("rosmaster"), "--core", "-p", str(port)],
+                               {"ROS_LOG_DIR": os.path.join(self.top, "log")})
+        self.master = rosgraph.Master("/fault_run", self._uri)
+        wait_until(self.master_answers, "the master")
+        self._words, self._prefix = list(words), [
+            word.format(folder=self.folder, home=self.home) for word in prefix]
+        self._changes = dict({"ROS_MASTER_URI": self._uri, "ROS_IP": "127.0.0.1", "HOME": self.home, "DISPLAY": "",
+                              "ROS_HOME": None, "ROS_LOG_DIR": None, "ROS_HOSTNAME": None}, **(environment or {}))
+        self._runs = []
+        self.begin()
+
+    def begin(self, words=None):
+        """Start roslaunch, a second one where one runs already; returns it (Running)."""
+        unset = [word for name, value in self._changes.items() if value is None for word in ("-u", name)]
+        given = {name: value for name, value in self._changes.items() if value is not None}
+        command = [shutil.which("env"), "-C", self.folder] + unset + self._prefix + [
+            shutil.which("roslaunch")] + (words or self._words)
+        self._runs.append(Running(command, given))
+        return self._runs[-1]
+
+    def master_answers(self):
+        """Whether the master answers."""
+        try:
+            return self.master.getPid() > 0
+        except (OSError, rosgraph.MasterException):
+            return False
+
+    @property
+    def run(self):
+        """The roslaunch that was started last."""
+        return self._runs[-1]
+
+    @property
+    def text(self):
+        """What the launch files said so far."""
+        return "".join(run.text for run in self._runs)
+
+    def wait_for(self, words, patience=PATIENCE):
+        """Wait until the run has said ``words``; AssertionError if it ends before."""
+        wait_until(lambda: words in self.text or self.run.process.poll() is not None, "%r in\n%s" % (
+            words, Later(lambda: self.text)), patience)
+        if words not in self.text:
+            self.run.wait()
+        assert words in self.text, "ended without saying %r:\n%s" % (words, self.text)
+
+    def process(self, part):
+        """Return the number of the process of the run in whose command line ``part`` stands; waits for it.
+
+        Of several, because of launch prefixes, the youngest.
+        """
+        return wait_until(lambda: max((pid for pid, command in marked(self.run.mark).items()
+                                       if part in command and "roslaunch" not in command), default=None),
+                          "a process with %r" % part, PATIENCE)
+
+    def signal(self, part, number):
+        """Send a signal to the process with ``part`` in its command line."""
+        os.kill(self.process(part), number)
+
+    def kill_master(self):
+        """Kill the master."""
+        self._master.process.kill()
+        self._master.process.wait()
+
+    def kill_roslaunch(self):
+        """Kill roslaunch, then tell each of its nodes to end."""
+        self.run.process.kill()
+        self.run.process.wait()
+        for pid in marked(self.run.mark):
+            os.kill(pid, signal.SIGINT)
+
+    def call(self, service):
+        """Call a service without arguments, beside the run."""
+        done = subprocess.run([shutil.which("rosservice"), "call", service, "{}"], stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                              env=dict(os.environ, ROS_MASTER_URI=self._uri), timeout=PATIENCE)
+        assert done.returncode == 0, done.stdout
+
+    def file(self, name):
+        """Return the path of a file of the run."""
+        return os.path.join(self.folder, name)
+
+    def wait_for_more(self, words, run):
+        """Wait until ``run`` says ``words`` twice more; the first may have been on its way before."""
+        count = run.text.count(words)
+        wait_until(lambda: run.text.count(words) >= count + 2 or run.process.poll() is not None,
+                   Later(lambda: "more of %r in\n%s" % (words, self.text)), PATIENCE)
+        assert run.process.poll() is None, self.text
+
+    def end(self, run, by_itself=False):
+        """Interrupt ``run``, or wait until it has ended by itself; returns the exit code."""
+        if not by_itself and run.process.poll() is None:
+            run.process.send_signal(signal.SIGINT)
+        return run.wait(PATIENCE)
+
+    # ---- what must be left
+
+    def check_gone(self, names=()):
+        """Nothing runs any more and nobody is on the master but ``names``, which were killed."""
+        for run in self._runs:
+            wait_until(lambda run=run: not marked(run.mark), Later(lambda run=run: "the end of %s\n%s" % (
+                marked(run.mark), self.text)), 30.0)
+        if self.master_answers():
+            wait_until(lambda: not self.names() - set(names), Later(
+                lambda: "%s to leave the master\n%s" % (self.names(), self.text)), 10.0)
+
+    def names(self):
+        """Return the names of all nodes on the master."""
+        return {node for part in self.master.getSystemState() for _, nodes in part for node in nodes}
+
+    def check_said(self, words):
+        """All the words were said, and nothing that is never to be said."""
+        for word in words:
+            assert word in self.text, "%r is not in\n%s" % (word, self.text)
+        for word in NEVER:
+            assert word not in self.text, self.text
+
+    def check_tidy(self, allowed=()):
+        """No temporary file is left but those that are allowed."""
+        left = {name for name in os.listdir(self.folder)
+                if any(fnmatch.fnmatchcase(name, pattern) for pattern in TEMPORARY)}
+        assert left <= set(allowed), "%s left; %s" % (left, self.text)
+
+    def check_bag(self, name="run.bag"):
+        """The bag can be read to its end; returns the number of messages."""
+        with rosbag.Bag(self.file(name)) as bag:
+            read = sum(1 for _ in bag.read_messages(raw=True))
+        assert read > 0, self.text
+        return read
+
+    def check_map(self, name="plan"):
+        """The map is a pair."""
+        with open(self.file(name + ".yaml"), encoding="utf-8") as stream:
+            described = yaml.safe_load(stream)
+        with Image.open(os.path.join(self.folder, described["image"])) as opened:
+            assert min(opened.size) > 1
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for run in self._runs + [self._master]:
+            run.__exit__()
+        shutil.rmtree(self.top, ignore_errors=True)
+
+
+class Later:
+    """A text that is made when it is asked for."""
+
+    def __init__(self, make):
+        self._make = make
+
+    def __str__(self):
+        return self._make()
+
+
+def interrupt_at(words, delay, environment=None):
+    """Start a launch file, interrupt it after ``delay`` seconds [wall], check what is left; return its output."""
+    with FaultRun(words, environment) as run:
+        time.sleep(delay)               # the moment is what is drawn at random; nothing to wait for
+        run.end(run.run)
+        run.check_gone()
+        run.check_said(())
+        run.check_tidy()
+        for bag in glob.glob(run.file("*.bag")):
+            with rosbag.Bag(bag) as opened:
+                opened.get_message_count()
+        assert os.path.exists(run.file("plan.yaml")) == os.path.exists(run.file("plan.pgm"))
+        if os.path.exists(run.file("plan.yaml")):
+            run.check_map()
+        return run.text
+
+
+def moments(name, count, longest):
+    """Return ``count`` moments [s] up to ``longest``, the same ones for a launch file at each call."""
+    draw = random.Random(name)
+    return [draw.uniform(0.0, longest) for _ in range(count)]
+
+
+def refused(command):
+    """Return why a command cannot be run here, or None."""
+    if shutil.which(command[0]) is None:
+        return "there is no program %s" % command[0]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                          universal_newlines=True)
+    return None if done.returncode == 0 else "%s: %s" % (" ".join(command), done.stderr.strip() or done.returncode)

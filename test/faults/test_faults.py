@@ -1,0 +1,55 @@
+"""Whatever is done to a run: it says what happened, nothing that was computed is lost, and nothing is left running.
+
+``make test`` takes a few cases; ``make faults`` takes all, and MOMENTS interrupts of every launch file.
+"""
+import os
+
+import pytest
+import rospkg
+
+from fault_cases import CASES, LAUNCH_FILES
+from fault_run import FaultRun, interrupt_at, moments, refused
+
+LONG = os.environ.get("M2WR_FAULTS") == "all"
+MOMENTS = int(os.environ.get("MOMENTS") or "100") if LONG else 1
+LONGEST = 12.0          # the last moment after the start [s], wall; by then every launch file is up
+SHORT = ("m2wr_sim/mapping.launch", "m2wr_gmapping/gmapping.launch")     # of the launch files, in make test
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if LONG or not case.long], ids=lambda case: case.name)
+def test_fault(case):
+    reason = refused(list(case.needs)) if case.needs else None
+    if reason:
+        pytest.skip("this fault cannot be made here: %s" % reason)
+    with FaultRun(case.launch, case.environment, case.prefix) as run:
+        if case.ready:
+            run.wait_for(case.ready)
+        first = run.run
+        if case.fault is not None:
+            case.fault(run)
+        if case.goes_on:
+            run.wait_for_more(case.goes_on, first)
+        run.end(first, case.ends)
+        run.check_gone(case.killed)
+        run.check_said(case.said)
+        run.check_tidy(case.stray)
+        if "bag" in case.left:
+            run.check_bag()
+        if "map" in case.left:
+            run.check_map()
+
+
+@pytest.mark.parametrize("name, number", [(name, number) for name, words in sorted(LAUNCH_FILES.items())
+                                          if words is not None and (LONG or name in SHORT)
+                                          for number in range(MOMENTS)])
+def test_interrupted_at_any_moment(name, number):
+    interrupt_at(name.split("/") + LAUNCH_FILES[name], moments(name, MOMENTS if LONG else 100, LONGEST)[number])
+
+
+def test_every_launch_file_is_interrupted():
+    pack, found = rospkg.RosPack(), set()
+    for package in {name.split("/")[0] for name in LAUNCH_FILES}:
+        folder = os.path.join(pack.get_path(package), "launch")
+        found.update("%s/%s" % (package, name) for name in os.listdir(folder) if name.endswith(".launch"))
+    worlds = {name for name in found if name.startswith("gazebo_ros/") and name.endswith("_world.launch")}
+    assert found - worlds == set(LAUNCH_FILES) - worlds       # the worlds of gazebo_ros include its empty_world.launch
