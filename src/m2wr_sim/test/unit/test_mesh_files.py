@@ -1,4 +1,5 @@
 """Mesh files: what comes out of them, and what is said of those that cannot be used."""
+import os
 import struct
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 
 from m2wr_sim.model import mesh_files
 from m2wr_sim.model.mesh_files import has_area, read_mesh_file
-from m2wr_sim.model.safe_xml import XmlError
+from m2wr_sim.model.safe_xml import XmlError, read_file
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -200,3 +201,14 @@ def test_vertices_with_other_than_three_coordinates_are_refused(tmp_path, text):
     (tmp_path / "a.obj").write_text(text)
     with pytest.raises(XmlError, match=r"a\.obj: .*three coordinates"):
         read_mesh_file(str(tmp_path / "a.obj"))
+
+
+def test_pipes_and_devices_are_refused_at_once(tmp_path):
+    os.mkfifo(str(tmp_path / "pipe.stl"))
+    (tmp_path / "zero.obj").symlink_to("/dev/zero")
+    for name in ("pipe.stl", "zero.obj"):
+        with pytest.raises(XmlError, match="no regular file"):
+            read_mesh_file(str(tmp_path / name))
+    for name in ("pipe.stl", "zero.obj"):
+        with pytest.raises(XmlError, match="no regular file"):
+            read_file(str(tmp_path / name))

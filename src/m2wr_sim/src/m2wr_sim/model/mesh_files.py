@@ -6,6 +6,7 @@ import io
 import logging
 import os
 import re
+import stat
 import warnings
 from collections import OrderedDict, namedtuple
 
@@ -57,6 +58,8 @@ def read_mesh_file(path):
         if key in _files:
             _files.move_to_end(key)
             return _files[key]
+        if not stat.S_ISREG(status.st_mode):        # a pipe would make the reader wait, a device never end
+            raise XmlError("{}: is no regular file; expected a mesh file".format(path))
         if status.st_size > MAX_MESH_BYTES:
             raise XmlError("{}: the file has {} MB; expected at most {} MB".format(
                 path, status.st_size // 2 ** 20, MAX_MESH_BYTES // 2 ** 20))

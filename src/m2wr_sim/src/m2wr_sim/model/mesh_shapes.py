@@ -15,6 +15,7 @@ from m2wr_sim.model.safe_xml import XmlError, fail, file_of, parse_vector, place
 from m2wr_sim.model.types import Heightmap, Mesh
 
 _DEFAULT_SAMPLING = 2       # SDF's
+_PICTURES = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF")     # others may start programs to be read
 _MAX_PIXELS = 4096 * 4096
 
 
@@ -223,7 +224,12 @@ def _read_levels(path):
     except ImportError as error:
         raise XmlError("{}: {}; expected the Python package Pillow, which reads pictures".format(path, error)) from None
     try:
+        if not os.path.isfile(path):
+            raise XmlError("{}: is no regular file; expected a picture such as a PNG".format(path))
         with Image.open(path) as picture:
+            if picture.format not in _PICTURES:
+                raise XmlError("{}: is a {} picture; expected one of {}".format(
+                    path, picture.format, ", ".join(_PICTURES)))
             if picture.size[0] * picture.size[1] > _MAX_PIXELS:
                 raise XmlError("{}: the picture has {} x {} pixels; expected at most {} in all".format(
                     path, picture.size[0], picture.size[1], _MAX_PIXELS))

@@ -4,6 +4,7 @@ No other module of this package parses XML text.  Nothing here knows what a robo
 """
 import logging
 import math
+import os
 from contextlib import contextmanager
 from urllib.parse import unquote
 from xml.parsers import expat
@@ -146,6 +147,8 @@ def _refuse_depth(root, source):
 def read_file(path):
     """Return the bytes of a file; XmlError names a file that is missing, a folder, or not readable."""
     try:
+        if not os.path.isfile(path) and os.path.exists(path) and not os.path.isdir(path):
+            raise XmlError("{}: is no regular file; expected an XML file".format(shorten(path, 300)))
         with open(path, "rb") as stream:
             return stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:      # ValueError: a path that no file can have

@@ -1,0 +1,41 @@
+"""SECURITY.md says what the code does: every limit in its table is the one that holds."""
+import os
+import re
+
+import workspace_tree as tree
+
+from m2wr_gmapping import state_file, state_kinds
+from m2wr_sim.model import lenient_xml, mesh_files, mesh_shapes, safe_xml
+from m2wr_sim.ros import spawning
+from m2wr_view import map_input
+
+TEXT = tree.read(os.path.join(tree.ROOT, "SECURITY.md"))
+LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xml.MAX_BYTES, safe_xml.MAX_DEPTH,
+          lenient_xml._MOST_BYTES, mesh_files.MAX_MESH_BYTES, mesh_files.MAX_TRIANGLES, mesh_shapes._MAX_PIXELS,
+          map_input.MOST_YAML, map_input.MOST_DEPTH, map_input.MOST_PICTURE, map_input.MOST_PIXELS, state_file.MOST_FILE,
+          state_file.MOST_UNPACKED, state_file.MOST_JSON, state_file.MOST_DEPTH, state_kinds.MOST_ITEMS]
+#: What evaluates text, and the files that may: what they evaluate is the program's own, or the user's command line.
+EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
+                       r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
+ALLOWED = {"m2wr_sim/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
+           "m2wr_gmapping/state_file.py": "pickle", "m2wr_gmapping/replay/command.py": "shell=True"}
+
+
+def test_the_tables_limits_are_those_of_the_code():
+    shown = [int(found) for found in re.findall(r"^\| [^|]+ \| (\d+) \| [^|]+ \|$", TEXT, re.MULTILINE)]
+    assert shown == LIMITS
+
+
+def test_nothing_but_what_is_listed_evaluates_text():
+    found = {}
+    for folder in ("src", "dropin"):
+        for path in tree.files_below(os.path.join(tree.ROOT, folder)):
+            if path.endswith(".py") and "/test/" not in path:
+                for match in EVALUATES.finditer(tree.read(path)):
+                    found.setdefault("/".join(path.split("/src/")[-1].split("/")), set()).add(match.group())
+    assert found == {path: {word} for path, word in ALLOWED.items()}
+
+
+def test_the_yaml_loader_of_maps_makes_words_only():
+    source = tree.read(map_input.__file__)
+    assert source.count("Loader=yaml.BaseLoader") == 2 and source.count("yaml.load(") == 1
