@@ -151,6 +151,13 @@ def test_resolution_blends_rows_as_well():
         np.testing.assert_allclose(row, (hit, 0.5 * (hit + 10.0), np.inf), rtol=1e-6)
 
 
+@pytest.mark.parametrize("name, value", [("max_angle", 1e308), ("min_angle", -2e4), ("vertical_max_angle", math.inf),
+                                         ("vertical_min_angle", math.nan)])
+def test_an_angle_that_a_message_cannot_hold_is_refused(name, value):
+    with pytest.raises(ValueError, match="%s .*: expected a number of at most 10000 rad" % name):
+        laser(samples=30, **{name: value})
+
+
 def test_resolution_below_one_gives_fewer_readings_and_misses_stay_infinite():
     sensor = laser(samples=720, resolution=0.5, vertical_samples=4, vertical_resolution=2.0, vertical_min_angle=-0.1,
                    vertical_max_angle=0.1)

@@ -3,6 +3,7 @@ import os
 from contextlib import contextmanager
 
 import rosbag
+import roslib.message
 
 from m2wr_view.errors import ViewError
 
@@ -43,6 +44,29 @@ def check_types(bag, path, expected):
             raise ViewError("bag %s: topic %s has the type %s; expected %s" % (path, topic, kind, expected[topic]))
 
 
+def messages_of(bag, path, topics):
+    """Yield (topic, message, recorder's time) of topics, in the order of recording.
+
+    Raises
+    ------
+    ViewError
+        If a bag's definition of a type is another one than that of this installation: its messages have other fields.
+    """
+    found = bag.get_type_and_topic_info()
+    wanted = {info.msg_type for topic, info in found.topics.items() if topic in topics}
+    for kind in sorted(wanted):
+        installed = roslib.message.get_message_class(kind)
+        if installed is None or found.msg_types.get(kind) != installed._md5sum:
+            raise ViewError("bag %s: %s has the md5 sum %s there; expected %s, as in this installation" % (
+                path, kind, found.msg_types.get(kind), installed and installed._md5sum))
+        # else rosbag would make a class of the definition in the bag: its fields, and its code, are the bag's
+        getattr(rosbag.bag, "_message_types", {})[installed._md5sum] = installed
+    for topic, message, recorded in bag.read_messages(topics):
+        if message._md5sum != roslib.message.get_message_class(message._type)._md5sum:
+            raise ViewError("bag %s: topic %s has more than one definition of %s" % (path, topic, message._type))
+        yield topic, message, recorded
+
+
 def read_messages(path, expected):
     """Yield (topic, message, recorder's time) of topics, {topic: type}, in the order of recording.
 
@@ -53,5 +77,5 @@ def read_messages(path, expected):
     """
     with open_bag(path) as bag:
         check_types(bag, path, expected)
-        for entry in bag.read_messages(list(expected)):
+        for entry in messages_of(bag, path, list(expected)):
             yield entry

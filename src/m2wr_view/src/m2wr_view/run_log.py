@@ -7,7 +7,7 @@ from typing import Optional, Tuple
 
 import numpy as np
 
-from m2wr_view.bag_file import check_types, open_bag
+from m2wr_view.bag_file import check_types, messages_of, open_bag
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import yaw_of
 
@@ -106,11 +106,11 @@ def _read_topics(path):
             raise ViewError("bag %s: there is no message in it; expected a recorded run" % path)
         check_types(bag, path, TYPES)
         topics = {}
-        for topic, message, recorded in bag.read_messages([name for name in TYPES if name != CLOCK]):
+        for topic, message, recorded in messages_of(bag, path, [name for name in TYPES if name != CLOCK]):
             topics.setdefault(topic, []).append(_Entry(recorded.to_sec(), message))
         if ODOMETRY not in topics:      # a clock comes a hundred times a second: read only if nothing else tells
             topics[CLOCK] = [_Entry(recorded.to_sec(), message)
-                             for _, message, recorded in bag.read_messages([CLOCK])]
+                             for _, message, recorded in messages_of(bag, path, [CLOCK])]
         return topics
 
 

@@ -17,6 +17,7 @@ from m2wr_sim.sensors.scene import Scene
 
 _cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
 _cast_meshes = mesh_kernels.cast_meshes if kernels.HAVE_NUMBA else cast_meshes_numpy
+FARTHEST_ANGLE = 1e4      # rad: beyond, the float32 of a message tells no milliradian any more
 
 
 class LaserSensor:
@@ -53,8 +54,9 @@ class LaserSensor:
         self.count = _checked_count("horizontal", ray.samples, ray.resolution)
         self.vertical_count = _checked_count("vertical", ray.vertical_samples, ray.vertical_resolution)
         for name in ('min_angle', 'max_angle', 'vertical_min_angle', 'vertical_max_angle'):
-            if not math.isfinite(getattr(ray, name)):
-                raise ValueError("ray sensor: %s %r: expected a finite number" % (name, getattr(ray, name)))
+            if not abs(getattr(ray, name)) <= FARTHEST_ANGLE:
+                raise ValueError("ray sensor: %s %r: expected a number of at most %g rad either way"
+                                 % (name, getattr(ray, name), FARTHEST_ANGLE))
         for name in ('range_min', 'range_max'):
             if not getattr(ray, name) >= 0.0:
                 raise ValueError("ray sensor: %s %r: expected a number not below 0" % (name, getattr(ray, name)))

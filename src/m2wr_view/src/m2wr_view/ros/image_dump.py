@@ -13,7 +13,7 @@ import roslib.message
 import rospy
 from sensor_msgs.msg import Image
 
-from m2wr_view.bag_file import open_bag, topic_types
+from m2wr_view.bag_file import messages_of, open_bag, topic_types
 from m2wr_view.dumping import make_dump
 from m2wr_view.errors import ViewError
 from m2wr_view.renderer import Renderer
@@ -126,7 +126,7 @@ def dump_bag(options, mappings=None):
             return 1
         usable = [topic for topic in names if types.get(topic) == TOPICS[names[topic]][0]]
         try:
-            for topic, message, _ in bag.read_messages(usable):
+            for topic, message, _ in messages_of(bag, path, usable):
                 dump.take(names[topic], message)
                 if dump.failed:
                     return 1
