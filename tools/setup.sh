@@ -14,18 +14,28 @@ as_root() {
     fi
 }
 
+CLIENT_PACKAGES=$WORKSPACE/src/m2wr_sim/config/client_packages.txt
+
+# Reads names of packages, prints those that are not installed.
 apt_missing() {
     local package
     while read -r package; do
         if [ "$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null)" != installed ]; then
             printf '%s\n' "$package"
         fi
-    done < <(list_entries "$1")
+    done
+}
+
+# Packages for programs written for Gazebo: column 1 of the list are Debian's names, column 2 those of ROS packages.
+client_packages() {
+    list_entries "$CLIENT_PACKAGES" | awk -v column="$1" '
+        column == 2 && $2 != "-" { gsub("_", "-", $2); print "ros-noetic-" $2; next }
+        { print $1 }' | LC_ALL=C sort -u
 }
 
 install_apt_packages() {
     local missing
-    mapfile -t missing < <(apt_missing "$WORKSPACE/tools/apt-packages.txt")
+    mapfile -t missing < <({ list_entries "$WORKSPACE/tools/apt-packages.txt"; client_packages 1; } | apt_missing)
     if [ ${#missing[@]} -eq 0 ]; then
         say "system packages: all present"
         return
@@ -39,7 +49,7 @@ install_apt_packages() {
 
 install_noetic_packages() {
     local stamp=$CATKIN_BUILD/.m2wr_rosdep_hash now
-    now=$(cd "$WORKSPACE" && cat src/*/package.xml test/package.xml tools/setup.sh | sha256sum)
+    now=$(cd "$WORKSPACE" && cat src/*/package.xml test/package.xml tools/setup.sh "$CLIENT_PACKAGES" | sha256sum)
     if [ "$(cat "$stamp" 2>/dev/null)" = "$now" ]; then
         say "system packages: package.xml files unchanged since the last rosdep run"
         return
@@ -48,6 +58,8 @@ install_noetic_packages() {
     as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y python3-venv python3-dev python3-catkin-tools \
         python3-catkin-lint python3-flake8 python3-pytest python3-pytest-timeout python3-pytest-xdist build-essential \
         libode-dev shellcheck
+    # shellcheck disable=SC2046
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get -q install -y $(client_packages 2)
     [ -d /etc/ros/rosdep/sources.list.d ] || as_root rosdep init
     rosdep update --rosdistro noetic
     # shellcheck disable=SC2046

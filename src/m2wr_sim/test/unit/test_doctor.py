@@ -4,9 +4,19 @@ import re
 
 import pytest
 
-from m2wr_sim.doctor import command, frames, graph, installation, surroundings
+from m2wr_sim.doctor import clients, command, frames, graph, installation, surroundings
 from m2wr_sim.doctor.finding import Finding, some, worst
 from m2wr_sim.doctor.machine import Machine
+
+
+LIST = """
+# a list as the shipped one
+python-is-python3  -          program python
+python3-tf         tf         module tf        # a comment
+tf-tools           tf         node static_transform_publisher
+libnav-msgs-dev    nav_msgs   cmake
+libtopic-tools-dev topic_tools  package
+"""
 
 
 class FakeMachine:
@@ -19,12 +29,15 @@ class FakeMachine:
         self.python, self.version = "/usr/bin/python3", (3, 11, 2)
         self.missing, self.absent, self.locked, self.broken = set(), set(), set(), set()
         self.programs = {name: "/usr/bin/" + name for name in (
-            "python3", "roscore", "roslaunch", "rosrun", "Xvfb", "ffmpeg", "glxinfo")}
+            "python", "python3", "roscore", "roslaunch", "rosrun", "Xvfb", "ffmpeg", "glxinfo")}
         self.runs = {"glxinfo": (0, "OpenGL renderer string: llvmpipe (LLVM 15)\n")}
         self.hosts = {"localhost": ["127.0.0.1"], "other": ["10.0.0.9"]}
         self.free, self.open_ports, self.answers = 50 << 30, set(), {"/tmp/.X11-unix/X0"}
         self.files = {"/ws/devel/lib/m2wr_sim/demo": b"#!/usr/bin/python3\n"}
         self.kernels = ["/ws/x.nbi"]
+        self.texts = {"/ws/src/m2wr_sim/" + clients.LIST: LIST}
+        self.open_everywhere = set()
+        self.absent.add("/opt/ros/noetic/setup.bash")
         for name, value in changes.items():
             getattr(self, name)         # no typing errors
             setattr(self, name, value)
@@ -46,6 +59,14 @@ class FakeMachine:
 
     def first_line(self, path):
         return self.files[path]
+
+    def lines(self, path):
+        if path not in self.texts:
+            raise FileNotFoundError(path)
+        return self.texts[path].splitlines(True)
+
+    def open_to_all(self):
+        return self.open_everywhere
 
     def below(self, folder):
         return self.kernels
@@ -75,7 +96,8 @@ class FakeMachine:
 class FakePackages:
     """Packages at their places."""
 
-    def __init__(self, machine, missing=(), twice=(), roots=("/ws/src",)):
+    def __init__(self, machine, missing=(), twice=(), roots=("/ws/src",), sourced=None):
+        self._sourced = sourced
         self._machine, self._missing, self._twice, self._roots, self.fault = machine, missing, twice, roots, ""
 
     def roots(self):
@@ -83,6 +105,9 @@ class FakePackages:
 
     def find(self, name):
         return None if name in self._missing else "/ws/src/" + name
+
+    def sourced(self, name):
+        return self._sourced if name == "m2wr_description" and self._sourced else None
 
     def copies(self, name):
         return ["/ws/src/" + name] + ["/old/src/" + name] * (name in self._twice)
@@ -127,11 +152,64 @@ def test_a_sound_installation_has_no_faults():
     ({}, {"twice": ("m2wr_sim",)}, "warning", ("2 times", "/old/src/m2wr_sim is shadowed")),
     ({"absent": {"/gone"}}, {"roots": ("/ws/src", "/gone")}, "warning", ("/gone", "new shell")),
     ({"files": {}}, {}, "problem", ("not built", "make build")),
+    ({}, {"sourced": "/other/m2wr_description"}, "problem",
+     ("/ws/src/m2wr_description", "/other/m2wr_description", "multiple files named", "another name")),
+    ({"programs": {name: name for name in ("roscore", "roslaunch", "rosrun", "python3")}}, {}, "warning",
+     ("#!/usr/bin/env python\"", "127", "sudo apt install python-is-python3")),
+    ({"missing": {"tf"}}, {}, "warning", ("Python module tf", "sudo apt install python3-tf")),
+    ({}, {"missing": ("topic_tools",)}, "warning", ("package topic_tools", "libtopic-tools-dev")),
+    ({"absent": {prefix + "/%s/tf/static_transform_publisher" % place for place in ("lib", "share")
+                 for prefix in ("/ws/devel", "/usr", "/opt/ros/noetic")} | {"/opt/ros/noetic/setup.bash"}}, {},
+     "warning", ("tf/static_transform_publisher", "sudo apt install tf-tools")),
+    ({"missing": {"tf"}, "absent": set()}, {}, "warning", ("Python module tf", "sudo apt install ros-noetic-tf")),
+    ({"texts": {}}, {}, "warning", ("cannot be read", "again")),
+    ({"texts": {"/ws/src/m2wr_sim/" + clients.LIST: "python3-tf tf modul tf\n"}}, {}, "warning",
+     ("line 1", "modul tf")),
     ({"broken": {"/ws/devel/lib/m2wr_sim/demo"}}, {}, "problem", ("not executable", "chmod +x")),
     ({"files": {"/ws/devel/lib/m2wr_sim/demo": b"#!/usr/bin/python3\r\n"}}, {}, "problem", ("Windows", "sed -i")),
 ])
 def test_faults_of_an_installation(changes, packages, level, words):
     one_fault(install(FakeMachine(**changes), **packages), level, *words)
+
+
+def test_all_that_is_missing_is_told_together_with_one_command():
+    found = install(FakeMachine(missing={"tf"}), missing=("topic_tools",))
+    one_fault(found, "warning", "Python module tf, package topic_tools", "install libtopic-tools-dev python3-tf")
+
+
+def test_headers_are_looked_for_where_debian_and_noetic_have_them():
+    asked = []
+
+    class Asked(FakeMachine):
+        def exists(self, path):
+            asked.append(path)
+            return not path.endswith("nav_msgsConfig.cmake")
+
+    one_fault(install(Asked()), "warning", "C++ of nav_msgs")
+    assert "/opt/ros/noetic/share/nav_msgs/cmake/nav_msgsConfig.cmake" in asked
+    assert any(path.startswith("/usr/lib/") and path.endswith("cmake/nav_msgs/nav_msgsConfig.cmake") for path in asked)
+
+
+def test_the_shipped_list_can_be_read_and_names_each_thing_once():
+    import os
+    with open(os.path.join(os.path.dirname(__file__), "..", "..", clients.LIST)) as stream:
+        entries = clients.parse(stream)
+    assert len(entries) > 40 and len(set(entry[1:] for entry in entries)) == len(entries)
+
+
+def test_a_package_that_package_path_and_workspace_have_is_found_in_both(tmp_path):
+    for place in ("mine/thing", "ws/thing"):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "package.xml").write_text("<package><name>thing</name></package>")
+    (tmp_path / "devel").mkdir()
+    (tmp_path / "devel/.catkin").write_text("%s;%s" % (tmp_path / "ws/other", tmp_path / "ws/thing"))
+    machine = Machine()
+    machine.environ.update(ROS_PACKAGE_PATH="%s:%s" % (tmp_path / "mine", tmp_path / "ws"),
+                           CMAKE_PREFIX_PATH="/gone:%s" % (tmp_path / "devel"))
+    packages = installation.PackageList(machine)
+    assert packages.find("thing") == str(tmp_path / "mine/thing")
+    assert packages.sourced("thing") == str(tmp_path / "ws/thing")
+    assert packages.sourced("unknown") is None
 
 
 def test_a_foreign_python_first_on_the_path():
@@ -251,6 +329,43 @@ def make_graph(**changes):
 
 def test_a_sound_graph_has_no_faults():
     assert not faults(graph.check_master(FakeMachine(), make_graph()) + graph.check_topics(make_graph()))
+
+
+def test_nodes_at_the_loopback_address_cannot_serve_a_master_elsewhere():
+    one_fault(environment(ROS_MASTER_URI="http://other:11311"), "problem", "the master is on other",
+              "ROS_HOSTNAME is localhost", "export ROS_IP=")
+
+
+def test_without_a_variable_nodes_are_open_which_is_told_unless_the_master_is_elsewhere():
+    def examine(**variables):
+        machine = FakeMachine()
+        del machine.environ["ROS_HOSTNAME"]
+        machine.environ.update(variables)
+        machine.hosts["laptop"] = ["127.0.1.1"]
+        return surroundings.check_environment(machine)
+
+    one_fault(examine(), "warning", "neither ROS_IP nor ROS_HOSTNAME", "ROS_IP=127.0.0.1")
+    assert not faults(examine(ROS_MASTER_URI="http://other:11311"))
+
+
+def test_ports_of_cpp_nodes_that_others_can_reach_are_told():
+    running = graph.Graph({}, {}, {}, {}, {"/rosout": "http://localhost:4001/", "/gazebo": "http://localhost:4002/"},
+                          [], None)
+    texts = [entry.what for entry in graph.check_master(FakeMachine(open_everywhere={4001}), running)]
+    assert any(text.startswith("/rosout: XML-RPC port open to other machines") for text in texts), texts
+    texts = [entry.what for entry in graph.check_master(FakeMachine(), running)]
+    assert "all nodes listen at the loopback address only" in texts
+
+
+def test_only_sockets_bound_to_every_address_count_as_open():
+    import socket
+    with socket.socket() as everywhere, socket.socket() as here:
+        everywhere.bind(("0.0.0.0", 0))
+        here.bind(("127.0.0.1", 0))
+        everywhere.listen(1)
+        here.listen(1)
+        found = Machine().open_to_all()
+        assert everywhere.getsockname()[1] in found and here.getsockname()[1] not in found
 
 
 def test_no_master_is_no_fault_here_and_one_elsewhere():

@@ -90,7 +90,23 @@ def check_master(machine, graph):
         else:
             found.append(warning(_MASTER, "node %s is registered, but does not answer" % name,
                                  "it died, or hangs: rosnode cleanup"))
-    return found + _time(graph)
+    return found + _reachable(machine, graph) + _time(graph)
+
+
+def _reachable(machine, graph):
+    """Tell which nodes of this machine take connections from others although ROS is bound to the loopback address."""
+    environ = machine.environ
+    host = environ.get("ROS_HOSTNAME") or environ.get("ROS_IP")
+    addresses = machine.addresses(host) if host else []
+    if not addresses or not all(address.startswith(("127.", "::1")) for address in addresses):
+        return []               # said of the environment, or wanted
+    ports = machine.open_to_all()
+    names = [name for name, address in graph.nodes.items() if urlparse(address).port in ports
+             and any(machine.is_local(place) for place in machine.addresses(urlparse(address).hostname or ""))]
+    if not names:
+        return [ok(_MASTER, "all nodes listen at the loopback address only")]
+    return [ok(_MASTER, "%s: XML-RPC port open to other machines, as roscpp always opens it; in a network that is not "
+               "yours, let a firewall close it", some(names))]
 
 
 def _time(graph):

@@ -1,6 +1,7 @@
 """Are the programs, Python modules and packages there, and are they the right ones?"""
 import os
 
+from m2wr_sim.doctor import clients
 from m2wr_sim.doctor.finding import ok, problem, some, warning
 
 _AREA = "installation"
@@ -27,6 +28,7 @@ def check(machine, packages=None):
     if packages.find("m2wr_sim"):
         found += _executables(machine, packages)
         found.append(_kernels(machine, packages))
+        found += clients.check(machine, packages)
     return found
 
 
@@ -59,6 +61,20 @@ class PackageList:
             for root in self.roots():
                 self._walk(root, 1 if root.startswith(("/usr", "/opt")) else _DEEPEST)
         return self._copies.get(name, [])
+
+    def sourced(self, name):
+        """Return the folder of a package in the first sourced workspace that has it; None if none has it."""
+        for prefix in self._machine.environ.get("CMAKE_PREFIX_PATH", "").split(":"):
+            try:
+                with open(os.path.join(prefix, ".catkin")) as stream:
+                    sources = [entry for entry in stream.read().split(";") if entry]
+            except OSError:
+                continue                # no workspace of catkin's
+            for folder in self.copies(name):
+                if any(folder == top or folder.startswith(top + os.sep)
+                       for top in map(os.path.realpath, sources or [os.path.join(prefix, "share")])):
+                    return folder
+        return None
 
     def _walk(self, folder, depth):
         try:
@@ -94,14 +110,15 @@ def _python(machine):
 def _foreign_python(machine):
     """Check what others would start: scripts that begin with ``env python3``, and what PYTHONPATH brings in."""
     found = []
-    first = machine.which("python3")
-    if first and os.path.realpath(first) != os.path.realpath(machine.python):
-        code, _ = machine.run([first, "-c", "import rospy, numpy, yaml"])
-        if code != 0:
-            found.append(warning(
-                _AREA, "the first python3 on PATH is %s, which cannot import rospy" % first,
-                "scripts of others that begin with \"#!/usr/bin/env python3\" will fail: put /usr/bin first "
-                "(export PATH=/usr/bin:$PATH), or leave the conda or pyenv environment"))
+    for name in ("python3", "python"):
+        first = machine.which(name)
+        if first and os.path.realpath(first) != os.path.realpath(machine.python):
+            code, _ = machine.run([first, "-c", "import rospy, numpy, yaml"])
+            if code != 0:
+                found.append(warning(
+                    _AREA, "the first %s on PATH is %s, which cannot import rospy" % (name, first),
+                    "scripts of others that begin with \"#!/usr/bin/env %s\" will fail: put /usr/bin first "
+                    "(export PATH=/usr/bin:$PATH), or leave the conda or pyenv environment" % name))
     own = "python%d.%d" % machine.version[:2]
     strange = [entry for entry in machine.environ.get("PYTHONPATH", "").split(":")
                if any(part.startswith("python") and part[6:7].isdigit() and part not in (own, "python3")
@@ -148,7 +165,16 @@ def _workspace(machine, packages):
                                  "a workspace was moved or deleted: in a new shell, source only what is there"))
     for name in PACKAGES:
         copies = packages.copies(name)
-        if len(copies) > 1:
+        sourced = packages.sourced(name)
+        if sourced and packages.find(name) and sourced != os.path.realpath(packages.find(name)):
+            found.append(problem(
+                _AREA, "there are two packages %s: ROS_PACKAGE_PATH finds %s first, the sourced workspaces have %s; "
+                "roslaunch ends with \"multiple files named\" where both have a file of one name" % (
+                    name, packages.find(name), sourced),
+                "give yours another name (in package.xml, and where it is used); or build it with catkin in a "
+                "workspace of its own with this one sourced, and source that one's devel/setup.bash, instead of "
+                "setting ROS_PACKAGE_PATH"))
+        elif len(copies) > 1:
             found.append(warning(
                 _AREA, "package %s is there %d times; %s is used, %s is shadowed" % (
                     name, len(copies), packages.find(name),

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import tempfile
 
+_LISTENS = "0A"             # state TCP_LISTEN of Linux, as /proc/net/tcp writes it
+
 
 class Machine:
     """Questions about this machine and this process; every answer comes within a few seconds.
@@ -63,6 +65,26 @@ class Machine:
                 return stream.readline(300)
         except OSError:
             return b""
+
+    def lines(self, path):
+        """Return the lines of a text file; OSError if it cannot be read."""
+        with open(path) as stream:
+            return stream.readlines()
+
+    def open_to_all(self):
+        """Return the ports at which this machine's processes take TCP connections from any address."""
+        found = set()
+        for path, everywhere in (("/proc/net/tcp", "0" * 8), ("/proc/net/tcp6", "0" * 32)):
+            try:
+                rows = self.lines(path)[1:]
+            except OSError:
+                continue                # no Linux, or no IPv6
+            for row in rows:
+                local, state = row.split()[1], row.split()[3]
+                address, port = local.split(":")
+                if state == _LISTENS and address == everywhere:
+                    found.add(int(port, 16))
+        return found
 
     def below(self, folder):
         """Return the paths of all files below a folder."""

@@ -11,6 +11,7 @@ _ENOUGH, _LITTLE = 2 << 30, 200 << 20       # bytes
 _LOCAL_DISPLAY = re.compile(r"^(?:unix)?:(\d+)(?:\.\d+)?$")
 _DISPLAY_NAME = re.compile(r"^(.+):(\d+)(?:\.\d+)?$")
 _X_PORT = 6000
+_LOOPBACK = ("127.", "::1")
 
 
 def master_address(environ):
@@ -54,10 +55,33 @@ def _own_name(machine):
     if not any(machine.is_local(address) for address in addresses):
         return [problem(_ENVIRONMENT, "%s, but %s is no address of this machine: nodes cannot reach one another" % (
             what, addresses[0]), "unset ROS_IP ROS_HOSTNAME, or export ROS_HOSTNAME=localhost")]
-    found = [ok(_ENVIRONMENT, what)]
+    found = [ok(_ENVIRONMENT, what)] if variable else _open(machine)
+    elsewhere = _master_elsewhere(machine)
+    if variable and elsewhere and all(address.startswith(_LOOPBACK) for address in addresses):
+        found.append(problem(
+            _ENVIRONMENT, "the master is on %s, but %s: nodes there cannot reach those here" % (elsewhere, what),
+            "export ROS_IP=, with the address of this machine in that network, and unset ROS_HOSTNAME"))
     if environ.get("ROS_IP") and environ.get("ROS_HOSTNAME"):
         found.append(warning(_ENVIRONMENT, "ROS_IP and ROS_HOSTNAME are both set; ROS_HOSTNAME counts", "unset ROS_IP"))
     return found
+
+
+def _master_elsewhere(machine):
+    """Return the host of ROS_MASTER_URI if it is another machine, or None."""
+    master = master_address(machine.environ)
+    addresses = machine.addresses(master[0]) if master else []
+    return master[0] if addresses and not any(machine.is_local(address) for address in addresses) else None
+
+
+def _open(machine):
+    """Tell that nodes listen at every address, where no variable says otherwise."""
+    elsewhere = _master_elsewhere(machine)
+    if elsewhere:
+        return [ok(_ENVIRONMENT, "nodes are open to other machines, for the master is on %s", elsewhere)]
+    return [warning(_ENVIRONMENT, "neither ROS_IP nor ROS_HOSTNAME is set: nodes and master take connections from "
+                    "every machine of the network, and ROS asks none for a password",
+                    "where all runs on one machine: source devel/setup.bash of the workspace again, or export "
+                    "ROS_IP=127.0.0.1")]
 
 
 def _disk(machine):
