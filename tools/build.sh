@@ -14,10 +14,11 @@ if [ -r "$CATKIN_BUILD/.m2wr_place" ] && [ "$(cat "$CATKIN_BUILD/.m2wr_place")" 
     rm -rf "$CATKIN_BUILD" "$WORKSPACE/devel" "$WORKSPACE/logs"
 fi
 rm -f "$BUILD_STAMP"
-catkin build --workspace "$WORKSPACE" --profile default --no-status --no-notify --summarize "$@"
+# PYTHONUNBUFFERED: each package is named when it starts, also where the output goes to a file.
+PYTHONUNBUFFERED=1 M2WR_KERNELS_LATER=1 catkin build --workspace "$WORKSPACE" --profile default --no-status --no-notify --summarize "$@"
 printf '%s' "$WORKSPACE" > "$CATKIN_BUILD/.m2wr_place"
 if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
-    say "compiled kernels: filling the cache, so that the first launch need not wait"
+    say "compiled kernels: filling the cache, so that the first launch need not wait (minutes on a slow machine)"
     (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
     if [ -r "$WORKSPACE/devel/lib/m2wr_gmapping/slam_gmapping_replay" ]; then
         # numba looks only at a kernel's own file, not at those it calls into

@@ -1,6 +1,5 @@
 """Compile every kernel, or load it from its cache, before anything waits: ``python3 -m m2wr_gmapping.warm_up``."""
 import math
-import sys
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.scan import LaserModel
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
+from m2wr_view.kernel_progress import KernelProgress
 
 
 def tour(mapper, steps=40):
@@ -62,4 +62,5 @@ def warm_up():
 
 
 if __name__ == "__main__":
-    sys.exit(warm_up())
+    with KernelProgress("m2wr_gmapping"):
+        warm_up()

@@ -1,5 +1,4 @@
 """Compile every kernel, or load it from its cache, before anything waits for it: ``python3 -m m2wr_sim.warm_up``."""
-import sys
 
 import numpy as np
 
@@ -25,5 +24,15 @@ def warm_up(engine_kind="auto"):
         engine.close()
 
 
+def main():
+    """Compile, and say how far it has come; while the workspace is built, what says it may not be there yet."""
+    try:
+        from m2wr_view.kernel_progress import KernelProgress
+    except ImportError:
+        return warm_up()
+    with KernelProgress("m2wr_sim"):
+        warm_up()
+
+
 if __name__ == "__main__":
-    sys.exit(warm_up())
+    main()

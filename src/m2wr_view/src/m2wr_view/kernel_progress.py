@@ -1,0 +1,84 @@
+"""Says how far the compilation of a package's kernels has come: how many of how many, and which one was the last.
+
+numba compiles for minutes on a slow machine and says nothing.  It is asked here from a thread beside it, so that
+nothing of it has to be replaced, whatever its version.
+"""
+import importlib
+import pkgutil
+import sys
+import threading
+
+_INTERVAL = 1.0         # s between two looks
+_QUIET = 15             # looks without news after which it is said that the work goes on
+
+
+def kernels(package):
+    """Import all modules of a package whose names end in ``kernels``; return {name: compiled function}."""
+    found = {}
+    top = importlib.import_module(package)
+    for module in pkgutil.walk_packages(top.__path__, package + ".", onerror=lambda name: None):
+        if not module.name.endswith("kernels"):
+            continue
+        for value in vars(importlib.import_module(module.name)).values():
+            function = getattr(value, "py_func", None)
+            if function is not None and hasattr(value, "overloads") and function.__module__.startswith(package + "."):
+                found["%s.%s" % (function.__module__.split(".", 1)[1], function.__name__)] = value
+    return found
+
+
+class KernelProgress:
+    """Watches the kernels of a package while the body of a ``with`` statement calls them.
+
+    Parameters
+    ----------
+    package : str
+        Name of the Python package.
+    say : callable
+        Takes each line.
+    watched : dict, optional
+        {name: compiled function}, by default :func:`kernels` of the package.
+    interval : float
+        Seconds between two looks.
+    """
+
+    def __init__(self, package, say=None, watched=None, interval=_INTERVAL):
+        self._package, self._say, self._interval = package, say or _print, interval
+        self._kernels = kernels(package) if watched is None else watched
+        self._compiled, self._done = [], threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="kernel progress", daemon=True)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind, error, trace):
+        self._done.set()
+        self._thread.join()
+        self._look()
+        if error is None:
+            self._say("%s: %d kernels ready, %d of them compiled now" % (
+                self._package, len(self._kernels), len(self._compiled)))
+
+    def _look(self):
+        """Return the names of those that were compiled since the last look."""
+        news = [name for name, kernel in self._kernels.items()
+                if name not in self._compiled and kernel.overloads and kernel.stats.cache_misses]
+        self._compiled += news
+        return news
+
+    def _watch(self):
+        quiet = 0
+        while not self._done.wait(self._interval):
+            news = self._look()
+            quiet = 0 if news else quiet + 1
+            if news:
+                self._say("%s: %d of %d kernels compiled: %s" % (
+                    self._package, len(self._compiled), len(self._kernels), news[-1]))
+            elif quiet % _QUIET == 0:
+                self._say("%s: %d of %d kernels compiled, going on" % (
+                    self._package, len(self._compiled), len(self._kernels)))
+
+
+def _print(line):
+    print("   " + line)
+    sys.stdout.flush()
