@@ -178,6 +178,13 @@ def count(cases, outcome):
     return sum(case.outcome == outcome for case in cases)
 
 
+def closing_line(suites, problems):
+    """The result in one line."""
+    cases = [case for suite in suites for case in suite.cases]
+    return "{} passed, {} failed, {} skipped".format(
+        count(cases, PASSED), count(cases, FAILED) + len(problems), count(cases, SKIPPED))
+
+
 def report(suites, problems, out):
     """Print table, skips, failures and the closing line.
 
@@ -203,9 +210,8 @@ def report(suites, problems, out):
                     print("\n".join("    " + line for line in lines), file=out)
     for problem in problems:
         print("\nFAILED: " + problem, file=out)
-    passed, failed = count(cases, PASSED), count(cases, FAILED) + len(problems)
-    print("\n{} passed, {} failed, {} skipped".format(passed, failed, count(cases, SKIPPED)), file=out)
-    return passed > 0 and failed == 0
+    print("\n" + closing_line(suites, problems), file=out)
+    return count(cases, PASSED) > 0 and count(cases, FAILED) + len(problems) == 0
 
 
 def main(argv=None, out=sys.stdout):
@@ -232,6 +238,9 @@ def main(argv=None, out=sys.stdout):
     for package in sorted(set(args.packages) & known if args.packages else known):
         suites.extend(package_suites(build, package, args.since))
         collect(build, package, target)
+    os.makedirs(target, exist_ok=True)
+    with open(os.path.join(target, "summary.txt"), "w") as stream:
+        stream.write(closing_line(suites, problems) + "\n")
     return 0 if report(suites, problems, out) else 1
 
 
