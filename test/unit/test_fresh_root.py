@@ -33,7 +33,8 @@ def test_variables_of_pip_proxies_and_make_are_handed_in_and_no_others(tmp_path)
     bundle = tmp_path / "ca.pem"
     bundle.write_text("")
     lines = bash("handed_variables", PIP_EXTRA_INDEX_URL="https://a/simple", PIP_CERT=str(bundle),
-                 https_proxy="http://p:1", TEST_PACKAGES="m2wr_sim motion_plan", PYTHONPATH="/x", HOME=str(tmp_path)).splitlines()
+                 https_proxy="http://p:1", TEST_PACKAGES="m2wr_sim motion_plan", PYTHONPATH="/x",
+                 HOME=str(tmp_path)).splitlines()
     assert {"PIP_EXTRA_INDEX_URL=https://a/simple", "https_proxy=http://p:1", "TEST_PACKAGES=m2wr_sim motion_plan",
             "PIP_CERT=/etc/ssl/handed-in-ca.crt"} <= set(lines)
     assert not [line for line in lines if line.startswith(("PYTHONPATH", "HOME", "PATH"))]
