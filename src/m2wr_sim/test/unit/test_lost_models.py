@@ -154,6 +154,14 @@ def test_joints_that_ode_cannot_solve_are_refused(make_rig, kind, axis, place, w
     assert list(rig.simulator.models) == ["ground_plane"]
 
 
+def test_a_universal_joint_whose_axes_are_parallel_is_refused(make_rig):
+    from m2wr_sim.model.types import Axis, Joint, Link, Model
+    links = (Link("one", inertial=body()), Link("two", inertial=body()))
+    joint = Joint("joint", "universal", "one", "two", axis=Axis(), axis2=Axis(xyz=(0.0, 0.0, -2.0)))
+    with pytest.raises(ModelError, match="pair::joint.* not parallel"):
+        make_rig().simulator.spawn(Model("pair", links, (joint,)), at(0.0, 0.0, 1.0))
+
+
 def test_commands_for_a_robot_that_is_lost_do_no_harm(rig):
     throw(rig, "m2wr")
     command = Twist()

@@ -7,6 +7,7 @@ ODE was compiled with assertions.  These are the ones that numbers can reach, an
 ``bSafeNormalize4Fault``       A turn that is no number: the solver has divided by 0, or a sum is beyond 1e308.  Masses,
                                inertias and arms are bounded on their own and by the LEVERAGE a body gives what pushes
                                it, so that the solver's matrix stays regular with the softness (CFM) that is added.
+``bSafeNormalize3Fault``       A direction without length: a joint's axis, or what two parallel axes span.
 ``d[i] != 0``                  The same, found in the solver's factor.
 ``aabbBound < dMaxIntExact``   A place beyond 2^31 cells of the hash space: ``TOO_FAR`` of physics/engine.py.
 =============================  =====================================================================================
@@ -25,6 +26,7 @@ FARTHEST_CENTRE = 100.0                     # m, of the centre of mass from its 
 SPREAD = 1e10           # of the principal moments of a link; a double has 16 digits, and Cholesky's squares take half
 LEVERAGE = 1e13         # 1/kg: mobility of a point of a body, 1/m + r^2/I; times 1e-16 it is below CFM over the step
 LEAST_AXIS, GREATEST_AXIS = 1e-6, 1e6       # length of a joint's axis, which is a direction
+LEAST_ANGLE = 1e-3                          # rad, between the axes of a universal joint
 GREATEST_NUMBER = 1e16                      # of damping, springs, stops and softness of joints; SDF's own infinity
 
 
@@ -84,7 +86,7 @@ def _check_joint(joint, where):
         raise ModelError("joint %s: anchor at %s in the child link; expected at most %g m" % (
             where, tuple(joint.pose[0]), FARTHEST))
     for axis in joint.axes():
-        if not all(LEAST_AXIS <= length <= GREATEST_AXIS for length in (max(map(abs, axis.xyz)),)):
+        if not LEAST_AXIS <= float(np.linalg.norm(axis.xyz)) <= GREATEST_AXIS:
             raise ModelError("joint %s: axis %s; expected a direction with a length of %g to %g" % (
                 where, tuple(axis.xyz), LEAST_AXIS, GREATEST_AXIS))
         _check_numbers(where, (
@@ -93,6 +95,11 @@ def _check_joint(joint, where):
             ("spring reference", axis.spring_reference), ("fudge factor", axis.fudge_factor or 0.0)))
         if math.isnan(axis.lower) or math.isnan(axis.upper):
             raise ModelError("joint %s: limits %g and %g; expected numbers" % (where, axis.lower, axis.upper))
+    if joint.kind == "universal":
+        one, two = (np.asarray(axis.xyz, float) / np.linalg.norm(axis.xyz) for axis in joint.axes())
+        if not np.linalg.norm(np.cross(one, two)) > LEAST_ANGLE:
+            raise ModelError("joint %s: axes %s and %s of a universal joint; expected two that are not parallel" % (
+                where, tuple(joint.axes()[0].xyz), tuple(joint.axes()[1].xyz)))
 
 
 def _check_numbers(where, numbers):
