@@ -1,10 +1,13 @@
 """Messages to subscribers over real sockets and rospy's own connections, without a master."""
+import gc
 import logging
+import os
 import queue
 import socket
 import struct
 import threading
 import time
+from unittest import mock
 
 import pytest
 import rospy
@@ -15,8 +18,8 @@ from rospy.impl.transport import Transport
 from rospy.topics import _PublisherImpl
 from sensor_msgs.msg import JointState
 
-from m2wr_sim.ros import transport
-from m2wr_sim.ros.transport import Channel, Dropped, Link
+from m2wr_sim.ros import ports, transport
+from m2wr_sim.ros.transport import Channel, Channels, Dropped, Link
 
 PATIENCE = 30.0
 BIG = 2000                              # names in a message that fills buffers quickly
@@ -436,3 +439,24 @@ def test_a_message_costs_little():
 
 def test_losses_are_told_by_name():
     assert Dropped("/scan", "/rviz", 3) == ("/scan", "/rviz", 3)
+
+
+def test_topics_that_come_and_go_leave_no_descriptors(monkeypatch):
+    manager = rospy.topics._TopicManager()
+    monkeypatch.setattr(rospy.topics, "get_topic_manager", lambda: manager)
+    monkeypatch.setattr(rospy.topics, "get_registration_listeners", mock.Mock)
+    gc.collect()
+    gc.disable()
+    try:
+        before, kept = len(os.listdir("/proc/self/fd")), []
+        channels, mailbox = Channels(), mock.Mock()
+        for number in range(20):
+            publisher, channel = channels.open("/guest%d" % number, Clock)
+            subscription = ports._Subscription("/order%d" % number, Clock, None, mailbox)
+            kept.append(channel)
+            channels.close(publisher, channel)
+            subscription.close()
+        assert all(channel.impl.closed for channel in kept)
+        assert len(os.listdir("/proc/self/fd")) <= before
+    finally:
+        gc.enable()

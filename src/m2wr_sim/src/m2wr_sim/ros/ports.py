@@ -9,7 +9,7 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_sim.ros.convert import set_ros_time, stamp_of
 from m2wr_sim.ros.loop import ShuttingDown
-from m2wr_sim.ros.transport import Channels
+from m2wr_sim.ros.transport import Channels, release
 from m2wr_sim.runtime.ports import Ports
 
 log = logging.getLogger(__name__)
@@ -63,7 +63,9 @@ class _Subscription:
 
     def close(self):
         """Stop listening; what has not been delivered is dropped."""
+        impl = self._subscriber.impl
         self._subscriber.unregister()
+        release(impl)
         self._mailbox.drop(self)
 
 

@@ -367,6 +367,16 @@ class Channel:
             return lost + ([Dropped(self.topic, "", self._gone)] if self._gone else [])
 
 
+def release(impl):
+    """Free the descriptor with which rospy watches the connections of a topic, once the topic is closed.
+
+    rospy leaves it to a cycle of objects that only a garbage collection frees, which comes seldom here.
+    """
+    poller = getattr(getattr(impl, "connection_poll", None), "poller", None)
+    if impl.closed and hasattr(poller, "close"):
+        poller.close()
+
+
 class Channels:
     """The channels of a node; publishers of one topic share one."""
 
@@ -384,6 +394,7 @@ class Channels:
     def close(self, publisher, channel):
         """Take back a registration; the topic ends with the last one."""
         publisher.unregister()
+        release(channel.impl)
         if channel.impl.closed and self._channels.get(channel.topic) is channel:
             del self._channels[channel.topic]
 
