@@ -3,6 +3,7 @@ import fnmatch
 import glob
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -19,8 +20,12 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 from check_launch_errors import free_port  # noqa: E402
 from sim_probe import Running, marked, wait_until  # noqa: E402
 
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does for what ends with &; it is inherited
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 PATIENCE = 300.0        # s of wall time for anything; far above what is needed, because machines that test are slow
-NEVER = ("Traceback", "core dumped", "Segmentation", "Aborted")
+NEVER = ("core dumped", "Segmentation", "Aborted")
+TRACEBACK = re.compile(r'Traceback \(most recent call last\):\n\s+File "([^"]*)"')        # in whose program
 TEMPORARY = (".whole-*", "*.part", "*.active", "*.orig.active")
 
 
@@ -159,6 +164,8 @@ class FaultRun:
             assert word in self.text, "%r is not in\n%s" % (word, self.text)
         for word in NEVER:
             assert word not in self.text, self.text
+        # Interrupted while it is being imported, or loads its files, roslaunch shows a traceback of its own
+        assert set(TRACEBACK.findall(self.text)) <= {shutil.which("roslaunch")}, self.text
 
     def check_tidy(self, allowed=()):
         """No temporary file is left but those that are allowed."""
