@@ -2,6 +2,7 @@
 import ctypes
 import ctypes.util
 import logging
+import os
 
 log = logging.getLogger(__name__)
 
@@ -83,6 +84,31 @@ class MessageCounter:
 def _count_message(number, text, _):
     MessageCounter._count += 1
     log.debug("ODE message %d: %s", number, text)
+
+
+_newest = {}        # name of the model added last, and the handler that tells it
+
+
+def note_model(name):
+    """Let the last words of this process name a model, should an assertion of ODE end it.
+
+    ODE calls ``abort`` when its handler returns, so the handler can only speak: ``physics.limits`` refuses beforehand
+    what is known to lead there.  ODE has one handler per process, so all engines of a process share the name.
+    """
+    _newest["name"] = str(name)
+    if _library is not None and "handler" not in _newest:
+        _newest["handler"] = _HANDLER(_say_last_words)
+        _library.dSetDebugHandler(_newest["handler"])
+        _library.dSetErrorHandler(_newest["handler"])
+
+
+def _say_last_words(number, text, arguments):
+    message = ctypes.create_string_buffer(500)
+    ctypes.pythonapi.PyOS_vsnprintf(message, ctypes.c_size_t(len(message)), ctypes.c_char_p(text),
+                                    ctypes.c_void_p(arguments))
+    # not by logging, whose lock may be held
+    os.write(2, b"libode ends this process: %s (%d). The model added last is \"%s\"; please report its description.\n" % (
+        message.value, number, _newest["name"].encode("utf-8", "replace")))
 
 
 def random_seed():

@@ -59,6 +59,7 @@ class PyodeEngine(Engine):
     def add_model(self, model, pose, name=None):
         name = name or model.name
         check_model(model, name)
+        native_ode.note_model(name)
         parts = bodies.ModelParts(name, model.static)
         try:
             self._build(parts, model, pose)
