@@ -5,7 +5,7 @@
  *
  * Input, one item a line, numbers as printf's %a or %g writes them:
  *   world DT ERP CFM LAYER CORRECTING_VELOCITY GRAVITY_Z QUICK_ITERATIONS(0: direct solver) CLASSES RUNS STEPS
- *   pair CLASS CLASS MU STEEP_MU LIMIT MERGE GROUND
+ *   pair CLASS CLASS MU LIMIT MERGE GROUND
  *   plane CLASS A B C D                       static
  *   box CLASS X Y Z W I J K LX LY LZ          of the last body, then posed relative to it; static before the first
  *   cylinder CLASS X Y Z W I J K RADIUS LENGTH
@@ -28,7 +28,7 @@
 #define MAX_TOUCHING 64
 #define STEEP 0.5
 
-typedef struct { int valid, limit, merge, ground; double mu, steep_mu; } Pair;
+typedef struct { int valid, limit, merge, ground; double mu; } Pair;
 
 static Pair pairs[MAX_CLASSES][MAX_CLASSES];
 static dContact found[MAX_FOUND];
@@ -147,7 +147,7 @@ static void near(void *data, dGeomID one, dGeomID two)
         double nz = found[i].geom.normal[2];
         int steep = nz > -STEEP && nz < STEEP;
         found[i].surface.mode = dContactApprox1;
-        found[i].surface.mu = steep && pair->steep_mu < pair->mu ? pair->steep_mu : pair->mu;
+        found[i].surface.mu = pair->mu;
         if (!pair->ground && (steep || (first && second)))
             note_touch(one, two);
         dJointAttach(dJointCreateContact(world, group, &found[i]), first, second);
@@ -197,18 +197,17 @@ static void finish_geom(dGeomID geom, const double *v, dBodyID body)
 
 static void read_pair(void)
 {
-    double v[7];
+    double v[6];
     Pair *pair;
-    numbers(v, 7, "pair");
+    numbers(v, 6, "pair");
     if (v[0] >= MAX_CLASSES || v[1] >= MAX_CLASSES)
         fail("pair: too many classes");
     pair = &pairs[(int)v[0]][(int)v[1]];
     pair->valid = 1;
     pair->mu = v[2];
-    pair->steep_mu = v[3];
-    pair->limit = (int)v[4];
-    pair->merge = (int)v[5];
-    pair->ground = (int)v[6];
+    pair->limit = (int)v[3];
+    pair->merge = (int)v[4];
+    pair->ground = (int)v[5];
 }
 
 static dBodyID read_body(void)

@@ -53,6 +53,12 @@ def test_every_seed_and_phase_reaches_the_goal(robot, world, seed, phase):
     assert run.reached, (run, run.touches)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_printed_rule_arrives_although_it_rubs_against_the_ends_of_walls(robot, seed):
+    run = run_bug2("world02", seed=seed, leave_rule="report", robot=robot, limit=150.0)
+    assert run.outcome == "goal_reached" and run.touches, run
+
+
 def test_a_yard_without_a_gate_is_found_to_be_closed(robot):
     run = run_bug2("unreachable", robot=robot)
     assert run.outcome == "goal_unreachable" and run.touches == () and not run.reached

@@ -132,7 +132,7 @@ def test_the_loop_in_c_does_the_same_to_the_last_bit(program, robots, step):
 
 def test_robots_that_meet_do_so_in_c_too(program):
     """Two robots that spin side by side: contacts between bodies, capped and steep ones."""
-    settings, robot = EngineSettings(step_ns=5000000), in_process.robot_model(90)
+    settings, robot = EngineSettings(step_ns=5000000, friction_solves=1), in_process.robot_model(90)
     world = load_world(reference.world_sdf(4))
     places, rates = [(-0.27, 0.0, 0.1), (0.27, 0.1, 0.1)], {"left": 5.0, "right": -5.0}
     engine = make_engine("auto", settings)

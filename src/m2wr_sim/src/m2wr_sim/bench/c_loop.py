@@ -130,6 +130,7 @@ def world_text(world, robot, places, rates, force, settings, runs, steps):
     force : float
         Greatest torque of the motors [N m].
     settings : EngineSettings
+        The program solves every step once, whatever ``friction_solves`` says.
     runs, steps : int
         Number of timed runs and steps in each.
 
@@ -151,8 +152,8 @@ def world_text(world, robot, places, rates, force, settings, runs, steps):
             both = one_moves and two_moves
             surface = pair_surface(one, two, one_wheel, two_wheel, both, settings)
             if surface is not None and (one_moves or two_moves):
-                pairs.append(_line("pair", row, column, surface.mu, surface.steep_mu, surface.max_contacts,
-                                   surface.merge, surface.ground))
+                pairs.append(_line("pair", row, column, surface.mu, surface.max_contacts, surface.merge,
+                                   surface.ground))
     quick = settings.iterations if settings.solver == "quick" else 0
     head = _line("world", settings.step_ns * 1e-9, settings.erp, settings.cfm, settings.surface_layer,
                  settings.max_correcting_velocity, settings.gravity[2], quick, len(classes.members), runs, steps)

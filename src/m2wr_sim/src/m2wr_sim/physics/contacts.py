@@ -25,11 +25,13 @@ FACES = 4                   # most differently inclined places at which one whee
 SAME_FACE = 0.8             # cosine of the angle between normals that still belong to one place: 37 degrees
 SAME_PLANE = 0.998          # the same for a ball, which touches a plane in one point: 4 degrees
 ALONG_AT_LEAST = 0.02       # sine of the angle to the normal below which a friction direction means nothing
-STEEP = 0.5                 # |normal z| below this: a wall, not ground
+STEEP = 0.5                 # |normal z| below this: a touch that is told, not ground
+FLAT = 0.8                  # |normal z| from here on: standing on it, 37 degrees at most
+AGREED = 0.001              # of the greatest normal force: how far limits of friction may be from what is felt
 
 PairSurface = namedtuple(
     "PairSurface",
-    "mode mu mu2 steep_mu slip1 slip2 bounce bounce_velocity soft_erp soft_cfm max_contacts merge ground "
+    "mode mu mu2 slip1 slip2 bounce bounce_velocity soft_erp soft_cfm max_contacts merge ground "
     "along along_second")
 
 
@@ -54,7 +56,7 @@ def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, sett
     ----------
     first, second : Collision
     first_is_wheel, second_is_wheel : bool
-        Wheels get a single merged contact and little friction on steep faces.
+        Wheels get a single merged contact.
     both_move : bool
         Whether both belong to bodies; a contact between two bodies is never "standing on the ground".
     settings : EngineSettings
@@ -105,9 +107,8 @@ def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, sett
     if any(along):
         mode |= MODE_FDIR1 | MODE_MU2
     ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
-    return PairSurface(mode, mu, mu2, min(mu, settings.wheel_steep_mu) if wheel else mu, slip1, slip2, bounce,
-                       min(one.restitution_threshold, two.restitution_threshold), soft_erp, soft_cfm, limit, merging,
-                       ground, along, along_second)
+    return PairSurface(mode, mu, mu2, slip1, slip2, bounce, min(one.restitution_threshold, two.restitution_threshold),
+                       soft_erp, soft_cfm, limit, merging, ground, along, along_second)
 
 
 def _friction_direction(one, two):
@@ -120,6 +121,21 @@ def _friction_direction(one, two):
         if length > 0.0:
             return tuple(value / length for value in vector), second
     return (0.0, 0.0, 0.0), False
+
+
+def next_limit(used, felt, solve):
+    """Return the normal force [N] from which the limits of a contact's friction are taken in the next solve of a step.
+
+    From the third solve on half way between the one used and the one felt, lest sticking and sliding take turns.
+
+    Parameters
+    ----------
+    used, felt : float
+        Normal force that the last solve's limit was taken from, and the one that it found [N].
+    solve : int
+        Number of the last solve in this step, from 0 on.
+    """
+    return felt if solve < 2 else 0.5 * (used + felt)
 
 
 def along_surface(direction, normal):

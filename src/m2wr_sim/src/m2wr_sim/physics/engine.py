@@ -44,6 +44,11 @@ class EngineSettings:
     The defaults drive wheeled robots to 0.1 % at 1 to 10 ms: the direct solver with a little compliance (``cfm``,
     which keeps the redundant constraints of several ground contacts solvable), a thin ``surface_layer`` that keeps
     resting contacts closed, and a bounded correcting velocity so that depth jumps never kick a robot.
+
+    libode's direct solver limits friction by the normal forces of a world without friction.  Where a robot stands those
+    are its weight; where its wheels press it against a wall they are nothing, and so would the wall's friction be.
+    A step with such a contact (between two models, or on a face steeper than 37 degrees) is therefore solved again,
+    each time with the limits that the normal forces of the solve before give, until they agree to 0.1 %.
     """
 
     step_ns: int = 1000000
@@ -54,7 +59,7 @@ class EngineSettings:
     cfm: float = 1e-5
     surface_layer: float = 1e-4             # m
     max_correcting_velocity: float = 0.1    # m/s
-    wheel_steep_mu: float = 0.2             # wheel friction on faces steeper than 60 degrees: wheels do not climb walls
+    friction_solves: int = 5                # direct only: at most so many a step where more than standing is going on
     max_contacts: int = 20                  # world limit per pair; pairs with a box keep at most four
 
 

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES, layout.H_HINGES,
              layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_CROWDS,
-             layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS)
+             layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS, layout.H_GRIPS, layout.H_STATES)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
 _MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
 _DAMPERS = (9, 10)                  # dJointType: angular and linear motor
@@ -138,13 +138,14 @@ class NativeEngine(PyodeEngine):
         self._touching_room = max(self._touching_room, 4 * sum(shape.moves for _, shape in geoms))
         touching = self._touching_room * layout.TOUCH_WORDS
         log_room = self._touching_room + layout.SPARE_LOG
-        sizes = (layout.MAX_FOUND * layout.CONTACT_WORDS, len(representatives) ** 2 * layout.PAIR_WORDS,
+        sizes = ((layout.MAX_KEPT + layout.MAX_FOUND) * layout.CONTACT_WORDS, len(representatives) ** 2 * layout.PAIR_WORDS,
                  len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
                  len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
                  len(self._damped_links) * layout.DAMPED_WORDS, len(self._handles),
                  len(self._handles) * layout.FENCE_WORDS, len(self._moving) * layout.CROWD_WORDS, touching, touching,
                  log_room * layout.LOG_WORDS,
-                 layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0)
+                 layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0,
+                 layout.MAX_KEPT * layout.GRIP_WORDS, len(self._handles) * layout.STATE_WORDS)
         words = np.zeros(layout.HEADER_WORDS + sum(sizes), np.uint64)
         starts = {}
         at = layout.HEADER_WORDS
@@ -161,6 +162,7 @@ class NativeEngine(PyodeEngine):
         words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
         self._values[layout.H_DT], words[layout.H_CROWD_LIMIT] = self._dt, self.crowded
         words[layout.H_QUICK], words[layout.H_STEPS] = self.settings.solver == "quick", self._steps
+        words[layout.H_SOLVES] = 0 if words[layout.H_QUICK] else self.settings.friction_solves
         self._fill_pairs(self._values, starts[layout.H_PAIRS], representatives)
         self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)
         self._fill_bodies(starts)
@@ -181,6 +183,7 @@ class NativeEngine(PyodeEngine):
             self._words[row + layout.G_LINK] = meets_itself.get(shape.link, 0)
             self._words[row + layout.G_WATCHED] = shape.name in self._watched
             self._words[row + layout.G_MODEL] = models.get(shape.model, 0)
+            self._words[row + layout.G_RESTLESS] = shape.restless
             self._library.dGeomSetData(geom._id(), index + 1)
             self._rows.append(shape.name)
 
@@ -328,8 +331,8 @@ class NativeEngine(PyodeEngine):
                 if surface is None:
                     continue
                 at = start + (one_index * count + two_index) * layout.PAIR_WORDS
-                values[at:at + 19] = (1.0, surface.mode, surface.mu, surface.mu2, surface.steep_mu, surface.slip1,
-                                      surface.slip2, surface.bounce, surface.bounce_velocity, surface.soft_erp,
+                values[at:at + 18] = (1.0, surface.mode, surface.mu, surface.mu2, surface.slip1, surface.slip2,
+                                      surface.bounce, surface.bounce_velocity, surface.soft_erp,
                                       surface.soft_cfm, surface.max_contacts, surface.merge, surface.ground, both_move,
                                       *surface.along, surface.along_second)
 

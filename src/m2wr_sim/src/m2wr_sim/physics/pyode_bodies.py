@@ -35,18 +35,19 @@ class ModelParts:
         self.name, self.static = name, static
         self.space = None
         self.links, self.joints, self.geoms = [], [], []
-        self.self_colliding, self.stiffer = False, 1.0
+        self.self_colliding, self.sleeps, self.stiffer = False, False, 1.0
 
 
 class Shape:
     """What the contact callback needs to know of a geom."""
 
-    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer")
+    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless")
 
-    def __init__(self, name, collision, wheel, model, link, body, stiffer):
+    def __init__(self, name, collision, wheel, model, link, body, stiffer, sleeps):
         self.name, self.collision, self.wheel = name, collision, wheel
         self.model, self.link, self.body = model, link, body
         self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
+        self.restless = body is not None and not sleeps
 
 
 class LinkBody:

@@ -16,11 +16,13 @@ from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
 from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
-from m2wr_sim.physics.contacts import MODE_FDIR1, STEEP, load_class, pair_surface, reduced
+from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, load_class, pair_surface, reduced
+from m2wr_sim.physics.coupled_friction import Grip, solve_coupled
 from m2wr_sim.physics.crowds import Crowds
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, Engine, LinkState, ModelHandle, Touch
 from m2wr_sim.physics.limits import check_model
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
+from m2wr_sim.physics.step_layout import MAX_KEPT
 
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
 
@@ -50,6 +52,7 @@ class PyodeEngine(Engine):
         self._touching, self._touched, self._touches = {}, {}, []
         self._watches, self._watched, self._felt = [], frozenset(), []
         self._felt_since = {}                   # joint -> number of the step before the first one felt
+        self._grips, self._coupled = [], False      # of this step: all contacts, whether one is more than standing
         self._crowds = Crowds()
         self._messages = native_ode.MessageCounter()
         PyodeEngine.configure(self, settings)
@@ -85,14 +88,14 @@ class PyodeEngine(Engine):
     def _build(self, parts, model, pose):
         parts.stiffer = load_class(sum(link.inertial.mass for link in model.links))
         wheels = bodies.wheel_poses(model)
-        sleeps = model.allow_auto_disable and not model.joints and not any(link.sensors for link in model.links)
+        parts.sleeps = model.allow_auto_disable and not (model.joints or any(link.sensors for link in model.links))
         if not parts.static:
             parts.space = ode.SimpleSpace(self._moving_space)
         by_name = {}
         for spec in model.links:
             full_name = "%s::%s" % (parts.name, spec.name)
             at = bodies.initial_link_pose(pose, spec)
-            body = None if parts.static else bodies.make_body(self._world, spec, full_name, at, sleeps)
+            body = None if parts.static else bodies.make_body(self._world, spec, full_name, at, parts.sleeps)
             link = bodies.LinkBody(full_name, spec, body, spec.inertial.pose[0], at)
             parts.links.append(link)
             by_name[spec.name] = link
@@ -128,7 +131,7 @@ class PyodeEngine(Engine):
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
         self._shapes[geom] = bodies.Shape(where, collision, wheel_pose is not None, parts.name, link.name, body,
-                                          parts.stiffer)
+                                          parts.stiffer, parts.sleeps)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
@@ -224,6 +227,7 @@ class PyodeEngine(Engine):
             if self._damped_joints or self._damped_links:
                 dampers.slow_down(self._damped_joints, self._damped_links)
             self._crowds.clear()
+            self._grips, self._coupled = [], False
             for parts in moving:
                 ode.collide2(parts.space, static, None, near)
                 if parts.self_colliding:
@@ -261,7 +265,12 @@ class PyodeEngine(Engine):
         if self.settings.solver == "quick":
             world.quickStep(self._dt)
         elif self._crowds.largest <= self.crowded:
-            world.step(self._dt)
+            if self._coupled and 1 < self.settings.friction_solves and len(self._grips) <= MAX_KEPT:
+                solve_coupled(world, self._contact_group, self._grips,
+                              [link.body for parts in self._moving for link in parts.links], self._dt,
+                              self.settings.friction_solves)
+            else:
+                world.step(self._dt)
         else:
             before = native_ode.random_seed()
             native_ode.seed_random(self._steps)     # the same step is the same whatever was drawn before
@@ -321,21 +330,19 @@ class PyodeEngine(Engine):
             found = found[:len(kept)]
         if one is not None and two is not None:
             self._crowds.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
+        both_move, restless = one is not None and two is not None, pair[1].restless or pair[2].restless
         for contact in found:
-            mu, mu2 = surface.mu, surface.mu2
-            if not surface.ground or surface.steep_mu != mu:
-                position, normal, depth = contact.getContactGeomParams()[:3]
-                steep = -STEEP < normal[2] < STEEP
-                if steep and surface.steep_mu < mu:
-                    mu, mu2 = surface.steep_mu, min(mu2, surface.steep_mu)
-                if not surface.ground and (steep or (one is not None and two is not None)):
-                    self._touched.setdefault(names, (position, depth))
+            position, normal, depth = contact.getContactGeomParams()[:3]
+            if not surface.ground and (both_move or -STEEP < normal[2] < STEEP):
+                self._touched.setdefault(names, (position, depth))
+            if restless and (both_move or -FLAT < normal[2] < FLAT):
+                self._coupled = True
             mode = surface.mode
             if mode & MODE_FDIR1:
                 mode = bodies.direct_friction(contact, surface, second if surface.along_second else first)
             contact.setMode(mode)
-            contact.setMu(mu)
-            contact.setMu2(mu2)
+            contact.setMu(surface.mu)
+            contact.setMu2(surface.mu2)
             contact.setBounce(surface.bounce)
             contact.setBounceVel(surface.bounce_velocity)
             if surface.slip1 or surface.slip2:
@@ -346,22 +353,24 @@ class PyodeEngine(Engine):
                 contact.setSoftCFM(surface.soft_cfm)
             joint = ode.ContactJoint(self._world, self._contact_group, contact)
             joint.attach(one, two)
+            grip = Grip(joint, contact, one, two, surface, mode, normal)
+            self._grips.append(grip)
             if watched:
                 for body in (one, two):
                     if body is not None:
                         body.enable()           # one that sleeps is not solved and would feel nothing
                 joint.setFeedback(True)
-                self._felt.append((joint, first, second, contact.getContactGeomParams()[:3]))
+                self._felt.append((grip, first, second, (position, normal, depth)))
 
     def _hand_out_contacts(self):
         """Tell the watches of this step's contacts, now that the solver has found the forces."""
         links = {link.name: link for link in self._links.values()}
         felt, self._felt = self._felt, []
-        for joint, first, second, geometry in felt:
+        for grip, first, second, geometry in felt:
             sides = [(shape.name, shape.moves, links[shape.link].pose[0])
                      for shape in (self._shapes[first], self._shapes[second])]
-            hand_out(self._watches, self._steps, sides, geometry, joint.getFeedback())
-            joint.setFeedback(False)    # the binding would do it itself later, to a joint that is gone, and abort
+            hand_out(self._watches, self._steps, sides, geometry, grip.joint.getFeedback())
+            grip.joint.setFeedback(False)    # the binding would do it itself later, to a joint that is gone, and abort
 
     def _note_touches(self):
         for names, (position, depth) in self._touched.items():

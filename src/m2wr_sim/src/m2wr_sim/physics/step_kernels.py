@@ -12,22 +12,26 @@ from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_
 from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
     CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL,
-    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, CROWD_WORDS, DAMPED_WORDS, GEOM_WORDS, G_BODY, G_CLASS,
-    G_LINK, G_MODEL, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT,
-    H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_CROWD, H_CROWDED, H_CROWDS, H_CROWD_LIMIT,
-    H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS, H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS, H_GROUP,
-    H_HINGES, H_HINGE_COUNT, H_LOG, H_LOG_COUNT, H_LOG_ROOM, H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS,
-    H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE, H_SLEEPERS, H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS,
-    H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MANY_REPORTS, MAX_FOUND, MAX_REPORTS, MODE_FDIR1, PAIR_WORDS,
+    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, CROWD_WORDS, DAMPED_WORDS, GEOM_WORDS, GRIP_WORDS, G_BODY,
+    G_CLASS, G_LINK, G_MODEL, G_RESTLESS, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT,
+    H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_COUPLED, H_CROWD, H_CROWDED, H_CROWDS, H_CROWD_LIMIT,
+    H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS, H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS, H_GRIPS,
+    H_GROUP, H_HINGES, H_HINGE_COUNT, H_KEPT, H_LOG, H_LOG_COUNT, H_LOG_ROOM, H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS,
+    H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE, H_SLEEPERS, H_SOLVES, H_SPACES, H_SPACE_COUNT,
+    H_STATES, H_STATIC, H_STEPS,
+    H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MANY_REPORTS, MAX_FOUND, MAX_KEPT, MAX_REPORTS,
+    MODE_APPROX1, MODE_FDIR1, PAIR_WORDS,
     P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE, P_BOUNCE_VELOCITY, P_GROUND,
-    P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM, P_SOFT_ERP, P_STEEP_MU, P_VALID,
+    P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM, P_SOFT_ERP, P_VALID,
     REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT, SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF,
-    TOUCH_WORDS, X_AWAKE, X_CONTACTS, X_FOR, X_STEP)
+    STATE_WORDS, TOUCH_WORDS, J_FEEDBACK, J_FIRST, J_JOINT, J_MU, J_MU2, J_NORMAL, J_ROOM, J_SECOND, X_AWAKE, X_CONTACTS,
+    X_FOR, X_STEP)
 
 _TOO_FAST, _TOO_FAR = 1e9, 1e8      # m/s and rad/s, m; as in engine
 _PARAM_VEL = 2
 _UNWRAP_AFTER, _ASTRAY = 8, 1.0     # steps, and rad that the way by the rates may be off, before turns are counted
-_STEEP, _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.5, 0.02, 2, 3        # as in contacts
+_STEEP, _FLAT, _AGREED = 0.5, 0.8, 0.001                        # as in contacts
+_ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.02, 2, 3
 
 _handle = types.uintp
 _numbers = types.CPointer(types.float64)
@@ -61,6 +65,13 @@ _set_linear_velocity = types.ExternalFunction(
     "dBodySetLinearVel", types.void(_handle, types.float64, types.float64, types.float64))
 _set_angular_velocity = types.ExternalFunction(
     "dBodySetAngularVel", types.void(_handle, types.float64, types.float64, types.float64))
+_force = types.ExternalFunction("dBodyGetForce", _numbers(_handle))
+_torque = types.ExternalFunction("dBodyGetTorque", _numbers(_handle))
+_set_position = types.ExternalFunction(
+    "dBodySetPosition", types.void(_handle, types.float64, types.float64, types.float64))
+_set_quaternion = types.ExternalFunction("dBodySetQuaternion", types.void(_handle, _handle))
+_set_force = types.ExternalFunction("dBodySetForce", types.void(_handle, types.float64, types.float64, types.float64))
+_set_torque = types.ExternalFunction("dBodySetTorque", types.void(_handle, types.float64, types.float64, types.float64))
 _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.float64))
 _world_quick_step = types.ExternalFunction("dWorldQuickStep", types.int32(_handle, types.float64))
 _random_seed = types.ExternalFunction("dRandGetSeed", types.uintp())
@@ -84,7 +95,7 @@ def _note_touch(words, values, one, two, at):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _report(words, values, joint, geom_one, geom_two, one, two, at):
-    """Write down a contact and let the solver add the forces; past ``MAX_REPORTS`` in a step the first give way.
+    """Write down a contact and let the solver add the forces; returns the address where it does.  Past ``MAX_REPORTS`` in a step the first give way.
 
     A body that sleeps is not solved and would feel nothing, so what touches a watched geom is kept awake.
     """
@@ -100,8 +111,10 @@ def _report(words, values, joint, geom_one, geom_two, one, two, at):
     values[row + R_GEOMETRY + 6] = values[at + C_DEPTH]
     for word in range(R_FEEDBACK, REPORT_WORDS):
         values[row + word] = 0.0
-    _set_feedback(joint, words[H_ADDRESS] + np.uint64(8 * (row + R_FEEDBACK)))
+    feedback = words[H_ADDRESS] + np.uint64(8 * (row + R_FEEDBACK))
+    _set_feedback(joint, feedback)
     words[H_REPORT_COUNT] = count + np.uint64(1)
+    return feedback
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -160,8 +173,10 @@ def _contacts(words, values, one, two):
     pair = np.int64(words[H_PAIRS] + cell * PAIR_WORDS)
     if values[pair + P_VALID] == 0.0:
         return
-    first = np.int64(words[H_CONTACTS])
-    address = words[H_ADDRESS] + np.uint64(8) * words[H_CONTACTS]
+    kept = np.int64(words[H_KEPT])
+    room = kept < MAX_KEPT          # past that, contacts are not kept and the step is solved once
+    first = np.int64(words[H_CONTACTS]) + min(kept, MAX_KEPT) * CONTACT_WORDS
+    address = words[H_ADDRESS] + np.uint64(8 * first)
     count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
     if count == 0:
         return
@@ -179,15 +194,21 @@ def _contacts(words, values, one, two):
     ground, both_move = values[pair + P_GROUND] != 0.0, values[pair + P_BOTH_MOVE] != 0.0
     if both_move:
         _join(words, geom_one, geom_two, count)
+    restless = words[geom_one + G_RESTLESS] != 0 or words[geom_two + G_RESTLESS] != 0
+    if room and kept + count <= MAX_KEPT:
+        words[H_KEPT] = np.uint64(kept + count)
+    else:
+        room = False
+        words[H_KEPT] = np.uint64(MAX_KEPT)
+        words[H_COUPLED] = np.uint64(2)
     noted = ground          # libode brings a pair once a step, and of its contacts the first counts
     watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
     for index in range(count):
         at = first + index * CONTACT_WORDS
         mu, mu2 = values[pair + P_MU], values[pair + P_MU2]
         steep = -_STEEP < values[at + C_NORMAL + 2] < _STEEP
-        if steep and values[pair + P_STEEP_MU] < mu:
-            mu = values[pair + P_STEEP_MU]
-            mu2 = min(mu2, mu)
+        if restless and words[H_COUPLED] == 0 and (both_move or -_FLAT < values[at + C_NORMAL + 2] < _FLAT):
+            words[H_COUPLED] = np.uint64(1)
         if not noted and (steep or both_move):
             noted = True
             _note_touch(words, values, min(row_one, row_two), max(row_one, row_two), at)
@@ -201,8 +222,14 @@ def _contacts(words, values, one, two):
         values[at + C_SOFT_ERP], values[at + C_SOFT_CFM] = values[pair + P_SOFT_ERP], values[pair + P_SOFT_CFM]
         joint = _create_contact(words[H_WORLD], words[H_GROUP], words[H_ADDRESS] + np.uint64(8 * at))
         _attach(joint, words[geom_one + G_BODY], words[geom_two + G_BODY])
+        feedback = np.uint64(0)
         if watched:
-            _report(words, values, joint, geom_one, geom_two, row_one, row_two, at)
+            feedback = _report(words, values, joint, geom_one, geom_two, row_one, row_two, at)
+        if room:
+            grip = np.int64(words[H_GRIPS]) + (kept + index) * GRIP_WORDS
+            words[grip + J_JOINT], words[grip + J_FEEDBACK] = joint, feedback
+            words[grip + J_FIRST], words[grip + J_SECOND] = words[geom_one + G_BODY], words[geom_two + G_BODY]
+            values[grip + J_MU], values[grip + J_MU2] = mu, mu2
 
 
 @cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
@@ -327,12 +354,91 @@ def _log_touches(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _solve(words, world, dt, quick):
+def _keep_states(words, values):
+    """Write down what the next solve will change of the bodies."""
+    for index in range(np.int64(words[H_BODY_COUNT])):
+        body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
+        position, quaternion = carray(_position(body), (3,)), carray(_quaternion(body), (4,))
+        linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
+        force, torque = carray(_force(body), (3,)), carray(_torque(body), (3,))
+        for axis in range(3):
+            values[at + axis], values[at + 7 + axis], values[at + 10 + axis] = position[axis], linear[axis], angular[axis]
+            values[at + 13 + axis], values[at + 16 + axis] = force[axis], torque[axis]
+        for axis in range(4):
+            values[at + 3 + axis] = quaternion[axis]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bring_back(words, values):
+    """Put the bodies where they were before the solve."""
+    for index in range(np.int64(words[H_BODY_COUNT])):
+        body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
+        _set_position(body, values[at], values[at + 1], values[at + 2])
+        _set_quaternion(body, words[H_ADDRESS] + np.uint64(8 * (at + 3)))
+        _set_linear_velocity(body, values[at + 7], values[at + 8], values[at + 9])
+        _set_angular_velocity(body, values[at + 10], values[at + 11], values[at + 12])
+        _set_force(body, values[at + 13], values[at + 14], values[at + 15])
+        _set_torque(body, values[at + 16], values[at + 17], values[at + 18])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _limit(words, values, solve):
+    """Take the limits of friction from the normal forces felt; returns whether they were those already."""
+    change = greatest = 0.0
+    for index in range(np.int64(words[H_KEPT])):
+        grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
+        normal = np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS + C_NORMAL
+        felt = 0.0
+        for body in (words[grip + J_FIRST], words[grip + J_SECOND]):
+            if body != 0 and felt == 0.0 and _is_enabled(body):         # what sleeps is not solved
+                at = np.int64((words[grip + J_FEEDBACK] - words[H_ADDRESS]) // np.uint64(8))
+                felt = abs(values[at] * values[normal] + values[at + 1] * values[normal + 1]
+                           + values[at + 2] * values[normal + 2])
+        used = values[grip + J_NORMAL]
+        change, greatest = max(change, abs(felt - used)), max(greatest, felt)
+        values[grip + J_NORMAL] = felt if solve < 2 else 0.5 * (used + felt)
+    return solve > 0 and change <= _AGREED * greatest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve_coupled(words, values, world, dt):
+    """Solve a step until the limits of friction agree with the normal forces, as PyodeEngine does."""
+    kept, grips, address = np.int64(words[H_KEPT]), np.int64(words[H_GRIPS]), words[H_ADDRESS]
+    for index in range(kept):
+        grip = grips + index * GRIP_WORDS
+        values[grip + J_NORMAL] = 0.0
+        if words[grip + J_FEEDBACK] == 0:
+            words[grip + J_FEEDBACK] = address + np.uint64(8 * (grip + J_ROOM))
+            _set_feedback(words[grip + J_JOINT], words[grip + J_FEEDBACK])
+    _keep_states(words, values)
+    for solve in range(np.int64(words[H_SOLVES])):
+        _world_step(world, dt)
+        if solve + 1 == np.int64(words[H_SOLVES]) or _limit(words, values, solve):
+            break
+        _bring_back(words, values)
+        _group_empty(words[H_GROUP])
+        for index in range(kept):
+            grip, at = grips + index * GRIP_WORDS, np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS
+            normal = values[grip + J_NORMAL]
+            words[at + C_MODE] &= ~MODE_APPROX1
+            values[at + C_MU] = values[grip + J_MU] * normal if normal > 0.0 else 0.0
+            values[at + C_MU2] = values[grip + J_MU2] * normal if normal > 0.0 else 0.0
+            joint = _create_contact(world, words[H_GROUP], address + np.uint64(8 * at))
+            _attach(joint, words[grip + J_FIRST], words[grip + J_SECOND])
+            _set_feedback(joint, words[grip + J_FEEDBACK])
+            words[grip + J_JOINT] = joint
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve(words, values, world, dt, quick):
     """Let libode find the forces and move the bodies, as PyodeEngine does."""
     if quick:
         _world_quick_step(world, dt)
     elif words[H_CROWD] <= words[H_CROWD_LIMIT]:
-        _world_step(world, dt)
+        if words[H_COUPLED] == 1 and words[H_SOLVES] > 1:
+            _solve_coupled(words, values, world, dt)
+        else:
+            _world_step(world, dt)
     else:
         before = _random_seed()
         _seed_random(words[H_STEPS])
@@ -364,7 +470,7 @@ def run(words, steps):
         words[H_STEPS] += np.uint64(1)
         if damped:
             _damp(words, values)
-        words[H_CROWD] = np.uint64(0)
+        words[H_CROWD] = words[H_KEPT] = words[H_COUPLED] = np.uint64(0)
         asked = 0
         for index in range(space_count):
             row = spaces + index * SPACE_WORDS
@@ -381,7 +487,7 @@ def run(words, steps):
                 _space_collide(words[row], data, words[H_CALLBACK_ITSELF])
         if asked > 1:
             _space_collide(words[H_MOVING], data, callback)
-        _solve(words, world, dt, quick)
+        _solve(words, values, world, dt, quick)
         _group_empty(group)
         if words[H_NOW_COUNT] or words[H_BEFORE_COUNT]:
             _log_touches(words, values)

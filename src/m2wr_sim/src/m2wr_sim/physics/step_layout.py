@@ -6,10 +6,15 @@ Everything the callback needs lies in one block of 8-byte words, which it sees a
 words                 content
 ====================  =======================================================================================
 0 .. 55               header, see the ``H_`` names; sections are given by their first word
-H_CONTACTS            ``MAX_FOUND`` dContact structures of ``CONTACT_WORDS`` words
+H_CONTACTS            dContact structures of ``CONTACT_WORDS`` words: those of this step, at most ``MAX_KEPT``, and room
+                      for ``MAX_FOUND`` that are being found
+H_GRIPS               ``GRIP_WORDS`` words for each of the former: joint, its bodies, mu, mu2, address of its
+                      dJointFeedback, normal force that its limits are taken from, room for a dJointFeedback
+H_STATES              ``STATE_WORDS`` words a body: position, orientation, velocities, force and torque before the step
 H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
 H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
-                      whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static)
+                      whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static),
+                      whether it moves and never sleeps
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
 H_CROWDS              ``CROWD_WORDS`` words a movable model: step in which it last touched another, who stands for it
@@ -33,7 +38,8 @@ import numpy as np
  H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
  H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
  H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_FENCED, H_FENCES, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
- H_FOUND, H_SLEEPERS, H_DT, H_CROWDS, H_CROWD, H_CROWD_LIMIT, H_CROWDED) = range(49)
+ H_FOUND, H_SLEEPERS, H_DT, H_CROWDS, H_CROWD, H_CROWD_LIMIT, H_CROWDED, H_GRIPS, H_STATES, H_KEPT, H_COUPLED,
+ H_SOLVES) = range(54)
 HEADER_WORDS = 56
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
@@ -41,14 +47,18 @@ CONTACT_WORDS = 31
 C_MODE, C_MU, C_MU2, C_BOUNCE, C_BOUNCE_VELOCITY, C_SOFT_ERP, C_SOFT_CFM, C_SLIP1, C_SLIP2 = 0, 1, 2, 6, 7, 8, 9, 13, 14
 C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH, C_ALONG = 15, 15, 19, 23, 27
 MODE_FDIR1 = np.uint64(2)
-MAX_FOUND = 150
+MODE_APPROX1 = np.uint64(0x7000)
+MAX_FOUND, MAX_KEPT = 150, 256
+GRIP_WORDS = 23
+(J_JOINT, J_FIRST, J_SECOND, J_MU, J_MU2, J_FEEDBACK, J_NORMAL, J_ROOM) = range(8)
+STATE_WORDS = 19
 
-PAIR_WORDS = 20
-(P_VALID, P_MODE, P_MU, P_MU2, P_STEEP_MU, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
- P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND) = range(19)
+PAIR_WORDS = 18
+(P_VALID, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
+ P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND) = range(18)
 
-GEOM_WORDS = 5
-G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL = range(GEOM_WORDS)
+GEOM_WORDS = 6
+G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS = range(GEOM_WORDS)
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 FENCE_WORDS = 4
