@@ -180,6 +180,8 @@ class Array:
             _check_count(len(joined), where)
             return [item.copy() for item in joined]
         lengths = store.array(where + ".lengths", np.int64)
+        if joined.ndim != len(self.shape):
+            raise KindError("{} has {} axes; expected {}".format(where, joined.ndim, len(self.shape)))
         expected = [joined.shape[self._axis] if axis == self._axis else part for axis, part in enumerate(self.shape)]
         if list(joined.shape) != expected or lengths.ndim != 1 or (lengths < 0).any() \
                 or (lengths > joined.shape[self._axis]).any() or int(lengths.sum()) != joined.shape[self._axis]:
