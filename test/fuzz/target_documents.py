@@ -74,7 +74,8 @@ class _Document(Target):
             self._drive(simulator)
             simulator.reset_simulation()
             self.worlds.run(simulator, 2)
-            simulator.delete("thing")
+            if "thing" in simulator.models:         # one that is thrown out of the world is taken away
+                simulator.delete("thing")
         finally:
             simulator.close()
 
