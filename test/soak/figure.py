@@ -32,7 +32,7 @@ def draw(path, title, runs, shift_seconds, told):
             hours, values = slopes.levels(samples, name, shift_seconds)
             panel.plot(hours, values, "-o", color="C%d" % row, markersize=3, linewidth=1,
                        label=told.get((process, name), "end of each shift"))
-            panel.set_ylim(bottom=0)
+            panel.set_ylim(0.0, 1.3 * max((getattr(sample, name) for sample in samples), default=1.0))
             panel.grid(alpha=0.3)
             panel.legend(loc="lower right", fontsize=8)
             if column == 0:
