@@ -210,6 +210,14 @@ def test_stamps_that_tf2_cannot_calculate_with_are_refused(intake):
     assert stamps_taken(intake, [10.1]) == [10.1] and intake.generation == 0
 
 
+def test_a_frame_that_no_name_can_be_is_refused(intake):
+    intake.on_transforms(TFMessage([transform("odom", "las\0er", 10.0), transform("od\0om", "laser", 10.0),
+                                    transform("odom", "laser", 10.0)]))
+    intake.on_scan(waiting_scan("las\0er", 10.1))               # ended the filter's thread
+    assert intake.dropped == 1 and intake.waiting == 0
+    assert stamps_taken(intake, [10.2]) == [10.2]
+
+
 def test_the_transform_that_is_published_is_not_taken_in(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
     intake = Intake("odom", 5, "map")

@@ -2,6 +2,7 @@
 
 JUMP = 1.0      # stamps that much older than those before are a jump back in time, if the next ones are so too [s]
 
+
 class FarAhead:
     """Finds single transforms whose stamp is far ahead; where a second one follows, time has really gone on.
 

@@ -9,7 +9,7 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.replay.far_ahead import JUMP, FarAhead
 from m2wr_gmapping.scan import transform_parts
-from m2wr_view.ros.transform_buffer import LATEST, is_out_of_range
+from m2wr_view.ros.transform_buffer import fault_of
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
@@ -95,8 +95,9 @@ class ScanSource:
     def _put(self, scan):
         """Let a scan wait; the second one in a row that is much older than the one before begins another run."""
         stamp = scan.header.stamp
-        if is_out_of_range(stamp):
-            raise ValueError("its stamp is {} s; expected 0 to {}".format(stamp.secs, LATEST))
+        fault = fault_of(scan.header)
+        if fault:
+            raise ValueError(fault)
         if self._is_far_ahead_of(stamp):
             self._waiting.pop()
             self.odd += 1
@@ -138,9 +139,9 @@ class ScanSource:
             transform.header.frame_id = transform.header.frame_id.lstrip("/")
             transform.child_frame_id = transform.child_frame_id.lstrip("/")
             self.frames.update((transform.header.frame_id, transform.child_frame_id))
-            if is_out_of_range(transform.header.stamp):
-                log.debug("transform %s -> %s left out: its stamp is %d s; expected 0 to %d", transform.header.frame_id,
-                          transform.child_frame_id, transform.header.stamp.secs, LATEST)
+            fault = fault_of(transform.header, transform.child_frame_id)
+            if fault:
+                log.debug("transform %s -> %s left out: %s", transform.header.frame_id, transform.child_frame_id, fault)
                 continue
             if transform.header.frame_id == self._map and transform.child_frame_id == self._odom:
                 continue

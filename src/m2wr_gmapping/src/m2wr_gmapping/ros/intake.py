@@ -9,7 +9,7 @@ import tf2_ros
 from m2wr_gmapping.replay.far_ahead import JUMP, FarAhead
 from m2wr_gmapping.ros.missing import usual_source
 from m2wr_gmapping.scan import transform_parts
-from m2wr_view.ros.transform_buffer import LATEST, is_out_of_range
+from m2wr_view.ros.transform_buffer import fault_of
 
 BUFFER = 60.0               # time that transforms are kept [s]
 LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
@@ -91,9 +91,9 @@ class Intake:
     def _put_transform(self, transform, static):
         parent, child, stamp = transform.header.frame_id, transform.child_frame_id, transform.header.stamp
         self._frames.update((parent, child))
-        if is_out_of_range(stamp):
-            rospy.logwarn_throttle(10.0, "transform %s -> %s refused: its stamp is %d s; expected 0 to %d" % (
-                parent, child, stamp.secs, LATEST))
+        fault = fault_of(transform.header, child)
+        if fault:
+            rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (parent, child, fault))
             return
         try:
             if static:
@@ -114,9 +114,10 @@ class Intake:
         stamp = scan.header.stamp
         with self._news:
             self.arrived += 1
-            if is_out_of_range(stamp):
+            fault = fault_of(scan.header)
+            if fault:
                 self.dropped += 1
-                rospy.logwarn_throttle(5.0, "scan dropped: its stamp is %d s; expected 0 to %d" % (stamp.secs, LATEST))
+                rospy.logwarn_throttle(5.0, "scan dropped: %s" % fault)
                 return
             if self._is_left_over(stamp):
                 self.dropped += 1

@@ -10,6 +10,15 @@ def is_out_of_range(stamp):
     return not 0 <= stamp.secs < LATEST
 
 
+def fault_of(header, child=""):
+    """Return why tf2 must not see a message with this header, a sentence, or an empty text."""
+    if is_out_of_range(header.stamp):
+        return "its stamp is %d s; expected 0 to %d" % (header.stamp.secs, LATEST)
+    if "\0" in header.frame_id or "\0" in child:
+        return "a frame id holds a NUL character; expected a name"
+    return ""
+
+
 class TransformBuffer(tf2_ros.Buffer):
     """A buffer that refuses such transforms, for a ``tf2_ros.TransformListener``."""
 
@@ -25,9 +34,8 @@ class TransformBuffer(tf2_ros.Buffer):
 
     @staticmethod
     def _refused(transform, authority):
-        stamp = transform.header.stamp
-        if not is_out_of_range(stamp):
-            return False
-        rospy.logwarn_throttle(10.0, "transform %s -> %s of %s refused: its stamp is %d s; expected 0 to %d" % (
-            transform.header.frame_id, transform.child_frame_id, authority, stamp.secs, LATEST))
-        return True
+        fault = fault_of(transform.header, transform.child_frame_id)
+        if fault:
+            rospy.logwarn_throttle(10.0, "transform %s -> %s of %s refused: %s" % (
+                transform.header.frame_id, transform.child_frame_id, authority, fault))
+        return bool(fault)
