@@ -45,7 +45,8 @@ RULES = (
     Rule("m2wr_lockstep/*.py", set(), False, False, ("m2wr_lockstep.controller",)),       # waits in wall time
     Rule("m2wr_course/*.py", NUMERIC | {"lxml", "PIL", "yaml"}, False, True, EDGES),
     Rule("m2wr_view/ros/*.py", ANYTHING, True, False, ()),
-    Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag", "yaml"}, False, True, ("m2wr_view.ros",)),
+    Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag", "roslib", "yaml"}, False, True,
+         ("m2wr_view.ros",)),                                             # bags need the classes of their messages
     Rule("m2wr_gmapping/replay/*.py", ANYTHING, True, False, ()),         # reads bags and measures time
     Rule("m2wr_gmapping/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_gmapping/bench/*.py", NUMERIC | {"rosbag", "rospy"}, True, False, ("m2wr_gmapping.ros",)),

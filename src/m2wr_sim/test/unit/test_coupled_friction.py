@@ -1,4 +1,4 @@
-"""Coulomb's law where wheels press a robot against something: cones of friction, sliding along walls, climbing edges."""
+"""Coulomb's law where wheels press a robot against something: friction cones, sliding along walls, climbing edges."""
 import math
 
 import pytest
@@ -26,7 +26,7 @@ def cart(collisions, inertia, com=(0.0, 0.0, 0.0), surface=Surface()):
 
 
 def glider(nose, mu):
-    """Return a cart that cannot turn, for its inertia, and slides sideways, for its wheels grip along their way only."""
+    """Return a cart that cannot turn, for its inertia, and slides sideways: its wheels grip along their way only."""
     smooth = Surface(mu=0.0, mu2=0.0)
     feet = [Collision("foot%d%d" % (x, y), Sphere(0.05), ((0.1 * x, 0.1 * y, -0.05), (0.0, 0.0, 0.0, 1.0)), smooth)
             for x in (-1, 1) for y in (-1, 1)]

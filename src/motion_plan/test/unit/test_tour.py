@@ -70,7 +70,8 @@ def test_restart_begins_with_the_first_point():
 
 
 @pytest.mark.parametrize('points, speed', [([], 0.5), (None, 0.5), ([(1.0,)], 0.5), ([(1.0, 'far')], 0.5),
-                                           ([(1.0, math.nan)], 0.5), ([(1.0, 2.0)], 0.0), ([(1.0, 2.0)], math.inf), ([(1.0, 2.0)], 'fast'),
+                                           ([(1.0, math.nan)], 0.5), ([(1.0, 2.0)], 0.0), ([(1.0, 2.0)], math.inf),
+                                           ([(1.0, 2.0)], 'fast'),
                                            ([(10**400, 2.0)], 0.5), ([(1.0, 2.0)], 10**400), ([(1.0, 2.0)], None)])
 def test_what_cannot_be_driven_is_refused(points, speed):
     with pytest.raises(TourError, match='expected'):

@@ -1,4 +1,4 @@
-"""Friction where a step holds more than standing, with libode's direct solver: limits that agree with the normal forces.
+"""Friction where a step holds more than standing, with the direct solver: limits that agree with the normal forces.
 
 That solver limits friction to mu times the normal forces of a world without friction.  Standing on the ground those are
 the weight; where a motor's grip on the ground presses a wheel against a wall they are nothing, and Coulomb's law does

@@ -138,7 +138,8 @@ class NativeEngine(PyodeEngine):
         self._touching_room = max(self._touching_room, 4 * sum(shape.moves for _, shape in geoms))
         touching = self._touching_room * layout.TOUCH_WORDS
         log_room = self._touching_room + layout.SPARE_LOG
-        sizes = ((layout.MAX_KEPT + layout.MAX_FOUND) * layout.CONTACT_WORDS, len(representatives) ** 2 * layout.PAIR_WORDS,
+        sizes = ((layout.MAX_KEPT + layout.MAX_FOUND) * layout.CONTACT_WORDS,
+                 len(representatives) ** 2 * layout.PAIR_WORDS,
                  len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
                  len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
                  len(self._damped_links) * layout.DAMPED_WORDS, len(self._handles),

@@ -107,8 +107,8 @@ def _say_last_words(number, text, arguments):
     ctypes.pythonapi.PyOS_vsnprintf(message, ctypes.c_size_t(len(message)), ctypes.c_char_p(text),
                                     ctypes.c_void_p(arguments))
     # not by logging, whose lock may be held
-    os.write(2, b"libode ends this process: %s (%d). The model added last is \"%s\"; please report its description.\n" % (
-        message.value, number, _newest["name"].encode("utf-8", "replace")))
+    os.write(2, b"libode ends this process: %s (%d). The model added last is \"%s\"; please report its description.\n"
+             % (message.value, number, _newest["name"].encode("utf-8", "replace")))
 
 
 def random_seed():

@@ -11,21 +11,19 @@ from numba import carray, cfunc, njit, types
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread
 from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
-    CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL,
-    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, CROWD_WORDS, DAMPED_WORDS, GEOM_WORDS, GRIP_WORDS, G_BODY,
-    G_CLASS, G_LINK, G_MODEL, G_RESTLESS, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES, H_BODY_COUNT,
-    H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_COUPLED, H_CROWD, H_CROWDED, H_CROWDS, H_CROWD_LIMIT,
-    H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS, H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS, H_GRIPS,
-    H_GROUP, H_HINGES, H_HINGE_COUNT, H_KEPT, H_LOG, H_LOG_COUNT, H_LOG_ROOM, H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS,
-    H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE, H_SLEEPERS, H_SOLVES, H_SPACES, H_SPACE_COUNT,
-    H_STATES, H_STATIC, H_STEPS,
-    H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MANY_REPORTS, MAX_FOUND, MAX_KEPT, MAX_REPORTS,
-    MODE_APPROX1, MODE_FDIR1, PAIR_WORDS,
-    P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE, P_BOUNCE_VELOCITY, P_GROUND,
-    P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_SOFT_CFM, P_SOFT_ERP, P_VALID,
-    REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT, SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF,
-    STATE_WORDS, TOUCH_WORDS, J_FEEDBACK, J_FIRST, J_JOINT, J_MU, J_MU2, J_NORMAL, J_ROOM, J_SECOND, X_AWAKE, X_CONTACTS,
-    X_FOR, X_STEP)
+    CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL, C_POSITION,
+    C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, CROWD_WORDS, DAMPED_WORDS, GEOM_WORDS, GRIP_WORDS, G_BODY, G_CLASS,
+    G_LINK, G_MODEL, G_RESTLESS, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES,
+    H_BODY_COUNT, H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_COUPLED, H_CROWD, H_CROWDED, H_CROWDS,
+    H_CROWD_LIMIT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS, H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS,
+    H_GRIPS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_KEPT, H_LOG, H_LOG_COUNT, H_LOG_ROOM, H_LOST, H_MISSED, H_MOVING,
+    H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE, H_SLEEPERS, H_SOLVES, H_SPACES,
+    H_SPACE_COUNT, H_STATES, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MANY_REPORTS,
+    MAX_FOUND, MAX_KEPT, MAX_REPORTS, MODE_APPROX1, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y,
+    P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE, P_BOUNCE_VELOCITY, P_GROUND, P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2,
+    P_SLIP1, P_SLIP2, P_SOFT_CFM, P_SOFT_ERP, P_VALID, REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT,
+    SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF, STATE_WORDS, TOUCH_WORDS, J_FEEDBACK, J_FIRST, J_JOINT, J_MU, J_MU2,
+    J_NORMAL, J_ROOM, J_SECOND, X_AWAKE, X_CONTACTS, X_FOR, X_STEP)
 
 _TOO_FAST, _TOO_FAR = 1e9, 1e8      # m/s and rad/s, m; as in engine
 _PARAM_VEL = 2
@@ -95,8 +93,9 @@ def _note_touch(words, values, one, two, at):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _report(words, values, joint, geom_one, geom_two, one, two, at):
-    """Write down a contact and let the solver add the forces; returns the address where it does.  Past ``MAX_REPORTS`` in a step the first give way.
+    """Write down a contact and let the solver add the forces; returns the address where it does.
 
+    Past ``MAX_REPORTS`` in a step the first give way.
     A body that sleeps is not solved and would feel nothing, so what touches a watched geom is kept awake.
     """
     for body in (words[geom_one + G_BODY], words[geom_two + G_BODY]):
@@ -362,7 +361,8 @@ def _keep_states(words, values):
         linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
         force, torque = carray(_force(body), (3,)), carray(_torque(body), (3,))
         for axis in range(3):
-            values[at + axis], values[at + 7 + axis], values[at + 10 + axis] = position[axis], linear[axis], angular[axis]
+            values[at + axis], values[at + 7 + axis] = position[axis], linear[axis]
+            values[at + 10 + axis] = angular[axis]
             values[at + 13 + axis], values[at + 16 + axis] = force[axis], torque[axis]
         for axis in range(4):
             values[at + 3 + axis] = quaternion[axis]

@@ -1,7 +1,6 @@
 """rviz on a virtual display, with software rendering: saves screenshots by itself and when asked."""
 import logging
 import math
-import os
 import threading
 import time
 from dataclasses import dataclass
