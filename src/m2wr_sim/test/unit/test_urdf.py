@@ -115,12 +115,13 @@ def test_m2wr_laser_and_plugins(m2wr):
         "joint_left_wheel", "joint_right_wheel", "0.4", "0.1", None]
 
 
-def test_m2wr_notes_name_what_nobody_reads_and_where_to_put_it(m2wr):
-    notes = " ".join(m2wr.notes)
+def test_m2wr_remarks_name_what_is_not_read_and_where_to_put_it_without_a_warning(m2wr):
+    remarks = " ".join(m2wr.remarks)
+    assert m2wr.notes == ()
     for dead, instead in (("<pose>", "<origin>"), ("<joint_properties>", "<dynamics"), ("<surface>", "<mu1>")):
-        sentence = [note for note in m2wr.notes if dead in note]
-        assert len(sentence) == 1 and instead in sentence[0], notes
-    assert "rpy" not in notes       # all zeros there
+        sentence = [remark for remark in m2wr.remarks if dead in remark]
+        assert len(sentence) == 1 and instead in sentence[0], remarks
+    assert "rpy" not in remarks       # all zeros there
 
 
 # -- conversion, rule by rule -------------------------------------------------------------------------------------
