@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 
@@ -25,7 +26,9 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does fo
 
 PATIENCE = 300.0        # s of wall time for anything; far above what is needed, because machines that test are slow
 NEVER = ("core dumped", "Segmentation", "Aborted")
-TRACEBACK = re.compile(r'Traceback \(most recent call last\):\n\s+File "([^"]*)"')        # in whose program
+_TRACEBACK = re.compile(r"Traceback \(most recent call last\):\n((?:[ \t]+.*\n)+)")       # and its frames
+_FRAME = re.compile(r'^\s+File "([^"]*)"', re.MULTILINE)
+_ROSLAUNCH = re.compile(r"/bin/roslaunch$|/(?:site|dist)-packages/roslaunch/|/roslaunch/src/roslaunch/")
 TEMPORARY = (".whole-*", "*.part", "*.active", "*.orig.active")
 
 
@@ -164,8 +167,7 @@ class FaultRun:
             assert word in self.text, "%r is not in\n%s" % (word, self.text)
         for word in NEVER:
             assert word not in self.text, self.text
-        # Interrupted while it is being imported or loads its files, or without a home, roslaunch shows where it was
-        assert all("/roslaunch" in program for program in TRACEBACK.findall(self.text)), self.text
+        assert not foreign_tracebacks(self.text), self.text
 
     def check_tidy(self, allowed=()):
         """No temporary file is left but those that are allowed."""
@@ -204,6 +206,23 @@ class Later:
 
     def __str__(self):
         return self._make()
+
+
+def foreign_tracebacks(text):
+    """Return the tracebacks in a text that are not roslaunch's own (list of str).
+
+    Interrupted while it imports its modules or loads its files, or without a home, roslaunch shows where it was: in its
+    own code, and in what that calls of Python's library and of what is installed in the system.
+    """
+    system = tuple({os.path.realpath(path) + os.sep for name in ("stdlib", "platstdlib", "purelib", "platlib")
+                    for path in (sysconfig.get_path(name), os.path.dirname(os.path.dirname(rosgraph.__file__)))})
+    found = []
+    for frames in _TRACEBACK.findall(text):
+        files = [name for name in _FRAME.findall(frames) if not name.startswith("<frozen ")]
+        if not any(map(_ROSLAUNCH.search, files)) or not all(
+                _ROSLAUNCH.search(name) or os.path.realpath(name).startswith(system) for name in files):
+            found.append(frames)
+    return found
 
 
 def interrupt_at(words, delay, environment=None):

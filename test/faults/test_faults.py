@@ -3,12 +3,13 @@
 ``make test`` takes a few cases; ``make faults`` takes all, and MOMENTS interrupts of every launch file.
 """
 import os
+import threading
 
 import pytest
 import rospkg
 
 from fault_cases import CASES, LAUNCH_FILES
-from fault_run import FaultRun, interrupt_at, moments, refused
+from fault_run import FaultRun, foreign_tracebacks, interrupt_at, moments, refused
 
 LONG = os.environ.get("M2WR_FAULTS") == "all"
 MOMENTS = int(os.environ.get("MOMENTS") or "100") if LONG else 1
@@ -44,6 +45,22 @@ def test_fault(case):
                                           for number in range(MOMENTS)])
 def test_interrupted_at_any_moment(name, number):
     interrupt_at(name.split("/") + LAUNCH_FILES[name], moments(name, MOMENTS if LONG else 100, LONGEST)[number])
+
+
+def frames(*files):
+    """Return a traceback through these files."""
+    return "Traceback (most recent call last):\n%sKeyboardInterrupt\n" % "".join(
+        '  File "%s", line 1, in <module>\n    import something\n' % name for name in files)
+
+
+@pytest.mark.parametrize("files, foreign", [
+    (("/usr/bin/roslaunch", rospkg.__file__, "<frozen importlib._bootstrap>", os.__file__), False),
+    ((threading.__file__, "/usr/lib/python3/dist-packages/roslaunch/pmon.py"), False),
+    (("/usr/bin/roslaunch", __file__), True),
+    ((os.__file__, rospkg.__file__), True),             # whose it is cannot be seen
+    ((os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True)])
+def test_only_roslaunchs_own_tracebacks_are_passed_over(files, foreign):
+    assert bool(foreign_tracebacks("before\n" + frames(*files) + "after\n")) == foreign
 
 
 def test_every_launch_file_is_interrupted():
