@@ -1,6 +1,7 @@
 """A launch file in a folder, with a home and a master of its own; what is done to it and what must be left."""
 import fnmatch
 import glob
+import linecache
 import os
 import random
 import re
@@ -26,8 +27,10 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does fo
 
 PATIENCE = 300.0        # s of wall time for anything; far above what is needed, because machines that test are slow
 NEVER = ("core dumped", "Segmentation", "Aborted")
-_TRACEBACK = re.compile(r"Traceback \(most recent call last\):\n((?:[ \t]+.*\n)+)")       # and its frames
-_FRAME = re.compile(r'^\s+File "([^"]*)"', re.MULTILINE)
+# tracebacks, also those of several programs that are mixed up with each other, with the last word
+_TRACEBACK = re.compile(r"Traceback \(most recent call last\):\n((?:[ \t]+.*\n|\n|Traceback .*\n)*)(.*)")
+_FRAME = re.compile(r'^\s+File "([^"]*)", line (\d+)', re.MULTILINE)
+_FIRST_IMPORT = "m2wr_view.interrupts"       # of every program; from then on it handles Ctrl-C
 _ROSLAUNCH = re.compile(r"/bin/roslaunch$|/(?:site|dist)-packages/roslaunch/|/roslaunch/src/roslaunch/")
 TEMPORARY = (".whole-*", "*.part", "*.active", "*.orig.active")
 
@@ -209,20 +212,42 @@ class Later:
 
 
 def foreign_tracebacks(text):
-    """Return the tracebacks in a text that are not roslaunch's own (list of str).
+    """Return the tracebacks in a text that should not be there (list of str).
 
-    Interrupted while it imports its modules or loads its files, or without a home, roslaunch shows where it was: in its
-    own code, and in what that calls of Python's library and of what is installed in the system.
+    Two kinds may.  Interrupted while it imports modules or loads its files, or without a home, roslaunch shows where it
+    was, and so do the programs that it runs for a parameter: such a traceback is roslaunch's, or begins in a program
+    outside this workspace, and has no line of the workspace.  And Python shows the same of a program of ours until its
+    first import is done, by which it begins to handle Ctrl-C.
     """
-    system = tuple({os.path.realpath(path) + os.sep for name in ("stdlib", "platstdlib", "purelib", "platlib")
-                    for path in (sysconfig.get_path(name), os.path.dirname(os.path.dirname(rosgraph.__file__)))})
-    found = []
-    for frames in _TRACEBACK.findall(text):
-        files = [name for name in _FRAME.findall(frames) if not name.startswith("<frozen ")]
-        if not any(map(_ROSLAUNCH.search, files)) or not all(
-                _ROSLAUNCH.search(name) or os.path.realpath(name).startswith(system) for name in files):
-            found.append(frames)
+    root = os.path.realpath(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")) + os.sep
+    spaces = tuple(os.path.realpath(path) + os.sep
+                   for path in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep) if path)
+    folders = [path for path in map(os.path.realpath, sys.path)
+               if os.path.basename(path) in ("site-packages", "dist-packages") and not path.startswith(spaces)]
+    folders += [sysconfig.get_path("stdlib"), os.path.dirname(os.path.dirname(rosgraph.__file__))]
+    libraries, found = tuple(os.path.realpath(path) + os.sep for path in folders), []
+    for frames, last in _TRACEBACK.findall(text):
+        places = [(name, int(line)) for name, line in _FRAME.findall(frames) if not name.startswith("<")]
+        ours = [place for place in places if os.path.realpath(place[0]).startswith((root,) + spaces)
+                and not os.path.realpath(place[0]).startswith(libraries)]
+        elsewhere = any(_ROSLAUNCH.search(name) for name, _ in places) or (
+            places and places[0] not in ours and not os.path.realpath(places[0][0]).startswith(libraries))
+        importing = last == "KeyboardInterrupt" and all(
+            _imports_first(place) or place[0].startswith(spaces) and _is_relay(place[0]) for place in ours)
+        if not (ours and importing or elsewhere and not ours):
+            found.append(frames + last)
     return found
+
+
+def _imports_first(place):
+    """Whether a program's first import stands in a line of a file."""
+    return _FIRST_IMPORT in linecache.getline(*place)
+
+
+def _is_relay(name):
+    """Whether a file was made by catkin, to run or import the one of this name in a package's sources."""
+    with open(name, encoding="utf-8") as stream:
+        return "generated from catkin/" in stream.read(2000)
 
 
 def interrupt_at(words, delay, environment=None):

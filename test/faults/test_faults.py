@@ -5,6 +5,8 @@
 import os
 import threading
 
+import m2wr_sim.doctor
+import m2wr_view
 import pytest
 import rospkg
 
@@ -47,16 +49,25 @@ def test_interrupted_at_any_moment(name, number):
     interrupt_at(name.split("/") + LAUNCH_FILES[name], moments(name, MOMENTS if LONG else 100, LONGEST)[number])
 
 
+PROGRAM = os.path.join(rospkg.RosPack().get_path("m2wr_view"), "scripts", "is_there")
+
+
 def frames(*files):
-    """Return a traceback through these files."""
+    """Return a traceback through these files; ``FILE:LINE`` is another line than the first."""
     return "Traceback (most recent call last):\n%sKeyboardInterrupt\n" % "".join(
-        '  File "%s", line 1, in <module>\n    import something\n' % name for name in files)
+        '  File "%s", line %s, in <module>\n    import something\n' % (name, line or 1)
+        for name, _, line in (place.partition(":") for place in files))
 
 
 @pytest.mark.parametrize("files, foreign", [
-    (("/usr/bin/roslaunch", rospkg.__file__, "<frozen importlib._bootstrap>", os.__file__), False),
+    (("/usr/bin/roslaunch", rospkg.__file__, "<frozen importlib._bootstrap>", os.__file__, pytest.__file__), False),
+    (("/usr/bin/roslaunch", m2wr_sim.doctor.__file__), True),
+    (("/usr/bin/rosversion", rospkg.__file__), False),         # roslaunch runs it
     ((threading.__file__, "/usr/lib/python3/dist-packages/roslaunch/pmon.py"), False),
     (("/usr/bin/roslaunch", __file__), True),
+    ((PROGRAM + ":5", m2wr_view.__file__, os.__file__), False),        # where it imports m2wr_view.interrupts
+    ((PROGRAM + ":6", os.__file__), True),
+    ((PROGRAM + ":5", m2wr_sim.doctor.__file__), True),
     ((os.__file__, rospkg.__file__), True),             # whose it is cannot be seen
     ((os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True)])
 def test_only_roslaunchs_own_tracebacks_are_passed_over(files, foreign):
