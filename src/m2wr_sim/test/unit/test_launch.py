@@ -114,7 +114,8 @@ def test_mapping_is_recorded_with_its_map(drive):
     nodes, params = load("mapping.launch", "record:=true", "real_time_factor:=0", "drive:=" + drive)
     assert "-o 'mapping'" in nodes["record"].args and not nodes["record"].required
     assert {"/map", "/gazebo/world_markers", "/odom"} <= set(nodes["record"].args.split())
-    assert params["/gazebo/lockstep_listeners"] == ["/slam_gmapping", "/record"]
+    assert params["/gazebo/lockstep_listeners"] == [
+        "/slam_gmapping respawned: /m2wr/laser/scan", "/record"]
     assert "record" not in load("mapping.launch", "record:=false", "drive:=" + drive)[0]
 
 

@@ -11,11 +11,12 @@ import pytest
 import rospy
 from m2wr_lockstep.srv import Turn, TurnResponse
 from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
+from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import LockstepError, ParameterError
 from m2wr_sim.ros import lockstep as edge, lockstep_ports, ports as plain_ports
 from m2wr_sim.ros.lockstep import Lockstep, read_listeners, read_replies
-from m2wr_sim.ros.lockstep_gate import Look
+from m2wr_sim.ros.lockstep_gate import Connection, Gate, Listener, Look
 from m2wr_sim.ros.lockstep_sockets import Link, UnreadBytes, find_ends
 from m2wr_sim.ros.loop import Loop, ShuttingDown
 from m2wr_sim.ros.params import read_config
@@ -50,6 +51,16 @@ def test_listeners_are_read():
     plain, detailed = read_listeners(["/rviz", "/record: /clock /odom"])
     assert (plain.name, plain.topics) == ("/rviz", ())
     assert (detailed.name, detailed.topics) == ("/record", ("/clock", "/odom"))
+    assert not plain.respawned and not detailed.respawned
+    assert read_listeners(["/mapper respawned: /scan", "/rviz respawned"]) == [
+        ("/mapper", ("/scan",), True), ("/rviz", (), True)]
+
+
+@pytest.mark.parametrize("entry", ["", " : /scan", "/one /two", "/mapper always: /scan"])
+def test_a_listener_that_cannot_be_read_is_quoted(entry):
+    with pytest.raises(ParameterError) as caught:
+        read_listeners([entry])
+    assert repr(entry) in str(caught.value) and "~lockstep_listeners" in str(caught.value)
 
 
 @pytest.mark.parametrize("name, value, words", [
@@ -325,6 +336,42 @@ def test_in_the_middle_of_a_step_nobody_is_served(deaf):
         deaf.advance(0)                     # behind the step, where it is not taken for the fault of a plugin
 
 
+@pytest.mark.parametrize("respawned", [False, True])
+def test_time_waits_for_a_listener_that_is_started_again(stage, respawned, caplog):
+    lockstep, forgotten = opened(stage), []
+    lockstep._listeners = [Listener("/mapper", (), respawned), Listener("/rviz", ())]
+    lockstep._connections = [Connection("/gazebo", "/mapper", "/scan", (1, 2))]
+    lockstep._gate.forget = lambda name, connections: forgotten.append((name, list(connections)))
+    gone, there = Link("/gazebo", "/mapper", "/scan", "gone"), Link("/gazebo", "/rviz", "/scan", "there")
+    lockstep._links = [gone, there]
+    lockstep._unread = SimpleNamespace(of=lambda ends: None if ends == "gone" else 0)
+    lockstep.advance(0)
+    assert lockstep._links == [there]
+    if respawned:
+        assert not lockstep.open() and "/mapper has gone" in caplog.text
+        assert forgotten == [("/mapper", lockstep._connections)]
+        stage.look()                    # it is back
+    assert lockstep.open()
+
+
+def test_connections_of_a_listener_that_has_died_do_not_count(monkeypatch):
+    def own(name):
+        return [Connection("/gazebo", "/mapper", "/scan", ports) for ports in connected]
+
+    connected = [(1, 2)]
+    state = [[["/scan", ["/gazebo"]]], [["/scan", ["/mapper"]]], []]
+    monkeypatch.setattr(rospy, "get_name", lambda: "/gazebo")
+    gate = Gate([], [Listener("/mapper", ("/scan",), True)], [], lambda: True)
+    gate._master = SimpleNamespace(getSystemState=lambda: state, lookupNode=lambda name: "")
+    monkeypatch.setattr(gate, "_connections", lambda name: own(name) if name == "/gazebo" else [])
+    found = gate.look()
+    assert not found.missing
+    gate.forget("/mapper", found.connections)
+    assert gate.look().missing == ["/mapper to be connected to /gazebo on /scan"]
+    connected.append((3, 2))
+    assert not gate.look().missing
+
+
 def test_a_listener_that_cannot_be_watched_is_named(deaf, caplog):
     def refuse(ends):
         raise OSError(1, "Operation not permitted")
@@ -347,6 +394,18 @@ def ports(monkeypatch):
     monkeypatch.setattr(rospy, "resolve_name", lambda name: {"/clock": "/sim/clock", "/tf": "/sim/tf"}.get(name, name))
     monkeypatch.setattr(rospy, "Subscriber", lambda *_, **__: SimpleNamespace(unregister=lambda: None))
     return lockstep_ports.LockstepPorts()
+
+
+def test_ticks_are_made_without_a_subscriber_unless_another_sensor_has_one(ports):
+    made = [ports.advertise(name, LaserScan, 1, "") for name in ("left/scan", "right/scan")]
+    heard = {}
+    for number, port in enumerate(made):
+        port._port = SimpleNamespace(wanted=lambda number=number: heard.get(number, False))
+    assert [port.wanted() for port in made] == [True, True]
+    heard[1] = True
+    assert [port.wanted() for port in made] == [False, True]
+    heard[0] = True
+    assert [port.wanted() for port in made] == [True, True]
 
 
 def test_a_topic_that_goes_closes_the_gate(ports):

@@ -44,11 +44,15 @@ def read_replies(entries):
 
 
 def read_listeners(entries):
-    """Return the Listeners of ``"NODE"`` or ``"NODE: TOPIC TOPIC ..."``."""
+    """Return the Listeners of ``"NODE [respawned]"`` or ``"NODE [respawned]: TOPIC TOPIC ..."``."""
     listeners = []
     for entry in entries:
         name, _, topics = entry.partition(":")
-        listeners.append(Listener(rospy.resolve_name(name.strip()), tuple(map(rospy.resolve_name, topics.split()))))
+        name, *how = name.split() or [""]
+        if not name or how not in ([], ["respawned"]):
+            raise ParameterError("parameter ~lockstep_listeners has %r; expected \"/NODE\", behind it, if wanted, "
+                                 "\" respawned\", and then \": /TOPIC /TOPIC ...\"" % entry)
+        listeners.append(Listener(rospy.resolve_name(name), tuple(map(rospy.resolve_name, topics.split())), bool(how)))
     return listeners
 
 
@@ -168,7 +172,7 @@ class Lockstep:
         self._replies, self._lines, self._conductor = replies, {}, None
         self._loop = self._simulator = None
         self._open, self._look, self._generation = False, None, 0
-        self._links, self._shared, self._foreign, self._unread = [], [], [], None
+        self._links, self._shared, self._foreign, self._unread, self._connections = [], [], [], None, ()
         self._wanted, self._closing, self._failure = threading.Event(), False, None
         self._missing, self._waited = [], 0.0
         ports.triggers = {reply.trigger for reply in replies}
@@ -305,6 +309,7 @@ class Lockstep:
                     log.info("lockstep: %s takes part from %.3f s on", name, self._simulator.now_ns * 1e-9)
         conductor.connected()
         self._outdate()         # a look from before says nothing about who is lost from now on
+        self._connections = look.connections
         self._find_links(look.connections)
         if not self._open:
             self._open = True
@@ -381,9 +386,21 @@ class Lockstep:
             log.warning("lockstep: cannot see whether %s has read what %s sent on %s (%s); it is waited for no more",
                         link.reader, link.publisher, link.topic, error)
             unread = None
-        if unread is None:                  # it has gone; a listener may
-            self._forget(lambda entry: entry is link)
+        if unread is None:                  # it has gone; a listener may, if it is not to come back
+            if any(entry.name == link.reader and entry.respawned for entry in self._listeners):
+                self._close_for(link.reader)
+            else:
+                self._forget(lambda entry: entry is link)
         return unread
+
+    def _close_for(self, name):
+        """Let no time pass until a listener that has died has been started again."""
+        log.warning("lockstep: %s has gone at %.3f s; time stands still until it is back", name,
+                    self._simulator.now_ns * 1e-9)
+        self._gate.forget(name, self._connections)
+        self._forget(lambda entry: entry.reader == name)
+        self._open = False
+        self._outdate()
 
     def _forget(self, which):
         self._links, self._shared, self._foreign = ([entry for entry in links if not which(entry)] for links in (

@@ -16,8 +16,11 @@ _ANSWER_PATIENCE = 2.0              # s of wall time for a node to tell of its c
 _PORTS = re.compile(r"connection on port (\d+) to \[.*:(\d+) on socket")
 NOT_WAITED_FOR = ("/rosout", "/rosout_agg", "/diagnostics")
 
-Listener = namedtuple("Listener", "name topics")
-"""A node that must be connected before time begins; ``topics``: those it must subscribe to, at least."""
+Listener = namedtuple("Listener", "name topics respawned", defaults=(False,))
+"""A node that must be connected before time begins; ``topics``: those it must subscribe to, at least.
+
+One that is ``respawned`` must be connected again before time goes on when it has died.
+"""
 
 Connection = namedtuple("Connection", "publisher subscriber topic ports")
 """``ports`` are those of the subscriber and the publisher, or None."""
@@ -58,8 +61,13 @@ class Gate:
         self.controllers, self._listeners, self._replies = list(controllers), list(listeners), list(replies)
         self._ticking, self._own = ticking, rospy.get_name()
         self._master = rosgraph.Master(self._own)
-        self._addresses = {}
+        self._addresses, self._gone = {}, set()
         self._reminder = Reminder(self._own, self._address, _slave)
+
+    def forget(self, name, connections):
+        """Take the connections of a look to a subscriber that has died for gone: rospy notices when it writes to them.
+        """
+        self._gone |= {entry.ports for entry in connections if entry.subscriber == name and entry.ports}
 
     def look(self, without=()):
         """Return a :class:`Look`; ``without`` are controllers that are not waited for."""
@@ -92,7 +100,9 @@ class Gate:
                 answering.add(name)
                 connections += found
         missing += self._absent_listeners(subscribers) + self._absent_replies(publishers, subscribers, nodes)
-        there, apart = {(entry.publisher, entry.subscriber, entry.topic) for entry in connections}, []
+        gone, apart = set(self._gone), []
+        connections = [entry for entry in connections if entry.ports not in gone]
+        there = {(entry.publisher, entry.subscriber, entry.topic) for entry in connections}
         for topic in sorted(set(publishers) & set(subscribers) - set(NOT_WAITED_FOR)):
             for publisher in sorted(publishers[topic] & nodes):
                 for subscriber in sorted(subscribers[topic] & nodes):

@@ -14,7 +14,15 @@ class _CountedPort:
 
     def __init__(self, ports, port, topic, ticking):
         self._ports, self._port, self._topic, self._ticking = ports, port, topic, ticking
-        self.wanted = port.wanted
+        self.wanted = self._wanted if ticking else port.wanted
+
+    def _wanted(self):
+        """Tell whether to publish: for subscribers, or to make ticks where no other port that makes them has any."""
+        return self._port.wanted() or not any(other.heard() for other in list(self._ports.ticking))
+
+    def heard(self):
+        """Tell whether there is a subscriber."""
+        return self._port.wanted()
 
     def publish(self, message):
         """Publish and count a message."""

@@ -83,7 +83,7 @@ class NodeConfig:
     lockstep: bool = _parameter(False, "time waits for those named below; see Lockstep")
     lockstep_controllers: List[str] = _names("nodes that take turns, in this order")
     lockstep_replies: List[str] = _names("topics on which others answer: \"/TRIGGER -> /TOPIC [by /NODE] [once]\"")
-    lockstep_listeners: List[str] = _names("nodes that hear everything: \"/NODE\" or \"/NODE: /TOPIC /TOPIC ...\"")
+    lockstep_listeners: List[str] = _names("nodes that hear everything: \"/NODE [respawned][: /TOPIC /TOPIC ...]\"")
     lockstep_tick: str = _parameter(
         "scan", "what makes a tick: scan, odometry or both", _one_of("scan", "odometry", "both"))
     lockstep_patience: float = _parameter(
