@@ -26,6 +26,9 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does fo
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PATIENCE = 300.0        # s of wall time for anything; far above what is needed, because machines that test are slow
+PASSED_OVER = 30.0      # s of wall time in which roslaunch begins to end its nodes
+ENDING = "killing on exit"
+LAST_PATIENCE = 200.0   # s until it has ended; less than the limit of pytest, which does not tell what was said
 NEVER = ("core dumped", "Segmentation", "Aborted")
 # tracebacks, also those of several programs that are mixed up with each other, with the last word
 _TRACEBACK = re.compile(r"Traceback \(most recent call last\):\n((?:[ \t]+.*\n|\n|Traceback .*\n)*)(.*)")
@@ -144,10 +147,19 @@ class FaultRun:
         assert run.process.poll() is None, self.text
 
     def end(self, run, by_itself=False):
-        """Interrupt ``run``, or wait until it has ended by itself; returns the exit code."""
+        """Interrupt ``run``, or wait until it has ended by itself; returns the exit code.
+
+        roslaunch itself passes over an interrupt that falls into one of its bare ``except`` clauses.  If it has not
+        begun to end its nodes after a while it is interrupted once more, as a user would.
+        """
         if not by_itself and run.process.poll() is None:
             run.process.send_signal(signal.SIGINT)
-        return run.wait(PATIENCE)
+            try:
+                wait_until(lambda: run.process.poll() is not None or ENDING in run.text, "", PASSED_OVER)
+            except AssertionError:
+                print("roslaunch has passed over an interrupt; it is interrupted once more")
+                run.process.send_signal(signal.SIGINT)
+        return run.wait(LAST_PATIENCE)
 
     # ---- what must be left
 
