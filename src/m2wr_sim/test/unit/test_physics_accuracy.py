@@ -330,7 +330,7 @@ def back_to_back(make_engine, build, robot, drive, step_ms):
 
 def check_they_touch(engine, courses):
     one, two = (course.state for course in courses)
-    assert math.dist(one.position, two.position) == pytest.approx(0.5, abs=3e-3)    # each back is 0.25 m behind its frame
+    assert math.dist(one.position, two.position) == pytest.approx(0.5, abs=3e-3)    # backs: 0.25 m behind the frame
     assert max(tilt_of(one.orientation), tilt_of(two.orientation)) < math.radians(1.0)
     assert abs(one.linear_velocity[0] - two.linear_velocity[0]) < 1e-3
     assert {frozenset((touch.first.split("::")[0], touch.second.split("::")[0]))
