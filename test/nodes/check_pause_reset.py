@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Pause, unpause, reset_world and reset_simulation, seen from topics and from nodes that go on working."""
 import os
+import subprocess
 import sys
 import time
 import unittest
@@ -52,6 +53,23 @@ class PauseReset(unittest.TestCase):
     def pose(self):
         answer = self.simulation.call("get_model_state", "m2wr", "")
         return xyz(answer.pose.position) + (yaw_of(answer.pose.orientation),), xyz(answer.twist.linear)
+
+    def test_a_paused_simulation_goes_on_step_by_step_by_command(self):
+        def command(*words):
+            return subprocess.run(["rosrun", "m2wr_sim"] + list(words), text=True, capture_output=True, timeout=120)
+        refused = command("step")
+        self.assertEqual((refused.returncode, "time is running" in refused.stderr), (1, True), refused.stderr)
+        self.assertEqual(command("pause").returncode, 0)
+        paused_at = self.simulation.call("get_world_properties").sim_time
+        done = command("step", "25")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        now = self.simulation.call("get_world_properties").sim_time
+        self.assertAlmostEqual(now - paused_at, 0.025, 9)
+        done = command("speed", "3")
+        self.assertEqual((done.returncode, done.stdout.split(" times")[0]), (0, "3"), done.stderr)
+        self.assertEqual(command("speed", "1").returncode, 0)
+        self.assertEqual(command("unpause").returncode, 0)
+        self.wait_for_driving()
 
     def test_pause_stops_time_and_all_that_hangs_on_it_but_not_the_services(self):
         self.simulation.call("pause_physics")

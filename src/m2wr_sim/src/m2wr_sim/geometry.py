@@ -8,15 +8,7 @@ import math
 
 import numpy as np
 
-
-def quaternion_from_rpy(roll, pitch, yaw):
-    """Return the quaternion of fixed-axis roll, pitch, yaw [rad] as a tuple of four floats."""
-    half_roll, half_pitch, half_yaw = 0.5 * roll, 0.5 * pitch, 0.5 * yaw
-    cr, sr = math.cos(half_roll), math.sin(half_roll)
-    cp, sp = math.cos(half_pitch), math.sin(half_pitch)
-    cy, sy = math.cos(half_yaw), math.sin(half_yaw)
-    return (sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy)
+from m2wr_sim.angles import quaternion_from_rpy, yaw_of  # noqa: F401 (part of this module's interface)
 
 
 def rpy_from_quaternion(quaternion):
@@ -25,12 +17,6 @@ def rpy_from_quaternion(quaternion):
     sin_pitch = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))
     return (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.asin(sin_pitch),
             math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-
-
-def yaw_of(quaternion):
-    """Return the yaw [rad] of a unit quaternion."""
-    x, y, z, w = quaternion
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def normalise_quaternion(quaternion):

@@ -137,6 +137,20 @@ def test_requests_are_served_while_paused_and_time_stands(simulator):
         running.wait(lambda: simulator.now_ns > 0)
 
 
+def test_single_steps_pass_only_while_paused(simulator):
+    simulator.paused = True
+    with Running(simulator) as running:
+        for number in (1, 2, 3):
+            assert running.loop.call(running.loop.step) == "" and simulator.now_ns == number * simulator.step_ns
+        assert simulator.paused
+
+        def resume():
+            simulator.paused = False
+            return running.loop.step(), simulator.now_ns
+        told, now_ns = running.loop.call(resume)
+        assert "time is running" in told and now_ns == 3 * simulator.step_ns
+
+
 def test_a_request_does_not_wait_for_a_slow_schedule(simulator):
     """At a thousandth of real time a batch of 10 ms takes ten seconds; requests come in between."""
     with Running(simulator, factor=0.001) as running:

@@ -7,7 +7,7 @@ import pytest
 from m2wr_sim.errors import ModelError
 from m2wr_sim.model.obstacles import COLOURS, KINDS, Obstacle, draw, read_colour, read_link, wall
 from m2wr_sim.model.sdf import load_sdf
-from m2wr_sim.ros import obstacle_commands
+from m2wr_sim.ros import obstacle_commands, obstacles
 from m2wr_sim.ros.obstacles import ObstacleError, Places, outline_of, touched_robots
 from m2wr_view.outlines import M2WR_FOOTPRINT, footprint_distances, point_distances
 
@@ -189,7 +189,8 @@ def run_add(line):
 
 @pytest.fixture(autouse=True)
 def footprint(monkeypatch):
-    monkeypatch.setattr(obstacle_commands, "robot_footprint", lambda: M2WR_FOOTPRINT)
+    monkeypatch.setattr(obstacles, "robot_footprint", lambda: M2WR_FOOTPRINT)
+    monkeypatch.setattr(obstacle_commands, "start_to_listen", lambda: None)
 
 
 def test_three_near_the_robot(capsys):

@@ -1,6 +1,6 @@
 """The services of the simulation by name and type; every name is that of a method of one of the ``api_*`` classes."""
 from gazebo_msgs import srv
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
 
 SERVICES = {
     "apply_body_wrench": srv.ApplyBodyWrench,
@@ -29,5 +29,6 @@ SERVICES = {
     "set_physics_properties": srv.SetPhysicsProperties,
     "spawn_sdf_model": srv.SpawnModel,
     "spawn_urdf_model": srv.SpawnModel,
+    "step": Trigger,
     "unpause_physics": Empty,
 }

@@ -2,6 +2,8 @@
 import rospy
 from rospy import rostime
 
+from m2wr_sim.ros.pose_messages import read_pose, write_pose  # noqa: F401 (part of this module's interface)
+
 _condition = rostime.get_rostime_cond()         # the one of the process
 _new_time, _Time = rospy.Time.__new__, rospy.Time
 
@@ -22,18 +24,6 @@ def set_ros_time(stamp):
             _condition.notify_all()
     finally:
         _condition.release()
-
-
-def read_pose(pose):
-    """Return ``(position, orientation)`` of a geometry_msgs/Pose."""
-    return ((pose.position.x, pose.position.y, pose.position.z),
-            (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w))
-
-
-def write_pose(pose, position, orientation):
-    """Fill a geometry_msgs/Pose."""
-    pose.position.x, pose.position.y, pose.position.z = position
-    pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
 
 
 def read_vector(vector):

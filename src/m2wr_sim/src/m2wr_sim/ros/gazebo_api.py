@@ -10,7 +10,7 @@ import rospy
 from gazebo_msgs.msg import LinkState, ModelState
 from gazebo_msgs.srv import (DeleteModelResponse, GetModelPropertiesResponse, GetModelStateResponse,
                              GetWorldPropertiesResponse, SetModelConfigurationResponse, SetModelStateResponse)
-from std_srvs.srv import EmptyResponse
+from std_srvs.srv import EmptyResponse, TriggerResponse
 
 from m2wr_sim.errors import ModelError, NotFoundError
 from m2wr_sim.physics.engine import FARTHEST
@@ -199,6 +199,13 @@ class GazeboApi:
         self._simulator.reset_world()
         log.info("world reset: models are back at their initial poses")
         return EmptyResponse()
+
+    def step(self, _):
+        """Let one step pass while paused; answered when it has."""
+        refused = self._loop.step()
+        if refused:
+            return TriggerResponse(False, refused)
+        return TriggerResponse(True, "time is %.9g s" % (self._simulator.now_ns * 1e-9))
 
     def reset_simulation(self, _):
         """Start over at time zero."""

@@ -118,6 +118,20 @@ class Loop:
         """Go on with another real-time factor; to be called in the loop's thread."""
         self._factor, self._pacer = factor, Pacer(factor)
 
+    def step(self):
+        """Let one step pass while paused; to be called in the loop's thread.  Returns why not, or an empty string."""
+        simulator = self._simulator
+        if self._lockstep is not None:
+            return "in lockstep, time passes with the answers of the controllers; single steps are not possible"
+        if not simulator.paused:
+            return "time is running; pause it first, with the service pause_physics or \"rosrun m2wr_sim pause\""
+        simulator.paused = False
+        try:
+            simulator.advance(simulator.now_ns + simulator.step_ns)
+        finally:
+            simulator.paused = True
+        return ""
+
     def call(self, function):
         """Run ``function()`` in the loop's thread between two steps and return what it returns."""
         request = _Request(function)

@@ -2,16 +2,11 @@
 import argparse
 import sys
 
-import numpy as np
-import rosgraph
-import rospy
-
+from m2wr_sim.angles import quaternion_from_rpy, yaw_of
+from m2wr_sim.command_line import without_exponent
 from m2wr_sim.errors import SimError
-from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.model.obstacles import COLOURS, KINDS, Obstacle, draw, read_colour, wall
-from m2wr_sim.ros.obstacles import ObstacleError, Places, World, outline_of, robot_footprint, some_of, touched_robots
-from m2wr_sim.ros.spawn_client import without_exponent
-from m2wr_view.ros.starting import start_node
+from m2wr_sim.ros.service_client import no_master, without_remappings
 
 _DEFAULT_SIZES = {"box": (0.5, 0.5, 0.5), "cylinder": (0.25, 0.5), "sphere": (0.25,)}
 
@@ -99,6 +94,7 @@ def _say_added(name, obstacle, place, yaw, robots, footprint):
     """Tell what has been added, and on stderr if it stands in a robot."""
     print("%s, %s" % (_describe(name, obstacle.kind, obstacle.size, place, yaw),
                       "fixed" if obstacle.mass is None else "%g kg" % obstacle.mass))
+    from m2wr_sim.ros.obstacles import outline_of, touched_robots
     outline = outline_of(obstacle.kind, obstacle.size, (place, quaternion_from_rpy(0.0, 0.0, yaw)))
     for robot in touched_robots(outline, robots, footprint):
         sys.stderr.write("warning: %s stands where the robot %s is, and will throw it about; \"rosrun m2wr_sim "
@@ -107,7 +103,11 @@ def _say_added(name, obstacle, place, yaw, robots, footprint):
 
 def add_obstacle(given, world):
     """Do what add_obstacle's command line says."""
-    generator = np.random.default_rng(given.seed)
+    from m2wr_sim.ros.obstacles import ObstacleError, Places, robot_footprint, some_of
+    generator = None
+    if given.near is not None or given.kind == "random":
+        import numpy as np
+        generator = np.random.default_rng(given.seed)
     first = read_obstacle(given, generator)     # a bad size is refused before anything is asked of the simulation
     robots, footprint = world.robots(), robot_footprint()
     if given.near is None:
@@ -120,6 +120,7 @@ def add_obstacle(given, world):
         return _say_added(name, first, place, yaw, robots, footprint)
     if given.near not in world.names():
         raise ObstacleError("there is no model \"%s\"; in the world are %s" % (given.near, some_of(world.names())))
+    start_to_listen()
     places = Places(world.pose(given.near), world.solids(), robots, footprint, given.clearance, given.within, generator)
     for number in range(given.count):
         obstacle = first if number == 0 else read_obstacle(given, generator)
@@ -129,6 +130,14 @@ def add_obstacle(given, world):
             name = world.free_name(world.names(), name or "obstacle")
         _say_added(world.add(obstacle, (x, y, 0.0), yaw, name), obstacle, (x, y, 0.0), yaw, {}, footprint)
     return None
+
+
+def start_to_listen():
+    """Register a node, which the world's markers need; the services alone need none."""
+    import rospy
+    from m2wr_view.ros.starting import start_node
+    start_node("add_obstacle", anonymous=True, disable_rostime=True)
+    rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
 
 
 def make_move_parser():
@@ -211,18 +220,14 @@ def parse(command, words):
 
 def main(command, argv=None):
     """Entry point of a command; returns the exit code."""
-    given = parse(command, rospy.myargv(sys.argv if argv is None else argv)[1:])
-    if not rosgraph.is_master_online():
-        sys.stderr.write("%s: no ROS master at %s: start a simulation first, for example with \"roslaunch m2wr_sim "
-                         "bug2.launch\", or set ROS_MASTER_URI\n" % (command, rosgraph.get_master_uri()))
-        return 1
-    try:
-        start_node(command, anonymous=True, disable_rostime=True)
-        rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
-        COMMANDS[command][2](given, World(given.gazebo_namespace))
-    except rospy.ROSInterruptException:
-        return 1
-    except (SimError, rospy.ROSException) as error:
-        sys.stderr.write("%s: %s\n" % (command, error))
-        return 1
-    return 0
+    given = parse(command, without_remappings(sys.argv if argv is None else argv)[1:])
+    problem = no_master()
+    if problem is None:
+        from m2wr_sim.ros.obstacles import World
+        try:
+            COMMANDS[command][2](given, World(given.gazebo_namespace))
+            return 0
+        except SimError as error:
+            problem = error
+    sys.stderr.write("%s: %s\n" % (command, problem))
+    return 1

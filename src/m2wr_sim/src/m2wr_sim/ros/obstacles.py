@@ -3,23 +3,18 @@ import logging
 import math
 import re
 
-import numpy as np
 import rosgraph
-import rospy
+import rosgraph.names
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import (DeleteModel, GetModelProperties, GetModelState, GetWorldProperties, SetModelState,
                              SpawnModel)
 from geometry_msgs.msg import Pose
-from m2wr_view.errors import ViewError
-from m2wr_view.frames import rotation_of
-from m2wr_view.outlines import M2WR_FOOTPRINT, box_outline, cylinder_outline, footprint_distances, sphere_outline
-from m2wr_view.solids import Solids, read_robot
-from visualization_msgs.msg import Marker, MarkerArray
 
+from m2wr_sim.angles import quaternion_from_rpy, yaw_of
 from m2wr_sim.errors import SimError
-from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.model.obstacles import read_link
-from m2wr_sim.ros.convert import read_pose, write_pose
+from m2wr_sim.ros.pose_messages import read_pose, write_pose
+from m2wr_sim.ros.service_client import CallError, Connection
 
 log = logging.getLogger("m2wr_sim.obstacles")
 
@@ -44,6 +39,9 @@ def outline_of(kind, size, pose):
     pose : tuple
         Position of the middle of its underside [m] and quaternion, in world.
     """
+    import numpy as np
+    from m2wr_view.frames import rotation_of
+    from m2wr_view.outlines import box_outline, cylinder_outline, sphere_outline
     rotation = rotation_of(pose[1])
     height = 2.0 * size[0] if kind == "sphere" else size[-1]
     centre = np.array(pose[0]) + rotation.dot((0.0, 0.0, 0.5 * height))
@@ -69,25 +67,21 @@ class World:
     """
 
     def __init__(self, namespace="/gazebo"):
-        self._root, self._proxies = namespace.rstrip("/"), {}
+        self._root, self._connections = namespace.rstrip("/"), {}
 
     def _call(self, name, kind, *arguments):
-        service, known = "%s/%s" % (self._root, name), name in self._proxies
+        service, known = "%s/%s" % (self._root, name), name in self._connections
         try:
-            if not known:
-                rospy.wait_for_service(service, timeout=SERVICE_PATIENCE)
-                # a connection that stays: each model of the world is asked about
-                self._proxies[name] = rospy.ServiceProxy(service, kind, persistent=True)
-            answer = self._proxies[name](*arguments)
-        except (rospy.ServiceException, rospy.ROSException) as error:
-            if name in self._proxies:
-                self._proxies.pop(name).close()
-            if known and not rospy.is_shutdown():       # another simulation may have taken the place of the old one
+            if not known:       # a connection that stays: each model of the world is asked about
+                self._connections[name] = Connection(service, kind, SERVICE_PATIENCE)
+            answer = self._connections[name](*arguments)
+        except CallError as error:
+            if name in self._connections:
+                self._connections.pop(name).close()
+            if known:           # another simulation may have taken the place of the old one
                 return self._call(name, kind, *arguments)
-            if isinstance(error, rospy.ServiceException):
-                raise ObstacleError("service %s failed: %s" % (service, error))
-            raise ObstacleError("no simulation answers: service %s: %s. Start one, for example with \"roslaunch "
-                                "m2wr_sim bug2.launch\"" % (service, error))
+            raise ObstacleError("no simulation answers: %s. Start one, for example with \"roslaunch m2wr_sim "
+                                "bug2.launch\"" % error)
         if not answer.success:
             raise ObstacleError("%s: %s" % (service, answer.status_message))
         return answer
@@ -126,6 +120,9 @@ class World:
 
         Without the topic of world markers, as on another simulator, these are the obstacles of this module.
         """
+        import rospy
+        from m2wr_view.solids import Solids
+        from visualization_msgs.msg import Marker, MarkerArray
         topic, own, others = self._root + "/world_markers", self.obstacles(), []
         try:
             known = dict(rospy.get_published_topics())
@@ -217,8 +214,12 @@ def _check_place(position, yaw):
 
 def robot_footprint():
     """Return the outlines of the robot in the parameter ``robot_description``; those of m2wr if there is none."""
+    from m2wr_view.errors import ViewError
+    from m2wr_view.outlines import M2WR_FOOTPRINT
+    caller = rosgraph.names.make_caller_id("m2wr_obstacles")
     try:
-        text = rospy.get_param("robot_description", None)
+        text = rosgraph.Master(caller).getParam(rosgraph.names.resolve_name("robot_description", caller))
+        from m2wr_view.solids import read_robot
         footprint = read_robot(text).footprint if isinstance(text, str) else None
     except (OSError, rosgraph.MasterException, ViewError):
         footprint = None
@@ -232,6 +233,8 @@ def touched_robots(outline, robots, footprint):
 
 def _gap(outline, pose, footprint):
     """Return the distance [m] of an outline from a robot at a pose."""
+    import numpy as np
+    from m2wr_view.outlines import footprint_distances
     return float(footprint_distances(np.array([[pose[0][0], pose[0][1], yaw_of(pose[1])]]), outline, footprint)[0])
 
 
@@ -275,6 +278,8 @@ class Places:
                                 self._centre[0][0], self._centre[0][1], self._clearance))
 
     def _is_free(self, outline):
+        import numpy as np
+        from m2wr_view.outlines import footprint_distances
         if any(_gap(outline, pose, self._footprint) < self._clearance for pose in self._robots.values()):
             return False
         nowhere = np.zeros((1, 3))

@@ -2,7 +2,9 @@
 
 It also says so when the tool "2D Nav Goal" is used and no node drives to goals.
 """
+import argparse
 import math
+import sys
 
 import rosgraph
 import rospy
@@ -78,6 +80,10 @@ def check_goal(_, system_state=None):
 
 def main():
     """Entry point; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="place_robot", description=(
+        "Put a robot where rviz's tool \"2D Pose Estimate\" points; a node that runs until it is stopped."), epilog=(
+        "Parameters: _model:=NAME of the robot (m2wr), _frame:=NAME of the tf frame with the world axes (odom)."))
+    parser.parse_args(rospy.myargv(sys.argv)[1:])
     start_node("place_robot", disable_rostime=True)
     services = []
     for name, kind in (("/gazebo/get_model_state", GetModelState), ("/gazebo/set_model_state", SetModelState)):

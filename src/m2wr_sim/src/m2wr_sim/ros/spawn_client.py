@@ -6,7 +6,6 @@ import re
 import sys
 import threading
 import time
-from decimal import Decimal
 from xml.sax.saxutils import escape
 
 import rospkg
@@ -17,7 +16,8 @@ from geometry_msgs.msg import Pose
 from lxml import etree
 from std_srvs.srv import Empty
 
-from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_sim.angles import quaternion_from_rpy
+from m2wr_sim.command_line import without_exponent
 from m2wr_sim.model.lenient_xml import root_tag
 from m2wr_sim.model.safe_xml import XmlError
 from m2wr_sim.model.xacro_text import expanded
@@ -56,13 +56,6 @@ def make_parser():
     parser.add_argument("-unpause", action="store_true", help="unpause the physics afterwards")
     parser.add_argument("-wait", metavar="MODEL", help="first wait for another model")
     return parser
-
-
-def without_exponent(word):
-    """Write a negative number such as -1e-05 as argparse knows it; it takes that for an option otherwise."""
-    if re.match(r"-(\d+\.?\d*|\.\d+)[eE][+-]?\d{1,3}$", word):
-        return format(Decimal(word), "f")
-    return word
 
 
 def parse(argv):
