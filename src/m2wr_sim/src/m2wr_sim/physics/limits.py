@@ -27,7 +27,8 @@ SPREAD = 1e10           # of the principal moments of a link; a double has 16 di
 LEVERAGE = 1e13         # 1/kg: mobility of a point of a body, 1/m + r^2/I; times 1e-16 it is below CFM over the step
 LEAST_AXIS, GREATEST_AXIS = 1e-6, 1e6       # length of a joint's axis, which is a direction
 LEAST_ANGLE = 1e-3                          # rad, between the axes of a universal joint
-GREATEST_NUMBER = 1e16                      # of damping, springs, stops and softness of joints; SDF's own infinity
+GREATEST_NUMBER = 1e16                      # of friction, stops and softness of joints; SDF's own infinity
+GREATEST_STIFFNESS = 1e300                  # of dampers and springs, which are solved implicitly: any is stable
 
 
 def check_model(model, name):
@@ -90,9 +91,10 @@ def _check_joint(joint, where):
             raise ModelError("joint %s: axis %s; expected a direction with a length of %g to %g" % (
                 where, tuple(axis.xyz), LEAST_AXIS, GREATEST_AXIS))
         _check_numbers(where, (
-            ("damping", axis.damping), ("friction", axis.friction), ("stop_erp", axis.stop_erp),
-            ("stop_cfm", axis.stop_cfm), ("spring stiffness", axis.spring_stiffness),
+            ("friction", axis.friction), ("stop_erp", axis.stop_erp), ("stop_cfm", axis.stop_cfm),
             ("spring reference", axis.spring_reference), ("fudge factor", axis.fudge_factor or 0.0)))
+        _check_numbers(where, (("damping", axis.damping), ("spring stiffness", axis.spring_stiffness)),
+                       GREATEST_STIFFNESS)
         if math.isnan(axis.lower) or math.isnan(axis.upper):
             raise ModelError("joint %s: limits %g and %g; expected numbers" % (where, axis.lower, axis.upper))
     if joint.kind == "universal":
@@ -102,10 +104,10 @@ def _check_joint(joint, where):
                 where, tuple(joint.axes()[0].xyz), tuple(joint.axes()[1].xyz)))
 
 
-def _check_numbers(where, numbers):
+def _check_numbers(where, numbers, greatest=GREATEST_NUMBER):
     for name, value in numbers:
-        if not abs(value) <= GREATEST_NUMBER:
-            raise ModelError("%s: %s %g; expected a number of at most %g" % (where, name, value, GREATEST_NUMBER))
+        if not abs(value) <= greatest:
+            raise ModelError("%s: %s %g; expected a number of at most %g" % (where, name, value, greatest))
 
 
 def _check_leverage(link, anchors, where):
