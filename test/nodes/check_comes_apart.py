@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A world that comes apart ends the run: the step, the body and the last command are named, the bag is closed well."""
+"""A world that comes apart ends the run where ~loss_ends says so: the step, the body and the last command are named, the bag is closed well."""
 import math
 import os
 import shutil
@@ -14,6 +14,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Running, Simulation, marked, run_checks, wait_until  # noqa: E402
 
 LAUNCH = """<launch>
+  <param name="/gazebo/loss_ends" value="true"/>
   <include file="$(find m2wr_sim)/launch/bug2.launch">
     <arg name="gui" value="false"/>
     <arg name="record" value="%s"/>

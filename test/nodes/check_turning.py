@@ -101,14 +101,18 @@ class Turning(unittest.TestCase):
     def test_swapped_joints_make_noetics_mapping_right(self):
         self.assert_turns("other", LEFT, rospy.get_param("/swapped_description"))
 
-    def test_one_warning_at_spawn_names_sides_direction_and_setting(self):
-        for name, words in (("m2wr", ("kinetic", "counter-clockwise")), ("other", ("noetic", "turns it clockwise"))):
+    def test_one_line_at_spawn_names_sides_direction_and_setting(self):
+        # each line comes once in a process: wheels of another place make it another line
+        xml = rospy.get_param("/robot_description").replace("0.20", "0.21")
+        self.assertNotEqual(xml, rospy.get_param("/robot_description"))
+        for name, level, words in (("m2wr", Log.INFO, ("kinetic", "counter-clockwise")),
+                                   ("other", Log.WARN, ("noetic", "turns it clockwise"))):
             self.log.clear()
-            self.assertTrue(self.simulation.spawn(name, rospy.get_param("/robot_description"), namespace=name).success)
+            self.assertTrue(self.simulation.spawn(name, xml, namespace=name).success)
             self.log.wait(lambda messages: any(m.msg == 'spawned "%s"' % name for m in messages), "the spawn's end")
             lines = [m for m in self.log.messages if "RIGHT side" in m.msg]
             self.assertEqual(len(lines), 1)
-            self.assertEqual(lines[0].level, Log.WARN)
+            self.assertEqual(lines[0].level, level)
             for word in words + ("joint_left_wheel", "joint_right_wheel", "~wheel_conventions/" + name):
                 self.assertIn(word, lines[0].msg)
             self.simulation.call("delete_model", name)

@@ -101,7 +101,9 @@ def read_description(arguments):
                 raise SpawnError("Error: file %s is empty" % arguments.file)
             if root_tag(text) == "robot":       # here and not in the simulator: xacro runs code
                 text = expanded(text, arguments.file, rospkg.RosPack().get_path)
-        except (OSError, UnicodeDecodeError, XmlError) as error:
+        except XmlError as error:
+            raise SpawnError("Invalid XML: %s" % error)
+        except (OSError, UnicodeDecodeError) as error:
             raise SpawnError("Error: cannot read file %s: %s" % (arguments.file, error))
     elif arguments.param:
         rospy.loginfo("Loading model XML from ros parameter %s", arguments.param)
