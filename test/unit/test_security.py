@@ -11,7 +11,8 @@ from m2wr_view import map_input
 
 TEXT = tree.read(os.path.join(tree.ROOT, "SECURITY.md"))
 LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xml.MAX_BYTES, safe_xml.MAX_DEPTH,
-          lenient_xml._MOST_BYTES, mesh_files.MAX_MESH_BYTES, mesh_files.MAX_TRIANGLES, mesh_shapes._MAX_PIXELS,
+          safe_xml.MAX_ATTRIBUTES, lenient_xml._MOST_BYTES, lenient_xml._MOST_AMPERSANDS,
+          mesh_files.MAX_MESH_BYTES, mesh_files.MAX_TRIANGLES, mesh_shapes._MAX_PIXELS,
           map_input.MOST_YAML, map_input.MOST_DEPTH, map_input.MOST_PICTURE, map_input.MOST_PIXELS,
           state_file.MOST_FILE,
           state_file.MOST_UNPACKED, state_file.MOST_JSON, state_file.MOST_DEPTH, state_kinds.MOST_ITEMS]

@@ -14,6 +14,9 @@ LAUGHS = """<?xml version="1.0"?>
 <robot name="&b;"/>"""
 
 
+MANY = " ".join("a%d='1'" % k for k in range(safe_xml.MAX_ATTRIBUTES + 1))
+
+
 def message_of(call, *arguments):
     with pytest.raises(XmlError) as caught:
         call(*arguments)
@@ -105,3 +108,21 @@ def test_fifty_megabytes_load_and_the_limit_is_named(monkeypatch):
     assert time.perf_counter() - started < 30.0
     monkeypatch.setattr(safe_xml, "MAX_BYTES", 1000)
     assert "expected at most" in message_of(parse_xml, text, "big.sdf")
+
+
+# ---- attributes of one element: libxml2 compares each with every other
+
+@pytest.mark.parametrize("text", [
+    "<r>\n<a %s/></r>" % MANY, "<r>\n<a b='>' %s/></r>" % MANY, ("<r>\n<a %s/></r>" % MANY).encode("utf-16")],
+    ids=["plain", "sign in a value", "utf-16"])
+def test_an_element_with_too_many_attributes_is_refused_by_its_line(text):
+    message = message_of(parse_xml, text, "m.urdf")
+    assert message.startswith("m.urdf:2: an element has 100") and "attributes; expected at most 1000" in message
+
+
+@pytest.mark.parametrize("text", [
+    "<r><!-- <a %s/> --><a/></r>" % MANY, "<r><![CDATA[%s]]></r>" % MANY, "<r>it's a %s</r>" % MANY,
+    "<r a=\"%s\"/>" % MANY, "<r>" + "<a b='1'/>" * 5000 + "</r>"],
+    ids=["comment", "cdata", "text", "value", "many elements"])
+def test_equal_signs_elsewhere_are_no_attributes(text):
+    assert parse_xml(text, "m.urdf").tag == "r"

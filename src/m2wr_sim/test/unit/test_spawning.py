@@ -127,9 +127,13 @@ def test_xacro_over_a_service_is_refused_with_the_command_to_run_first(rig, tmp_
 
 @pytest.mark.parametrize("text, words", [
     ("<robot>" + " " * (spawning.MOST_TEXT + 1), "characters; expected at most"),
-    ("<robot>" + "<a/>" * (spawning.MOST_MARKS + 1), "tags and attributes; expected at most")])
+    ("<robot>" + "<a/>" * (spawning.MOST_MARKS + 1), "tags and attributes; expected at most"),
+    ("<robot>" + "&" * (spawning.MOST_MARKS + 1), "tags and attributes; expected at most"),
+    ("<sdf>" + " " * (spawning.MOST_TEXT + 1), "characters; expected at most"),
+    ("<sdf>" + "<a/>" * (spawning.MOST_MARKS + 1), "tags and attributes; expected at most")])
 def test_a_text_that_is_too_large_is_refused_before_it_is_parsed(rig, monkeypatch, text, words):
     monkeypatch.setattr(spawning, "load_urdf", None)
+    monkeypatch.setattr(spawning, "load_sdf", None)
     for spawn in (rig.spawner.spawn_urdf_model, rig.spawner.spawn_sdf_model):
         answer = spawn(request(text))
         assert not answer.success and words in answer.status_message

@@ -7,6 +7,7 @@ Latin-1, or a blank line in front of the declaration.
 import re
 
 _MOST_BYTES = 32 * 1024 * 1024      # of a file to put right; such slips are made by hand, in files written by hand
+_MOST_AMPERSANDS = 100000           # in such a file
 
 _ENCODING = re.compile(br"""<\?xml\b[^>]*\bencoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
 _AMPERSAND = re.compile(r"&(?!(?:#\d+|#x[0-9A-Fa-f]+|[A-Za-z_][\w.-]*);)")
@@ -36,7 +37,7 @@ def tidy(data, encoding=None):
         Empty where there is nothing that could be put right.
     """
     slips = []
-    if len(data) > _MOST_BYTES:
+    if len(data) > _MOST_BYTES or data.count(b"&") > _MOST_AMPERSANDS:
         return data, slips
     text = _decoded(data, encoding, slips)
     without = without_comments(text)

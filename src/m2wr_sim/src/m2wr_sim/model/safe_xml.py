@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 MAX_BYTES = 256 * 1024 * 1024      # large enough for worlds saved with inline meshes, small enough for a laptop
 _HUGE_BYTES = 8 * 1024 * 1024      # libxml2 needs its "huge" switch from 10 MB on; below it the depth limit stays
 MAX_DEPTH = 256                    # libxml2's own limit without that switch
+MAX_ATTRIBUTES = 1000              # of one element; libxml2 2.9 compares each with every other
 
 _TRUE, _FALSE = ("true", "1"), ("false", "0")
 
@@ -69,6 +70,28 @@ def _refuse_entities(data, source, encoding):
             source, error)) from None
 
 
+def _refuse_many_attributes(data, source, encoding):
+    """Raise XmlError where an element has more than MAX_ATTRIBUTES; expat counts them, in linear time.
+
+    It is asked only where so many "=" stand between two "<".
+    """
+    if not any(piece.count(b"=") > MAX_ATTRIBUTES for piece in data.split(b"<")):
+        return
+    parser = expat.ParserCreate(encoding)
+
+    def on_element(_, attributes):
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise XmlError("{}:{}: an element has {} attributes; expected at most {}".format(
+                source, parser.CurrentLineNumber, len(attributes), MAX_ATTRIBUTES))
+
+    parser.StartElementHandler = on_element
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise _Malformed("{}:{}: not well-formed XML: {}".format(
+            source, error.lineno, expat.ErrorString(error.code))) from None
+
+
 def parse_xml(text, source, strict=False):
     """Parse XML without document types, entities or network access.
 
@@ -90,7 +113,7 @@ def parse_xml(text, source, strict=False):
     Raises
     ------
     XmlError
-        If the text is empty, too long, too deep, malformed, or declares entities.
+        If the text is empty, too long, too deep, malformed, declares entities, or gives an element too many attributes.
     """
     encoding = "utf-8" if isinstance(text, str) else None
     data = text.encode("utf-8", "replace") if isinstance(text, str) else bytes(text)
@@ -118,6 +141,7 @@ def parse_xml(text, source, strict=False):
 def _parse(data, source, encoding):
     """Return the root element of a document that keeps the rules of XML."""
     _refuse_entities(data, source, encoding)
+    _refuse_many_attributes(data, source, encoding)
     huge = len(data) > _HUGE_BYTES
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False,
                              huge_tree=huge, remove_comments=True, remove_pis=True, encoding=encoding)

@@ -31,7 +31,7 @@ _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to
 
 
 MOST_TEXT = 8 * 1024 * 1024        # characters of a description that comes over a service
-MOST_MARKS = 400000                # "<" and "=" in it: elements, their ends, and attributes; each costs some 100 bytes
+MOST_MARKS = 400000                # "<", "=" and "&" in it: tags, attributes, references; each costs some 100 bytes
 _LONG_TEXT = 1000000        # characters; such a text makes so many objects that collecting them would stop the loop
 _MOST_PARTS = 10000         # links and collisions of a model; putting them into the world takes up to half a second
 _MANY_TRIANGLES = 50000     # from here on it is said that a mesh is being prepared
@@ -122,9 +122,8 @@ class Spawner:
 
     def spawn_urdf_model(self, request):
         """Answer spawn_urdf_model; without a ``<robot>``, or with an unknown ``package://``, the call itself fails."""
-        refusal = self._size_refusal(request.model_xml)
+        refusal = self._size_refusal(request)
         if refusal:
-            log.error("spawn of \"%s\": %s", request.model_name, refusal)
             return SpawnModelResponse(False, refusal)
         if root_tag(request.model_xml) != "robot":
             log.error("spawn_urdf_model: the text for \"%s\" has no <robot> element; expected a URDF",
@@ -144,6 +143,9 @@ class Spawner:
 
     def spawn_sdf_model(self, request):
         """Answer spawn_sdf_model; a URDF is taken too, as Gazebo does."""
+        refusal = self._size_refusal(request)
+        if refusal:
+            return SpawnModelResponse(False, refusal)
         root = root_tag(request.model_xml)
         if root == "robot":
             return self.spawn_urdf_model(request)
@@ -208,14 +210,17 @@ class Spawner:
         return None
 
     @staticmethod
-    def _size_refusal(text):
-        """Return why a text is too large to be read beside a simulation, or None."""
+    def _size_refusal(request):
+        """Return why a text is too large to be read beside a simulation, which the log has been told, or None."""
+        text, refusal = request.model_xml, None
+        marks = sum(text.count(mark) for mark in "<=&")
         if len(text) > MOST_TEXT:
-            return "SpawnModel: the text has %d characters; expected at most %d" % (len(text), MOST_TEXT)
-        marks = text.count("<") + text.count("=")
-        if marks > MOST_MARKS:
-            return "SpawnModel: the text has %d tags and attributes; expected at most %d" % (marks, MOST_MARKS)
-        return None
+            refusal = "SpawnModel: the text has %d characters; expected at most %d" % (len(text), MOST_TEXT)
+        elif marks > MOST_MARKS:
+            refusal = "SpawnModel: the text has %d tags and attributes; expected at most %d" % (marks, MOST_MARKS)
+        if refusal:
+            log.error("spawn of \"%s\": %s", request.model_name, refusal)
+        return refusal
 
     def _place_of(self, request):
         """Return the wanted pose in the world, and why it cannot be had: a text for the answer, or None."""
