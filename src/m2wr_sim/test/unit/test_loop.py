@@ -6,7 +6,7 @@ import time
 import pytest
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.ros.loop import Loop, Pacer, ShuttingDown, _Request, batch_length
+from m2wr_sim.ros.loop import _MAX_LAG, Loop, Pacer, ShuttingDown, _Request, batch_length
 
 MS = 1000000
 
@@ -334,7 +334,7 @@ def test_much_work_is_done_evenly(simulator, monkeypatch):
     loop = Loop(simulator, 0.0, lambda: len(owed) >= 200, lambda: owed.append(simulator._owed))
     lazily = []
     batch = loop._run_batch
-    monkeypatch.setattr(loop, "_run_batch", lambda simulator: (batch(simulator), lazily.append(loop._lazily)))
+    monkeypatch.setattr(loop, "_run_batch", lambda *given: (batch(*given), lazily.append(loop._lazily)))
     loop.run()
     first = lazily.index(True)
     assert first in range(16 * 4, 16 * 7) and lazily[first:].count(True) in range(16, 16 * 5) and not lazily[-1]
@@ -403,13 +403,35 @@ def flooded(monkeypatch, factor, step_cost, request_cost, requests, turns):
 
 @pytest.mark.parametrize("factor", [0.0, 1.0])
 def test_requests_take_no_more_time_than_steps_while_time_is_behind(monkeypatch, factor):
-    events = flooded(monkeypatch, factor, step_cost=0.02, request_cost=0.004, requests=200, turns=12)
+    events = flooded(monkeypatch, factor, step_cost=0.02, request_cost=0.004, requests=2000, turns=12)
     answered = [event for event in events if event != "step"]
     assert answered == list(range(len(answered))), "not in the order in which they came"
-    assert 12 <= len(answered) < 200
-    assert 0.004 * len(answered) <= 0.02 * events.count("step") + 0.004 * 12        # and one request each turn
+    ahead = _MAX_LAG + 0.02             # what is given to them before they share, and one step of repayment
+    assert 12 <= len(answered) < 2000
+    assert 0.004 * len(answered) <= 0.02 * events.count("step") + ahead + 0.004 * 12        # and one request each turn
     runs = "".join("s" if event == "step" else "r" for event in events).split("s")
-    assert max(map(len, runs)) <= 10 + 1        # as long as the two steps before them, and one request more
+    assert max(map(len, runs)) * 0.004 <= 10 * 0.02 + 0.004     # as long as a batch, and one request more
+
+
+def test_a_request_is_answered_after_the_next_step_while_others_have_not_held_time_up(monkeypatch):
+    wall = Wall()
+    monkeypatch.setattr(time, "monotonic", wall)
+    monkeypatch.setattr(time, "thread_time", wall)
+    simulator, left = Stepped(wall, 0.0005), [30]
+    loop = Loop(simulator, 0.0, lambda: not left[0], lambda: None)
+
+    def request():
+        simulator.events.append("request")
+        wall.now += 0.002
+
+    def advance(until_ns, lazily=False):
+        left[0] -= 1
+        loop._put(_Request(request))        # comes during each step
+        return Stepped.advance(simulator, until_ns, lazily)
+
+    simulator.advance = advance
+    loop.run()
+    assert simulator.events[:58] == ["step", "request"] * 29
 
 
 def test_one_long_request_at_a_time_holds_the_clock(monkeypatch):

@@ -12,9 +12,7 @@ _MAX_LAG = 0.1              # s of wall time that may be caught up before the sc
 _LIGHT = 0.001              # s of processor time that a batch may take on average for the engine to be left behind
 _SAMPLE = 16                # batches over which that is looked at
 _HOUSEKEEPING = 5           # batches between two calls of on_turn then
-# s: steps go on for so long, of processor time, before requests cut a batch short; and requests of one turn may take as
-# long as the steps before them did, but so long in any case
-_LEAST_SHARE = 0.001
+_LEAST_SHARE = 0.001        # s of wall time that the requests of one turn may take in any case
 
 
 class ShuttingDown(Exception):
@@ -87,6 +85,10 @@ class Pacer:
 class Loop:
     """Steps a simulator and serves requests at step boundaries.
 
+    A request is answered at the next step boundary.  Only if time is behind its schedule, and requests have held it up
+    for 0.1 s more than the steps took meanwhile, requests and steps take equal shares: then a request waits until the
+    batch of steps has ended, and for those before it.
+
     Parameters
     ----------
     simulator : Simulator
@@ -111,7 +113,8 @@ class Loop:
         self._arrived = threading.Lock()
         self._arrived.acquire()
         self._ended = False
-        self._stepped = 0.0             # s on the wall that the steps of the last batch have taken
+        self._stepped = 0.0             # s of processor time that the steps of the last such batch took
+        self._debt = 0.0                # s for which requests have held time up beyond that, and it is not made up for
         self._lazily, self._turns, self._spent = False, 0, math.inf     # whether the engine may be behind; see _choose
 
     def set_factor(self, factor):
@@ -185,13 +188,16 @@ class Loop:
         simulator = self._simulator
         try:
             while not self._stopping():
-                if self._requests.qsize():
-                    self._serve(0.0, max(self._stepped, _LEAST_SHARE))
+                began, asked = time.monotonic(), self._requests.qsize()
+                if asked:
+                    self._serve(0.0, max(self._stepped, _LEAST_SHARE, _MAX_LAG - self._debt))
+                    self._charge(began)
                 if simulator.paused or not (self._lockstep is None or self._lockstep.open()):
                     self._pacer.restart()
+                    self._debt = 0.0
                     self._serve(_IDLE_WAIT)
                 else:
-                    self._run_batch(simulator)
+                    self._run_batch(simulator, asked > 0)
                     if self._lazily and self._turns % _HOUSEKEEPING:
                         continue
                 self._on_turn()
@@ -201,8 +207,19 @@ class Loop:
             self._ended = True
             self._refuse_all()
 
-    def _run_batch(self, simulator):
-        """Let about 10 ms pass, less where time is slow, and wait for the clock on the wall."""
+    def _charge(self, since):
+        """Add the wall time since then to the debt.
+
+        Beyond twice what can be caught up it is forgotten: one long request does not hold up many after it.
+        """
+        self._debt = min(self._debt + time.monotonic() - since, 2.0 * _MAX_LAG)
+
+    def _run_batch(self, simulator, asked=False):
+        """Let about 10 ms pass, less where time is slow, and wait for the clock on the wall.
+
+        ``asked`` tells whether requests came before it.  If so, what the steps wait for the processor counts as theirs:
+        most of what a request costs on a busy machine are the changes between threads behind it.
+        """
         self._turns += 1
         if self._turns % _SAMPLE == 0 and self._lockstep is None:
             self._choose()
@@ -213,21 +230,23 @@ class Loop:
         batch_ns = batch_length(self._factor, step_ns)
         end_ns = max((simulator.now_ns // batch_ns + 1) * batch_ns, simulator.now_ns + step_ns)
         self._served = False
-        began, asked = time.monotonic(), None
+        watched = asked or self._debt > 0.0
+        began, spent = (time.monotonic(), time.thread_time()) if watched else (0.0, 0.0)
         while simulator.now_ns + step_ns <= end_ns:
             if lazily:
                 advance(end_ns, True)
             else:
                 advance(end_ns)
-            if self._served:
+            if self._served or self._requests.qsize() and self._debt <= _MAX_LAG:
                 break
-            if self._requests.qsize():
-                if asked is None:
-                    asked = time.thread_time()
-                elif time.thread_time() - asked >= _LEAST_SHARE:
-                    break
-        self._stepped = time.monotonic() - began
+        if watched:
+            self._stepped = time.thread_time() - spent
+            if asked and self._lockstep is None:        # in lockstep, steps wait for the controllers
+                self._charge(began + self._stepped)
+            self._debt = max(self._debt - self._stepped, 0.0)
         ahead = self._pacer.ahead(simulator.now_ns)
+        if ahead > 0.0:
+            self._debt = 0.0            # all is made up for
         while ahead > 0.0:
             if not self._serve(min(ahead, _IDLE_WAIT), ahead) and ahead <= _IDLE_WAIT:
                 return                  # the time is up
