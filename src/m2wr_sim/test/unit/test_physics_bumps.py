@@ -6,10 +6,11 @@ import pytest
 
 from m2wr_sim.geometry import rotate
 from m2wr_sim.model.types import Surface
-from test_physics_accuracy import HEIGHT, Course, balanced_robot, obstacles, tilt_of
+from test_physics_accuracy import HEIGHT, Course, balanced_robot, obstacles, tilt_of, with_friction
 
 STEPS = [1, 5]              # ms
 LAYER = 1.1e-4              # m, in which contacts come to rest
+MOTORS = 2 * 5.0 / 0.1      # N, what m2wr's motors of 5 N m push with at most
 
 
 def speed_of(state):
@@ -56,6 +57,11 @@ def make(make_engine, robot, drive, step_ms, models=(), pose=None, name=None):
 @pytest.mark.parametrize("kind", ["m2wr", "balanced"])
 def test_a_wall_is_entered_by_no_more_than_one_step_of_travel(make_engine, build, drive, m2wr, kind, step_ms, speed,
                                                               phase):
+    """At a wall a step is solved twice at least, so the solver has twice the occasions to complain.
+
+    Friction at m2wr's back may jam it with its nose up.  Such friction is compliant: a contact creeps by ``cfm`` times
+    its force, and that is no more than the motors push with.  The balanced robot stands level, so nothing creeps.
+    """
     wall = build.box("wall", -2.0 - 0.001 * phase * step_ms * speed, 0.0, 0.5, size=(0.2, 4.0, 1.0))
     face = wall.pose[0][0] + 0.1
     course = make(make_engine, m2wr if kind == "m2wr" else balanced_robot(), drive, step_ms, [wall])
@@ -72,10 +78,44 @@ def test_a_wall_is_entered_by_no_more_than_one_step_of_travel(make_engine, build
     course.watch((1.4 - 0.5 * speed) / speed + 1.5, look)
     assert 0.0 < deepest <= speed * step_ms * 1e-3 + LAYER
     assert math.degrees(course.steepest) < (5.0 if kind == "m2wr" else 0.5)
+    creep = course.engine.settings.cfm * MOTORS if kind == "m2wr" else 1e-4         # m/s
+    for _ in range(20):
+        before, after = course.state, course.run(0.01)
+        assert math.dist(before.position, after.position) < 0.01 * creep
+    assert course.engine.solver_messages - messages <= 2 * 3        # now and then, never a stream
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0])
+@pytest.mark.parametrize("step_ms", STEPS)
+def test_a_robot_with_a_smooth_back_stands_at_a_wall(make_engine, build, drive, m2wr, step_ms, speed):
+    """Nothing can hold its nose up, so it is level and at rest."""
+    course = make(make_engine, with_friction(m2wr, ["link_chassis"], 0.0), drive, step_ms,
+                  [build.box("wall", -2.0, 0.0, 0.5, size=(0.2, 4.0, 1.0))])
+    course.run(0.3)
+    course.speed_up(-speed).run((1.4 - 0.5 * speed) / speed + 1.5)
     for _ in range(20):
         before, after = course.state, course.run(0.01)
         assert math.dist(before.position, after.position) < 1e-6
-    assert course.engine.solver_messages - messages <= 3            # at the impact, never a stream
+    assert tilt_of(after.orientation) < 1e-3 and after.position[2] == pytest.approx(HEIGHT, abs=1e-4)
+
+
+@pytest.mark.parametrize("step_ms", STEPS)
+def test_a_robot_jammed_at_a_wall_comes_down_as_fast_as_contacts_are_compliant(make_engine, build, drive, m2wr,
+                                                                               step_ms):
+    """Statics holds it where friction is 1, with its wheels at rest; only the compliance lets it creep."""
+    rates = []
+    for cfm in (1e-5, 1e-6):
+        engine = make_engine(step_ms, [build.ground(), build.box("wall", -2.0, 0.0, 0.5, size=(0.2, 4.0, 1.0))],
+                             cfm=cfm)
+        course = Course(engine, m2wr, drive, build.at(z=0.1), step_ms)
+        course.run(0.3)
+        for part in range(1, 21):
+            course.drive(-2.0 * part / 20.0, 0.0).run(0.05)
+        before, after = course.run(6.0), course.run(1.0)
+        assert math.radians(0.5) < tilt_of(before.orientation) < math.radians(3.0)
+        assert abs(engine.joint_rate(course.handle.joints["joint_left_wheel"])) < 0.05
+        rates.append(tilt_of(before.orientation) - tilt_of(after.orientation))
+    assert rates[0] == pytest.approx(10.0 * rates[1], rel=0.15)
 
 
 @pytest.mark.parametrize("step_ms", STEPS)
@@ -191,10 +231,11 @@ def test_two_thousand_obstacles_out_of_reach_change_nothing_and_cost_little(make
 
 @pytest.mark.parametrize("step_ms", STEPS)
 def test_thirty_robots_at_random_among_obstacles_and_one_another_never_tilt(build, drive, step_ms):
+    """Their wheels slip: one pressed with mu W lifts with mu^2 W by friction, W / 25; with a mu of 1 it climbs."""
     from test_physics_accuracy import roam
     from m2wr_sim.physics.engine import EngineSettings
     from m2wr_sim.physics.factory import make_engine
-    side, robot = 8.0, balanced_robot()
+    side, robot = 8.0, with_friction(balanced_robot(), ["link_left", "link_right"], 0.2)
     walls = [build.box("wall%d" % k, x, y, 0.5, size=size) for k, (x, y, size) in enumerate((
         (side, 0.0, (0.2, 16.2, 1.0)), (-side, 0.0, (0.2, 16.2, 1.0)), (0.0, side, (16.2, 0.2, 1.0)),
         (0.0, -side, (16.2, 0.2, 1.0))))]
