@@ -119,6 +119,15 @@ def test_mapping_is_recorded_with_its_map(drive):
     assert "record" not in load("mapping.launch", "record:=false", "drive:=" + drive)[0]
 
 
+@pytest.mark.parametrize("listeners, read", [
+    ("", []), ("/a", ["/a"]), ("/a /b", ["/a", "/b"]), (" /a  /b ", ["/a", "/b"]), ("/a, /b", ["/a", "/b"]),
+    ("/a respawned", ["/a respawned"]), ("/a: /x /y", ["/a: /x /y"]),
+    ("/a respawned: /x, /b", ["/a respawned: /x", "/b"])])
+def test_listeners_of_bug2_have_spaces_or_commas_between(listeners, read):
+    params = load("bug2.launch", "lockstep:=true", "record:=false", "listeners:=" + listeners)[1]
+    assert (params["/gazebo/lockstep_listeners"] or []) == read
+
+
 def test_no_bag_and_no_pictures_are_asked_for_by_false():
     nodes, _ = load("bug2.launch", "record:=false", "pictures:=false")
     assert "record" not in nodes and "image_dump" not in nodes
