@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A world that comes apart ends the run where ~loss_ends says so: the step, the body and the last command are named, the bag is closed well."""
+"""With ~loss_ends a model thrown out of the world ends the run: step, body and last command are named, the bag is whole."""
 import math
 import os
 import shutil

@@ -158,6 +158,7 @@ class Run:
         wait_for(lambda: "wanderer" in call("get_world_properties").model_names, "the robot to be spawned")
         pids = {name: wait_for(lambda node=node: self._nodes.pid(node), node) for name, node in WATCHED.items()}
         wait_for(lambda: rosgraph.Master("/soak").lookupNode("/wander"), "/wander")
+        wait_for(Work.has_map, "the first map")
         self._began = time.monotonic()
         self._listen()
         wait_for(lambda: self.clock.total > 2.0, "the clock")

@@ -127,6 +127,11 @@ class Work:
         call("unpause_physics")
 
     @staticmethod
+    def has_map():
+        """Return whether the mapper has a map; raises rospy.ServiceException before its first one."""
+        return bool(rospy.ServiceProxy("/dynamic_map", GetMap)().map.data)
+
+    @staticmethod
     def get_map(_):
-        """Ask the mapper for its map, once there is one."""
-        rospy.ServiceProxy("/dynamic_map", GetMap)()
+        """Ask the mapper for its map."""
+        assert Work.has_map(), "an empty map"
