@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""With ~loss_ends a model thrown out of the world ends the run: step, body and last command are named, the bag is whole."""
+"""With ~loss_ends a model thrown out of the world ends the run: step, body and command are named, the bag is whole."""
 import math
 import os
 import shutil

@@ -80,11 +80,13 @@ def test_a_process_is_looked_at_and_one_that_is_gone_is_told():
 @pytest.mark.timeout(900)
 def test_some_minutes_of_a_soak_run(tmp_path):
     done = subprocess.run([sys.executable, os.path.join(HERE, "soak.py"), "--hours", "0.1", "--factor", "20",
-                           "--no-bounds", "--out", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=840)
+                           "--no-bounds", "--out", str(tmp_path)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=840)
     said = done.stdout.decode()
     assert done.returncode == 0, said
     assert (tmp_path / "soak.png").stat().st_size > 10000
     seen = json.loads((tmp_path / "soak.json").read_text())
     assert seen["shifts"] == 1 and seen["done"]["spawn and delete"] == 21 and seen["done"]["ask"] == 42
-    assert seen["stamps"]["/scan"]["count"] > 300 and len(seen["samples"]["mapper"]) > 20
+    assert seen["stamps"]["/scan"]["count"] > 300
+    assert len(seen["samples"]["mapper"]) > 20
     assert "95 %" in said and not [line for line in said.splitlines() if line.startswith("FAILED")]
