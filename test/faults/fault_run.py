@@ -149,8 +149,8 @@ class FaultRun:
     def end(self, run, by_itself=False):
         """Interrupt ``run``, or wait until it has ended by itself; returns the exit code.
 
-        roslaunch itself passes over an interrupt that falls into one of its bare ``except`` clauses.  If it has not
-        begun to end its nodes after a while it is interrupted once more, as a user would.
+        Once in some fifty runs roslaunch went on after an interrupt while it was loading; why is not known.  If it has
+        not begun to end its nodes after a while it is interrupted once more, as a user would, and that is printed.
         """
         if not by_itself and run.process.poll() is None:
             run.process.send_signal(signal.SIGINT)
