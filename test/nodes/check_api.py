@@ -27,7 +27,7 @@ ROBOT_PUBLISHED = {"/odom": "nav_msgs/Odometry", "/joint_states": "sensor_msgs/J
                    "/m2wr/laser/scan": "sensor_msgs/LaserScan"}
 ROBOT_SUBSCRIBED = {"/cmd_vel": "geometry_msgs/Twist"}
 SERVICE_TYPES = dict({"/gazebo/" + name: kind._type for name, kind in SERVICES.items()},
-                     **{"/gazebo/set_parameters": "dynamic_reconfigure/Reconfigure",
+                     **{"/gazebo/step": "std_srvs/Trigger", "/gazebo/set_parameters": "dynamic_reconfigure/Reconfigure",
                         "/gazebo/get_loggers": "roscpp/GetLoggers",
                         "/gazebo/set_logger_level": "roscpp/SetLoggerLevel"})
 ELSEWHERE = ("/rosout_agg",)     # of the node rosout, where one runs

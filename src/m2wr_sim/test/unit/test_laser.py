@@ -6,6 +6,7 @@ import pytest
 
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Noise, Plane, RayScan, Sphere
+from m2wr_sim.model.urdf import load_urdf
 from m2wr_sim.sensors import packed_kernels
 from m2wr_sim.sensors.laser import LaserSensor, warm_up
 from m2wr_sim.sensors.scene import Scene
@@ -285,3 +286,14 @@ def test_a_scanner_moves_from_scene_to_scene():
     worlds.append(world((Sphere(0.5), (4.0, 0.0, 0.0), 1.0)))           # one that reflects, which goes another way
     assert [float(sensor.cast(scene, ORIGIN)[0][0]) for scene in worlds + worlds[::-1]] == pytest.approx(
         [1.5, 2.5, 3.5, 3.5, 2.5, 1.5], abs=1e-6)
+
+
+@pytest.mark.parametrize("samples, resolution", [(2000000, 1.0), (90, 65536.0), (90, 1e12)])
+def test_more_readings_than_a_sensor_may_have_are_named(samples, resolution):
+    text = ("<robot name='r'><link name='l'><inertial><mass value='1'/><inertia ixx='1' ixy='0' "
+            "ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link><gazebo reference='l'><sensor type='ray' name='s'><ray><scan>"
+            "<horizontal><samples>%d</samples><resolution>%r</resolution></horizontal></scan></ray></sensor></gazebo></robot>")
+    model = load_urdf(text % (samples, resolution), "a.urdf")
+    ray, = [sensor.ray for link in model.links for sensor in link.sensors]
+    assert LaserSensor(ray, np.random.default_rng(0)).count == RayScan().samples
+    assert any("at most 1000000 readings" in str(note) for note in model.notes + model.remarks)

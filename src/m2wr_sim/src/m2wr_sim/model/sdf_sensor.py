@@ -5,7 +5,7 @@ from m2wr_sim.model.types import Noise, RayScan, Sensor
 
 RAY_KINDS = ("ray", "gpu_ray")
 NOISE_KINDS = ("none", "custom", "gaussian", "gaussian_quantized")
-MOST_RAYS = 1000000         # of one sensor; 16 MB a scan
+MOST_RAYS = 1000000         # rays of one sensor, and readings; 16 MB a scan
 #: Sensors of SDF that plugins here read.
 READ_KINDS = RAY_KINDS + ("imu", "contact")
 #: Sensors of SDF that nothing here simulates; what they hold is not looked at.
@@ -51,10 +51,12 @@ def read_ray(node):
     across = _fan(scan.child("horizontal"), (base.samples, base.resolution, base.min_angle, base.max_angle))
     upwards = _fan(scan.child("vertical"), (base.vertical_samples, base.vertical_resolution, base.vertical_min_angle,
                                             base.vertical_max_angle))
-    if across[0] * upwards[0] > MOST_RAYS:
-        node.notes.add("{}: {} x {} samples; expected at most {} in all; one row of {} is taken.".format(
-            node.place, across[0], upwards[0], MOST_RAYS, base.samples))
-        across, upwards = (base.samples,) + across[1:], (1,) + upwards[1:]
+    readings = across[0] * max(across[1], 1.0) * upwards[0] * max(upwards[1], 1.0)
+    if readings > MOST_RAYS:
+        node.notes.add("{}: {} x {} samples, resolution {:g} x {:g}; expected at most {} readings; one row of {} is "
+                       "taken.".format(node.place, across[0], upwards[0], across[1], upwards[1], MOST_RAYS,
+                                       base.samples))
+        across, upwards = (base.samples, 1.0) + across[2:], (1, 1.0) + upwards[2:]
     return RayScan(*across, *upwards, range_min=limits.number("min", 0.0, 0.0),
                    range_max=limits.number("max", 0.0, 0.0), range_resolution=limits.number("resolution", 0.0),
                    noise=read_noise(node.child("noise")))
