@@ -290,9 +290,10 @@ def test_a_scanner_moves_from_scene_to_scene():
 
 @pytest.mark.parametrize("samples, resolution", [(2000000, 1.0), (90, 65536.0), (90, 1e12)])
 def test_more_readings_than_a_sensor_may_have_are_named(samples, resolution):
-    text = ("<robot name='r'><link name='l'><inertial><mass value='1'/><inertia ixx='1' ixy='0' "
-            "ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link><gazebo reference='l'><sensor type='ray' name='s'><ray><scan>"
-            "<horizontal><samples>%d</samples><resolution>%r</resolution></horizontal></scan></ray></sensor></gazebo></robot>")
+    text = ("<robot name='r'><link name='l'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+            "iyz='0' izz='1'/></inertial></link><gazebo reference='l'><sensor type='ray' name='s'><ray><scan>"
+            "<horizontal><samples>%d</samples><resolution>%r</resolution></horizontal></scan></ray></sensor>"
+            "</gazebo></robot>")
     model = load_urdf(text % (samples, resolution), "a.urdf")
     ray, = [sensor.ray for link in model.links for sensor in link.sensors]
     assert LaserSensor(ray, np.random.default_rng(0)).count == RayScan().samples
