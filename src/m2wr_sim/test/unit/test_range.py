@@ -10,6 +10,7 @@ from sensor_msgs.msg import Range
 
 from conftest import at, box
 from m2wr_sim.model.types import Noise, PluginSpec, RayScan, Sensor
+from m2wr_sim.plugins.laser import told_limit
 
 TOPIC = "/sonar"
 CONE = RayScan(samples=5, min_angle=-0.2, max_angle=0.2, vertical_samples=5, vertical_min_angle=-0.2,
@@ -94,3 +95,7 @@ def test_no_rays_are_cast_for_nobody(make):
 
 def test_outside_of_a_ray_sensor_it_is_refused(make, caplog):
     assert TOPIC not in make(ray=None).ports.topics and "belongs into a <sensor type=\"ray\">" in caplog.text
+
+
+def test_a_noise_beyond_float32_is_infinite_in_the_message_and_the_sensor_goes_on():
+    assert told_limit(1e300) == math.inf and told_limit(-1e300) == -math.inf and told_limit(-3.0) == -3.0

@@ -14,8 +14,8 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 
 def told_limit(limit):
-    """Return a limit of range [m, not negative] as it goes into messages: inf where float32 does not hold it."""
-    return limit if limit <= _LARGEST else math.inf
+    """Return a number as it goes into messages: infinite, with its sign, where float32 does not hold it."""
+    return limit if abs(limit) <= _LARGEST else math.copysign(math.inf, limit)
 
 
 class Laser(LazySensor):

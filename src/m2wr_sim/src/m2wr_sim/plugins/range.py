@@ -24,7 +24,7 @@ class RangeFinder(LazySensor):
         namespace = spec.spec.find("robotNamespace") or ""
         named = spec.text("topicName", "/range")
         topic = "" if spec.spec.find("topicName") == "" else named     # an empty element means no topic at all
-        self._message = Range(field_of_view=spec.number("fov", 0.05))
+        self._message = Range(field_of_view=told_limit(spec.number("fov", 0.05)))
         ultrasound = spec.text("radiation", "ultrasound") == "ultrasound"
         self._message.radiation_type = Range.ULTRASOUND if ultrasound else Range.INFRARED
         self._message.header.frame_id = ctx.frame(spec.text("frameName", "/world"), namespace)
@@ -64,7 +64,7 @@ class RangeFinder(LazySensor):
             nearest = farthest
         elif self._sigma:
             nearest = min(farthest, nearest + self._sigma * float(self._rng.standard_normal()))
-        self._message.header.stamp, self._message.range = self._ctx.moment(now_ns), nearest
+        self._message.header.stamp, self._message.range = self._ctx.moment(now_ns), told_limit(nearest)
         self._port.publish(self._message)
 
     def reset(self, now_ns, rewound):
