@@ -11,7 +11,9 @@ hash_before=$(source_hash)
 # A workspace that was moved keeps caches that name its old place, and cmake refuses them.
 if [ -r "$CATKIN_BUILD/.m2wr_place" ] && [ "$(cat "$CATKIN_BUILD/.m2wr_place")" != "$WORKSPACE" ]; then
     say "build: the workspace has moved; starting from nothing"
-    rm -rf "$CATKIN_BUILD" "$WORKSPACE/devel" "$WORKSPACE/logs"
+    # catkin-tools lists by absolute path what it has put into devel/; of a copy that is the original's devel/, and
+    # a build of the copy would empty it.
+    rm -rf "$CATKIN_BUILD" "$WORKSPACE/devel" "$WORKSPACE/logs" "$WORKSPACE"/.catkin_tools/profiles/*/packages
 fi
 rm -f "$BUILD_STAMP"
 # PYTHONUNBUFFERED: each package is named when it starts, also where the output goes to a file.
