@@ -2,13 +2,13 @@
 import argparse
 import logging
 import os
-import pickle
 import shutil
 import sys
 import tempfile
 import time
 
 import mutations
+from case_files import CaseError, read_case, write_case
 from harness import ROOT, Finding, minimise, repeat, run_cases
 from registry import TARGETS, make_target
 
@@ -47,8 +47,7 @@ def tell(target, finding, seed, out, smaller):
     if smaller:
         case = minimise(target, case, finding.signature)
     path = os.path.join(out, "%s-%d-%d" % (target.name, seed, finding.number))
-    with open(path + ".case", "wb") as stream:
-        pickle.dump(case, stream)
+    write_case(path + ".case", case)
     with open(path + ".txt", "wb") as stream:
         stream.write(target.describe(case))
     print("\nFOUND in %s: %s: %s" % (target.name, finding.kind, finding.signature))
@@ -63,8 +62,10 @@ def _single(arguments):
     target = make_target(arguments.target[0])
     target.prepare()
     if arguments.file:
-        with open(arguments.file, "rb") as stream:
-            case = pickle.load(stream)
+        try:
+            case = read_case(arguments.file)
+        except CaseError as error:
+            sys.exit("fuzz: %s" % error)
     else:
         case = target.make(mutations.generator(arguments.seed, target.name, arguments.case))
     finding = repeat(target, case)
@@ -100,12 +101,13 @@ def _campaign(arguments):
     targets = [make_target(name) for name in names]
     for target in targets:
         target.prepare()
-    whole, total, findings = sum(target.weight for target in targets), 0, 0
-    began, left = time.monotonic(), whole
+    whole, total, findings = sum(target.weight / target.dear for target in targets), 0, 0
+    began, left = time.monotonic(), sum(target.weight for target in targets)
     end = None if arguments.minutes is None else began + 60.0 * arguments.minutes
     print("%-14s %9s %9s %9s %10s %9s" % ("target", "cases", "wall s", "cpu ms", "slowest s", "findings"))
     for target in targets:
-        count = CHUNK if arguments.cases is None else int(round(arguments.cases * target.weight / whole))
+        count = CHUNK if arguments.cases is None else int(
+            round(arguments.cases * target.weight / target.dear / whole))
         now = time.monotonic()
         deadline = None if end is None else now + max(0.0, end - now) * target.weight / left
         left -= target.weight

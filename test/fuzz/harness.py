@@ -47,7 +47,9 @@ class Target:
     memory : int
         Bytes by which a case may raise the process's peak.
     weight : float
-        Share of the time, against that of other targets.
+        Share of the time, against that of other targets, or of the cases where their number is given.
+    dear : float
+        How many times fewer of its cases are run where their number is given: for targets that mostly wait.
     broken : bool
         Set by :meth:`run` where no further case can run in this process.
     """
@@ -56,6 +58,7 @@ class Target:
     cpu = 2.0
     memory = 300 * 2 ** 20
     weight = 1.0
+    dear = 1.0
     broken = False
 
     def prepare(self):
@@ -68,7 +71,7 @@ class Target:
         """Called in a worker that ends in an orderly way."""
 
     def make(self, rng):
-        """Return a case, anything that can be pickled."""
+        """Return a case, anything that :mod:`case_files` can write."""
         raise NotImplementedError
 
     def run(self, case):

@@ -20,7 +20,15 @@ def scratch():
 
 
 def written(name, data):
-    """Write bytes into a file of the scratch folder; returns its path."""
+    """Write bytes into a file of the scratch folder; returns its path.
+
+    Raises
+    ------
+    ValueError
+        If the name leads out of that folder: a case may come from somebody else's file.
+    """
+    if name != os.path.basename(name):
+        raise ValueError("%r is no name of a file; expected one without folders" % name)
     path = os.path.join(scratch(), name)
     with open(path, "wb") as stream:
         stream.write(data)

@@ -140,7 +140,7 @@ class Graph:
 class Network(Target):
     """A case is a list of ``(kind, node or name, bytes)``; each is one connection."""
 
-    name, weight = "network", 3.0
+    name, weight, dear = "network", 3.0, 10.0
 
     def prepare(self):
         from gazebo_msgs import srv  # noqa: F401 (so that workers need not)

@@ -12,6 +12,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import command  # noqa: E402
 import harness  # noqa: E402
 import mutations  # noqa: E402
+from case_files import CaseError, read_case, write_case  # noqa: E402
 from harness import Finding, Target, Wrong, minimise, repeat, run_cases  # noqa: E402
 
 LOG = logging.getLogger("m2wr_fuzz_test")
@@ -112,7 +113,7 @@ def test_the_command_says_how_to_repeat_and_leaves_the_case(monkeypatch, tmp_pat
         number = said.split("--case ")[1].split()[0]
         assert "--target trap --seed 1 --case " + number in said and "1 findings" in said
         path = tmp_path / ("trap-1-%s.case" % number)
-        assert pickle.loads(path.read_bytes()) == "X"
+        assert read_case(str(path)) == "X"
         assert command.main(["--target", "urdf", "--seed", "1", "--case", number]) == 1
         assert command.main(["--target", "urdf", "--file", str(path)]) == 1
         assert "KeyError" in capsys.readouterr().out
@@ -134,3 +135,39 @@ def test_an_error_inside_a_library_is_told_by_our_innermost_line():
         mutations.generator(1, "x", "no number")
     except TypeError as error:
         assert harness.signature_of(error) == "TypeError at outside"
+
+
+def test_a_case_in_a_file_is_the_same_case(tmp_path):
+    path = str(tmp_path / "a.case")
+    for case in ("<a>\ud800\u00e9</a>", b"\0\xff", [("service", "x", 2 ** 32), ("step", 0, 0)], ("stl", b""),
+                 [("a", {1: 2, "b": [None, True, -0.0, 1e308, 2 ** 70]})], [("x", -float("inf"))]):
+        write_case(path, case)
+        assert read_case(path) == case and repr(read_case(path)) == repr(case)
+    write_case(path, [("x", float("nan"))])
+    assert repr(read_case(path)) == "[('x', nan)]"
+
+
+class Deed:
+    def __reduce__(self):
+        return os.system, ("touch pickles_run_code",)
+
+
+@pytest.mark.parametrize("data", [
+    pickle.dumps(Deed()), b"", b"{", b'{"bytes": 1}', b'{"bytes": "*"}', b'{"tuple": 3}', b'{"dict": [1]}',
+    b'{"float": "x"}', b'{"dict": [[[], 1]]}', b'{"a": 1, "b": 2}', b"{}", b"[" * 100000, b'{"__class__": "x"}'],
+    ids=lambda data: "%d bytes" % len(data))
+def test_a_file_that_holds_no_case_is_refused_and_does_nothing(data, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "a.case"
+    path.write_bytes(data)
+    with pytest.raises(CaseError, match="a.case"):
+        read_case(str(path))
+    with pytest.raises(SystemExit, match="expected a case"):
+        command.main(["--target", "parameters", "--file", str(path)])
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.case"]
+
+
+def test_a_case_cannot_name_a_file_outside_of_the_scratch_folder():
+    from target_files import written
+    with pytest.raises(ValueError, match="without folders"):
+        written("case./../../x", b"")
