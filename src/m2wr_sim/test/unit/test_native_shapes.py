@@ -321,7 +321,10 @@ def test_it_steps_in_another_thread(make_engine, build, ground_of):
     (Mesh(np.full((3, 3), math.nan), np.array([[0, 1, 2]])), "finite"),
     (Mesh(np.zeros((3, 3)), np.zeros((0, 3), int)), "expected"),
     (Heightmap(np.zeros((1, 5))), "at least 2 x 2"), (Heightmap(np.full((2, 2), math.inf)), "finite"),
-    (Heightmap(np.zeros((2, 2)), (0.0, 1.0)), "positive extent")])
+    (Mesh(1e-320 * np.eye(3), np.array([[0, 1, 2]])), "at least 1e-07 m"),
+    (Mesh(1e300 * np.eye(3), np.array([[0, 1, 2]])), "at most 1e.06 m"),
+    (Heightmap(np.zeros((2, 2)), (0.0, 1.0)), "over 1e-07 to"), (Heightmap(np.full((2, 2), 1e300)), "at most 1e.06 m"),
+    (Heightmap(np.zeros((2, 2)), (1e-320, 1.0)), "over 1e-07 to")])
 def test_arrays_that_are_no_shape_are_refused(make_engine, build, shape, said):
     with pytest.raises(ModelError, match=said) as caught:
         make_engine(1, [build.one_link("m", shape, build.at())])

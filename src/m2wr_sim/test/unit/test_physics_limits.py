@@ -187,6 +187,42 @@ for sim in sims[:2]:
 """
 
 
+LONG = PROGRAM + """
+from dataclasses import replace
+from m2wr_sim.model.types import Inertial
+logging.disable(logging.NOTSET)
+engine = conftest.factory.make_engine(kind, EngineSettings(step_ns=2000000))
+engine.add_model(conftest.ground(), conftest.at())
+def put(name, model, pose, inertia):
+    link = replace(model.links[0], inertial=Inertial(1.0, inertia=(inertia, 0, 0, inertia, 0, inertia)))
+    return engine.add_model(replace(model, links=(link,)), pose, name)
+beam = put("beam", conftest.box("b", 0, 0, 0, (0.5, 65536.0, 0.5), static=False), conftest.at(z=0.25), 1.0)
+put("crate", conftest.box("b", 0, 0, 0, static=False), conftest.at(z=0.75), 1.0)
+turned = ((0.1, 0.0, 1.2), (numpy.sin(0.1), 0.0, 0.0, numpy.cos(0.1)))
+put("drum", conftest.cylinder("c", 0, 0, 0, 0.25, 0.4, static=False), turned, 1.0)
+engine.step(200)
+engine.remove_model(beam)
+assert not engine._iterative
+"""
+SPIT = PROGRAM + """
+engine = conftest.factory.make_engine(kind, EngineSettings())
+engine.add_model(conftest.cylinder("post", 0, 0, 0, 0.3, 1.0), conftest.at(z=0.5))
+ball = engine.add_model(conftest.sphere("ball", 0, 0, 0, 0.2, static=False), conftest.at(z=0.5))
+engine.step(20)
+assert all(map(numpy.isfinite, engine.link_pose(ball.links["link"])[0]))
+"""
+
+
+@pytest.mark.parametrize("program, said", [(LONG, "beam::link: it is touched up to 32768 m from its centre of mass"),
+                                           (SPIT, "")], ids=["long beam", "ball on the axis of a cylinder"])
+def test_contacts_that_the_direct_solver_cannot_take_do_not_end_the_process(engine_kind, program, said):
+    result = subprocess.run([sys.executable, "-c", program, engine_kind, ""], timeout=120,
+                            cwd=str(SOURCE.parent / "test" / "unit"), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            universal_newlines=True)
+    assert result.returncode == 0, result.stderr
+    assert said in result.stderr and result.stderr.count("solved iteratively") == (1 if said else 0)
+
+
 @pytest.mark.parametrize("program", [CYCLES, DROPPED, RAISED], ids=["cycles", "dropped", "raised"])
 @pytest.mark.parametrize("end", ["falls off the end", "collects"])
 def test_the_process_ends_well(engine_kind, program, end):

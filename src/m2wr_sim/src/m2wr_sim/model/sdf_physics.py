@@ -4,6 +4,7 @@ from m2wr_sim.model.sdf_frames import raw_pose
 from m2wr_sim.model.types import ModelStateEntry, Physics, WorldState
 
 _SOLVERS = ("quick", "world")
+LATEST = 2 ** 31        # s, of a stored time: a stamp holds 2^32, and the run is to go on
 
 
 def _profile(world):
@@ -64,7 +65,10 @@ def _sim_time_ns(element, text, what):
     if len(words) != 2:
         fail(element, '{} is "{}"'.format(what, text), "two whole numbers: seconds and nanoseconds")
     seconds, nanoseconds = (parse_int(element, word, what, 0) for word in words)
-    return seconds * 10 ** 9 + nanoseconds
+    total = seconds * 10 ** 9 + nanoseconds
+    if total > LATEST * 10 ** 9:
+        fail(element, '{} is "{}"'.format(what, text), "at most {} s: later stamps cannot be sent".format(LATEST))
+    return total
 
 
 def _velocity(element, text, what):

@@ -20,6 +20,22 @@ def rotate(x, y, z, w, vx, vy, vz):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def with_direction(values, first, count):
+    """Move the contacts that have a normal, as contacts.has_direction tells, to the front; returns their number."""
+    kept = 0
+    for index in range(count):
+        at = first + index * CONTACT_WORDS + C_NORMAL
+        x, y, z = values[at], values[at + 1], values[at + 2]
+        if not 0.5 < x * x + y * y + z * z < 2.0:
+            continue
+        if kept != index:
+            for word in range(C_GEOMETRY, C_DEPTH + 1):
+                values[first + kept * CONTACT_WORDS + word] = values[first + index * CONTACT_WORDS + word]
+        kept += 1
+    return kept
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def merge(values, first, count):
     """Average ``count`` contacts into the first, as contacts.merge does, with the same order of operations."""
     px = py = pz = nx = ny = nz = depth = 0.0

@@ -155,6 +155,14 @@ def _smaller_friction(one, two):
     return min(one, two)
 
 
+def has_direction(normal):
+    """Return whether a contact's normal is the unit vector that it should be.
+
+    libode finds none where a sphere's centre lies on a cylinder's axis: not a number, for which it ends the process.
+    """
+    return 0.5 < normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 2.0
+
+
 def merge(contacts):
     """Average the contacts of one wheel into one, in the wheel's middle plane.
 

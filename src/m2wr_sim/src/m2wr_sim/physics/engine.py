@@ -18,6 +18,8 @@ log = logging.getLogger(__name__)
 # Beyond these ODE loses its numbers and ends the process without a word of ours; see physics/limits.py.
 LEAST_MASS, LEAST_INERTIA, FARTHEST, FASTEST = 1e-6, 1e-12, 1e6, 1e4      # kg, kg m^2, m, m/s and rad/s
 
+LEAST_SIZE = 1e-7       # m, of a shape: doubles near TOO_FAR are 1.5e-8 m apart, and corners must stay apart there
+
 TOO_FAST = 1e9          # m/s and rad/s, in all directions together: only a world that has come apart gets there
 TOO_FAR = 1e8           # m, in all directions together: at 2^31 cells of 1/8 m ODE's hash space ends the process
 

@@ -7,8 +7,11 @@ ODE was compiled with assertions.  These are the ones that numbers can reach, an
 ``bSafeNormalize4Fault``       A turn that is no number: the solver has divided by 0, or a sum is beyond 1e308.  Masses,
                                inertias and arms are bounded on their own and by the LEVERAGE a body gives what pushes
                                it, so that the solver's matrix stays regular with the softness (CFM) that is added.
-``bSafeNormalize3Fault``       A direction without length: a joint's axis, or what two parallel axes span.
-``d[i] != 0``                  The same, found in the solver's factor.
+``bSafeNormalize3Fault``       A direction without length: a joint's axis, what two parallel axes span, or the edge of
+                               a shape thinner than ``LEAST_SIZE`` of physics/engine.py.
+``d[i] != 0``                  The same, in the solver's factor.  Where it takes a row away, the direct solver adds
+                               1 to numbers as large as a body's mobility squared, and beyond DIRECT the 1 is lost: such
+                               a body is left to the iterative solver, which factors nothing.
 ``aabbBound < dMaxIntExact``   A place beyond 2^31 cells of the hash space: ``TOO_FAR`` of physics/engine.py.
 =============================  =====================================================================================
 """
@@ -25,6 +28,7 @@ HEAVIEST, GREATEST_INERTIA = 1e9, 1e9       # kg, kg m^2
 FARTHEST_CENTRE = 100.0                     # m, of the centre of mass from its link's frame
 SPREAD = 1e10           # of the principal moments of a link; a double has 16 digits, and Cholesky's squares take half
 LEVERAGE = 1e13         # 1/kg: mobility of a point of a body, 1/m + r^2/I; times 1e-16 it is below CFM over the step
+DIRECT = 2.0 ** 26      # 1/kg: mobility beside whose square, 2^52, a double still holds 1
 LEAST_AXIS, GREATEST_AXIS = 1e-6, 1e6       # length of a joint's axis, which is a direction
 LEAST_ANGLE = 1e-3                          # rad, between the axes of a universal joint
 GREATEST_NUMBER = 1e16                      # of friction, stops and softness of joints; SDF's own infinity
@@ -42,10 +46,21 @@ def check_model(model, name):
     """
     if model.static:
         return
-    links = {link.name: link for link in model.links}
-    anchors = {}                        # link -> where joints hold it, in its frame
     for joint in model.joints:
         _check_joint(joint, "%s::%s" % (name, joint.name))
+    anchors = _anchors(model)
+    for link in model.links:
+        where = "%s::%s" % (name, link.name)
+        check_inertial(link.inertial, where)
+        _check_numbers(where, (("linear damping", link.linear_damping), ("angular damping", link.angular_damping)))
+        check_leverage(link, anchors.get(link.name, ()), where)
+
+
+def _anchors(model):
+    """Return ``{link: [point, ...]}``: where joints hold the links of a model, each in its link's frame [m]."""
+    links = {link.name: link for link in model.links}
+    anchors = {}
+    for joint in model.joints:
         child = links.get(joint.child)
         if child is not None:
             anchors.setdefault(joint.child, []).append(joint.pose[0])
@@ -53,11 +68,7 @@ def check_model(model, name):
                 there = compose(child.pose, joint.pose)[0]
                 parent = links[joint.parent]
                 anchors.setdefault(joint.parent, []).append(tuple(a - b for a, b in zip(there, parent.pose[0])))
-    for link in model.links:
-        where = "%s::%s" % (name, link.name)
-        check_inertial(link.inertial, where)
-        _check_numbers(where, (("linear damping", link.linear_damping), ("angular damping", link.angular_damping)))
-        _check_leverage(link, anchors.get(link.name, ()), where)
+    return anchors
 
 
 def check_inertial(inertial, where):
@@ -110,18 +121,57 @@ def _check_numbers(where, numbers, greatest=GREATEST_NUMBER):
             raise ModelError("%s: %s %g; expected a number of at most %g" % (where, name, value, greatest))
 
 
-def _check_leverage(link, anchors, where):
-    """Raise ModelError where something can push a link with an arm that its inertia does not match."""
-    centre, inertial = link.inertial.pose[0], link.inertial
-    arm = max([math.dist(centre, anchor) for anchor in anchors]
-              + [math.dist(centre, collision.pose[0]) + _radius(collision.geometry) for collision in link.collisions],
-              default=0.0)
-    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-    least = float(np.linalg.eigvalsh(np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))[0])
-    if 1.0 / inertial.mass + arm * arm / least > LEVERAGE:
+def check_leverage(link, anchors, where):
+    """Raise ModelError where something can push a link with an arm that its inertia does not match.
+
+    Parameters
+    ----------
+    link : m2wr_sim.model.types.Link
+    anchors : list of (3,) of float
+        Where joints hold it, in its frame [m].
+    where : str
+        Its name, for the message.
+    """
+    centre = link.inertial.pose[0]
+    arm = max([_reach(link)] + [math.dist(centre, anchor) for anchor in anchors])
+    if _mobility(link.inertial, arm) > LEVERAGE:
         raise ModelError("link %s: %g kg with a least moment of inertia of %g kg m^2 is held or touched %g m from its "
                          "centre of mass; expected 1/m + r^2/I to be at most %g 1/kg" % (
-                             where, inertial.mass, least, arm, LEVERAGE))
+                             where, link.inertial.mass, _least_moment(link.inertial), arm, LEVERAGE))
+
+
+def too_mobile(links):
+    """Return the name of a link whose contacts only the iterative solver can take, and why; None where there is none.
+
+    Parameters
+    ----------
+    links : iterable of m2wr_sim.model.types.Link
+        Of a movable model.
+    """
+    for link in links:
+        arm = _reach(link)
+        if link.collisions and not link.kinematic and _mobility(link.inertial, arm) > DIRECT:
+            return link.name, "it is touched up to %g m from its centre of mass, with %g kg and a least moment of " \
+                "inertia of %g kg m^2; the direct solver takes 1/m + r^2/I up to %g 1/kg" % (
+                    arm, link.inertial.mass, _least_moment(link.inertial), DIRECT)
+    return None
+
+
+def _reach(link):
+    """Return how far from its centre of mass a link can be touched [m]."""
+    centre = link.inertial.pose[0]
+    return max([math.dist(centre, collision.pose[0]) + _radius(collision.geometry) for collision in link.collisions],
+               default=0.0)
+
+
+def _least_moment(inertial):
+    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
+    return float(np.linalg.eigvalsh(np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))[0])
+
+
+def _mobility(inertial, arm):
+    """Return the greatest mobility [1/kg] of a point of a body at a distance [m] from its centre of mass."""
+    return 1.0 / inertial.mass + arm * arm / _least_moment(inertial)
 
 
 def _radius(geometry):

@@ -162,7 +162,7 @@ class NativeEngine(PyodeEngine):
         words[layout.H_CLASS_COUNT] = len(representatives)
         words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
         self._values[layout.H_DT], words[layout.H_CROWD_LIMIT] = self._dt, self.crowded
-        words[layout.H_QUICK], words[layout.H_STEPS] = self.settings.solver == "quick", self._steps
+        words[layout.H_QUICK], words[layout.H_STEPS] = self._iterative, self._steps
         words[layout.H_SOLVES] = 0 if words[layout.H_QUICK] else self.settings.friction_solves
         self._fill_pairs(self._values, starts[layout.H_PAIRS], representatives)
         self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)

@@ -13,6 +13,7 @@ import ode
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.physics import native_ode
+from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
 
 _HANDLE, _REAL, _INT, _NUMBERS = ctypes.c_void_p, ctypes.c_double, ctypes.c_int, ctypes.POINTER(ctypes.c_double)
 _SIGNATURES = (
@@ -198,6 +199,10 @@ def mesh_geom(mesh, space, where):
             or not np.all(np.isfinite(vertices)):
         raise ModelError("%s: a mesh with vertices %s and triangles %s; expected (n, 3) finite numbers and (m, 3) "
                          "indices into them" % (where, vertices.shape, triangles.shape))
+    size = float(np.max(np.ptp(vertices, axis=0)))
+    if not (LEAST_SIZE <= size and np.max(np.abs(vertices)) <= FARTHEST):
+        raise ModelError("%s: a mesh %g m wide that reaches to %g m; expected at least %g m and at most %g m" % (
+            where, size, np.max(np.abs(vertices)), LEAST_SIZE, FARTHEST))
     library = _library(where)
     data = _data_of(_MeshData, library, mesh)
     return NativeGeom(library, library.dCreateTriMesh(space._id(), data.handle, None, None, None), data)
@@ -213,9 +218,11 @@ def height_geom(heightmap, space, where):
     """
     heights = np.asarray(heightmap.heights)
     if heights.ndim != 2 or min(heights.shape) < 2 or not np.all(np.isfinite(heights)) \
-            or not min(heightmap.size) > 0.0:
-        raise ModelError("%s: a heightmap of %s samples over %s m; expected at least 2 x 2 finite heights over a "
-                         "positive extent" % (where, heights.shape, list(heightmap.size)))
+            or not all(LEAST_SIZE <= size <= FARTHEST for size in heightmap.size) \
+            or np.max(np.abs(heights)) > FARTHEST:
+        raise ModelError("%s: a heightmap of %s samples over %s m; expected at least 2 x 2 finite heights of at most %g "
+                         "m over %g to %g m" % (where, heights.shape, list(heightmap.size), FARTHEST, LEAST_SIZE,
+                                                FARTHEST))
     library = _library(where)
     data = _data_of(_HeightData, library, heightmap)
     return NativeGeom(library, library.dCreateHeightfield(space._id(), data.handle, 1), data,

@@ -11,7 +11,7 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, multiply, rotate, rotate_inverse
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Sphere
 from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
-from m2wr_sim.physics.engine import FARTHEST
+from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
 from m2wr_sim.physics.limits import check_inertial, turned_tensor
 from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
 
@@ -36,6 +36,7 @@ class ModelParts:
         self.space = None
         self.links, self.joints, self.geoms = [], [], []
         self.self_colliding, self.sleeps, self.stiffer = False, False, 1.0
+        self.too_mobile = None      # what limits.too_mobile tells of its links
 
 
 class Shape:
@@ -126,7 +127,7 @@ def make_geom(collision, space, where):
     Raises
     ------
     ModelError
-        If the geometry is of no kind this engine knows or has no positive size.
+        If the geometry is of no kind this engine knows, or smaller or larger than its numbers carry.
     """
     geometry = collision.geometry
     if isinstance(geometry, Mesh):
@@ -145,8 +146,8 @@ def make_geom(collision, space, where):
     else:
         raise ModelError("%s: cannot collide with a %s; expected a box, sphere, cylinder, plane, mesh or heightmap"
                          % (where, type(geometry).__name__))
-    if not all(0.0 < size <= FARTHEST for size in sizes):
-        raise ModelError("%s: size %s; expected positive numbers of at most %g m" % (where, list(sizes), FARTHEST))
+    if not all(LEAST_SIZE <= size <= FARTHEST for size in sizes):
+        raise ModelError("%s: size %s; expected %g to %g m" % (where, list(sizes), LEAST_SIZE, FARTHEST))
     return geom(space, *arguments)
 
 

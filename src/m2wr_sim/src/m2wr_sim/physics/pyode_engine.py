@@ -5,6 +5,7 @@ objects of the binding die with their last reference, so every geom and joint is
 refers back to this engine: the cycle collector would free the world before its bodies and crash the interpreter.
 """
 import itertools
+import logging
 import math
 from dataclasses import replace
 
@@ -16,13 +17,15 @@ from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
 from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
-from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, load_class, pair_surface, reduced
+from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, has_direction, load_class, pair_surface, reduced
 from m2wr_sim.physics.coupled_friction import Grip, solve_coupled
 from m2wr_sim.physics.crowds import Crowds
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, Engine, LinkState, ModelHandle, Touch
-from m2wr_sim.physics.limits import check_model
+from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
 from m2wr_sim.physics.step_layout import MAX_KEPT
+
+log = logging.getLogger(__name__)
 
 _QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
 
@@ -54,6 +57,7 @@ class PyodeEngine(Engine):
         self._felt_since = {}                   # joint -> number of the step before the first one felt
         self._grips, self._coupled = [], False      # of this step: all contacts, whether one is more than standing
         self._crowds = Crowds()
+        self._iterative = False         # whether every step is solved so
         self._messages = native_ode.MessageCounter()
         PyodeEngine.configure(self, settings)
 
@@ -75,6 +79,7 @@ class PyodeEngine(Engine):
             handle.links[link.spec.name] = self._register(self._links, link)
         for drive in parts.joints:
             handle.joints[drive.spec.name] = self._register(self._joints, drive)
+        self._note_mobility(parts)
         if not parts.static:
             self._moving.append(parts)
         self._refresh_lists()
@@ -194,8 +199,16 @@ class PyodeEngine(Engine):
         """Collect what needs attention in every step, so that a step asks nothing else."""
         self._hinges = [drive for drive in self._joints.values() if drive.hinge]
         self._settle_damping()
+        self._iterative = self.settings.solver == "quick" or any(parts.too_mobile for parts in self._moving)
         self._damped_links = [link for link in self._links.values() if link.body is not None
                               and (link.spec.linear_damping or link.spec.angular_damping)]
+
+    def _note_mobility(self, parts):
+        """Find out whether the direct solver can take a model; else all steps are left to the iterative one."""
+        parts.too_mobile = None if parts.static else too_mobile(link.spec for link in parts.links)
+        if parts.too_mobile and self.settings.solver != "quick":
+            log.warning("%s::%s: %s. While it is in the world, every step is solved iteratively, which is less exact",
+                        parts.name, *parts.too_mobile)
 
     def _settle_damping(self):
         """Choose how joints are damped, which depends on the step."""
@@ -262,7 +275,7 @@ class PyodeEngine(Engine):
 
     def _solve(self, world):
         """Find the forces and move the bodies; returns whether that was done iteratively for a crowd's sake."""
-        if self.settings.solver == "quick":
+        if self._iterative:
             world.quickStep(self._dt)
         elif self._crowds.largest <= self.crowded:
             if self._coupled and 1 < self.settings.friction_solves and len(self._grips) <= MAX_KEPT:
@@ -303,7 +316,8 @@ class PyodeEngine(Engine):
             pair = self._make_pair(first, second)
         if pair is None:
             return
-        found = ode.collide(first, second)
+        found = [contact for contact in ode.collide(first, second)
+                 if has_direction(contact.getContactGeomParams()[1])]
         if found:
             self._make_contacts(pair, first, second, found)
 
@@ -473,12 +487,15 @@ class PyodeEngine(Engine):
         entry = self._links[link]
         if entry.body is not None:
             mass = bodies.make_mass(inertial, entry.name)
+            check_leverage(replace(entry.spec, inertial=inertial), (), entry.name)
+            parts = next(parts for parts in self._moving if entry in parts.links)
             if tuple(inertial.pose[0]) != tuple(entry.com):
-                move_centre(next(parts for parts in self._moving if entry in parts.links), entry, inertial.pose[0])
+                move_centre(parts, entry, inertial.pose[0])
             entry.body.setMass(mass)
             if entry.spec.kinematic:
                 entry.body.setKinematic()       # a mass ends that
             entry.spec = replace(entry.spec, inertial=inertial)
+            self._note_mobility(parts)
             self._refresh_lists()
             self._wake()
 

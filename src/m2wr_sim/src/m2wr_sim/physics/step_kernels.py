@@ -8,7 +8,8 @@ import math
 import numpy as np
 from numba import carray, cfunc, njit, types
 
-from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread
+from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, \
+    with_direction
 from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
     CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL, C_POSITION,
@@ -177,6 +178,7 @@ def _contacts(words, values, one, two):
     first = np.int64(words[H_CONTACTS]) + min(kept, MAX_KEPT) * CONTACT_WORDS
     address = words[H_ADDRESS] + np.uint64(8 * first)
     count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
+    count = with_direction(values, first, count)
     if count == 0:
         return
     limit = np.int64(values[pair + P_MAX_CONTACTS])
