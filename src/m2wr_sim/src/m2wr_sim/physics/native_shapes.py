@@ -220,8 +220,8 @@ def height_geom(heightmap, space, where):
     if heights.ndim != 2 or min(heights.shape) < 2 or not np.all(np.isfinite(heights)) \
             or not all(LEAST_SIZE <= size <= FARTHEST for size in heightmap.size) \
             or np.max(np.abs(heights)) > FARTHEST:
-        raise ModelError("%s: a heightmap of %s samples over %s m; expected at least 2 x 2 finite heights of at most %g "
-                         "m over %g to %g m" % (where, heights.shape, list(heightmap.size), FARTHEST, LEAST_SIZE,
+        raise ModelError("%s: a heightmap of %s samples over %s m; expected at least 2 x 2 finite heights of at most "
+                         "%g m over %g to %g m" % (where, heights.shape, list(heightmap.size), FARTHEST, LEAST_SIZE,
                                                 FARTHEST))
     library = _library(where)
     data = _data_of(_HeightData, library, heightmap)
