@@ -3,15 +3,16 @@
 ``make test`` takes a few cases; ``make faults`` takes all, and MOMENTS interrupts of every launch file.
 """
 import os
-import threading
 
 import m2wr_sim.doctor
 import m2wr_view
 import pytest
+import roslaunch.config
 import rospkg
 
 from fault_cases import CASES, LAUNCH_FILES
-from fault_run import FaultRun, foreign_tracebacks, interrupt_at, moments, refused
+from fault_run import FaultRun, interrupt_at, moments, refused
+from tracebacks import foreign_tracebacks, passes_over
 
 LONG = os.environ.get("M2WR_FAULTS") == "all"
 MOMENTS = int(os.environ.get("MOMENTS") or "100") if LONG else 1
@@ -50,28 +51,50 @@ def test_interrupted_at_any_moment(name, number):
 
 
 PROGRAM = os.path.join(rospkg.RosPack().get_path("m2wr_view"), "scripts", "is_there")
+CHAIN = "\nDuring handling of the above exception, another exception occurred:\n\n"
 
 
-def frames(*files):
+def frames(*files, last="KeyboardInterrupt"):
     """Return a traceback through these files; ``FILE:LINE`` is another line than the first."""
-    return "Traceback (most recent call last):\n%sKeyboardInterrupt\n" % "".join(
+    return "Traceback (most recent call last):\n%s%s\n" % ("".join(
         '  File "%s", line %s, in <module>\n    import something\n' % (name, line or 1)
-        for name, _, line in (place.partition(":") for place in files))
+        for name, _, line in (place.partition(":") for place in files)), last)
 
 
-@pytest.mark.parametrize("files, foreign", [
-    (("/usr/bin/roslaunch", rospkg.__file__, "<frozen importlib._bootstrap>", os.__file__, pytest.__file__), False),
-    (("/usr/bin/roslaunch", m2wr_sim.doctor.__file__), True),
-    (("/usr/bin/rosversion", rospkg.__file__), False),         # roslaunch runs it
-    ((threading.__file__, "/usr/lib/python3/dist-packages/roslaunch/pmon.py"), False),
-    (("/usr/bin/roslaunch", __file__), True),
-    ((PROGRAM + ":5", m2wr_view.__file__, os.__file__), False),        # where it imports m2wr_view.interrupts
-    ((PROGRAM + ":6", os.__file__), True),
-    ((PROGRAM + ":5", m2wr_sim.doctor.__file__), True),
-    ((os.__file__, rospkg.__file__), True),             # whose it is cannot be seen
-    ((os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True)])
-def test_only_roslaunchs_own_tracebacks_are_passed_over(files, foreign):
-    assert bool(foreign_tracebacks("before\n" + frames(*files) + "after\n")) == foreign
+@pytest.mark.parametrize("program, text, foreign", [
+    ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", rospkg.__file__, "<frozen importlib._bootstrap>"), False),
+    ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", "_generator.pyx", "<frozen importlib._bootstrap>"), False),
+    ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", m2wr_sim.doctor.__file__), True),
+    ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", __file__), True),
+    ("/usr/bin/roslaunch", frames(pytest.__file__, last="IndexError: x") + CHAIN + frames("/usr/bin/roslaunch"), False),
+    ("/usr/bin/rosversion", frames("/usr/bin/rosversion", rospkg.__file__), False),     # roslaunch runs it
+    (PROGRAM, frames(PROGRAM + ":5", m2wr_view.__file__, os.__file__), False),          # imports m2wr_view.interrupts
+    (PROGRAM, frames(os.__file__, last="KeyError: x") + CHAIN + frames(PROGRAM + ":5", os.__file__), False),
+    (PROGRAM, frames(PROGRAM + ":5", last="KeyError: x"), True),
+    (PROGRAM, frames(PROGRAM + ":6", os.__file__), True),
+    (PROGRAM, frames(PROGRAM + ":5", m2wr_sim.doctor.__file__), True),
+    (PROGRAM, frames("<frozen site>", os.__file__), False),
+    (PROGRAM, frames(os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True),
+    (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", "<string>", os.__file__), False),
+    (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", m2wr_sim.doctor.__file__), True)])
+def test_only_tracebacks_that_nobody_can_help_are_passed_over(program, text, foreign):
+    assert bool(foreign_tracebacks("before\n" + text + "after\n", program)) == foreign
+
+
+STACK = 'Stack (most recent call first):\n  File "%s", line %d in something\n  File "/usr/bin/roslaunch", line 34 in a\n'
+
+
+@pytest.mark.parametrize("words, passed", [("DEFAULT_MASTER_PORT", True), ("import Master", False)])
+def test_an_interrupt_in_a_bare_except_of_roslaunch_is_lost(words, passed):
+    with open(roslaunch.config.__file__, encoding="utf-8") as stream:
+        line = next(number for number, text in enumerate(stream, 1) if words in text)
+    assert passes_over(STACK % (roslaunch.config.__file__, line)) == passed
+
+
+def test_an_interrupt_in_a_callback_is_lost():
+    assert passes_over("Exception ignored in: <function cb>\nTraceback (most recent call last):\n"
+                       '  File "<frozen importlib._bootstrap>", line 1, in cb\nKeyboardInterrupt: \n')
+    assert not passes_over("")
 
 
 def test_every_launch_file_is_interrupted():
