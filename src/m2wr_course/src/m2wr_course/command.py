@@ -1,28 +1,31 @@
 """The command ``rosrun m2wr_course exercise N FILE``."""
 import argparse
+import importlib
 import os
 import sys
 
-from m2wr_course.maps import whole_map
-from m2wr_course.programs import nearest
-from m2wr_course.robots import laser_behind, same_robot, wider_robot
-from m2wr_course.worlds import two_walls
 from m2wr_sim.errors import SimError
 
-#: By number: what the file is, and the check.
+#: By number: what the file is, and module and function of the check; imported when it is asked for.
 EXERCISES = {
-    1: ("robot with its wheels 0.6 m apart (.xacro, .urdf)", wider_robot),
-    2: ("the same robot in tidier files (.xacro)", same_robot),
-    3: ("robot with a second laser that looks back (.xacro, .urdf)", laser_behind),
-    4: ("Python file with the function nearest", nearest),
-    5: ("world in which Bug 2 meets two walls (.world)", two_walls),
-    6: ("map of world02, of all of it (.yaml)", whole_map),
+    1: ("robot with its wheels 0.6 m apart (.xacro, .urdf)", "robots", "wider_robot"),
+    2: ("the same robot in tidier files (.xacro)", "robots", "same_robot"),
+    3: ("robot with a second laser that looks back (.xacro, .urdf)", "robots", "laser_behind"),
+    4: ("Python file with the function nearest", "programs", "nearest"),
+    5: ("world in which Bug 2 meets two walls (.world)", "worlds", "two_walls"),
+    6: ("map of world02, of all of it (.yaml)", "maps", "whole_map"),
 }
+
+
+def check_of(number):
+    """Return the function that checks the file of an exercise and yields its findings."""
+    _, module, name = EXERCISES[number]
+    return getattr(importlib.import_module("m2wr_course." + module), name)
 
 
 def main(arguments=None):
     """Check one file; returns 0 if all is right, 1 if something is not yet, 2 if it cannot be tried at all."""
-    told = "\n".join("%d  %s" % (number, what) for number, (what, _) in sorted(EXERCISES.items()))
+    told = "\n".join("%d  %s" % (number, EXERCISES[number][0]) for number in sorted(EXERCISES))
     parser = argparse.ArgumentParser("exercise", description="Check an exercise of the course.",
                                      epilog="exercises:\n" + told,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -35,7 +38,7 @@ def main(arguments=None):
         return 2
     wrong = looked = 0
     try:
-        for finding in EXERCISES[options.number][1](os.path.abspath(options.file)):
+        for finding in check_of(options.number)(os.path.abspath(options.file)):
             looked += 1
             print("%-8s %s" % ("ok" if finding.right else "not yet", finding.text))
             if not finding.right:

@@ -1,5 +1,7 @@
 """Each exercise: what a student starts from is not yet right, a solution is, and typical mistakes are named."""
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,15 @@ def nearest(ranges, angle_min, angle_increment):
     found = [(r, angle_min + i * angle_increment) for i, r in enumerate(ranges) if math.isfinite(r)]
     return min(found) if found else None
 """
+
+
+def test_the_command_loads_only_the_check_that_is_asked_for():
+    done = subprocess.run([sys.executable, "-c", "import sys; import m2wr_course.command as command; "
+                           "print(*sys.modules); command.check_of(4); print(*sys.modules)"],
+                          stdout=subprocess.PIPE, universal_newlines=True, check=True, timeout=120)
+    heavy = {"numpy", "numba", "PIL", "lxml", "yaml"}
+    for line in done.stdout.splitlines():
+        assert not set(line.split()) & heavy
 
 
 @pytest.fixture

@@ -38,9 +38,22 @@ def loaded(command, words):
     return set(done.stdout.split("LOADED", 1)[1].split())
 
 
-@pytest.mark.parametrize("command", [name for name, _ in CALLS])
+PICTURES = {"numba", "llvmlite", "matplotlib", "scipy", "PIL", "cairo", "ode", "tf2_ros"}
+
+
+@pytest.mark.parametrize("command", [name for name, _ in CALLS] + ["doctor"])
 def test_help_loads_nothing_heavy(command):
     assert not loaded(command, HELP) & set(HEAVY + ("genpy", "gazebo_msgs"))
+
+
+@pytest.mark.parametrize("command", ["spawn_model", "place_robot", "bag_report", "record_run", "wander_robots"])
+def test_help_of_a_node_loads_what_nodes_need(command):
+    """rospy itself loads genpy, numpy and yaml."""
+    assert not loaded(command, HELP) & PICTURES
+
+
+def test_the_doctor_looks_at_files_without_numbers_and_pictures():
+    assert not loaded("doctor", []) & (PICTURES | {"lxml"})
 
 
 def test_calls_load_nothing_heavy():

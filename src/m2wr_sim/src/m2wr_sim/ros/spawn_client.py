@@ -6,7 +6,7 @@ import re
 import sys
 import threading
 import time
-from xml.sax.saxutils import escape
+from html import escape      # of xml.sax.saxutils it is slower to import: all of urllib
 
 import rospkg
 import rospy
