@@ -64,7 +64,8 @@ class FaultRun:
         self._words, self._prefix = list(words), [
             word.format(folder=self.folder, home=self.home) for word in prefix]
         self._changes = dict({"ROS_MASTER_URI": self._uri, "ROS_IP": "127.0.0.1", "HOME": self.home, "DISPLAY": "",
-                              "ROS_HOME": None, "ROS_LOG_DIR": None, "ROS_HOSTNAME": None, "M2WR_FAULT_STDERR": self._said,
+                              "ROS_HOME": None, "ROS_LOG_DIR": None, "ROS_HOSTNAME": None,
+                              "M2WR_FAULT_STDERR": self._said,
                               "PYTHONPATH": os.pathsep.join([SITE, os.environ.get("PYTHONPATH", "")])},
                              **(environment or {}))
         self._runs = []

@@ -81,7 +81,7 @@ def test_only_tracebacks_that_nobody_can_help_are_passed_over(program, text, for
     assert bool(foreign_tracebacks("before\n" + text + "after\n", program)) == foreign
 
 
-STACK = 'Stack (most recent call first):\n  File "%s", line %d in something\n  File "/usr/bin/roslaunch", line 34 in a\n'
+STACK = 'Stack (most recent call first):\n  File "%s", line %d in inner\n  File "/usr/bin/roslaunch", line 34 in x\n'
 
 
 @pytest.mark.parametrize("words, passed", [("DEFAULT_MASTER_PORT", True), ("import Master", False)])

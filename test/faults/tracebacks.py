@@ -49,8 +49,8 @@ def foreign_tracebacks(text, program=None):
     """Return the tracebacks in a text that should not be there (list of str).
 
     Ctrl-C in Python raises KeyboardInterrupt wherever a program happens to be.  Programs of this workspace handle it
-    from their first import on; until then Python shows where it was.  So does roslaunch while it loads its files, and so
-    do the programs outside this workspace that it runs for a parameter; then no line of the workspace is in the
+    from their first import on; until then Python shows where it was.  So does roslaunch while it loads its files, and
+    so do the programs outside this workspace that it runs for a parameter; then no line of the workspace is in the
     traceback.
 
     Parameters
@@ -89,10 +89,10 @@ def _is_relay(name):
 def passes_over(text):
     """Whether roslaunch itself loses an interrupt, by what it has said on stderr (with ``site/sitecustomize.py``).
 
-    Until it starts its first node it has no handler, and KeyboardInterrupt is lost in a bare ``except`` or in a callback
-    of the interpreter.  roslaunch 1.15 has such clauses round the import of rosmaster (``config.py``), the set-up of its
-    log (``__init__.py``) and the check of the log folder (``rlutil.py``, which says "Press Ctrl-C to interrupt"); the
-    libraries that it imports have others.
+    Until it starts its first node it has no handler, and KeyboardInterrupt is lost in a bare ``except`` or in a
+    callback of the interpreter.  roslaunch 1.15 has such clauses round the import of rosmaster (``config.py``), the
+    set-up of its log (``__init__.py``), the question for the run id and the check of the log folder (``rlutil.py``,
+    which says "Press Ctrl-C to interrupt"); the libraries that it imports have others.
     """
     stacks = _STACK.findall(text)
     return bool(_LOST.search(text)) or bool(stacks) and any(
