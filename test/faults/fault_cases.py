@@ -6,7 +6,7 @@ import signal
 import time
 from dataclasses import dataclass, field
 
-from fault_run import PATIENCE, wait_until
+from fault_run import Later, PATIENCE, wait_until
 
 DRIVING = "state changed: Go to point"
 BUG2 = ["m2wr_sim", "bug2.launch", "gui:=false", "record:=run.bag"]
@@ -105,7 +105,8 @@ def jump_the_clock(run):
         expected = stamps()[0] + seconds
         with open(os.path.join(run.top, "clock"), "w", encoding="ascii") as stream:
             stream.write("%d" % seconds)
-        wait_until(lambda: abs(stamps()[-1] - expected) < 0.5 * HOUR, "a jump of the clock", PATIENCE)
+        wait_until(lambda: abs(stamps()[-1] - expected) < 0.5 * HOUR, Later(
+            lambda: "a jump of the clock in\n%s" % run.text), PATIENCE)
         run.wait_for_more("map against world", run.run)
 
 

@@ -18,7 +18,7 @@ from PIL import Image
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "nodes"))
 from check_launch_errors import free_port  # noqa: E402
 from sim_probe import Running, marked, wait_until  # noqa: E402
-from tracebacks import foreign_tracebacks, passes_over  # noqa: E402
+from tracebacks import foreign_tracebacks, interrupts_lost  # noqa: E402
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does for what ends with &; it is inherited
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -159,23 +159,26 @@ class FaultRun:
     def end(self, run, by_itself=False):
         """Interrupt ``run``, or wait until it has ended by itself; returns the exit code.
 
-        If it has not begun to end its nodes after a while it is interrupted once more, as a user would do.  That fails
-        unless it is roslaunch that has lost the first interrupt.
+        If it has not begun to end its nodes after a while it is interrupted once more, as a user would do, but only
+        where roslaunch itself has lost the interrupt; otherwise that is a fault.
         """
-        if not by_itself and run.process.poll() is None:
+        sent = 0
+
+        def ended():
+            return run.process.poll() is not None or ENDING in run.text
+
+        while not (by_itself or ended()):
             run.process.send_signal(signal.SIGINT)
-            lost = time.monotonic() + LOST
+            sent, again = sent + 1, time.monotonic() + LOST
             try:
-                wait_until(lambda: run.process.poll() is not None or ENDING in run.text
-                           or time.monotonic() > lost and self._roslaunch_lost_it(), "", PASSED_OVER)
+                wait_until(lambda: ended() or time.monotonic() > again and self._interrupts_lost() >= sent, "",
+                           PASSED_OVER)
             except AssertionError:
-                assert ENDING in run.text, "goes on after an interrupt:\n%s" % self.text
-            if run.process.poll() is None and ENDING not in run.text:
-                run.process.send_signal(signal.SIGINT)
+                raise AssertionError("goes on after an interrupt:\n%s" % self.text)
         return run.wait(LAST_PATIENCE)
 
-    def _roslaunch_lost_it(self):
-        return any(passes_over(text) for text in self.errors() if _program(text).endswith("/roslaunch"))
+    def _interrupts_lost(self):
+        return sum(interrupts_lost(text) for text in self.errors() if _program(text).endswith("/roslaunch"))
 
     # ---- what must be left
 

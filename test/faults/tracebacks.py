@@ -86,29 +86,34 @@ def _is_relay(name):
         return "generated from catkin/" in stream.read(2000)
 
 
-def passes_over(text):
-    """Whether roslaunch itself loses an interrupt, by what it has said on stderr (with ``site/sitecustomize.py``).
+def interrupts_lost(text):
+    """Return how many interrupts roslaunch has lost, by what it has said on stderr (with ``site/sitecustomize.py``).
 
     Until it starts its first node it has no handler, and KeyboardInterrupt is lost in a bare ``except`` or in a
     callback of the interpreter.  roslaunch 1.15 has such clauses round the import of rosmaster (``config.py``), the
     set-up of its log (``__init__.py``), the question for the run id and the check of the log folder (``rlutil.py``,
     which says "Press Ctrl-C to interrupt"); the libraries that it imports have others.
     """
-    stacks = _STACK.findall(text)
-    return bool(_LOST.search(text)) or bool(stacks) and any(
-        not _is_ours(name) and _catches_all(name, line) for name, line in _places(stacks[0]))
+    stacks = [any(not _is_ours(name) and _catches_all(name, line) for name, line in _places(frames))
+              for frames in _STACK.findall(text)]
+    return sum(stacks) + len(_LOST.findall(text))
 
 
+@functools.lru_cache(maxsize=None)
 def _catches_all(name, line):
-    """Whether a line of a file stands in a ``try`` that catches KeyboardInterrupt."""
+    """Whether a line of a file stands in a ``try`` that catches KeyboardInterrupt and does not raise it again."""
     try:
         with open(name, encoding="utf-8") as stream:
             tree = ast.parse(stream.read())
     except (OSError, SyntaxError, UnicodeDecodeError):
         return False
     return any(isinstance(node, ast.Try) and node.body[0].lineno <= line <= _last_line(node.body[-1])
-               and any(handler.type is None or getattr(handler.type, "id", "") in ("BaseException", "KeyboardInterrupt")
-                       for handler in node.handlers) for node in ast.walk(tree))
+               and any(map(_swallows, node.handlers)) for node in ast.walk(tree))
+
+
+def _swallows(handler):
+    caught = handler.type is None or getattr(handler.type, "id", "") in ("BaseException", "KeyboardInterrupt")
+    return caught and not any(isinstance(node, ast.Raise) for node in ast.walk(handler))
 
 
 def _last_line(node):
