@@ -59,7 +59,7 @@ class Lockstep(unittest.TestCase):
         self.assertEqual(puppet.wait(), 0, puppet.text)
         # scans at 1, 51, 101 ... ms, odometry from 51 ms on
         self.assertIn("puppet: 41 turns, 41 scans, 40 odometries, 2.001 s", puppet.text)
-        node.wait_for_text("the run is over, says /puppet at 2.001 s (tick 41)")
+        node.wait_for_text("/puppet ended the run at 2.001 s (tick 41)")
         self.assertEqual({round(self.simulation.time(), 9) for _ in range(20)}, {2.001})
         self.assertAlmostEqual(self.simulation.call("get_model_state", "m2wr", "").pose.position.x, 0.58, delta=0.03)
         self.end(node)
@@ -83,8 +83,8 @@ class Lockstep(unittest.TestCase):
         node = self.start("_lockstep_controllers:=[first, second]")
         first, second = self.puppet("first", "end", "30"), self.puppet("second", "drive")
         self.assertEqual(first.wait(), 0, first.text)
-        node.wait_for_text("everybody is connected at 0.000 s: /first, /second")
-        node.wait_for_text("the run is over, says /first at 1.451 s (tick 30)")
+        node.wait_for_text("all nodes are connected at 0.000 s: /first, /second")
+        node.wait_for_text("/first ended the run at 1.451 s (tick 30)")
         self.assertIsNone(second.process.poll())
         self.end(node)
 
@@ -106,7 +106,7 @@ class Lockstep(unittest.TestCase):
         node = self.start("_lockstep_controllers:=[puppet]")
         puppet = self.puppet("puppet", "early", "21")
         self.assertEqual(puppet.wait(), 0, puppet.text)
-        node.wait_for_text("the run is over, says /puppet at 1.001 s (tick 21)")
+        node.wait_for_text("/puppet ended the run at 1.001 s (tick 21)")
         self.end(node)
 
     def test_a_connection_that_fails_at_first_is_made_again(self):
@@ -115,7 +115,7 @@ class Lockstep(unittest.TestCase):
         puppet.wait_for_text("puppet: refused /gazebo")
         self.assertEqual(puppet.wait(), 0, puppet.text)
         self.assertEqual(node.text.count("/gazebo has not connected to /puppet on /cmd_vel within 2 s"), 1, node.text)
-        node.wait_for_text("the run is over, says /puppet at 1.001 s (tick 21)")
+        node.wait_for_text("/puppet ended the run at 1.001 s (tick 21)")
         self.end(node)
 
     def test_time_stands_still_without_a_robot(self):
@@ -132,7 +132,7 @@ class Lockstep(unittest.TestCase):
 
     def test_a_controller_that_nobody_asks_says_so(self):
         puppet = self.puppet("puppet", "drive")
-        puppet.wait_for_text("/puppet: nobody has asked for a turn in 5 s")
+        puppet.wait_for_text("/puppet: waiting for the simulator's first lockstep request (5 s)")
 
     def test_the_node_ends_while_a_listener_does_not_read(self):
         node = self.start("_lockstep_controllers:=[puppet]", "_lockstep_listeners:=['/deaf: /odom']", patience=300.0)
@@ -157,7 +157,7 @@ class Lockstep(unittest.TestCase):
         node = self.start("_lockstep_replies:=['/m2wr/laser/scan -> /cmd_vel by /script']")
         self.puppet("script", "answer")
         self.simulation.wait_for_time(2.0)
-        node.wait_for_text("everybody is connected at 0.000 s: /m2wr/laser/scan -> /cmd_vel by /script")
+        node.wait_for_text("all nodes are connected at 0.000 s: /m2wr/laser/scan -> /cmd_vel by /script")
         self.assertGreater(self.simulation.call("get_model_state", "m2wr", "").pose.position.x, 0.4)
         self.end(node)
 

@@ -36,6 +36,7 @@ def main(arguments=None):
         print("exercise %d: there is no file %s; expected a %s" % (options.number, options.file,
                                                                    EXERCISES[options.number][0]), file=sys.stderr)
         return 2
+    print("exercise %d: checking %s ..." % (options.number, options.file), flush=True)      # some take their time
     wrong = looked = 0
     try:
         for finding in check_of(options.number)(os.path.abspath(options.file)):

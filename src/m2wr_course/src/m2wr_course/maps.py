@@ -25,9 +25,11 @@ def _read(path):
                 raise ValueError("%d x %d pixels are too many" % opened.size)
             grey = np.asarray(opened.convert("L"))[::-1]
         resolution, origin = float(values["resolution"]), np.array(values["origin"][:2], float)
-    except (OSError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
-        raise WorldError("this is no map that can be read (%s); expected the .yaml file that map_saver writes, with "
-                         "its .pgm beside it" % error)
+    except KeyError as error:
+        raise WorldError("the field %s is missing; expected the .yaml file that map_saver writes" % error)
+    except (OSError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise WorldError("the map cannot be read (%s); expected the .yaml file that map_saver writes, with its .pgm "
+                         "beside it" % error)
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 
 
@@ -47,7 +49,7 @@ def whole_map(path):
     found = compare(cells, resolution, origin, Truth(read_world(WORLD), LASER_HEIGHT))
     area = found.free * resolution ** 2
     yield Finding(area >= AREA, "%.0f m2 are drawn as free" % area,
-                  "at least %g m2 are asked for: drive farther, for instance with drive:=tour" % AREA)
+                  "at least %g m2 are expected: drive farther, for instance with drive:=tour" % AREA)
     yield Finding(found.on_walls >= ON_WALLS, "%.0f %% of the wall cells lie on a wall" % (100.0 * found.on_walls),
                   "at least %g %% are asked for: a map that bends has too few particles" % (100.0 * ON_WALLS))
     yield Finding(found.truly_free >= FREE, "%.0f %% of the free cells are free" % (100.0 * found.truly_free),

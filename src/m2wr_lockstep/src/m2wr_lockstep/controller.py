@@ -118,8 +118,9 @@ class Controller:
             waited += pause
             if self._last is None:
                 tell = rospy.loginfo if waited < LONG_WAIT else rospy.logwarn
-                tell("%s: nobody has asked for a turn in %g s. The simulator does once all that it waits for are "
-                     "there, if it runs with ~lockstep and this name is among its ~lockstep_controllers.",
+                tell("%s: waiting for the simulator's first lockstep request (%g s). It comes when all nodes of the "
+                     "lockstep are connected, if the simulator runs with ~lockstep and has this name in its "
+                     "~lockstep_controllers.",
                      rospy.get_name(), waited)
                 pause = waited
             else:
@@ -127,7 +128,7 @@ class Controller:
             dropped = self._inputs.dropped
             if dropped > told:
                 tell = rospy.loginfo if self._last is None and waited < LONG_WAIT else rospy.logwarn
-                tell("%s: %d messages were dropped, because nobody asks for turns", rospy.get_name(), dropped - told)
+                tell("%s: %d messages were dropped while no lockstep request came", rospy.get_name(), dropped - told)
                 told = dropped
 
     def _serve(self, request):

@@ -58,7 +58,7 @@ def wait_without_turns():
 def test_that_nobody_asks_for_turns_is_said(said, monkeypatch):
     monkeypatch.setattr(controller, "REMINDER", 0.01)
     wait_without_turns()
-    assert "nobody has asked for a turn in 0.01 s" in said[0]
+    assert "first lockstep request (0.01 s)" in said[0]
     assert 2 <= len(said) <= 8      # less and less often
 
 
@@ -69,7 +69,7 @@ def test_waiting_is_a_warning_only_after_a_minute(monkeypatch):
     monkeypatch.setattr(controller, "REMINDER", 0.01)
     monkeypatch.setattr(controller, "LONG_WAIT", 0.03)
     wait_without_turns()
-    assert "in 0.01 s" in told["info"][0] and told["warn"] and "in 0.01 s" not in told["warn"][0]
+    assert "(0.01 s)" in told["info"][0] and told["warn"] and "(0.01 s)" not in told["warn"][0]
 
 
 def test_that_messages_were_dropped_is_said(said, monkeypatch):

@@ -79,7 +79,7 @@ def run_node(name, make_node, only_prints=False):
 
 def _end_the_run():
     """Let roslaunch stop what it started, where it requires this node; by itself the node just ends."""
-    rospy.loginfo('%s has done its work: the run ends here', rospy.get_name())
+    rospy.loginfo('%s has finished: the run ends here', rospy.get_name())
     if end_run():
         deadline = time.monotonic() + PARTING_SECONDS
         while not rospy.is_shutdown() and time.monotonic() < deadline:

@@ -106,7 +106,7 @@ def _reachable(machine, graph):
     if not names:
         return [ok(_MASTER, "all nodes listen at the loopback address only")]
     return [ok(_MASTER, "%s: XML-RPC port open to other machines, as roscpp always opens it; in a network that is not "
-               "yours, let a firewall close it", some(names))]
+               "yours, close it with a firewall", some(names))]
 
 
 def _time(graph):
@@ -141,7 +141,7 @@ def check_topics(graph):
             found.append(warning(_TOPICS, "%s commands %s, but no robot listens" % (some(senders), topic),
                                  _other_robots(graph, topic)))
         elif takers:
-            found.append(ok(_TOPICS, "%s: from %s to %s", topic, some(senders) or "nobody yet", some(takers)))
+            found.append(ok(_TOPICS, "%s: from %s to %s", topic, some(senders) or "no publisher", some(takers)))
     return found
 
 

@@ -221,5 +221,5 @@ def _kernels(machine, packages):
             os.path.join(machine.environ.get("HOME", "/"), ".cache", "numba")):
         return warning(_AREA, "compiled kernels cannot be kept: neither %s nor ~/.cache can be written" % folder,
                        "name a folder in NUMBA_CACHE_DIR")
-    return ok(_AREA, "%d compiled kernels are kept", len(kept)) if kept else ok(
+    return ok(_AREA, "%d compiled kernels are cached", len(kept)) if kept else ok(
         _AREA, "compiled kernels are kept in a folder of the user's")

@@ -110,7 +110,7 @@ class Diagnostics:
             is_open, _, _, _, missing = self._lockstep.status()
             if not is_open:
                 return DiagnosticStatus.WARN, "lockstep: time stands still, waiting for %s" % (
-                    "; ".join(missing) or "everybody to be connected")
+                    "; ".join(missing) or "all nodes to be connected")
         if self._factor and factor < _SHARE * self._factor:
             return DiagnosticStatus.WARN, "slower than wanted: %.2f instead of %g" % (factor, self._factor)
         return DiagnosticStatus.OK, "running at %.2f times real time" % factor

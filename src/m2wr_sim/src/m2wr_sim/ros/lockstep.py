@@ -229,7 +229,7 @@ class Lockstep:
             self._settle(self._links)
             self._waited += time.monotonic() - began
             if conductor.over:
-                log.info("lockstep: the run is over, says %s at %.3f s (tick %d): simulated time stands still",
+                log.info("lockstep: %s ended the run at %.3f s (tick %d); simulated time stops",
                          conductor.over, now_ns * 1e-9, conductor.ticks)
         return now_ns
 
@@ -313,7 +313,7 @@ class Lockstep:
         self._find_links(look.connections)
         if not self._open:
             self._open = True
-            log.info("lockstep: everybody is connected at %.3f s: %s%s", self._simulator.now_ns * 1e-9,
+            log.info("lockstep: all nodes are connected at %.3f s: %s%s", self._simulator.now_ns * 1e-9,
                      ", ".join([member.name for member in conductor.members] + [str(reply) for reply in self._replies]),
                      "; heard by " + ", ".join(entry.name for entry in self._listeners) if self._listeners else "")
 

@@ -174,7 +174,7 @@ def delete_obstacle(given, world):
         world.delete(name)
         print("%s is deleted" % name)
     if not names:
-        print("there are no obstacles of add_obstacle")
+        print("no obstacles have been added")
 
 
 def make_list_parser():
@@ -188,7 +188,7 @@ def list_obstacles(_, world):
     for name, (kind, size, (position, attitude)) in sorted(found.items()):
         print(_describe(name, kind, size, position, yaw_of(attitude)))
     if not found:
-        print("there are no obstacles of add_obstacle")
+        print("no obstacles have been added")
 
 
 def _check_move(parser, given):
