@@ -21,6 +21,7 @@ def arrange_path():
 def main():
     """Run xacro with this process's arguments; return 1 if the module is not there."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)        # Ctrl-C in a launch file's terminal: no traceback
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)       # nor when that has ended roslaunch, which reads what is printed
     arrange_path()
     try:
         import xacro

@@ -114,6 +114,16 @@ def make_package(folder, name):
     (folder / 'package.xml').write_text('<package format="2"><name>%s</name></package>' % name)
 
 
+def test_a_reader_that_is_gone_leaves_no_traceback(robot):
+    """As roslaunch is when Ctrl-C ends it while it loads its files."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, 'w') as nowhere:
+        done = subprocess.run([str(COMMANDS[0]), str(robot)], stdout=nowhere, stderr=subprocess.PIPE, timeout=60,
+                              universal_newlines=True)
+    assert done.stderr == '' and done.returncode != 0
+
+
 def test_find_looks_on_the_package_path(tmp_path):
     make_package(tmp_path / 'src' / 'arm', 'arm_description')
     path = tmp_path / 'r.xacro'
