@@ -1,0 +1,40 @@
+"""How much memory the mapper's process keeps: no more than the map that is there takes.
+
+A map is thousands of small arrays among a few large ones. glibc gives each thread a heap of its own (eight times as many
+as there are cores), keeps what is freed unless it lies at a heap's end, and no heap fills another one's holes: after
+some maps each heap is as large as its fullest moment, although no object is left. One heap, and giving back what is
+free now and then, keep the process at what it uses.
+"""
+import ctypes
+
+_M_ARENA_MAX = -8       # of glibc's mallopt
+
+
+def use_one_heap():
+    """Let all threads share one heap; to be called before numpy, whose threads begin with the import, is there.
+
+    Where Python runs one thread at a time, and kernels allocate next to nothing, none waits for another one's heap.
+
+    Returns
+    -------
+    bool
+        Whether the C library takes it; glibc does.
+    """
+    try:
+        return bool(ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1))
+    except (AttributeError, OSError):
+        return False
+
+
+def give_back():
+    """Give the system all whole pages of the heap that are free.
+
+    Returns
+    -------
+    bool
+        Whether there were some; False as well where the C library has no ``malloc_trim``.
+    """
+    try:
+        return bool(ctypes.CDLL(None).malloc_trim(0))
+    except (AttributeError, OSError):
+        return False
