@@ -92,6 +92,26 @@ def test_what_cannot_be_written_or_read_ends_nothing(files, tmp_path, monkeypatc
     assert Keeper(str(path), "run", 60.0).resume(None) is None
 
 
+def test_a_disk_that_stays_full_is_told_once_and_so_is_its_end(files, tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(keeping.rospy, "logwarn", lambda text, *_: told.append(text))
+    monkeypatch.setattr(keeping.rospy, "loginfo", lambda text, *_: told.append(text))
+    folder = tmp_path / "logs"
+    keeper = Keeper(str(folder / "slam.state"), "run", 1e-9)
+
+    def keep(times):
+        for _ in range(times):
+            keeper.keep(Mapper(), {})
+            finished(keeper)
+        return len(told)
+    assert keep(3) == 1 and "killed now, the map would begin anew" in told[0]
+    folder.mkdir()
+    assert keep(3) == 2 and "is kept again" in told[1]
+    (folder / "slam.state").unlink()
+    folder.rmdir()
+    assert keep(3) == 3 and told[2] == told[0]
+
+
 def test_another_launch_on_the_same_master_is_another_run(monkeypatch):
     monkeypatch.setattr(keeping.rospy, "get_param", lambda *_: "some-id")
     words = ["slam_gmapping", "__name:=slam_gmapping", "__log:=/logs/some-id/slam_gmapping-8.log"]

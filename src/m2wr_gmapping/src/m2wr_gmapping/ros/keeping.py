@@ -32,7 +32,7 @@ class Keeper:
     def __init__(self, path, run, period):
         self.path, self._run, self._period = path if period > 0.0 else "", run, period
         self._next = time.monotonic() + period
-        self._writer = None
+        self._writer, self._told = None, None
 
     def due(self):
         """Whether a snapshot is to be taken now: the period is over, and the one before is written."""
@@ -44,7 +44,7 @@ class Keeper:
         try:
             taken = state.snapshot(mapper, dict(host, **{RUN: self._run}))
         except state.StateError as error:
-            rospy.logwarn("the state cannot be kept: %s" % error)
+            self._tell("the state cannot be kept: %s" % error)
             return
         finally:
             self._next = time.monotonic() + self._period
@@ -55,7 +55,17 @@ class Keeper:
         try:
             state.save(self.path, taken)
         except state.StateError as error:
-            rospy.logwarn("%s: killed now, the map would begin anew" % error)
+            self._tell("%s: killed now, the map would begin anew" % error)
+        else:
+            if self._told is not None:
+                rospy.loginfo("the state of the run is kept again")
+            self._told = None
+
+    def _tell(self, trouble):
+        """Warn of trouble once, not with every state that it befalls."""
+        if trouble != self._told:
+            rospy.logwarn(trouble)
+        self._told = trouble
 
     def resume(self, config):
         """Return the State that this run has kept, or None; what cannot be used is told and left."""
