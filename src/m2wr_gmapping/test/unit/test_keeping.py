@@ -112,6 +112,21 @@ def test_a_disk_that_stays_full_is_told_once_and_so_is_its_end(files, tmp_path, 
     assert keep(3) == 3 and told[2] == told[0]
 
 
+def test_an_older_state_that_is_still_there_is_told(files, tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(keeping.rospy, "logwarn", lambda text, *_: told.append(text))
+    keeper = Keeper(str(tmp_path / "slam.state"), "run", 1e-9)
+    keeper.keep(Mapper(), {})
+    finished(keeper)
+
+    def refuse(*_):
+        raise state.StateError("the disk is full; what was there before is kept")
+    monkeypatch.setattr(state, "save", refuse)
+    keeper.keep(Mapper(), {})
+    finished(keeper)
+    assert told == ["the disk is full; what was there before is kept: killed now, the map would go on from there"]
+
+
 def test_another_launch_on_the_same_master_is_another_run(monkeypatch):
     monkeypatch.setattr(keeping.rospy, "get_param", lambda *_: "some-id")
     words = ["slam_gmapping", "__name:=slam_gmapping", "__log:=/logs/some-id/slam_gmapping-8.log"]

@@ -55,7 +55,8 @@ class Keeper:
         try:
             state.save(self.path, taken)
         except state.StateError as error:
-            self._tell("%s: killed now, the map would begin anew" % error)
+            self._tell("%s: killed now, the map would %s" % (
+                error, "go on from there" if os.path.exists(self.path) else "begin anew"))
         else:
             if self._told is not None:
                 rospy.loginfo("the state of the run is kept again")
