@@ -69,6 +69,32 @@ def test_all_threads_share_one_heap():
     assert heaps(True) == 1
 
 
+READS = """
+import ctypes
+from m2wr_gmapping.ros.memory import use_one_heap
+
+if {wanted}:
+    assert use_one_heap()
+mallinfo = ctypes.CDLL(None).mallinfo
+mallinfo.restype = type("Info", (ctypes.Structure,), dict(_fields_=[(letter, ctypes.c_int) for letter in "abcdefghij"]))
+large = bytearray(20 << 20)
+del large
+before = mallinfo().e
+read = bytearray(4 << 20)
+print(mallinfo().e - before)
+"""
+
+
+def mapped(wanted):
+    """Return how many bytes of a piece of 4 MB are mapped by themselves after a piece of 20 MB has been freed."""
+    return int(subprocess.check_output([sys.executable, "-c", READS.format(wanted=wanted)], timeout=120))
+
+
+def test_what_a_subscriber_reads_into_stays_outside_the_heap():
+    assert mapped(False) == 0, "the C library maps it anyway: the test tests nothing"
+    assert mapped(True) >= 4 << 20
+
+
 def test_the_node_takes_one_heap_before_numpy_begins_threads():
     program = os.path.join(os.path.dirname(__file__), "..", "..", "nodes", "slam_gmapping")
     with open(program, encoding="utf-8") as stream:
