@@ -38,6 +38,16 @@ def test_a_leak_is_told_from_what_comes_and_goes_in_every_shift(leak):
     assert abs(slope - leak) < 0.02
 
 
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("leak", [0.0, 0.4])
+def test_maps_that_differ_by_megabytes_neither_hide_a_leak_nor_make_one_up(leak, seed):
+    """Of one map to the next the measured levels differ by 2.5 MB (standard deviation); the limit is 0.2 MB/h."""
+    differing = np.random.default_rng(seed).normal(0.0, 2.5, 100)
+    samples = [sample._replace(memory=sample.memory + differing[sample.shift]) for sample in samples_of(24.0, leak)]
+    slope = slopes.slope(*slopes.levels(samples, "memory", SHIFT))[0]
+    assert (slope > 0.2) == (leak > 0.2)
+
+
 def test_descriptors_and_threads_that_change_to_and_fro_have_no_slope():
     samples = samples_of(24.0, 0.0)
     for name in ("descriptors", "threads"):
