@@ -174,7 +174,8 @@ class FaultRun:
                 wait_until(lambda: ended() or time.monotonic() > again and self._interrupts_lost() >= sent, "",
                            PASSED_OVER)
             except AssertionError:
-                raise AssertionError("goes on after an interrupt:\n%s" % self.text)
+                raise AssertionError("goes on after %d interrupts, the last at %.3f s:\n%s" % (
+                    sent, again - LOST, self.text))
         return run.wait(LAST_PATIENCE)
 
     def _interrupts_lost(self):

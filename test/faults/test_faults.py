@@ -76,7 +76,10 @@ def frames(*files, last="KeyboardInterrupt"):
     (PROGRAM, frames("<frozen site>", os.__file__), False),
     (PROGRAM, frames(os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True),
     (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", "<string>", os.__file__), False),
-    (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", m2wr_sim.doctor.__file__), True)])
+    (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", m2wr_sim.doctor.__file__), True)],
+    ids=["in roslaunch", "in its Cython", "ours in roslaunch", "a test in roslaunch", "chained in roslaunch",
+         "in rosversion", "first import", "chained first import", "another error", "second import",
+         "ours imported first", "Python starts", "ours begins", "Python starts, nobody", "Python starts, ours"])
 def test_only_tracebacks_that_nobody_can_help_are_passed_over(program, text, foreign):
     assert bool(foreign_tracebacks("before\n" + text + "after\n", program)) == foreign
 

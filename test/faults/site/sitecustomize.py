@@ -22,7 +22,7 @@ def _write_apart(folder, words):
     file = os.open(os.path.join(folder, "%d" % os.getpid()), os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
     os.dup2(file, 2)
     os.close(file)
-    os.write(2, ("program: %s\n" % " ".join(words)).encode())
+    os.write(2, ("program: %s\nbegan: %.3f s\n" % (" ".join(words), time.monotonic())).encode())
 
 
 def _note_interrupts():
