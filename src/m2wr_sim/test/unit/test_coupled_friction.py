@@ -1,10 +1,13 @@
 """Coulomb's law where wheels press a robot against something: friction cones, sliding along walls, climbing edges."""
 import math
+import time
 
 import pytest
 
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, Sphere, Surface
+from m2wr_sim.physics.engine import EngineSettings
+from m2wr_sim.physics.factory import make_engine as engine_of_kind
 
 RADIUS, WHEEL_MASS, WHEEL_INERTIA, CHASSIS_MASS = 0.1, 0.2, 1e-3, 5.0     # m, kg, kg m^2 about the axle, kg
 ACROSS = quaternion_from_rpy(math.pi / 2, 0.0, 0.0)
@@ -116,3 +119,105 @@ def test_a_robot_on_the_ground_alone_is_solved_once(make_engine, build, m2wr, dr
         engine.step(1500)
         return engine.link_state(handle.links["link_chassis"])
     assert end(1) == end(5)
+
+
+def pressing(engine, build, robot, count, walls):
+    """Add robots that drive backwards, the first of them against walls of their own; returns their handles."""
+    handles = []
+    for index in range(count):
+        if index < walls:
+            wall = build.box("wall%d" % index, -1.0, 2.0 * index, 0.5, size=(0.2, 1.5, 1.0))
+            engine.add_model(wall, wall.pose)
+        handles.append(engine.add_model(robot, build.at(0.0, 2.0 * index, 0.1), "robot%d" % index))
+        for joint in handles[-1].joints.values():
+            engine.set_joint_motor(joint, -5.0, 5.0)
+    return handles
+
+
+@pytest.mark.parametrize("walls", [0, 1])
+def test_things_fall_asleep_after_a_second_whatever_is_solved_again(make_engine, build, m2wr, walls):
+    """The step at which Gazebo's rule lets them is the same with and without a robot that presses a wall elsewhere."""
+    crate = build.box("crate", 5.0, 0.0, 0.15, size=(0.3,) * 3, static=False, mass=1.0)
+    engine = make_engine(1.0, [build.ground()])
+    pressing(engine, build, m2wr, 1, walls)
+    engine.step(2500)                                       # it is at the wall
+    body = engine._links[engine.add_model(crate, crate.pose).links["link"]].body
+    asleep = 0
+    while body.isEnabled() and asleep < 3000:
+        engine.step(1)
+        asleep += 1
+    assert 1000 <= asleep <= 1010
+
+
+def cost(build, robot, walls, solves):
+    """Return the CPU time [s] of 3 s with 30 robots, the first ones at walls."""
+    engine = engine_of_kind("auto", EngineSettings(step_ns=5000000, friction_solves=solves))
+    engine.add_model(build.ground(), build.at())
+    pressing(engine, build, robot, 30, walls)
+    engine.step(400)
+    times = []
+    for _ in range(3):
+        started = time.process_time()
+        engine.step(200)
+        times.append(time.process_time() - started)
+    engine.close()
+    return min(times)
+
+
+@pytest.mark.parametrize("walls, bound", [(1, 1.5), (30, 3.0)])
+def test_only_what_needs_it_is_solved_again(build, m2wr, walls, bound):
+    """One robot at a wall does not make the step of 29 others dearer; at rest limits agree with the step before."""
+    assert cost(build, m2wr, walls, 5) < bound * cost(build, m2wr, walls, 1)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.5, 1.0])
+def test_wheels_at_a_wall_lift_the_part_of_their_load_that_friction_can_carry(make_engine, build, mu):
+    """The ground carries N, its grip P = mu N presses the wheels to the wall, whose friction mu P lifts the robot.
+
+    With the foot d behind the axle, moments about the foot give N (d + mu r + mu^2 (d + r)) = W d_W, the moment of the
+    weight.  A friction of 1 takes most of the load off the wheels: what stands beside them they climb on where others
+    push, too.  With 0.2 it is 4 % of the load.
+    """
+    back = 0.3
+    foot = Collision("foot", Sphere(0.05), ((-back, 0.0, -0.05), (0.0, 0.0, 0.0, 1.0)), Surface(mu=0.0, mu2=0.0))
+    robot = cart([foot], (0.05, 0.0, 0.0, 0.1, 0.0, 0.1), (-0.05, 0.0, 0.0), Surface(mu=mu, mu2=mu))
+    wall = build.box("wall", RADIUS + 0.1 + 1e-3, 0.0, 0.5, size=(0.2, 2.0, 1.0), surface=Surface(mu=10.0, mu2=10.0))
+    engine = make_engine(1.0, [build.ground(), wall, robot])
+    watch = engine.watch_contacts(["cart::left::left", "cart::right::right"])
+    for joint in engine.handles[2].joints.values():
+        engine.set_joint_motor(joint, 1.0, 5.0)
+    engine.step(1000)
+    watch.drain()
+    engine.step(100)
+    felt = [report for pair in watch.drain() for report in pair]
+    ground = sum(report.force[2] for report in felt if report.second.startswith("ground"))
+    push = -sum(report.force[0] for report in felt if report.second.startswith("wall"))
+    weight = 9.8 * (CHASSIS_MASS * (back - 0.05) + 2.0 * WHEEL_MASS * back)
+    expected = weight / (back + mu * RADIUS + mu ** 2 * (back + RADIUS))
+    assert ground == pytest.approx(expected, rel=0.02) and push == pytest.approx(mu * expected, rel=0.02)
+
+
+@pytest.mark.parametrize("speed", [-0.2, 0.0, 0.3])
+def test_two_robots_that_push_each_other_equally_keep_the_speed_they_have(make_engine, build, speed):
+    """Wheels that slip push with mu times their load at whatever speed: forces cancel, and nothing stops the pair.
+
+    So where such a pair begins to drift it goes on, up to the speed at which one robot's wheels roll.
+    """
+    smooth = Surface(mu=0.0, mu2=0.0)
+    foot = Collision("foot", Sphere(0.05), ((-0.3, 0.0, -0.05), (0.0, 0.0, 0.0, 1.0)), smooth)
+    nose = Collision("nose", Box((0.1, 0.3, 0.02)), ((0.3, 0.0, -RADIUS + 0.05), (0.0, 0.0, 0.0, 1.0)), smooth)
+    robot = cart([foot, nose], (0.05, 0.0, 0.0, 0.1, 0.0, 0.1), (-0.05, 0.0, 0.0))
+    engine = make_engine(1.0, [build.ground()])
+    handles = [engine.add_model(robot, build.at(x, 0.0, RADIUS, yaw), name)
+               for name, x, yaw in (("one", -0.3505, 0.0), ("two", 0.3505, math.pi))]
+    for handle in handles:
+        for joint in handle.joints.values():
+            engine.set_joint_motor(joint, 0.5 / RADIUS, 5.0)
+    engine.step(500)
+    for handle in handles:
+        for link in handle.links.values():
+            engine.set_link_velocity(link, (speed, 0.0, 0.0), engine.link_state(link).angular_velocity)
+    for _ in range(10):
+        engine.step(100)
+        for handle in handles:
+            assert engine.link_state(handle.links["chassis"]).linear_velocity[0] == pytest.approx(speed, abs=0.02)

@@ -33,7 +33,7 @@ class Crowds:
 
     def join(self, one, two, count, awake):
         """Note that two models, known by name, touch in ``count`` places, and whether either of the links is awake."""
-        one, two = self._stands_for(one), self._stands_for(two)
+        one, two = self.stands_for(one), self.stands_for(two)
         total = self._contacts.get(one, 0) + count
         if one != two:
             self._for[two] = one
@@ -45,7 +45,8 @@ class Crowds:
         if one in self._awake and total > self.largest:
             self.largest = total
 
-    def _stands_for(self, name):
+    def stands_for(self, name):
+        """Return a model that is the same for all models that hang together with the one of that name."""
         self._for.setdefault(name, name)
         while self._for[name] != name:
             self._for[name] = self._for[self._for[name]]        # shorter the next time
@@ -55,7 +56,7 @@ class Crowds:
     def members(self):
         """Return the names of the models in the largest crowd, sorted."""
         leaders = [name for name, total in self._contacts.items() if total == self.largest and name in self._awake]
-        return sorted(name for name in self._for if self._stands_for(name) in leaders[:1])
+        return sorted(name for name in self._for if self.stands_for(name) in leaders[:1])
 
     def tell(self, step, dt, names, contacts, iterations):
         """Say in the log who is in a crowd and what is done; nothing if that was said in the last :data:`TOLD_AGAIN`.

@@ -49,8 +49,12 @@ class EngineSettings:
 
     libode's direct solver limits friction by the normal forces of a world without friction.  Where a robot stands those
     are its weight; where its wheels press it against a wall they are nothing, and so would the wall's friction be.
-    A step with such a contact (between two models, or on a face steeper than 37 degrees) is therefore solved again,
-    each time with the limits that the normal forces of the solve before give, until they agree to 0.1 %.
+    An island with such a contact (between two models, or on a face steeper than 37 degrees) therefore begins a step
+    with the limits that the normal forces of the step before give, and is solved again, with limits half way to what
+    the solve before has found, until they agree to 0.1 %, at most ``friction_solves`` times.  A robot that rubs along
+    walls (m2wr in world02 with the printed rule, 16 800 such steps) takes one solve in 86 % of them, 2 to 5 in 9 %, and
+    in 5 % forces and limits are still apart then; eight solves leave 3 %.  Begun without the step before, and with the
+    forces taken in full at first, 95 % were apart after five.  What is left apart goes on in the step after.
     """
 
     step_ns: int = 1000000
@@ -61,7 +65,7 @@ class EngineSettings:
     cfm: float = 1e-5
     surface_layer: float = 1e-4             # m
     max_correcting_velocity: float = 0.1    # m/s
-    friction_solves: int = 5                # direct only: at most so many a step where more than standing is going on
+    friction_solves: int = 5                # direct only: at most so many for what does more than stand
     max_contacts: int = 20                  # world limit per pair; pairs with a box keep at most four
 
 

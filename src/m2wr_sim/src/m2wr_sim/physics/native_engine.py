@@ -14,6 +14,7 @@ from m2wr_sim.model.types import Plane
 from m2wr_sim.physics import native_ode, step_kernels as kernels, step_layout as layout
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import pair_surface
+from m2wr_sim.physics.coupled_friction import Memory
 from m2wr_sim.physics.engine import Touch
 from m2wr_sim.physics.fence_kernels import count_solids
 from m2wr_sim.physics.pyode_engine import PyodeEngine
@@ -22,7 +23,8 @@ log = logging.getLogger(__name__)
 
 _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES, layout.H_HINGES,
              layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_CROWDS,
-             layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS, layout.H_GRIPS, layout.H_STATES)
+             layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS, layout.H_GRIPS, layout.H_STATES,
+             layout.H_IDLERS, layout.H_FORMER)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
 _MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
 _DAMPERS = (9, 10)                  # dJointType: angular and linear motor
@@ -45,6 +47,7 @@ class NativeEngine(PyodeEngine):
         self._words = self._values = None
         self._rows, self._row_shapes = [], []   # names of geoms, and the geoms' shapes, by row
         self._angles = {}                       # hinge -> where the block keeps its angle
+        self._countdowns = {}                   # countdown -> where the block keeps it
         self._handles = {}                      # link -> handle of its body
         self._touching_room = layout.TOUCHING_ROOM
         self._makeup = 0                        # grows with every change of what the world is made of
@@ -67,10 +70,19 @@ class NativeEngine(PyodeEngine):
     def _forget_block(self):
         if self._words is not None:
             self._carry_touches()
+            self._carry_forces()
             for drive, at in self._angles.items():
                 drive.angle = float(self._values[at])
+            for countdown, at in self._countdowns.items():
+                countdown.steps, countdown.time = self._values[at + layout.I_STEPS:at + layout.IDLE_WORDS].tolist()
         self._words = self._values = None
-        self._angles = {}
+        self._angles, self._countdowns = {}, {}
+
+    def _enable(self, link):
+        super()._enable(link)
+        at = self._countdowns.get(link.countdown)
+        if at is not None:
+            self._values[at + layout.I_STEPS:at + layout.IDLE_WORDS] = link.countdown.steps, link.countdown.time
 
     def step(self, count):
         self.version += 1
@@ -138,7 +150,8 @@ class NativeEngine(PyodeEngine):
         self._touching_room = max(self._touching_room, 4 * sum(shape.moves for _, shape in geoms))
         touching = self._touching_room * layout.TOUCH_WORDS
         log_room = self._touching_room + layout.SPARE_LOG
-        sizes = ((layout.MAX_KEPT + layout.MAX_FOUND) * layout.CONTACT_WORDS,
+        most_kept = self._most_kept()
+        sizes = ((most_kept + layout.MAX_FOUND) * layout.CONTACT_WORDS,
                  len(representatives) ** 2 * layout.PAIR_WORDS,
                  len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
                  len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
@@ -146,7 +159,8 @@ class NativeEngine(PyodeEngine):
                  len(self._handles) * layout.FENCE_WORDS, len(self._moving) * layout.CROWD_WORDS, touching, touching,
                  log_room * layout.LOG_WORDS,
                  layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0,
-                 layout.MAX_KEPT * layout.GRIP_WORDS, len(self._handles) * layout.STATE_WORDS)
+                 most_kept * layout.GRIP_WORDS, len(self._handles) * layout.STATE_WORDS,
+                 len(self._idlers) * layout.IDLE_WORDS, most_kept * layout.FORMER_WORDS)
         words = np.zeros(layout.HEADER_WORDS + sum(sizes), np.uint64)
         starts = {}
         at = layout.HEADER_WORDS
@@ -164,17 +178,21 @@ class NativeEngine(PyodeEngine):
         self._values[layout.H_DT], words[layout.H_CROWD_LIMIT] = self._dt, self.crowded
         words[layout.H_QUICK], words[layout.H_STEPS] = self._iterative, self._steps
         words[layout.H_SOLVES] = 0 if words[layout.H_QUICK] else self.settings.friction_solves
+        words[layout.H_KEPT_ROOM] = most_kept
         self._fill_pairs(self._values, starts[layout.H_PAIRS], representatives)
+        self._fill_idlers(starts[layout.H_IDLERS])
         self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)
         self._fill_bodies(starts)
         self._fill_joints(starts)
         self._fill_fences(starts, geoms)
         self._restore_touches()
+        self._restore_forces(starts[layout.H_FORMER])
 
     def _fill_geoms(self, start, geoms, classes):
         meets_itself = {link.name: index + 1 for parts in self._moving if parts.self_colliding
                         for index, link in enumerate(parts.links) if link.spec.self_collide}
         models = {parts.name: index for index, parts in enumerate(self._moving)}
+        idlers = {link.countdown: index + 1 for index, link in enumerate(self._idlers)}
         self._rows, self._row_shapes = [], [shape for _, shape in geoms]
         self._words[layout.H_WATCHING] = bool(self._watches)
         for index, (geom, shape) in enumerate(geoms):
@@ -185,8 +203,17 @@ class NativeEngine(PyodeEngine):
             self._words[row + layout.G_WATCHED] = shape.name in self._watched
             self._words[row + layout.G_MODEL] = models.get(shape.model, 0)
             self._words[row + layout.G_RESTLESS] = shape.restless
+            self._words[row + layout.G_IDLER] = idlers.get(shape.countdown, 0)
             self._library.dGeomSetData(geom._id(), index + 1)
             self._rows.append(shape.name)
+
+    def _fill_idlers(self, start):
+        self._words[layout.H_IDLER_COUNT] = len(self._idlers)
+        for index, link in enumerate(self._idlers):
+            at = start + index * layout.IDLE_WORDS
+            self._words[at + layout.I_BODY] = self._handles[link]
+            self._values[at + layout.I_STEPS:at + layout.IDLE_WORDS] = link.countdown.steps, link.countdown.time
+            self._countdowns[link.countdown] = at
 
     def _fill_bodies(self, starts):
         words, values = self._words, self._values
@@ -432,6 +459,29 @@ class NativeEngine(PyodeEngine):
             at = int(words[layout.H_BEFORE]) + index * layout.TOUCH_WORDS
             words[at], words[at + 1] = sorted((rows[names[0]], rows[names[1]]))
         words[layout.H_BEFORE_COUNT] = len(kept)
+
+    def _carry_forces(self):
+        """Keep the normal forces of the last coupled step, as PyodeEngine does, over a change of the block."""
+        words = self._words
+        start, count = int(words[layout.H_FORMER]), int(words[layout.H_FORMER_COUNT])
+        forces = {}
+        for at in range(start, start + count * layout.FORMER_WORDS, layout.FORMER_WORDS):
+            rows, number = divmod(int(words[at]), layout.KEY_NUMBERS)
+            names = sorted(self._rows[row - 1] for row in divmod(rows, layout.KEY_ROWS))
+            forces[(*names, number)] = float(self._values[at + 1])
+        self._memory = Memory(int(words[layout.H_FORMER_STEP]), forces)
+
+    def _restore_forces(self, start):
+        words, rows = self._words, {name: index + 1 for index, name in enumerate(self._rows)}
+        words[layout.H_FORMER_STEP], count = self._memory.step, 0
+        for (first, second, number), force in self._memory.forces.items():
+            if first in rows and second in rows:
+                one, two = sorted((rows[first], rows[second]))
+                at = start + count * layout.FORMER_WORDS
+                words[at] = (one * layout.KEY_ROWS + two) * layout.KEY_NUMBERS + number
+                self._values[at + 1] = force
+                count += 1
+        words[layout.H_FORMER_COUNT] = count
 
     def forget(self):
         self._forget_block()

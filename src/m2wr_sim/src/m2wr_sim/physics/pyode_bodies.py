@@ -12,6 +12,7 @@ from m2wr_sim.geometry import IDENTITY, compose, multiply, rotate, rotate_invers
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Sphere
 from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
 from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
+from m2wr_sim.physics.idle import Countdown
 from m2wr_sim.physics.limits import check_inertial, turned_tensor
 from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
 
@@ -42,22 +43,26 @@ class ModelParts:
 class Shape:
     """What the contact callback needs to know of a geom."""
 
-    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless")
+    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown")
 
-    def __init__(self, name, collision, wheel, model, link, body, stiffer, sleeps):
+    def __init__(self, name, collision, wheel, model, link, body, stiffer, countdown):
         self.name, self.collision, self.wheel = name, collision, wheel
         self.model, self.link, self.body = model, link, body
         self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
-        self.restless = body is not None and not sleeps
+        self.countdown, self.restless = countdown, body is not None and countdown is None
 
 
 class LinkBody:
-    """One link in the engine: its body (None where static), geoms, and the shift between link and body frame."""
+    """One link in the engine: its body (None where static), geoms, and the shift between link and body frame.
 
-    __slots__ = ("name", "spec", "body", "com", "pose", "geoms")
+    ``countdown`` is there where the body may sleep.
+    """
 
-    def __init__(self, name, spec, body, com, pose):
+    __slots__ = ("name", "spec", "body", "com", "pose", "geoms", "countdown")
+
+    def __init__(self, name, spec, body, com, pose, sleeps=False):
         self.name, self.spec, self.body, self.com, self.pose = name, spec, body, com, pose
+        self.countdown = Countdown() if sleeps and body is not None else None
         self.geoms = []                     # (geom, Collision)
 
 
@@ -93,7 +98,7 @@ def make_mass(inertial, name):
     return mass
 
 
-def make_body(world, link, name, pose, sleeps):
+def make_body(world, link, name, pose):
     """Create the body of a movable link whose frame stands at ``pose`` in the world.
 
     Raises
@@ -102,9 +107,7 @@ def make_body(world, link, name, pose, sleeps):
         If mass or inertia are not those of a physical body.
     """
     mass = make_mass(link.inertial, name)
-    world.setAutoDisableFlag(bool(sleeps))
     body = ode.Body(world)
-    world.setAutoDisableFlag(False)
     body.setMass(mass)
     body.setGravityMode(bool(link.gravity))
     if link.kinematic:

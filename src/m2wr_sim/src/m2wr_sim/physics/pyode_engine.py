@@ -18,12 +18,13 @@ from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
 from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, has_direction, load_class, pair_surface, reduced
-from m2wr_sim.physics.coupled_friction import Grip, solve_coupled
+from m2wr_sim.physics.coupled_friction import Grip, Memory, solve_coupled
 from m2wr_sim.physics.crowds import Crowds
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, Engine, LinkState, ModelHandle, Touch
+from m2wr_sim.physics.idle import count_down
 from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
-from m2wr_sim.physics.step_layout import MAX_KEPT
+from m2wr_sim.physics.step_layout import KEPT_PER_GEOM, LEAST_KEPT
 
 log = logging.getLogger(__name__)
 
@@ -35,10 +36,7 @@ class PyodeEngine(Engine):
 
     def __init__(self, settings):
         self._world = ode.World()
-        self._world.setAutoDisableLinearThreshold(0.1)
-        self._world.setAutoDisableAngularThreshold(0.1)
-        self._world.setAutoDisableSteps(5)
-        self._world.setAutoDisableTime(1.0)
+        self._world.setAutoDisableFlag(False)       # see idle
         extent = _QUADTREE_EXTENT
         self._static_space = ode.QuadTreeSpace((0.0, 0.0, 0.0), (extent, extent, extent), _QUADTREE_DEPTH)
         self._moving_space = ode.HashSpace()
@@ -50,12 +48,13 @@ class PyodeEngine(Engine):
         self._shapes, self._pairs = {}, {}
         self._moving = []                       # parts with bodies, in load order
         self._damped_joints, self._damped_links = [], []
-        self._hinges = []
+        self._hinges, self._idlers = [], []
         self._steps = 0
         self._touching, self._touched, self._touches = {}, {}, []
         self._watches, self._watched, self._felt = [], frozenset(), []
         self._felt_since = {}                   # joint -> number of the step before the first one felt
         self._grips, self._coupled = [], False      # of this step: all contacts, whether one is more than standing
+        self._memory = Memory()
         self._crowds = Crowds()
         self._iterative = False         # whether every step is solved so
         self._messages = native_ode.MessageCounter()
@@ -100,8 +99,8 @@ class PyodeEngine(Engine):
         for spec in model.links:
             full_name = "%s::%s" % (parts.name, spec.name)
             at = bodies.initial_link_pose(pose, spec)
-            body = None if parts.static else bodies.make_body(self._world, spec, full_name, at, parts.sleeps)
-            link = bodies.LinkBody(full_name, spec, body, spec.inertial.pose[0], at)
+            body = None if parts.static else bodies.make_body(self._world, spec, full_name, at)
+            link = bodies.LinkBody(full_name, spec, body, spec.inertial.pose[0], at, parts.sleeps)
             parts.links.append(link)
             by_name[spec.name] = link
             parts.self_colliding = parts.self_colliding or spec.self_collide
@@ -136,7 +135,7 @@ class PyodeEngine(Engine):
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
         self._shapes[geom] = bodies.Shape(where, collision, wheel_pose is not None, parts.name, link.name, body,
-                                          parts.stiffer, parts.sleeps)
+                                          parts.stiffer, link.countdown)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
@@ -169,7 +168,13 @@ class PyodeEngine(Engine):
         """Wake every sleeping body: what it rested on may be gone, and ODE does not notice that by itself."""
         for parts in self._moving:
             for link in parts.links:
-                link.body.enable()
+                self._enable(link)
+
+    def _enable(self, link):
+        """Wake a body, if it sleeps, and let it be idle for the whole time again."""
+        link.body.enable()
+        if link.countdown is not None:
+            link.countdown.restart()
 
     def _release(self, parts):
         """Free a model's ODE objects: joints, then geoms, then bodies."""
@@ -198,6 +203,7 @@ class PyodeEngine(Engine):
     def _refresh_lists(self):
         """Collect what needs attention in every step, so that a step asks nothing else."""
         self._hinges = [drive for drive in self._joints.values() if drive.hinge]
+        self._idlers = [link for link in self._links.values() if link.body is not None and link.countdown is not None]
         self._settle_damping()
         self._iterative = self.settings.solver == "quick" or any(parts.too_mobile for parts in self._moving)
         self._damped_links = [link for link in self._links.values() if link.body is not None
@@ -247,6 +253,8 @@ class PyodeEngine(Engine):
                     parts.space.collide(None, self._near_itself)
             if len(moving) > 1:
                 self._moving_space.collide(None, near)
+            if self._idlers:
+                count_down(self._idlers, self._dt)
             crowded = self._solve(world)
             if self._felt:
                 self._hand_out_contacts()
@@ -278,10 +286,12 @@ class PyodeEngine(Engine):
         if self._iterative:
             world.quickStep(self._dt)
         elif self._crowds.largest <= self.crowded:
-            if self._coupled and 1 < self.settings.friction_solves and len(self._grips) <= MAX_KEPT:
-                solve_coupled(world, self._contact_group, self._grips,
-                              [link.body for parts in self._moving for link in parts.links], self._dt,
-                              self.settings.friction_solves)
+            if self._coupled and 1 < self.settings.friction_solves and len(self._grips) <= self._most_kept():
+                forces = self._memory.forces if self._memory.step + 1 == self._steps else {}
+                forces = solve_coupled(world, self._contact_group, self._grips,
+                                       {parts.name: [link.body for link in parts.links] for parts in self._moving},
+                                       self._crowds.stands_for, self._dt, self.settings.friction_solves, forces)
+                self._memory = Memory(self._steps, forces)
             else:
                 world.step(self._dt)
         else:
@@ -291,6 +301,10 @@ class PyodeEngine(Engine):
             native_ode.seed_random(before)
             return True
         return False
+
+    def _most_kept(self):
+        """Return how many contacts a step may have that is solved more than once."""
+        return max(LEAST_KEPT, KEPT_PER_GEOM * sum(len(self._bodies_geoms(parts)) for parts in self._moving))
 
     def _tell_crowd(self, names, contacts):
         """Say that models are in one another; let the caller end what takes long."""
@@ -345,12 +359,12 @@ class PyodeEngine(Engine):
         if one is not None and two is not None:
             self._crowds.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
         both_move, restless = one is not None and two is not None, pair[1].restless or pair[2].restless
-        for contact in found:
+        for number, contact in enumerate(found):
             position, normal, depth = contact.getContactGeomParams()[:3]
             if not surface.ground and (both_move or -STEEP < normal[2] < STEEP):
                 self._touched.setdefault(names, (position, depth))
-            if restless and (both_move or -FLAT < normal[2] < FLAT):
-                self._coupled = True
+            coupled = restless and (both_move or -FLAT < normal[2] < FLAT)
+            self._coupled = self._coupled or coupled
             mode = surface.mode
             if mode & MODE_FDIR1:
                 mode = bodies.direct_friction(contact, surface, second if surface.along_second else first)
@@ -367,12 +381,13 @@ class PyodeEngine(Engine):
                 contact.setSoftCFM(surface.soft_cfm)
             joint = ode.ContactJoint(self._world, self._contact_group, contact)
             joint.attach(one, two)
-            grip = Grip(joint, contact, one, two, surface, mode, normal)
+            grip = Grip(joint, contact, one, two, surface, mode, normal, pair[2 if one is None else 1].model, coupled,
+                        names + (number,))
             self._grips.append(grip)
             if watched:
-                for body in (one, two):
-                    if body is not None:
-                        body.enable()           # one that sleeps is not solved and would feel nothing
+                for shape in pair[1:3]:
+                    if shape.body is not None:
+                        self._enable(shape)     # one that sleeps is not solved and would feel nothing
                 joint.setFeedback(True)
                 self._felt.append((grip, first, second, (position, normal, depth)))
 
@@ -437,7 +452,7 @@ class PyodeEngine(Engine):
         if body is not None:
             body.setLinearVel(tuple(linear))
             body.setAngularVel(tuple(angular))
-            body.enable()
+            self._enable(self._links[link])
 
     def joint_angle(self, joint):
         drive = self._joints[joint]
@@ -462,7 +477,7 @@ class PyodeEngine(Engine):
     def add_link_force(self, link, force, torque):
         body = self._links[link].body
         if body is not None:
-            body.enable()
+            self._enable(self._links[link])
             body.addForce(tuple(force))
             body.addTorque(tuple(torque))
 
@@ -481,7 +496,7 @@ class PyodeEngine(Engine):
         body = self._links[link].body
         if body is not None:
             body.setGravityMode(bool(acts))
-            body.enable()
+            self._enable(self._links[link])
 
     def set_link_inertial(self, link, inertial):
         entry = self._links[link]
@@ -563,7 +578,7 @@ class PyodeEngine(Engine):
         native_ode.seed_random(seed)
 
     def forget(self):
-        self._steps = 0
+        self._steps, self._memory = 0, Memory()
         self._felt_since = dict.fromkeys(self._felt_since, 0)
         self._touching, self._touched, self._touches = {}, {}, []
         for watch in self._watches:

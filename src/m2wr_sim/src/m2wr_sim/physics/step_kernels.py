@@ -10,26 +10,27 @@ from numba import carray, cfunc, njit, types
 
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, \
     with_direction
+from m2wr_sim.physics.coupled_kernels import count_down, restart_countdown, solve_coupled, stands_for
 from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
-    CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL, C_POSITION,
-    C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, CROWD_WORDS, DAMPED_WORDS, GEOM_WORDS, GRIP_WORDS, G_BODY, G_CLASS,
-    G_LINK, G_MODEL, G_RESTLESS, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT, H_BODIES,
-    H_BODY_COUNT, H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_COUPLED, H_CROWD, H_CROWDED, H_CROWDS,
+    CONTACT_WORDS, C_ALONG, C_BOUNCE, C_BOUNCE_VELOCITY, C_DEPTH, C_GEOMETRY, C_MODE, C_MU, C_MU2, C_NORMAL,
+    C_POSITION, C_SLIP1, C_SLIP2, C_SOFT_CFM, C_SOFT_ERP, DAMPED_WORDS, GEOM_WORDS, GRIP_WORDS, G_BODY, G_CLASS,
+    G_IDLER, G_LINK, G_MODEL, G_RESTLESS, G_WATCHED, HEADER_WORDS, HINGE_WORDS, H_ADDRESS, H_BEFORE, H_BEFORE_COUNT,
+    H_BODIES, H_BODY_COUNT, H_CALLBACK, H_CALLBACK_ITSELF, H_CLASS_COUNT, H_CONTACTS, H_COUPLED, H_CROWD, H_CROWDED,
     H_CROWD_LIMIT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS, H_DAMPED_LINK_COUNT, H_DT, H_FENCED, H_GEOMS,
-    H_GRIPS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_KEPT, H_LOG, H_LOG_COUNT, H_LOG_ROOM, H_LOST, H_MISSED, H_MOVING,
-    H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE, H_SLEEPERS, H_SOLVES, H_SPACES,
-    H_SPACE_COUNT, H_STATES, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, LOG_WORDS, MANY_REPORTS,
-    MAX_FOUND, MAX_KEPT, MAX_REPORTS, MODE_APPROX1, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y,
-    P_ALONG_Z, P_BOTH_MOVE, P_BOUNCE, P_BOUNCE_VELOCITY, P_GROUND, P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2,
-    P_SLIP1, P_SLIP2, P_SOFT_CFM, P_SOFT_ERP, P_VALID, REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT,
-    SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF, STATE_WORDS, TOUCH_WORDS, J_FEEDBACK, J_FIRST, J_JOINT, J_MU, J_MU2,
-    J_NORMAL, J_ROOM, J_SECOND, X_AWAKE, X_CONTACTS, X_FOR, X_STEP)
+    H_GRIPS, H_GROUP, H_HINGES, H_HINGE_COUNT, H_IDLER_COUNT, H_KEPT, H_KEPT_ROOM, H_LOG, H_LOG_COUNT, H_LOG_ROOM,
+    H_LOST, H_MISSED, H_MOVING, H_NOW, H_NOW_COUNT, H_PAIRS, H_PLANE, H_QUICK, H_REPORTS, H_REPORT_COUNT, H_SIZE,
+    H_SLEEPERS, H_SOLVES, H_SPACES, H_SPACE_COUNT, H_STATIC, H_STEPS, H_TOUCHING_ROOM, H_WATCHING, H_WORLD, J_COUPLED,
+    J_FEEDBACK, J_FIRST, J_JOINT, J_KEY, J_MODEL, J_MU, J_MU2, J_SECOND, KEY_NUMBERS, KEY_ROWS, LOG_WORDS,
+    MANY_REPORTS, MAX_FOUND, MAX_REPORTS, MODE_FDIR1, PAIR_WORDS, P_ALONG_SECOND, P_ALONG_X, P_ALONG_Y, P_ALONG_Z,
+    P_BOTH_MOVE, P_BOUNCE, P_BOUNCE_VELOCITY, P_GROUND, P_MAX_CONTACTS, P_MERGE, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2,
+    P_SOFT_CFM, P_SOFT_ERP, P_VALID, REPORT_WORDS, R_FEEDBACK, R_GEOMETRY, SHAPE_OFFSET, SHAPE_SHIFT,
+    SPACE_WORDS, S_GEOM_COUNT, S_MEETS_ITSELF, TOUCH_WORDS, X_AWAKE, X_CONTACTS, X_FOR)
 
 _TOO_FAST, _TOO_FAR = 1e9, 1e8      # m/s and rad/s, m; as in engine
 _PARAM_VEL = 2
 _UNWRAP_AFTER, _ASTRAY = 8, 1.0     # steps, and rad that the way by the rates may be off, before turns are counted
-_STEEP, _FLAT, _AGREED = 0.5, 0.8, 0.001                        # as in contacts
+_STEEP, _FLAT = 0.5, 0.8            # as in contacts
 _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.02, 2, 3
 
 _handle = types.uintp
@@ -64,13 +65,6 @@ _set_linear_velocity = types.ExternalFunction(
     "dBodySetLinearVel", types.void(_handle, types.float64, types.float64, types.float64))
 _set_angular_velocity = types.ExternalFunction(
     "dBodySetAngularVel", types.void(_handle, types.float64, types.float64, types.float64))
-_force = types.ExternalFunction("dBodyGetForce", _numbers(_handle))
-_torque = types.ExternalFunction("dBodyGetTorque", _numbers(_handle))
-_set_position = types.ExternalFunction(
-    "dBodySetPosition", types.void(_handle, types.float64, types.float64, types.float64))
-_set_quaternion = types.ExternalFunction("dBodySetQuaternion", types.void(_handle, _handle))
-_set_force = types.ExternalFunction("dBodySetForce", types.void(_handle, types.float64, types.float64, types.float64))
-_set_torque = types.ExternalFunction("dBodySetTorque", types.void(_handle, types.float64, types.float64, types.float64))
 _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.float64))
 _world_quick_step = types.ExternalFunction("dWorldQuickStep", types.int32(_handle, types.float64))
 _random_seed = types.ExternalFunction("dRandGetSeed", types.uintp())
@@ -99,9 +93,10 @@ def _report(words, values, joint, geom_one, geom_two, one, two, at):
     Past ``MAX_REPORTS`` in a step the first give way.
     A body that sleeps is not solved and would feel nothing, so what touches a watched geom is kept awake.
     """
-    for body in (words[geom_one + G_BODY], words[geom_two + G_BODY]):
-        if body != 0:
-            _enable(body)
+    for geom in (geom_one, geom_two):
+        if words[geom + G_BODY] != 0:
+            _enable(words[geom + G_BODY])
+            restart_countdown(words, values, words[geom + G_IDLER])
     count = words[H_REPORT_COUNT]
     row = np.int64(words[H_REPORTS] + count % np.uint64(MAX_REPORTS) * np.uint64(REPORT_WORDS))
     words[row], words[row + 1], words[row + 2] = words[H_STEPS], one, two
@@ -134,22 +129,9 @@ def _friction_direction(words, values, geom, pair, at):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _stands_for(words, model):
-    """Return the row of the model that stands for all those that a model touches in this step, directly or not."""
-    row = np.int64(words[H_CROWDS] + model * np.uint64(CROWD_WORDS))
-    if words[row + X_STEP] != words[H_STEPS]:
-        words[row + X_STEP], words[row + X_FOR] = words[H_STEPS], np.uint64(row)
-        words[row + X_CONTACTS] = words[row + X_AWAKE] = np.uint64(0)
-    while words[row + X_FOR] != np.uint64(row):
-        words[row + X_FOR] = words[np.int64(words[row + X_FOR]) + X_FOR]        # shorter the next time
-        row = np.int64(words[row + X_FOR])
-    return row
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _join(words, geom_one, geom_two, count):
     """Count contacts between two movable models, as Crowds does."""
-    first, second = _stands_for(words, words[geom_one + G_MODEL]), _stands_for(words, words[geom_two + G_MODEL])
+    first, second = stands_for(words, words[geom_one + G_MODEL]), stands_for(words, words[geom_two + G_MODEL])
     row, other = min(first, second), max(first, second)
     if row != other:
         words[other + X_FOR] = np.uint64(row)
@@ -173,9 +155,9 @@ def _contacts(words, values, one, two):
     pair = np.int64(words[H_PAIRS] + cell * PAIR_WORDS)
     if values[pair + P_VALID] == 0.0:
         return
-    kept = np.int64(words[H_KEPT])
-    room = kept < MAX_KEPT          # past that, contacts are not kept and the step is solved once
-    first = np.int64(words[H_CONTACTS]) + min(kept, MAX_KEPT) * CONTACT_WORDS
+    kept, most = np.int64(words[H_KEPT]), np.int64(words[H_KEPT_ROOM])
+    room = kept < most              # past that, contacts are not kept and the step is solved once
+    first = np.int64(words[H_CONTACTS]) + min(kept, most) * CONTACT_WORDS
     address = words[H_ADDRESS] + np.uint64(8 * first)
     count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
     count = with_direction(values, first, count)
@@ -196,11 +178,11 @@ def _contacts(words, values, one, two):
     if both_move:
         _join(words, geom_one, geom_two, count)
     restless = words[geom_one + G_RESTLESS] != 0 or words[geom_two + G_RESTLESS] != 0
-    if room and kept + count <= MAX_KEPT:
+    if room and kept + count <= most:
         words[H_KEPT] = np.uint64(kept + count)
     else:
         room = False
-        words[H_KEPT] = np.uint64(MAX_KEPT)
+        words[H_KEPT] = np.uint64(most)
         words[H_COUPLED] = np.uint64(2)
     noted = ground          # libode brings a pair once a step, and of its contacts the first counts
     watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
@@ -208,7 +190,8 @@ def _contacts(words, values, one, two):
         at = first + index * CONTACT_WORDS
         mu, mu2 = values[pair + P_MU], values[pair + P_MU2]
         steep = -_STEEP < values[at + C_NORMAL + 2] < _STEEP
-        if restless and words[H_COUPLED] == 0 and (both_move or -_FLAT < values[at + C_NORMAL + 2] < _FLAT):
+        coupled = restless and (both_move or -_FLAT < values[at + C_NORMAL + 2] < _FLAT)
+        if coupled and words[H_COUPLED] == 0:
             words[H_COUPLED] = np.uint64(1)
         if not noted and (steep or both_move):
             noted = True
@@ -231,6 +214,10 @@ def _contacts(words, values, one, two):
             words[grip + J_JOINT], words[grip + J_FEEDBACK] = joint, feedback
             words[grip + J_FIRST], words[grip + J_SECOND] = words[geom_one + G_BODY], words[geom_two + G_BODY]
             values[grip + J_MU], values[grip + J_MU2] = mu, mu2
+            words[grip + J_MODEL] = words[(geom_one if words[geom_one + G_BODY] != 0 else geom_two) + G_MODEL]
+            words[grip + J_COUPLED] = np.uint64(coupled)
+            words[grip + J_KEY] = (min(row_one, row_two) * np.uint64(KEY_ROWS) + max(row_one, row_two)) * np.uint64(
+                KEY_NUMBERS) + np.uint64(index)
 
 
 @cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
@@ -355,90 +342,13 @@ def _log_touches(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _keep_states(words, values):
-    """Write down what the next solve will change of the bodies."""
-    for index in range(np.int64(words[H_BODY_COUNT])):
-        body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
-        position, quaternion = carray(_position(body), (3,)), carray(_quaternion(body), (4,))
-        linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
-        force, torque = carray(_force(body), (3,)), carray(_torque(body), (3,))
-        for axis in range(3):
-            values[at + axis], values[at + 7 + axis] = position[axis], linear[axis]
-            values[at + 10 + axis] = angular[axis]
-            values[at + 13 + axis], values[at + 16 + axis] = force[axis], torque[axis]
-        for axis in range(4):
-            values[at + 3 + axis] = quaternion[axis]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _bring_back(words, values):
-    """Put the bodies where they were before the solve."""
-    for index in range(np.int64(words[H_BODY_COUNT])):
-        body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
-        _set_position(body, values[at], values[at + 1], values[at + 2])
-        _set_quaternion(body, words[H_ADDRESS] + np.uint64(8 * (at + 3)))
-        _set_linear_velocity(body, values[at + 7], values[at + 8], values[at + 9])
-        _set_angular_velocity(body, values[at + 10], values[at + 11], values[at + 12])
-        _set_force(body, values[at + 13], values[at + 14], values[at + 15])
-        _set_torque(body, values[at + 16], values[at + 17], values[at + 18])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _limit(words, values, solve):
-    """Take the limits of friction from the normal forces felt; returns whether they were those already."""
-    change = greatest = 0.0
-    for index in range(np.int64(words[H_KEPT])):
-        grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
-        normal = np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS + C_NORMAL
-        felt = 0.0
-        for body in (words[grip + J_FIRST], words[grip + J_SECOND]):
-            if body != 0 and felt == 0.0 and _is_enabled(body):         # what sleeps is not solved
-                at = np.int64((words[grip + J_FEEDBACK] - words[H_ADDRESS]) // np.uint64(8))
-                felt = abs(values[at] * values[normal] + values[at + 1] * values[normal + 1]
-                           + values[at + 2] * values[normal + 2])
-        used = values[grip + J_NORMAL]
-        change, greatest = max(change, abs(felt - used)), max(greatest, felt)
-        values[grip + J_NORMAL] = felt if solve < 2 else 0.5 * (used + felt)
-    return solve > 0 and change <= _AGREED * greatest
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _solve_coupled(words, values, world, dt):
-    """Solve a step until the limits of friction agree with the normal forces, as PyodeEngine does."""
-    kept, grips, address = np.int64(words[H_KEPT]), np.int64(words[H_GRIPS]), words[H_ADDRESS]
-    for index in range(kept):
-        grip = grips + index * GRIP_WORDS
-        values[grip + J_NORMAL] = 0.0
-        if words[grip + J_FEEDBACK] == 0:
-            words[grip + J_FEEDBACK] = address + np.uint64(8 * (grip + J_ROOM))
-            _set_feedback(words[grip + J_JOINT], words[grip + J_FEEDBACK])
-    _keep_states(words, values)
-    for solve in range(np.int64(words[H_SOLVES])):
-        _world_step(world, dt)
-        if solve + 1 == np.int64(words[H_SOLVES]) or _limit(words, values, solve):
-            break
-        _bring_back(words, values)
-        _group_empty(words[H_GROUP])
-        for index in range(kept):
-            grip, at = grips + index * GRIP_WORDS, np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS
-            normal = values[grip + J_NORMAL]
-            words[at + C_MODE] &= ~MODE_APPROX1
-            values[at + C_MU] = values[grip + J_MU] * normal if normal > 0.0 else 0.0
-            values[at + C_MU2] = values[grip + J_MU2] * normal if normal > 0.0 else 0.0
-            joint = _create_contact(world, words[H_GROUP], address + np.uint64(8 * at))
-            _attach(joint, words[grip + J_FIRST], words[grip + J_SECOND])
-            _set_feedback(joint, words[grip + J_FEEDBACK])
-            words[grip + J_JOINT] = joint
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _solve(words, values, world, dt, quick):
     """Let libode find the forces and move the bodies, as PyodeEngine does."""
     if quick:
         _world_quick_step(world, dt)
     elif words[H_CROWD] <= words[H_CROWD_LIMIT]:
         if words[H_COUPLED] == 1 and words[H_SOLVES] > 1:
-            _solve_coupled(words, values, world, dt)
+            solve_coupled(words, values, world, dt)
         else:
             _world_step(world, dt)
     else:
@@ -464,6 +374,7 @@ def run(words, steps):
     spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
     fenced, quick, sleepers = words[H_FENCED] != 0, words[H_QUICK] != 0, words[H_SLEEPERS] != 0
     damped = words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
+    idlers = words[H_IDLER_COUNT] != 0
     taken = looked = 0
     astray = 0.0
     while (taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]
@@ -489,6 +400,8 @@ def run(words, steps):
                 _space_collide(words[row], data, words[H_CALLBACK_ITSELF])
         if asked > 1:
             _space_collide(words[H_MOVING], data, callback)
+        if idlers:
+            count_down(words, values, dt)
         _solve(words, values, world, dt, quick)
         _group_empty(group)
         if words[H_NOW_COUNT] or words[H_BEFORE_COUNT]:

@@ -5,20 +5,26 @@ Everything the callback needs lies in one block of 8-byte words, which it sees a
 ====================  =======================================================================================
 words                 content
 ====================  =======================================================================================
-0 .. 55               header, see the ``H_`` names; sections are given by their first word
-H_CONTACTS            dContact structures of ``CONTACT_WORDS`` words: those of this step, at most ``MAX_KEPT``, and room
-                      for ``MAX_FOUND`` that are being found
+0 .. 63               header, see the ``H_`` names; sections are given by their first word
+H_CONTACTS            dContact structures of ``CONTACT_WORDS`` words: those of this step, at most ``H_KEPT_ROOM``, and
+                      room for ``MAX_FOUND`` that are being found
 H_GRIPS               ``GRIP_WORDS`` words for each of the former: joint, its bodies, mu, mu2, address of its
-                      dJointFeedback, normal force that its limits are taken from, room for a dJointFeedback
-H_STATES              ``STATE_WORDS`` words a body: position, orientation, velocities, force and torque before the step
+                      dJointFeedback, normal force that its limits are taken from (below 0: not known), a movable model
+                      in it, that model's island (a row of H_CROWDS), whether it is coupled, which contact it is, room
+                      for a dJointFeedback
+H_FORMER              ``FORMER_WORDS`` words a contact of the last coupled step, H_FORMER_STEP: which, normal force
+H_STATES              ``STATE_WORDS`` words a body: position, orientation, velocities, force and torque before the step;
+                      whether it keeps still while others are solved again
+H_IDLERS              ``IDLE_WORDS`` words a body that may sleep: body, steps and time it still has to be idle for
 H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
 H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
                       whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static),
-                      whether it moves and never sleeps
+                      whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none)
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
 H_CROWDS              ``CROWD_WORDS`` words a movable model: step in which it last touched another, who stands for it
-                      (itself or one before it); for all those it stands for: contacts, whether any is awake
+                      (itself or one before it); for all those it stands for: contacts, whether any is awake, whether
+                      they are to be solved again, change and greatest of their normal forces
 H_FENCES              ``FENCE_WORDS`` words a body: radius round it that holds its geoms, where it was last looked about
 H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns, way since then by its rates
 H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
@@ -39,8 +45,9 @@ import numpy as np
  H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
  H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_FENCED, H_FENCES, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
  H_FOUND, H_SLEEPERS, H_DT, H_CROWDS, H_CROWD, H_CROWD_LIMIT, H_CROWDED, H_GRIPS, H_STATES, H_KEPT, H_COUPLED,
- H_SOLVES) = range(54)
-HEADER_WORDS = 56
+ H_SOLVES, H_KEPT_ROOM, H_IDLERS, H_IDLER_COUNT, H_FORMER, H_FORMER_COUNT,
+ H_FORMER_STEP) = range(60)
+HEADER_WORDS = 64
 
 # dContact of libode 0.16 in 8-byte words: surface parameters, then the contact geometry, then the friction direction
 CONTACT_WORDS = 31
@@ -48,22 +55,27 @@ C_MODE, C_MU, C_MU2, C_BOUNCE, C_BOUNCE_VELOCITY, C_SOFT_ERP, C_SOFT_CFM, C_SLIP
 C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH, C_ALONG = 15, 15, 19, 23, 27
 MODE_FDIR1 = np.uint64(2)
 MODE_APPROX1 = np.uint64(0x7000)
-MAX_FOUND, MAX_KEPT = 150, 256
-GRIP_WORDS = 23
-(J_JOINT, J_FIRST, J_SECOND, J_MU, J_MU2, J_FEEDBACK, J_NORMAL, J_ROOM) = range(8)
-STATE_WORDS = 19
+MAX_FOUND = 150
+LEAST_KEPT, KEPT_PER_GEOM = 256, 8      # contacts of a step that are kept: at least, and for each geom that moves
+KEY_NUMBERS, KEY_ROWS = 256, 1 << 28   # which contact: (row * KEY_ROWS + other row) * KEY_NUMBERS + number in pair
+GRIP_WORDS = 27
+(J_JOINT, J_FIRST, J_SECOND, J_MU, J_MU2, J_FEEDBACK, J_NORMAL, J_MODEL, J_ISLAND, J_COUPLED, J_KEY, J_ROOM) = range(12)
+FORMER_WORDS = 2
+STATE_WORDS, T_FROZEN = 20, 19
+IDLE_WORDS = 3
+I_BODY, I_STEPS, I_TIME = range(IDLE_WORDS)
 
 PAIR_WORDS = 18
 (P_VALID, P_MODE, P_MU, P_MU2, P_SLIP1, P_SLIP2, P_BOUNCE, P_BOUNCE_VELOCITY, P_SOFT_ERP, P_SOFT_CFM,
  P_MAX_CONTACTS, P_MERGE, P_GROUND, P_BOTH_MOVE, P_ALONG_X, P_ALONG_Y, P_ALONG_Z, P_ALONG_SECOND) = range(18)
 
-GEOM_WORDS = 6
-G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS = range(GEOM_WORDS)
+GEOM_WORDS = 7
+G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER = range(GEOM_WORDS)
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
 FENCE_WORDS = 4
-CROWD_WORDS = 4
-X_STEP, X_FOR, X_CONTACTS, X_AWAKE = range(CROWD_WORDS)
+CROWD_WORDS = 7
+X_STEP, X_FOR, X_CONTACTS, X_AWAKE, X_AGAIN, X_CHANGE, X_GREATEST = range(CROWD_WORDS)
 HINGE_WORDS = 3
 DAMPED_WORDS = 7
 

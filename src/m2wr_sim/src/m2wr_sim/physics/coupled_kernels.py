@@ -1,0 +1,259 @@
+"""What coupled_friction and idle do, compiled: steps solved again where friction is coupled, and bodies falling asleep.
+
+See step_layout for the block of memory.
+"""
+import numpy as np
+from numba import carray, njit, types
+
+from m2wr_sim.physics.step_layout import (
+    CONTACT_WORDS, CROWD_WORDS, C_MODE, C_MU, C_MU2, C_NORMAL, FORMER_WORDS, GRIP_WORDS, H_ADDRESS, H_BODIES,
+    H_BODY_COUNT, H_CONTACTS, H_CROWDS, H_FORMER, H_FORMER_COUNT, H_FORMER_STEP, H_GRIPS, H_GROUP, H_IDLERS,
+    H_IDLER_COUNT, H_KEPT, H_SOLVES, H_SPACES, H_SPACE_COUNT, H_STATES, H_STEPS, H_WORLD, IDLE_WORDS, I_BODY, I_STEPS,
+    I_TIME, J_COUPLED, J_FEEDBACK, J_FIRST, J_ISLAND, J_JOINT, J_KEY, J_MODEL, J_MU, J_MU2, J_NORMAL, J_ROOM, J_SECOND,
+    MODE_APPROX1, SPACE_WORDS, STATE_WORDS, S_BODY_COUNT, S_FIRST_BODY, T_FROZEN, X_AGAIN, X_AWAKE, X_CHANGE,
+    X_CONTACTS, X_FOR, X_GREATEST, X_STEP)
+
+_AGREED = 0.001                                         # as in contacts
+AGAIN, AGREES = 1, 2                                    # of an island with a coupled contact
+_LINEAR, _ANGULAR, _STEPS, _TIME = 0.1, 0.1, 5.0, 1.0   # as in idle
+
+_handle = types.uintp
+_numbers = types.CPointer(types.float64)
+_create_contact = types.ExternalFunction("dJointCreateContact", _handle(_handle, _handle, _handle))
+_attach = types.ExternalFunction("dJointAttach", types.void(_handle, _handle, _handle))
+_set_feedback = types.ExternalFunction("dJointSetFeedback", types.void(_handle, _handle))
+_joint_count = types.ExternalFunction("dBodyGetNumJoints", types.int32(_handle))
+_enable = types.ExternalFunction("dBodyEnable", types.void(_handle))
+_disable = types.ExternalFunction("dBodyDisable", types.void(_handle))
+_is_enabled = types.ExternalFunction("dBodyIsEnabled", types.int32(_handle))
+_position = types.ExternalFunction("dBodyGetPosition", _numbers(_handle))
+_quaternion = types.ExternalFunction("dBodyGetQuaternion", _numbers(_handle))
+_linear_velocity = types.ExternalFunction("dBodyGetLinearVel", _numbers(_handle))
+_angular_velocity = types.ExternalFunction("dBodyGetAngularVel", _numbers(_handle))
+_force = types.ExternalFunction("dBodyGetForce", _numbers(_handle))
+_torque = types.ExternalFunction("dBodyGetTorque", _numbers(_handle))
+_three = types.void(_handle, types.float64, types.float64, types.float64)
+_set_position = types.ExternalFunction("dBodySetPosition", _three)
+_set_quaternion = types.ExternalFunction("dBodySetQuaternion", types.void(_handle, _handle))
+_set_linear_velocity = types.ExternalFunction("dBodySetLinearVel", _three)
+_set_angular_velocity = types.ExternalFunction("dBodySetAngularVel", _three)
+_set_force = types.ExternalFunction("dBodySetForce", _three)
+_set_torque = types.ExternalFunction("dBodySetTorque", _three)
+_world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.float64))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stands_for(words, model):
+    """Return the row of the model that stands for all those that a model touches in this step, directly or not."""
+    row = np.int64(words[H_CROWDS] + model * np.uint64(CROWD_WORDS))
+    if words[row + X_STEP] != words[H_STEPS]:
+        words[row + X_STEP], words[row + X_FOR] = words[H_STEPS], np.uint64(row)
+        words[row + X_CONTACTS] = words[row + X_AWAKE] = words[row + X_AGAIN] = np.uint64(0)
+    while words[row + X_FOR] != np.uint64(row):
+        words[row + X_FOR] = words[np.int64(words[row + X_FOR]) + X_FOR]        # shorter the next time
+        row = np.int64(words[row + X_FOR])
+    return row
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def restart_countdown(words, values, number):
+    """Let a body that has been woken be idle for the whole time again; ``number`` counts from 1, 0 is none."""
+    if number != 0:
+        row = np.int64(words[H_IDLERS]) + (np.int64(number) - 1) * IDLE_WORDS
+        values[row + I_STEPS], values[row + I_TIME] = _STEPS, _TIME
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def count_down(words, values, dt):
+    """Count a step for the bodies that may sleep, as idle.count_down does."""
+    for index in range(np.int64(words[H_IDLER_COUNT])):
+        row = np.int64(words[H_IDLERS]) + index * IDLE_WORDS
+        body = words[row + I_BODY]
+        if not _is_enabled(body) or _joint_count(body) == 0:
+            continue
+        linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
+        if (linear[0] * linear[0] + linear[1] * linear[1] + linear[2] * linear[2] > _LINEAR * _LINEAR
+                or angular[0] * angular[0] + angular[1] * angular[1] + angular[2] * angular[2] > _ANGULAR * _ANGULAR):
+            values[row + I_STEPS], values[row + I_TIME] = _STEPS, _TIME
+            continue
+        values[row + I_STEPS] -= 1.0
+        values[row + I_TIME] -= dt
+        if values[row + I_STEPS] <= 0.0 and values[row + I_TIME] <= 0.0:
+            _disable(body)
+            _set_linear_velocity(body, 0.0, 0.0, 0.0)
+            _set_angular_velocity(body, 0.0, 0.0, 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _keep_state(words, values, index):
+    """Write down what the next solve will change of a body."""
+    body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
+    position, quaternion = carray(_position(body), (3,)), carray(_quaternion(body), (4,))
+    linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
+    force, torque = carray(_force(body), (3,)), carray(_torque(body), (3,))
+    for axis in range(3):
+        values[at + axis], values[at + 7 + axis] = position[axis], linear[axis]
+        values[at + 10 + axis] = angular[axis]
+        values[at + 13 + axis], values[at + 16 + axis] = force[axis], torque[axis]
+    for axis in range(4):
+        values[at + 3 + axis] = quaternion[axis]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _bring_back(words, values, index):
+    """Put a body where it was before the solve."""
+    body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
+    _set_position(body, values[at], values[at + 1], values[at + 2])
+    _set_quaternion(body, words[H_ADDRESS] + np.uint64(8 * (at + 3)))
+    _set_linear_velocity(body, values[at + 7], values[at + 8], values[at + 9])
+    _set_angular_velocity(body, values[at + 10], values[at + 11], values[at + 12])
+    _set_force(body, values[at + 13], values[at + 14], values[at + 15])
+    _set_torque(body, values[at + 16], values[at + 17], values[at + 18])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _renew(words, values, index):
+    """Make a contact anew, friction limited by the normal force in it; the old joint stays, holding nothing."""
+    grip, at = (np.int64(words[H_GRIPS]) + index * GRIP_WORDS, np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS)
+    normal = values[grip + J_NORMAL]
+    words[at + C_MODE] &= ~MODE_APPROX1
+    values[at + C_MU] = values[grip + J_MU] * normal if normal > 0.0 else 0.0
+    values[at + C_MU2] = values[grip + J_MU2] * normal if normal > 0.0 else 0.0
+    _attach(words[grip + J_JOINT], np.uint64(0), np.uint64(0))
+    joint = _create_contact(words[H_WORLD], words[H_GROUP], words[H_ADDRESS] + np.uint64(8 * at))
+    _attach(joint, words[grip + J_FIRST], words[grip + J_SECOND])
+    _set_feedback(joint, words[grip + J_FEEDBACK])
+    words[grip + J_JOINT] = joint
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _recall(words, values):
+    """Begin the contacts to be solved again with the normal forces of the step before; those that are new have none."""
+    count, seen = np.int64(words[H_FORMER_COUNT]), 0
+    if words[H_FORMER_STEP] + np.uint64(1) != words[H_STEPS]:
+        count = 0
+    for index in range(np.int64(words[H_KEPT])):
+        grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
+        if words[np.int64(words[grip + J_ISLAND]) + X_AGAIN] == 0:
+            continue
+        values[grip + J_NORMAL] = -1.0
+        if words[grip + J_FEEDBACK] == 0:
+            words[grip + J_FEEDBACK] = words[H_ADDRESS] + np.uint64(8 * (grip + J_ROOM))
+            _set_feedback(words[grip + J_JOINT], words[grip + J_FEEDBACK])
+        for further in range(count):                    # mostly they come in the same order
+            row = np.int64(words[H_FORMER]) + (seen + further) % count * FORMER_WORDS
+            if words[row] == words[grip + J_KEY]:
+                seen += further + 1
+                values[grip + J_NORMAL] = values[row + 1]
+                _renew(words, values, index)
+                break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _remember(words, values):
+    """Keep the normal forces of the contacts in coupled islands for the next step."""
+    count = 0
+    for index in range(np.int64(words[H_KEPT])):
+        grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
+        if words[np.int64(words[grip + J_ISLAND]) + X_AGAIN] != 0:
+            row = np.int64(words[H_FORMER]) + count * FORMER_WORDS
+            words[row], values[row + 1] = words[grip + J_KEY], values[grip + J_NORMAL]
+            count += 1
+    words[H_FORMER_COUNT], words[H_FORMER_STEP] = np.uint64(count), words[H_STEPS]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gather(words, values):
+    """Find the islands with a coupled contact, and write down what a solve will change in them."""
+    kept, grips = np.int64(words[H_KEPT]), np.int64(words[H_GRIPS])
+    for index in range(kept):
+        grip = grips + index * GRIP_WORDS
+        island = stands_for(words, words[grip + J_MODEL])
+        words[grip + J_ISLAND] = np.uint64(island)
+        if words[grip + J_COUPLED] != 0:
+            words[island + X_AGAIN] = np.uint64(AGAIN)
+    for model in range(np.int64(words[H_SPACE_COUNT])):
+        row = np.int64(words[H_SPACES]) + model * SPACE_WORDS
+        again = words[stands_for(words, np.uint64(model)) + X_AGAIN] != 0
+        for number in range(np.int64(words[row + S_BODY_COUNT])):
+            body = np.int64(words[row + S_FIRST_BODY]) + number
+            words[np.int64(words[H_STATES]) + body * STATE_WORDS + T_FROZEN] = np.uint64(0)
+            if again:
+                _keep_state(words, values, body)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _felt(words, values, index):
+    """Return the normal force that the last solve found in a contact; what sleeps is not solved."""
+    grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
+    normal = np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS + C_NORMAL
+    for body in (words[grip + J_FIRST], words[grip + J_SECOND]):
+        if body != 0 and _is_enabled(body):
+            at = np.int64((words[grip + J_FEEDBACK] - words[H_ADDRESS]) // np.uint64(8))
+            return abs(values[at] * values[normal] + values[at + 1] * values[normal + 1]
+                       + values[at + 2] * values[normal + 2])
+    return 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _limit(words, values):
+    """Take the limits of friction from the normal forces felt; returns whether they were those already, everywhere."""
+    kept, grips = np.int64(words[H_KEPT]), np.int64(words[H_GRIPS])
+    for index in range(kept):
+        island = np.int64(words[grips + index * GRIP_WORDS + J_ISLAND])
+        values[island + X_CHANGE] = values[island + X_GREATEST] = 0.0
+    for index in range(kept):
+        grip = grips + index * GRIP_WORDS
+        island = np.int64(words[grip + J_ISLAND])
+        if words[island + X_AGAIN] != AGAIN:
+            continue
+        felt, used = _felt(words, values, index), values[grip + J_NORMAL]
+        values[grip + J_NORMAL] = felt if used < 0.0 else 0.5 * (used + felt)
+        values[island + X_CHANGE] = max(values[island + X_CHANGE], abs(felt - max(used, 0.0)))
+        values[island + X_GREATEST] = max(values[island + X_GREATEST], felt)
+    agreed = True
+    for index in range(kept):
+        island = np.int64(words[grips + index * GRIP_WORDS + J_ISLAND])
+        if words[island + X_AGAIN] == AGAIN:
+            if values[island + X_CHANGE] <= _AGREED * values[island + X_GREATEST]:
+                words[island + X_AGAIN] = np.uint64(AGREES)
+            else:
+                agreed = False
+    return agreed
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _take_back(words, values):
+    """Bring back the bodies and contacts of the islands to be solved again; all others keep still from here on."""
+    for model in range(np.int64(words[H_SPACE_COUNT])):
+        row = np.int64(words[H_SPACES]) + model * SPACE_WORDS
+        again = words[stands_for(words, np.uint64(model)) + X_AGAIN] == AGAIN
+        for number in range(np.int64(words[row + S_BODY_COUNT])):
+            index = np.int64(words[row + S_FIRST_BODY]) + number
+            body = words[np.int64(words[H_BODIES]) + index]
+            if again:
+                _bring_back(words, values, index)
+            elif _is_enabled(body):
+                words[np.int64(words[H_STATES]) + index * STATE_WORDS + T_FROZEN] = np.uint64(1)
+                _disable(body)                          # libode leaves out what sleeps
+    for index in range(np.int64(words[H_KEPT])):
+        grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
+        if words[np.int64(words[grip + J_ISLAND]) + X_AGAIN] == AGAIN:
+            _renew(words, values, index)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_coupled(words, values, world, dt):
+    """Solve a step until limits of friction and normal forces agree, as coupled_friction.solve_coupled does."""
+    _gather(words, values)
+    _recall(words, values)
+    solves = np.int64(words[H_SOLVES])
+    for solve in range(solves):
+        _world_step(world, dt)
+        if _limit(words, values) or solve + 1 == solves:
+            break
+        _take_back(words, values)
+    _remember(words, values)
+    for index in range(np.int64(words[H_BODY_COUNT])):
+        if words[np.int64(words[H_STATES]) + index * STATE_WORDS + T_FROZEN] != 0:
+            _enable(words[np.int64(words[H_BODIES]) + index])
