@@ -221,8 +221,8 @@ def height_geom(heightmap, space, where):
             or not all(LEAST_SIZE <= size <= FARTHEST for size in heightmap.size) \
             or np.max(np.abs(heights)) > FARTHEST:
         raise ModelError("%s: a heightmap of %s samples over %s m; expected at least 2 x 2 finite heights of at most "
-                         "%g m over %g to %g m" % (where, heights.shape, list(heightmap.size), FARTHEST, LEAST_SIZE,
-                                                FARTHEST))
+                         "%g m over %g to %g m"
+                         % (where, heights.shape, list(heightmap.size), FARTHEST, LEAST_SIZE, FARTHEST))
     library = _library(where)
     data = _data_of(_HeightData, library, heightmap)
     return NativeGeom(library, library.dCreateHeightfield(space._id(), data.handle, 1), data,
