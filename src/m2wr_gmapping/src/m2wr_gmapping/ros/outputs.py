@@ -15,7 +15,6 @@ from m2wr_gmapping.replay.statistics import peak_memory_mib
 from m2wr_gmapping.resampling import normalise
 from m2wr_gmapping.ros.convert import (ArrayMapAnswer, covariance36, grid_message, path_message, pose_message,
                                        poses_message)
-from m2wr_gmapping.ros.memory import give_back
 from m2wr_gmapping.se2 import compose, inverse
 from m2wr_gmapping.spread import covariance
 
@@ -23,7 +22,6 @@ DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SHORTEST_NAP, LONGEST_NAP = 0.001, 0.05     # between two looks at the clock [s], wall
 SHORTEST_PERIOD = 0.001     # of the transform: a shorter one would leave no time for anything else [s]
 RATE_SPAN = 0.1             # its speed is measured over that long: it goes in steps [s], wall
-GIVE_BACK_PERIOD = 1.0      # it takes 1 ms, and 1 ms for each 2 MB that are wanted again [s], wall
 LATE = 0.5                  # share of waiting scans above which the node is late
 
 
@@ -57,9 +55,6 @@ class MapTopics:
 class MapOutput:
     """Makes and publishes the map on a thread of its own; of requests that come meanwhile the newest is kept.
 
-    Afterwards memory that is free goes back to the system: that of this map's copies, of a map before that was dropped,
-    of a saved state, of a search for loops.
-
     Attributes
     ----------
     made : int
@@ -92,7 +87,6 @@ class MapOutput:
             self._request = None
 
     def _work(self):
-        given_back = -GIVE_BACK_PERIOD
         while True:
             with self._news:
                 while self._request is None and not self._closed:
@@ -108,10 +102,6 @@ class MapOutput:
             except Exception as error:              # the next map may be better; the node lives on
                 rospy.logerr_throttle(5.0, "the map could not be made: %s: %s" % (type(error).__name__, error))
             del request                             # while nothing is asked for, no mapper is held
-            now = time.monotonic()
-            if now - given_back >= GIVE_BACK_PERIOD:
-                given_back = now
-                give_back()
 
     def _publish(self, mapper, path, readings, stamps, entropy):
         began = time.perf_counter()
