@@ -96,6 +96,27 @@ def test_long_values_cost_no_more_than_their_length(name, head, tail, piece):
     check_growth(READERS[name], lambda length: head + piece * (length // len(piece)) + tail)
 
 
+def _chain(length, kind, block="", parent=lambda k: k):
+    """Return a robot of boxes, each on the one before, with a block of tags for each."""
+    count = length // 100
+    body = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>" \
+        "<collision><geometry><box size='1 1 1'/></geometry></collision>"
+    return "<robot name='r'>%s%s%s</robot>" % (
+        "".join("<link name='l%d'>%s</link>" % (k, body) for k in range(count)),
+        "".join("<joint name='j%d' type='%s'><parent link='l%d'/><child link='l%d'/></joint>" % (
+            k, kind, parent(k), k + 1) for k in range(count - 1)),
+        "".join(block.format(k) for k in range(count)))
+
+
+@pytest.mark.parametrize("kind", ["fixed", "continuous"])
+@pytest.mark.parametrize("parent", [lambda k: k, lambda k: 0], ids=["chain", "star"])
+@pytest.mark.parametrize("block", [
+    "", "<gazebo reference='l{0}'><mu1>1</mu1></gazebo>", "<gazebo reference='j{0}'><stopCfm>1</stopCfm></gazebo>",
+    "<gazebo reference='x{0}'><mu1>1</mu1></gazebo>"], ids=["plain", "links", "joints", "nothing"])
+def test_many_links_and_tags_for_them_cost_no_more_than_their_number(kind, parent, block):
+    check_growth(READERS["urdf"], lambda length: _chain(length, kind, block, parent), 100000, 400000)
+
+
 def _world(length):
     models = "".join("<model name='m%d'><static>1</static><link name='l'/></model>" % k for k in range(length // 100))
     states = "".join("<model name='m%d'><pose>1 0 0 0 0 0</pose></model>" % k for k in range(length // 100))
@@ -154,3 +175,9 @@ def test_the_texts_that_stopped_the_clock():
                  "<!DOCTYPE" + "[]" * 1000 + "<!DOCTYPE []>" * 30):
         for read in READERS.values():
             assert cost(read, text, 1) < 1.0
+
+
+def test_of_many_things_that_are_not_read_a_thousand_are_told():
+    notes = load_sdf("<sdf version='1.6'><model name='m'><link name='l'>%s</link></model></sdf>" % "".join(
+        "<a%d/>" % k for k in range(1500)), "a.sdf")[0][0].notes
+    assert len(notes) == 1001 and notes[-1] == "500 more things are not told."

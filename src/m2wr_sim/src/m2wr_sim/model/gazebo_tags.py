@@ -6,12 +6,15 @@ joint, one without to the model.
 from dataclasses import replace
 
 from m2wr_sim.geometry import compose
+from m2wr_sim.model.lumping import LUMP_MARK
 from m2wr_sim.model.plugin_spec import read_plugin, tag_value
 from m2wr_sim.model.safe_xml import XmlError, fail, line_of, parse_float, parse_int, parse_vector, shorten
 from m2wr_sim.model.sdf_node import Node, shown
 from m2wr_sim.model.sdf_sensor import read_sensor
 from m2wr_sim.model.sdf_shapes import read_surface
+from m2wr_sim.model.urdf_checks import some_names
 
+_MOST_PLACES = 10       # of a mark in a name; names that are made here have one
 _SURFACE_TAGS = {"mu1": "mu", "mu2": "mu2", "kp": "kp", "kd": "kd", "minDepth": "min_depth", "maxVel": "max_vel"}
 _COLLISION_TAGS = frozenset(_SURFACE_TAGS) | {"fdir1", "maxContacts", "laserRetro"}
 _LINK_TAGS = frozenset(("turnGravityOff", "dampingFactor", "selfCollide", "gravity", "self_collide", "kinematic",
@@ -74,8 +77,8 @@ class GazeboTags:
                     self._joints.setdefault(reference, []).extend(block)
             else:
                 notes.add('{}: <gazebo reference="{}"> names no link or joint of the robot and has no effect (links: '
-                          '{}; joints: {}).'.format(line_of(block), reference, ", ".join(sorted(links)),
-                                                    ", ".join(sorted(joints)) or "none"))
+                          '{}; joints: {}).'.format(line_of(block), reference, some_names(sorted(links)),
+                                                    some_names(sorted(joints)) or "none"))
         self._note_unread()
 
     def _note_unread(self):
@@ -145,7 +148,29 @@ class GazeboTags:
 
     # -- links --------------------------------------------------------------------------------------------------
 
-    def collision(self, collision, origin, carrier, sources):
+    def tagged(self, sources):
+        """Return which tags may reach the collisions and visuals of a link, for :meth:`collision` and :meth:`material`.
+
+        Parameters
+        ----------
+        sources : sequence of str
+            The link and those lumped into it, in the order in which their tags count (later ones win).
+
+        Returns
+        -------
+        dict
+            Name of a link -> (its place in that order, elements for collisions, last ``<material>`` or None).
+        """
+        found = {}
+        for index, source in enumerate(sources):
+            elements = self._links.get(source, ())
+            mine = [element for element in elements if element.tag in _COLLISION_TAGS or element.tag == "collision"]
+            material = self._last(elements, "material")
+            if mine or material is not None:
+                found[source] = index, mine, material
+        return found
+
+    def collision(self, collision, origin, carrier, tagged):
         """Return a Collision with the tags that reach it.
 
         Parameters
@@ -156,26 +181,23 @@ class GazeboTags:
             Link of the URDF that the collision stands in.
         carrier : str
             Link that carries it now.
-        sources : sequence of str
-            The carrier and the links lumped into it, in the order in which their tags count (later ones win).
+        tagged : dict
+            Of the carrier; see :meth:`tagged`.
 
         Notes
         -----
         As in Gazebo a tag reaches a collision through the name alone: the carrier's own tags those without a lump
         prefix, a lumped link's tags those whose name tells that link.
         """
-        for source in sources:
-            elements = [element for element in self._links.get(source, ())
-                        if element.tag in _COLLISION_TAGS or element.tag == "collision"]
-            if not elements:
-                continue
-            if _reaches(collision.name, source, carrier):
-                for element in elements:
-                    collision = self._apply(collision, element)
-            elif source == origin:
-                self._notes.add('{}: <{}> for link "{}" does not reach the collision "{}": only a collision without '
-                                'name, or whose name begins with "{}", receives it.'.format(
-                                    line_of(elements[0]), elements[0].tag, source, collision.name, source))
+        reaching = _reaching(collision.name, carrier, tagged)
+        for source in reaching:
+            for element in tagged[source][1]:
+                collision = self._apply(collision, element)
+        if origin in tagged and tagged[origin][1] and origin not in reaching:
+            element = tagged[origin][1][0]
+            self._notes.add('{}: <{}> for link "{}" does not reach the collision "{}": only a collision without '
+                            'name, or whose name begins with "{}", receives it.'.format(
+                                line_of(element), element.tag, origin, collision.name, origin))
         return collision
 
     def _apply(self, collision, element):
@@ -199,13 +221,12 @@ class GazeboTags:
         value = self._value(element, parse, getattr(collision.surface, name))
         return replace(collision, surface=replace(collision.surface, **{name: value}))
 
-    def material(self, visual, carrier, sources):
+    def material(self, visual, carrier, tagged):
         """Return the Gazebo material name that reaches a Visual, or None; the rule is that of collisions."""
         found = None
-        for source in sources:
-            element = self._last(self._links.get(source, ()), "material")
-            if element is not None and _reaches(visual.name, source, carrier, "_visual"):
-                found = tag_value(element) or None
+        for source in _reaching(visual.name, carrier, tagged, "_visual"):
+            if tagged[source][2] is not None:
+                found = tag_value(tagged[source][2]) or None
         return found
 
     def link_values(self, sources):
@@ -263,6 +284,23 @@ class GazeboTags:
         return tuple(found)
 
 
-def _reaches(name, source, carrier, kind="_collision"):
-    mark = "_fixed_joint_lump__"
-    return mark not in name if source == carrier else mark + source + kind in name
+def _reaching(name, carrier, tagged, kind="_collision"):
+    """Return the links of ``tagged`` whose tags reach a collision or visual, in the order in which they count.
+
+    Those that a name may tell are looked up rather than all tried: a text may hold thousands of both.
+    """
+    if LUMP_MARK not in name:
+        return [carrier] if carrier in tagged else []
+    starts, ends = _places(name, LUMP_MARK), _places(name, kind)
+    told = {name[start + len(LUMP_MARK):end] for start in starts for end in ends if end >= start + len(LUMP_MARK)}
+    return sorted((source for source in told if source in tagged and source != carrier),
+                  key=lambda source: tagged[source][0])
+
+
+def _places(name, part):
+    """Return where a part of a name begins, of many places the first ones."""
+    places, at = [], name.find(part)
+    while at >= 0 and len(places) < _MOST_PLACES:
+        places.append(at)
+        at = name.find(part, at + 1)
+    return places

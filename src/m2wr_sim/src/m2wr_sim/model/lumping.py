@@ -129,28 +129,38 @@ def lump(bodies, connections, root):
     children = children_of(connections)
     order = list(depth_first(root, children))
     by_child = {connection.child: connection for connection in connections}
-    for name in reversed(order):      # children stand behind their parents: the deepest come first
-        for connection in children.get(name, ()):
-            if connection.reduced and name != WORLD:
-                _merge(bodies[name], bodies.pop(connection.child), connection.pose, connections)
-    merged = {name for body in bodies.values() for name, _ in body.lumped}
-    connections[:] = [connection for connection in connections if connection.child not in merged]
-    return [name for name in order if name not in merged or by_child.get(name) is None]
-
-
-def _merge(parent, child, parent_from_child, connections):
-    parent.inertial = merge_inertials(parent.inertial, child.inertial, parent_from_child)
-    for mine, others in ((parent.collisions, child.collisions), (parent.visuals, child.visuals)):
-        for part in others:
-            part.name = part.name or part.origin
-            part.pose = compose(parent_from_child, part.pose)
-            mine.append(part)
-    parent.lumped.append((child.name, parent_from_child))
-    parent.lumped.extend((name, compose(parent_from_child, pose)) for name, pose in child.lumped)
+    reduced = {name: [connection for connection in children.get(name, ()) if connection.reduced and name != WORLD]
+               for name in order}
+    for name in reversed(order):        # children stand behind their parents: the deepest come first
+        for connection in reduced[name]:
+            bodies[name].inertial = merge_inertials(bodies[name].inertial, bodies[connection.child].inertial,
+                                                    connection.pose)
+    frames = {}                         # merged link -> the body that carries it, and its frame in that
+    for name in order:
+        carrier, frame = frames.get(name, (bodies[name], None))
+        for connection in reduced[name]:
+            frames[connection.child] = carrier, _within(frame, connection.pose)
+        if frame is not None:
+            _merge(carrier, bodies.pop(name), frame)
+    connections[:] = [connection for connection in connections if connection.child not in frames]
     for connection in connections:
-        if connection.parent == child.name:
-            connection.parent = parent.name
-            connection.pose = compose(parent_from_child, connection.pose)
+        if connection.parent in frames:
+            carrier, frame = frames[connection.parent]
+            connection.parent, connection.pose = carrier.name, _within(frame, connection.pose)
+    return [name for name in order if name not in frames or by_child.get(name) is None]
+
+
+def _within(frame, pose):
+    return pose if frame is None else compose(frame, pose)
+
+
+def _merge(carrier, body, frame):
+    """Hand the parts of a merged link over to the one that carries it."""
+    for mine, others in ((carrier.collisions, body.collisions), (carrier.visuals, body.visuals)):
+        for part in others:
+            part.name, part.pose = part.name or part.origin, compose(frame, part.pose)
+            mine.append(part)
+    carrier.lumped.append((body.name, frame))
 
 
 def part_names(link, parts, suffix):

@@ -9,6 +9,9 @@ from lxml import etree
 from m2wr_sim.model.safe_xml import XmlError, file_of
 
 
+MOST_SENTENCES = 1000       # of one document; each becomes a line of the log
+
+
 class Notes:
     """Collects sentences; the same subject is told once, with the first place where it stood."""
 
@@ -18,13 +21,17 @@ class Notes:
         self._faults = []
         self._asides = []
         self._quiet = {}
+        self._untold = 0
 
     def add(self, sentence, subject=None):
         """Add a sentence unless its ``subject`` (by default the sentence itself) was told before."""
         key = sentence if subject is None else subject
         if key not in self._subjects:
             self._subjects.add(key)
-            self._sentences.append(sentence)
+            if len(self._sentences) < MOST_SENTENCES:
+                self._sentences.append(sentence)
+            else:
+                self._untold += 1
 
     def aside(self, sentence, subject):
         """Add a sentence that is worth no warning, unless its ``subject`` was told before."""
@@ -62,7 +69,8 @@ class Notes:
 
     def sentences(self):
         """Return the sentences in the order they came, as a tuple."""
-        return tuple(self._sentences)
+        more = ("{} more things are not told.".format(self._untold),) if self._untold else ()
+        return tuple(self._sentences) + more
 
     def faults(self):
         """Return the errors of the parts that were left out, as a tuple."""

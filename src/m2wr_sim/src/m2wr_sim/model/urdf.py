@@ -66,12 +66,13 @@ def _link(body, pose, element, tags, notes):
         notes.add("{}: {}.".format(place(element if element.find("inertial") is None else element.find("inertial")),
                                    told))
     sources = [body.name] + [name for name, _ in body.lumped]
+    tagged = tags.tagged(sources)
     collisions = [tags.collision(Collision(name, part.geometry, part.pose, part.surface), part.origin, body.name,
-                                 sources)
+                                 tagged)
                   for name, part in zip(part_names(body.name, body.collisions, "_collision"), body.collisions)]
     visuals = [Visual(name, part.geometry, part.pose, part.rgba)
                for name, part in zip(part_names(body.name, body.visuals, "_visual"), body.visuals)]
-    visuals = [replace(visual, material=tags.material(visual, body.name, sources)) for visual in visuals]
+    visuals = [replace(visual, material=tags.material(visual, body.name, tagged)) for visual in visuals]
     return Link(name=body.name, pose=pose, inertial=inertial, collisions=tuple(collisions), visuals=tuple(visuals),
                 sensors=tags.sensors(body.name, body.lumped),
                 **dict({"self_collide": tags.model_switch("self_collide", False)}, **tags.link_values(sources)))
@@ -110,8 +111,8 @@ def _retarget(plugin, lumped, notes):
 
 def _joints(connections, order, notes):
     """Return the Joints that are left, in the order of their child links; floating and planar ones have no joint."""
-    joints = []
-    for connection in sorted(connections, key=lambda connection: order.index(connection.child)):
+    joints, places = [], {name: place for place, name in enumerate(order)}
+    for connection in sorted(connections, key=lambda connection: places[connection.child]):
         if connection.kind in ("floating", "planar"):
             notes.add('joint "{}" of type {} connects nothing here, as in Gazebo: link "{}" moves freely.'.format(
                 connection.name, connection.kind, connection.child))

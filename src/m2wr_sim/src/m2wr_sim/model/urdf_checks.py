@@ -19,6 +19,7 @@ _NUMBERS = {   # tag -> attribute -> how many numbers
 }
 _REQUIRED = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("filename",),
              "mass": ("value",), "inertia": _INERTIA, "limit": ("effort", "velocity")}
+_MOST_NAMES = 12        # of links in a message
 _POSITIVE = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 
 
@@ -115,6 +116,11 @@ def _unique(elements, kind):
     return found
 
 
+def some_names(names):
+    """Return names as a text for a message, the first ones of many."""
+    return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+
+
 def _check_tree(root, links, joints):
     """Return the root link's name; XmlError unless links and joints form one tree."""
     parent_joint = {}
@@ -127,15 +133,17 @@ def _check_tree(root, links, joints):
     roots = [name for name in links if name not in parent_joint]
     if len(roots) != 1:
         fail(root, "there is no root link, the joints form a ring" if not roots else
-             "there are {} root links ({})".format(len(roots), ", ".join(roots)), "one link that is no joint's child")
+             "there are {} root links ({})".format(len(roots), some_names(roots)), "one link that is no joint's child")
+    safe = set()                        # links from which the root is reached
     for name in links:
         seen = {name}
-        while name in parent_joint:
+        while name in parent_joint and name not in safe:
             name = parent_joint[name].find("parent").get("link")
             if name in seen:
-                fail(parent_joint[name], "the joints form a ring through {}".format(", ".join(sorted(seen))),
+                fail(parent_joint[name], "the joints form a ring through {}".format(some_names(sorted(seen))),
                      "a tree of links")
             seen.add(name)
+        safe |= seen
     return roots[0]
 
 

@@ -31,7 +31,7 @@ _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to
 
 
 MOST_TEXT = 8 * 1024 * 1024        # characters of a description that comes over a service
-MOST_MARKS = 400000                # "<", "=" and "&" in it: tags, attributes, references; each costs some 100 bytes
+MOST_MARKS = 100000                # "<", "=" and "&" in it: tags, attributes, references; some 10 us and 100 bytes each
 _LONG_TEXT = 1000000        # characters; such a text makes so many objects that collecting them would stop the loop
 _MOST_PARTS = 10000         # links and collisions of a model; putting them into the world takes up to half a second
 _MANY_TRIANGLES = 50000     # from here on it is said that a mesh is being prepared
