@@ -4,8 +4,8 @@
 """
 import os
 
+import m2wr_node
 import m2wr_sim.doctor
-import m2wr_view
 import pytest
 import roslaunch.config
 import rospkg
@@ -50,7 +50,7 @@ def test_interrupted_at_any_moment(name, number):
     interrupt_at(name.split("/") + LAUNCH_FILES[name], moments(name, MOMENTS if LONG else 100, LONGEST)[number])
 
 
-PROGRAM = os.path.join(rospkg.RosPack().get_path("m2wr_view"), "scripts", "is_there")
+PROGRAM = os.path.join(rospkg.RosPack().get_path("m2wr_node"), "scripts", "is_there")
 CHAIN = "\nDuring handling of the above exception, another exception occurred:\n\n"
 
 
@@ -68,7 +68,7 @@ def frames(*files, last="KeyboardInterrupt"):
     ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", __file__), True),
     ("/usr/bin/roslaunch", frames(pytest.__file__, last="IndexError: x") + CHAIN + frames("/usr/bin/roslaunch"), False),
     ("/usr/bin/rosversion", frames("/usr/bin/rosversion", rospkg.__file__), False),     # roslaunch runs it
-    (PROGRAM, frames(PROGRAM + ":5", m2wr_view.__file__, os.__file__), False),          # imports m2wr_view.interrupts
+    (PROGRAM, frames(PROGRAM + ":5", m2wr_node.__file__, os.__file__), False),          # imports m2wr_node.interrupts
     (PROGRAM, frames(os.__file__, last="KeyError: x") + CHAIN + frames(PROGRAM + ":5", os.__file__), False),
     (PROGRAM, frames(PROGRAM + ":5", last="KeyError: x"), True),
     (PROGRAM, frames(PROGRAM + ":6", os.__file__), True),

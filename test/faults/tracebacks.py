@@ -17,7 +17,7 @@ _CHAINED = re.compile(r"\n.*\n\n(?:During handling of the above exception, anoth
 _FRAME = re.compile(r'^\s*File "(/[^"]*)", line (\d+)', re.MULTILINE)         # not of <frozen modules>, nor of Cython's
 _STACK = re.compile(r"^Stack \(most recent call first\):\n((?:  File .*\n?)*)", re.MULTILINE)
 _LOST = re.compile(r"^Exception ignored in: .*\n(?:.*\n)*?KeyboardInterrupt", re.MULTILINE)
-_FIRST_IMPORT = "m2wr_view.interrupts"       # of every program; from then on it handles Ctrl-C
+_FIRST_IMPORT = "m2wr_node.interrupts"       # of every program; from then on it handles Ctrl-C
 _HERE = os.path.dirname(os.path.realpath(__file__))
 _ROOT = os.path.dirname(os.path.dirname(_HERE)) + os.sep
 

@@ -1,9 +1,9 @@
 """Feeds the workspace with odd input; see README.md beside this file."""
 import sys
 
-import m2wr_view.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
+import m2wr_node.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
 from command import main
-from m2wr_view.pipes import go_on_unread
+from m2wr_node.pipes import go_on_unread
 
 if __name__ == "__main__":
     go_on_unread()

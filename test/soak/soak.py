@@ -1,8 +1,8 @@
 """Lets simulation and mapper run for simulated hours and watches what grows; see docs/endurance.md."""
 import sys
 
-import m2wr_view.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
-from m2wr_view.pipes import go_on_unread
+import m2wr_node.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
+from m2wr_node.pipes import go_on_unread
 from soak_run import main
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ STAND_INS = sorted(glob.glob(os.path.join(tree.ROOT, "dropin", "*", "scripts", "
 def test_an_interruption_of_the_imports_says_nothing(path):
     quick = {"os", "sys"}                                   # there since Python has started
     imports = [name for name in IMPORT.findall(tree.read(path)) if name not in quick]
-    assert imports[0] == "m2wr_view.interrupts", "%s comes before what lets Ctrl-C end the imports" % imports[0]
+    assert imports[0] == "m2wr_node.interrupts", "%s comes before what lets Ctrl-C end the imports" % imports[0]
 
 
 def test_programs_are_found():

@@ -41,6 +41,10 @@ RULES = (
     Rule("m2wr_sim/bench/*.py", ANYTHING, True, False, ()),               # measures time, and the whole node
     Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbag", "yaml"}, False, True, EDGES),
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_tools/map_figure/*.py", NUMERIC | {"matplotlib"}, False, True, ("m2wr_gmapping.ros",)),
+    Rule("m2wr_tools/*.py", set(), False, True, ()),
+    Rule("m2wr_node/ros/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
+    Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
     Rule("m2wr_lockstep/controller.py", ANYTHING, True, False, ()),
     Rule("m2wr_lockstep/*.py", set(), False, False, ("m2wr_lockstep.controller",)),       # waits in wall time
     Rule("m2wr_course/*.py", NUMERIC | {"lxml", "PIL", "yaml"}, False, True, EDGES),
@@ -50,9 +54,8 @@ RULES = (
     Rule("m2wr_gmapping/replay/*.py", ANYTHING, True, False, ()),         # reads bags and measures time
     Rule("m2wr_gmapping/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_gmapping/bench/*.py", NUMERIC | {"rosbag", "rospy"}, True, False, ("m2wr_gmapping.ros",)),
-    Rule("m2wr_gmapping/plot/*.py", NUMERIC | {"matplotlib"}, False, True, ("m2wr_gmapping.ros",)),
     Rule("m2wr_gmapping/*.py", NUMERIC, False, True,
-         ("m2wr_gmapping.ros", "m2wr_gmapping.replay", "m2wr_gmapping.bench", "m2wr_gmapping.plot")),
+         ("m2wr_gmapping.ros", "m2wr_gmapping.replay", "m2wr_gmapping.bench")),
     Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),
     Rule("motion_plan/*_nodes.py", ANYTHING, True, False, ()),
     Rule("motion_plan/ros/*.py", ANYTHING, True, False, ()),

@@ -5,7 +5,7 @@ import pytest
 
 import workspace_tree as tree
 
-KNOWS = ("m2wr_view/src/m2wr_view/user_folder.py", "m2wr_view/test/unit/test_user_folder.py")
+KNOWS = ("m2wr_node/src/m2wr_node/user_folder.py", "m2wr_node/test/unit/test_user_folder.py")
 
 
 @pytest.mark.parametrize("package", tree.packages(), ids=lambda package: package.name)

@@ -2,7 +2,7 @@
 """Drive a robot from the keyboard."""
 import sys
 
-from m2wr_view.interrupts import interruptible
+from m2wr_node.interrupts import interruptible
 from twist_keys.node import main
 
 if __name__ == '__main__':

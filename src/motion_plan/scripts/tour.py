@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Drive along the way points of the parameter ~way_points."""
-import m2wr_view.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
+import m2wr_node.interrupts  # noqa: F401 (first: Ctrl-C ends the imports without a traceback)
 from motion_plan.ros_tour import tour
 
 if __name__ == '__main__':

@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import rospkg
 
-from m2wr_view.user_folder import user_folder
+from m2wr_node.user_folder import user_folder
 
 
 def exported_folders(rospack):

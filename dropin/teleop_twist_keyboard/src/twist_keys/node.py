@@ -9,7 +9,7 @@ import time
 import rospy
 from geometry_msgs.msg import Twist, TwistStamped
 
-from m2wr_view.ros.starting import start_node
+from m2wr_node.ros.starting import start_node
 from twist_keys.keys import HELP, QUIT, KeyDriver
 from twist_keys.terminal import Keys
 

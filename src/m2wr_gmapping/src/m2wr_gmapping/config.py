@@ -1,14 +1,12 @@
 """Parameters: names, defaults, units and ranges, read from whatever a user wrote."""
 import functools
 import math
-import re
 from dataclasses import dataclass, fields
 
 from m2wr_gmapping.motion_model import MotionNoise
+from m2wr_node.numbers import number
 
 INFINITY = math.inf
-# what is no number to YAML 1.1, though one to everybody else
-EXPONENTIAL = re.compile(r"[-+]?([0-9]+[eE][-+]?|([0-9]+\.[0-9]*|\.[0-9]+)[eE])[0-9]+")
 
 
 class ConfigError(ValueError):
@@ -84,13 +82,6 @@ FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "
 WHOLE = {"min_particles"}   # numbers without a fraction whose default is that of another one
 # what else a node or launch file may set without it being a mistake
 TOLERATED = {"inverted_laser"}
-
-
-def number(value):
-    """Return a number as it is, and one that YAML leaves a string, 1e-3 or 5E2, as a float; anything else is None."""
-    if isinstance(value, str) and EXPONENTIAL.fullmatch(value):
-        return float(value)
-    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def _converted(name, value):

@@ -11,7 +11,7 @@ from m2wr_gmapping.pose_graph import optimise
 from m2wr_gmapping.scan import LaserModel
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
-from m2wr_view.kernel_progress import KernelProgress
+from m2wr_node.kernel_progress import KernelProgress
 
 
 def tour(mapper, steps=40):

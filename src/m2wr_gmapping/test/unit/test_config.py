@@ -6,7 +6,8 @@ import re
 import pytest
 import yaml
 
-from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig, number
+from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig
+from m2wr_node.numbers import number
 
 README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")
 

@@ -74,7 +74,7 @@ def test_the_node_takes_one_heap_before_numpy_begins_threads():
     with open(program, encoding="utf-8") as stream:
         text = stream.read()
     assert text.index("\nuse_one_heap()") < text.index("m2wr_gmapping.ros.node")
-    script = "import sys, m2wr_view.interrupts; import m2wr_gmapping.ros.memory; assert 'numpy' not in sys.modules"
+    script = "import sys, m2wr_node.interrupts; import m2wr_gmapping.ros.memory; assert 'numpy' not in sys.modules"
     subprocess.check_call([sys.executable, "-c", script], timeout=120)
 
 

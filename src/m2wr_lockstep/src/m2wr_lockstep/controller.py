@@ -8,6 +8,7 @@ from rospy.rostime import _set_rostime, wallsleep
 
 from m2wr_lockstep.srv import Turn, TurnResponse
 from m2wr_lockstep.turns import Inputs, Outputs, TurnError
+from m2wr_node.ros.shutdown import at_shutdown
 
 SERVICE = "lockstep_turn"
 #: Wall seconds to wait for messages that the simulator says it has sent.
@@ -100,9 +101,7 @@ class Controller:
         """
         self._turn, self._time_reset = turn, time_reset
         service = rospy.Service("~" + SERVICE, Turn, self._serve)
-        rospy.on_shutdown(self._ended.set)
-        if rospy.core.is_shutdown_requested():      # what comes too late to be called is forgotten
-            self._ended.set()
+        at_shutdown(self._ended.set)
         self._wait_for_the_end()
         if self._error is not None:
             raise self._error

@@ -27,7 +27,7 @@ def warm_up(engine_kind="auto"):
 def main():
     """Compile, and say how far it has come; while the workspace is built, what says it may not be there yet."""
     try:
-        from m2wr_view.kernel_progress import KernelProgress
+        from m2wr_node.kernel_progress import KernelProgress
     except ImportError:
         return warm_up()
     with KernelProgress("m2wr_sim"):

@@ -48,7 +48,7 @@ def look_up(target, source, patience=TF_PATIENCE):
         If tf does not connect the two within ``patience`` seconds of wall time.
     """
     import tf2_ros      # takes longer to import than all the rest, and most runs never ask
-    from m2wr_view.ros.transform_buffer import TransformBuffer
+    from m2wr_node.ros.transform_buffer import TransformBuffer
     buffer = TransformBuffer(debug=False)
     listener = tf2_ros.TransformListener(buffer)
     try:

@@ -12,9 +12,9 @@ from sensor_msgs.msg import LaserScan
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from m2wr_lockstep.controller import Controller
-from m2wr_view.pipes import go_on_unread
-from m2wr_view.ros.ending import end_run
-from m2wr_view.ros.starting import start_node
+from m2wr_node.pipes import go_on_unread
+from m2wr_node.ros.ending import end_run
+from m2wr_node.ros.starting import start_node
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
 from motion_plan.regions import RegionReader, ScanError

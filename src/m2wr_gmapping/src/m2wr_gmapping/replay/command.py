@@ -10,9 +10,9 @@ import time
 import yaml
 
 from m2wr_gmapping import state
-from m2wr_gmapping.config import ConfigError, GmappingConfig, number
-from m2wr_gmapping.replay.bag_file import BagError, BagFile
+from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.replay import results
+from m2wr_gmapping.replay.bag_file import BagError, BagFile
 from m2wr_gmapping.replay.beginning import Beginning
 from m2wr_gmapping.replay.map_reading import MapReadingError
 from m2wr_gmapping.replay.master import master_answers
@@ -20,6 +20,7 @@ from m2wr_gmapping.replay.source import ScanSource
 from m2wr_gmapping.replay.statistics import Stopwatch, peak_memory_mib
 from m2wr_gmapping.scan import LaserModel, ScanError
 from m2wr_gmapping.warm_up import warm_up
+from m2wr_node.numbers import number
 
 log = logging.getLogger("slam_gmapping_replay")
 PROGRESS_PERIOD = 1.0       # [s]

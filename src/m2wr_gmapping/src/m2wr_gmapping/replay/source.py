@@ -9,7 +9,7 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.replay.far_ahead import JUMP, FarAhead
 from m2wr_gmapping.scan import transform_parts
-from m2wr_view.ros.transform_buffer import fault_of
+from m2wr_node.ros.transform_buffer import fault_of
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"

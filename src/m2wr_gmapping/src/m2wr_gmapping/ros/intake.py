@@ -9,7 +9,7 @@ import tf2_ros
 from m2wr_gmapping.replay.far_ahead import JUMP, FarAhead
 from m2wr_gmapping.ros.missing import usual_source
 from m2wr_gmapping.scan import transform_parts
-from m2wr_view.ros.transform_buffer import fault_of
+from m2wr_node.ros.transform_buffer import fault_of
 
 BUFFER = 60.0               # time that transforms are kept [s]
 LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]

@@ -11,7 +11,7 @@ import time
 import rospy
 
 from m2wr_gmapping import state
-from m2wr_view.user_folder import starter
+from m2wr_node.user_folder import starter
 
 RUN = "run"             # what a state of this module says in addition: to which run it belongs
 

@@ -29,8 +29,8 @@ from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.scan import LaserModel, ScanError
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_gmapping.warm_up import warm_up
-from m2wr_view.ros.starting import start_node
-from m2wr_view.user_folder import from_user
+from m2wr_node.ros.starting import start_node
+from m2wr_node.user_folder import from_user
 
 SWITCH_INTERVAL = 0.0005    # threads that bring scans must not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import rospy
 
-from m2wr_gmapping.config import ConfigError, GmappingConfig, number
+from m2wr_gmapping.config import ConfigError, GmappingConfig
+from m2wr_node.numbers import number
 
 
 @dataclass(frozen=True)

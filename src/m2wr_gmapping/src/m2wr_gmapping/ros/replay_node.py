@@ -9,7 +9,8 @@ import rospy
 
 from m2wr_gmapping.ros.outputs import MapTopics
 from m2wr_gmapping.ros.params import NODE_PARAMETERS, private_parameters
-from m2wr_view.ros.starting import start_node
+from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.starting import start_node
 
 NAME = "slam_gmapping"
 
@@ -47,9 +48,7 @@ class ReplayNode:
 
     def on_end(self, stop):
         """Call ``stop`` when ROS ends the node."""
-        rospy.on_shutdown(stop)
-        if rospy.core.is_shutdown_requested():      # what comes too late to be called is forgotten
-            stop()
+        at_shutdown(stop)
 
     def stay(self):
         """Keep the map on the topics until somebody ends the node."""

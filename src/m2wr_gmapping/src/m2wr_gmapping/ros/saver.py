@@ -8,7 +8,7 @@ import rospy
 
 from m2wr_gmapping import map_file
 from m2wr_gmapping.ros.convert import ArrayGrid
-from m2wr_view.ros.starting import start_node
+from m2wr_node.ros.starting import start_node
 
 WAIT_WARNING = 5.0      # [s], wall
 

@@ -8,9 +8,9 @@ import numpy as np
 import rospy
 import tf2_ros
 from geometry_msgs.msg import PointStamped
+from m2wr_node.ros.starting import start_node
+from m2wr_node.ros.transform_buffer import TransformBuffer
 from m2wr_view.outlines import point_distances
-from m2wr_view.ros.starting import start_node
-from m2wr_view.ros.transform_buffer import TransformBuffer
 
 from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate

@@ -9,6 +9,7 @@ import rospy
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 
+from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import SimError, WorldError
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.report.map_agreement import LASER_HEIGHT, SLICE, Truth, compare, format_agreement, picture
@@ -16,7 +17,6 @@ from m2wr_sim.report.summary import obstacle_outlines
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values
-from m2wr_view.ros.starting import start_node
 
 SCALE = 3           # pixels a cell
 LOOK = 0.5          # between two looks at whether ROS has ended [s], wall

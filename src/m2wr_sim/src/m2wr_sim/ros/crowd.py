@@ -10,6 +10,7 @@ from geometry_msgs.msg import Pose, TransformStamped
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
+from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.places import LAYOUTS, find_places
@@ -17,7 +18,6 @@ from m2wr_sim.model.sdf import load_world
 from m2wr_sim.ros.convert import write_pose
 from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service
-from m2wr_view.ros.starting import start_node
 
 
 def make_parser():

@@ -14,6 +14,8 @@ from gazebo_msgs.msg import LinkStates, ModelStates
 from rospy.rostime import set_rostime_initialized
 from visualization_msgs.msg import MarkerArray
 
+from m2wr_node.ros.is_there import alive
+from m2wr_node.ros.starting import master_gone, register
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.model.types import Physics
@@ -34,8 +36,6 @@ from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
 from m2wr_sim.warm_up import warm_up
-from m2wr_view.ros.is_there import alive
-from m2wr_view.ros.starting import master_gone, register
 
 log = logging.getLogger("m2wr_sim")
 

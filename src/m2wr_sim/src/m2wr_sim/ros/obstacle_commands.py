@@ -135,7 +135,7 @@ def add_obstacle(given, world):
 def start_to_listen():
     """Register a node, unless this process is one: the world's markers need it; the services alone do not."""
     import rospy
-    from m2wr_view.ros.starting import start_node
+    from m2wr_node.ros.starting import start_node
     if rospy.core.is_initialized():
         return
     start_node("add_obstacle", anonymous=True, disable_rostime=True)

@@ -1,19 +1,19 @@
 """The node's parameters: each read once, checked, and kept in one frozen record."""
 import math
 import os
-import re
 from dataclasses import dataclass, field, fields
 from typing import Dict, List, Optional
 
 import rospkg
 import rospy
 
+from m2wr_node.numbers import number
+from m2wr_node.user_folder import user_folder
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.physics.factory import ENGINES
 from m2wr_sim.ros.api_reconfigure import PARAMETERS
-from m2wr_view.user_folder import user_folder
 
 
 def _parameter(default, help_text, check=None):
@@ -96,7 +96,6 @@ class NodeConfig:
 _NUMBERS = {"real_time_factor": float, "seed": int, "step": float, "pub_clock_frequency": float,
             "pub_state_frequency": float, "world_markers_rate": float, "command_timeout": float,
             "joint_state_rate": float, "lockstep_patience": float}
-_EXPONENT = re.compile(r"[-+]?[0-9]+\.?[0-9]*[eE][-+]?[0-9]+$")
 
 
 def read_config(parameters):
@@ -131,13 +130,11 @@ def _typed(name, value):
         if name == "real_time_factor" and value == "":
             return None
         whole = _NUMBERS[name] is int
-        if isinstance(value, str) and not whole and _EXPONENT.match(value):
-            value = float(value)        # no number for rosparam's YAML, which wants a dot and a sign
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or (
-                whole and not (math.isfinite(value) and value == int(value))):
+        amount = number(value)
+        if amount is None or whole and (isinstance(value, str) or not math.isfinite(amount) or amount != int(amount)):
             raise ParameterError("parameter ~%s is %r; expected %s"
                                  % (name, value, "a whole number" if whole else "a number"))
-        return _NUMBERS[name](value)
+        return _NUMBERS[name](amount)
     if name in ("paused", "joint_states", "enable_ros_network", "gazebo_faults", "lockstep"):
         if not isinstance(value, bool):
             raise ParameterError("parameter ~%s is %r; expected true or false" % (name, value))

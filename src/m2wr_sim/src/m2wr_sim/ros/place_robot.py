@@ -11,7 +11,7 @@ import rospy
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import GetModelState, SetModelState
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from m2wr_view.ros.starting import start_node
+from m2wr_node.ros.starting import start_node
 from motion_plan.ros_poses import PoseError, planar_in
 
 _TOPIC, _GOALS = "initialpose", "move_base_simple/goal"

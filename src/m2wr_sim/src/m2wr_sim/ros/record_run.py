@@ -20,9 +20,9 @@ import rosgraph.names
 import rospkg
 import rospy
 
+from m2wr_node.ros.starting import register
+from m2wr_node.user_folder import from_user
 from m2wr_sim.ros.bag_order import settle_times
-from m2wr_view.ros.starting import register
-from m2wr_view.user_folder import from_user
 
 _CHUNK_KB = 256             # written at once; what is lost when the recorder is killed
 _SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take

@@ -4,7 +4,6 @@ import math
 import os
 import re
 import sys
-import threading
 import time
 from html import escape      # of xml.sax.saxutils it is slower to import: all of urllib
 
@@ -16,13 +15,14 @@ from geometry_msgs.msg import Pose
 from lxml import etree
 from std_srvs.srv import Empty
 
+from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.starting import start_node
+from m2wr_node.user_folder import from_user
 from m2wr_sim.angles import quaternion_from_rpy
 from m2wr_sim.command_line import without_exponent
 from m2wr_sim.model.lenient_xml import root_tag
 from m2wr_sim.model.safe_xml import XmlError
 from m2wr_sim.model.xacro_text import expanded
-from m2wr_view.ros.starting import start_node
-from m2wr_view.user_folder import from_user
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
 _LONG_WAIT = 60.0          # s of wall time after which waiting for a service is worth a warning
@@ -238,20 +238,15 @@ def _keep_bond(arguments):
     """Wait for shutdown and take the model out again."""
     service = arguments.gazebo_namespace.rstrip("/") + "/delete_model"
     proxy = rospy.ServiceProxy(service, DeleteModel)
-    once = threading.Lock()
 
     def delete():
-        if not once.acquire(False):             # called in time after all
-            return
         rospy.loginfo("Deleting model %s", arguments.model)
         try:
             proxy(arguments.model)
         except (rospy.ServiceException, rospy.ROSException) as error:
             rospy.logwarn("could not delete %s: %s", arguments.model, error)
 
-    rospy.on_shutdown(delete)
-    if rospy.core.is_shutdown_requested():      # what comes too late to be called is forgotten
-        delete()
+    at_shutdown(delete)
     rospy.loginfo("Waiting for shutdown to delete model %s", arguments.model)
     rospy.spin()
 

@@ -6,7 +6,7 @@ import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import LaserScan
 
-from m2wr_view.ros.starting import start_node
+from m2wr_node.ros.starting import start_node
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import RegionReader, ScanError
 

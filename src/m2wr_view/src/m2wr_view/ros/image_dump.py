@@ -13,13 +13,13 @@ import roslib.message
 import rospy
 from sensor_msgs.msg import Image
 
+from m2wr_node.ros.starting import note_signals, register
+from m2wr_node.user_folder import from_user
 from m2wr_view.bag_file import messages_of, open_bag, topic_types
 from m2wr_view.dumping import make_dump
 from m2wr_view.errors import ViewError
 from m2wr_view.renderer import Renderer
-from m2wr_view.ros.starting import note_signals, register
 from m2wr_view.scene import TOPICS, Scene
-from m2wr_view.user_folder import from_user
 from m2wr_view.writers import make_writer
 
 log = logging.getLogger("rosout.m2wr_view")

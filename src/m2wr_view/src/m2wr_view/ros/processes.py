@@ -10,9 +10,9 @@ import subprocess
 import tempfile
 import time
 
+from m2wr_node.tie import tied
 from m2wr_view.errors import ViewError
 from m2wr_view.framebuffer import read_xwd
-from m2wr_view.ros.tie import tied
 
 START_PATIENCE = 20.0       # s of wall time for Xvfb to come up
 _STOP_PATIENCE = 2.0        # s of wall time to end on a signal

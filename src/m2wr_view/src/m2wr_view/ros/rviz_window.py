@@ -5,8 +5,8 @@ import signal
 import subprocess
 import sys
 
-from m2wr_view.ros.is_there import who_is_there
-from m2wr_view.ros.tie import tied
+from m2wr_node.ros.is_there import who_is_there
+from m2wr_node.tie import tied
 
 _PATIENCE = 10.0            # s for a display to answer; one at the other end of a broken line never does
 # in a process of its own, because Xlib waits for ever

@@ -10,12 +10,12 @@ import rospy
 from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
 
+from m2wr_node.ros.starting import note_signals, register
+from m2wr_node.user_folder import from_user
 from m2wr_view.errors import ViewError
 from m2wr_view.ros.processes import Xvfb, start_rviz
-from m2wr_view.ros.starting import note_signals, register
 from m2wr_view.rviz_config import VIEWS, for_pictures
 from m2wr_view.screenshots import Screenshots
-from m2wr_view.user_folder import from_user
 
 log = logging.getLogger("rosout.m2wr_view")
 

@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from m2wr_view.kernel_progress import KernelProgress, kernels
+from m2wr_node.kernel_progress import KernelProgress, kernels
 
 
 class Stats:

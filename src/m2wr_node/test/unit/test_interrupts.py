@@ -34,11 +34,11 @@ if sys.argv[1] == "finalisers":
     sys.exit(0)
 if sys.argv[1] == "imports":
     main("imports")
-sys.exit(m2wr_view.interrupts.interruptible(main, sys.argv[1]))
+sys.exit(m2wr_node.interrupts.interruptible(main, sys.argv[1]))
 """
 
 
-def run_interrupted(word, first="m2wr_view.interrupts", ignored=False):
+def run_interrupted(word, first="m2wr_node.interrupts", ignored=False):
     """Run the program, interrupt it as soon as it is in the midst of it; returns its exit code and what it said."""
     program = subprocess.Popen(
         [sys.executable, "-c", PROGRAM % first, word], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,

@@ -7,7 +7,7 @@ import pytest
 
 PROGRAM = """
 import sys
-from m2wr_view.pipes import go_on_unread
+from m2wr_node.pipes import go_on_unread
 go_on_unread(%s)
 for number in range(20000):
     print("a line of words", number%s)
@@ -46,10 +46,10 @@ def test_what_only_prints_may_end_at_once(tmp_path):
 
 def test_a_reader_gets_everything_in_its_encoding(tmp_path):
     environment = dict(os.environ, PYTHONIOENCODING="latin-1:replace")
-    text = "from m2wr_view.pipes import go_on_unread\ngo_on_unread()\nprint('\\u00e9 \\u20ac', end='')"
+    text = "from m2wr_node.pipes import go_on_unread\ngo_on_unread()\nprint('\\u00e9 \\u20ac', end='')"
     assert subprocess.check_output([sys.executable, "-c", text], env=environment) == b"\xe9 ?"
 
 
 def test_without_any_output_nothing_happens():
-    text = "import sys\nsys.stdout = None\nfrom m2wr_view.pipes import go_on_unread\ngo_on_unread()\nprint('x')"
+    text = "import sys\nsys.stdout = None\nfrom m2wr_node.pipes import go_on_unread\ngo_on_unread()\nprint('x')"
     assert subprocess.call([sys.executable, "-c", text]) == 0

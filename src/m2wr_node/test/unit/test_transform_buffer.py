@@ -5,8 +5,8 @@ import pytest
 import rospy
 from geometry_msgs.msg import TransformStamped
 
-from m2wr_view.ros import transform_buffer
-from m2wr_view.ros.transform_buffer import LATEST, TransformBuffer, is_out_of_range
+from m2wr_node.ros import transform_buffer
+from m2wr_node.ros.transform_buffer import LATEST, TransformBuffer, is_out_of_range
 
 
 def transform(secs):

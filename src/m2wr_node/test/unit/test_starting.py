@@ -9,12 +9,12 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
-from m2wr_view.ros import starting
+from m2wr_node.ros import starting
 
 PROGRAM = """
 import sys
 import rospy
-from m2wr_view.ros.starting import note_signals, register, start_node
+from m2wr_node.ros.starting import note_signals, register, start_node
 at = sys.argv[1]
 begin = rospy.impl.init.start_node
 

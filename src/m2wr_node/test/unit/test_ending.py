@@ -8,14 +8,14 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
-from m2wr_view.ros import ending
+from m2wr_node.ros import ending
 
 LIMIT = 60      # s, for a machine that is busy
 # a node of the launch file below: it ends the run, then waits for the signal that roslaunch sends to all
 PROGRAM = """
 import signal
 import sys
-from m2wr_view.ros.ending import end_run
+from m2wr_node.ros.ending import end_run
 signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 asked = end_run()
 print("asked: %s" % asked, flush=True)
@@ -32,9 +32,9 @@ while not os.path.exists(sys.argv[1]):
     time.sleep(0.05)
 """
 LAUNCH = """<launch>
-  <node pkg="m2wr_view" type="is_there" name="worker" output="screen" required="{required}"
+  <node pkg="m2wr_node" type="is_there" name="worker" output="screen" required="{required}"
         launch-prefix="/usr/bin/python3 {folder}/worker.py {folder}/done"/>
-  <node pkg="m2wr_view" type="is_there" name="beside" output="screen" required="true"
+  <node pkg="m2wr_node" type="is_there" name="beside" output="screen" required="true"
         launch-prefix="/usr/bin/python3 {folder}/beside.py {folder}/done"/>
 </launch>
 """

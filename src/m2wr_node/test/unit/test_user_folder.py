@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from m2wr_view.user_folder import from_user, user_folder
+from m2wr_node.user_folder import from_user, user_folder
 
-NODE = "import sys; from m2wr_view.user_folder import user_folder; print(user_folder())"
+NODE = "import sys; from m2wr_node.user_folder import user_folder; print(user_folder())"
 # starts a program as roslaunch does: elsewhere, in a session of its own
 LAUNCH = ("import os, subprocess, sys; "
           "sys.stdout.write(subprocess.check_output(sys.argv[2:], cwd=sys.argv[1], preexec_fn=os.setsid).decode())")

@@ -5,7 +5,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 import rosgraph
 import pytest
 
-from m2wr_view.ros import is_there
+from m2wr_node.ros import is_there
 
 
 class Master:

@@ -10,7 +10,7 @@ import xmlrpc.client
 import rosgraph
 import rosgraph.network
 
-from m2wr_view.ros.is_there import PatientTransport
+from m2wr_node.ros.is_there import PatientTransport
 
 _ME = "/end_run"
 

@@ -14,7 +14,7 @@ import rosgraph.rosenv
 import rospy
 from rospy.impl import registration
 
-from m2wr_view.ros.acceptor import accept_side_by_side
+from m2wr_node.ros.acceptor import accept_side_by_side
 
 LOOK = 0.2              # between two looks for a master [s], wall
 PATIENCE = 2.0          # a master that is there takes a connection within that time [s], wall

@@ -6,7 +6,7 @@ import threading
 import pytest
 from rospy.impl.tcpros_base import TCPServer
 
-from m2wr_view.ros.acceptor import accept_side_by_side, header_is_there
+from m2wr_node.ros.acceptor import accept_side_by_side, header_is_there
 
 
 @pytest.fixture

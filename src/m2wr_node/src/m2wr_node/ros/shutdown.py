@@ -1,0 +1,25 @@
+"""Shutdown hooks that are never lost."""
+import threading
+
+import rospy
+
+
+def at_shutdown(hook):
+    """Call ``hook()`` once when the node shuts down, or at once if the shutdown has begun.
+
+    ``rospy.on_shutdown`` forgets a hook that it receives after the shutdown was requested.
+
+    Parameters
+    ----------
+    hook : callable
+        Without arguments. It may run on another thread than the caller's.
+    """
+    once = threading.Lock()
+
+    def call():
+        if once.acquire(False):
+            hook()
+
+    rospy.on_shutdown(call)
+    if rospy.core.is_shutdown_requested():
+        call()
