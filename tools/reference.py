@@ -70,16 +70,22 @@ def first_sentence(text):
     return re.split(r"(?<=[a-z0-9)`])\.(?:\s|$)", " ".join((text or "").split()), maxsplit=1)[0]
 
 
-def programs(folder):
-    """Return (name, sentence) of a package's programs: the Python files in scripts/ and nodes/."""
+def programs(name, folder):
+    """Return (package, name, sentence) of the Python programs in a package's folders scripts/ and nodes/.
+
+    ``package`` is the one that rosrun finds the program by: a folder below scripts/ has the name of another package.
+    """
     found = []
-    for path in glob.glob(os.path.join(folder, "scripts", "*")) + glob.glob(os.path.join(folder, "nodes", "*")):
-        if not os.path.isfile(path):
+    for path in sorted(glob.glob(os.path.join(folder, "scripts", "**"), recursive=True)
+                       + glob.glob(os.path.join(folder, "nodes", "*"))):
+        if not os.path.isfile(path) or path.endswith(".pyc"):
             continue
         with open(path, encoding="utf-8") as stream:
             text = stream.read()
         if re.match(r"#!.*python", text):
-            found.append((os.path.basename(path), first_sentence(ast.get_docstring(ast.parse(text)))))
+            above = os.path.basename(os.path.dirname(path))
+            found.append((name if above in ("scripts", "nodes") else above, os.path.basename(path),
+                          first_sentence(ast.get_docstring(ast.parse(text)))))
     return sorted(found)
 
 
@@ -253,7 +259,9 @@ def render(graph):
     lines += ["", "## Programs", "", "Started with `rosrun PACKAGE PROGRAM`; those that are no nodes tell their "
               "options with `-h`.", ""]
     lines += table(("package", "program", "what"), [
-        (name, code(program), cell(what)) for name, folder in found for program, what in programs(folder)])
+        (name, code(program), cell(what)) for name, program, what in sorted(
+            (entry for package, folder in found for entry in programs(package, folder)),
+            key=lambda entry: [name for name, _ in found].index(entry[0]))])
     lines += ["", "## Nodes, topics and services", "",
               "As `mapping.launch` starts them, with some more beside it; names of a robot in a namespace begin with "
               "that. Every node has `/rosout` and two services for its log besides.", ""]

@@ -35,7 +35,7 @@ def test_every_argument_of_a_launch_file_says_what_it_means():
 
 def test_every_program_says_what_it_does():
     for name, folder in reference.packages():
-        for program, what in reference.programs(folder):
+        for _, program, what in reference.programs(name, folder):
             assert what, "%s %s: no docstring" % (name, program)
 
 

@@ -4,7 +4,6 @@ import os
 from m2wr_gmapping.bench import command as bench
 from m2wr_gmapping.bench import table
 from m2wr_gmapping.replay import command as replay
-from m2wr_gmapping.plot import command as plot
 from m2wr_gmapping.ros.params import NODE_PARAMETERS, NodeOptions
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE
 
@@ -50,11 +49,8 @@ def test_options_of_the_replay(monkeypatch):
     assert set(rows("slam_gmapping_replay")) == options_of(made[0]) | {"_name:=value"}
 
 
-def test_options_of_benchmark_and_plot_map():
+def test_options_of_benchmark():
     assert set(rows("benchmark")) == options_of(bench.parser())
-    part = text().split("\n## plot_map\n")[1].split("\n## ")[0]
-    assert options_of(plot.parser()) - {"--title", "--height"} == {word for word in (
-        "--world", "--trajectory", "--offset", "--out") if word in part}
 
 
 def test_there_is_a_place_for_the_table():

@@ -3,13 +3,12 @@ import argparse
 import os
 import sys
 
-from m2wr_view.errors import ViewError
-from m2wr_view.run_series import read_world
-
 from m2wr_gmapping.bench.logs import LogError
 from m2wr_gmapping.bench.scoring import trajectory
-from m2wr_gmapping.plot.figure import FigureError, map_figure, write
 from m2wr_gmapping.replay.map_reading import MapReadingError, read_map
+from m2wr_tools.map_figure.figure import FigureError, map_figure, write
+from m2wr_view.errors import ViewError
+from m2wr_view.run_series import read_world
 
 LASER_HEIGHT = 0.15         # of m2wr above the floor [m]
 
@@ -52,13 +51,10 @@ def read_outlines(world, height):
         if solids is None:
             raise FigureError("bag {}: no message on /gazebo/world_markers; was that topic recorded?".format(world))
         return solids.blocking
-    try:                    # above this package, so not needed by anything else in it
-        from m2wr_sim.errors import SimError
-        from m2wr_sim.ros.compare_map import read_outlines as of_world
-    except ImportError as error:
-        raise FigureError("world {}: a world file needs the package m2wr_sim ({})".format(world, error))
+    from m2wr_sim.errors import SimError        # slow to import, and needed for world files only
+    from m2wr_sim.ros.compare_map import read_outlines as outlines_of_world
     try:
-        return of_world(world, height)
+        return outlines_of_world(world, height)
     except SimError as error:
         raise FigureError(str(error))
 

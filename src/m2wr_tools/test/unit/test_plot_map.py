@@ -7,8 +7,8 @@ import rosbag
 import rospy
 from geometry_msgs.msg import Pose, Point, Quaternion, Vector3
 from m2wr_gmapping import map_file
-from m2wr_gmapping.plot import command
-from m2wr_gmapping.plot.figure import map_figure
+from m2wr_tools.map_figure import command
+from m2wr_tools.map_figure.figure import map_figure
 from m2wr_gmapping.replay.map_reading import read_map
 from m2wr_view.outlines import Outline
 from visualization_msgs.msg import Marker, MarkerArray

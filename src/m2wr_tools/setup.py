@@ -1,0 +1,4 @@
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import setup
+
+setup(**generate_distutils_setup(packages=['m2wr_tools', 'm2wr_tools.map_figure'], package_dir={'': 'src'}))

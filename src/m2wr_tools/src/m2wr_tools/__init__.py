@@ -1,0 +1,1 @@
+"""Commands that work on results of several packages: nothing below imports this package."""
