@@ -90,6 +90,11 @@ def test_acceleration_is_in_the_axes_of_the_body(carried, library):
     assert acceleration == pytest.approx((0.0, -1.0 if library == BODY else 0.0, 0.0), abs=1e-3)
 
 
+def test_a_variance_beyond_all_doubles_is_infinite(carried, library):
+    message = carried(library, gaussianNoise="1e200").run(0.1).messages("/imu")[-1]
+    assert message.angular_velocity_covariance[0] == math.inf
+
+
 def test_variances_are_the_noise_squared_and_readings_scatter_by_it(carried, library):
     messages = carried(library, gaussianNoise="0.2").run(5.0).messages("/imu")[50:]
     for name in ("orientation_covariance", "angular_velocity_covariance", "linear_acceleration_covariance"):

@@ -64,3 +64,10 @@ def test_a_model_of_sdf_keeps_its_link_unless_it_stands_still():
     assert math.isclose(moving.links[0].inertial.inertia[5], 0.4 * 3.0 * 4.0)
     assert "link[l]/inertial" in moving.notes[0] and "a ball of 3 kg and 2 m is taken" in moving.notes[0]
     assert not load_sdf_models(text % "<static>1</static>")[0].notes
+
+
+@pytest.mark.parametrize("value", [math.inf, math.nan])
+def test_a_tensor_that_is_not_finite_gives_way_too(value):
+    taken, told = usable(Inertial(2.0, FLAT.pose, (1.0, 0.0, value, 1.0, 0.0, 1.0)), [part(Sphere(0.2))])
+    assert taken.inertia == usable(FLAT, [part(Sphere(0.2))])[0].inertia
+    assert "not positive definite" in told

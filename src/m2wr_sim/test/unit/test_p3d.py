@@ -77,6 +77,11 @@ def test_noise_is_on_the_velocity_alone_and_its_square_on_both_diagonals(make):
         assert np.allclose(np.reshape(covariance, (6, 6)), 0.01 * np.eye(6))
 
 
+def test_a_variance_beyond_all_doubles_is_infinite(make):
+    message = make(gaussianNoise="1e200").run(0.05).messages(TOPIC)[-1]
+    assert message.pose.covariance[0] == math.inf
+
+
 def test_the_same_seed_gives_the_same_noise_also_after_a_reset(make):
     rig = make(gaussianNoise="0.1").run(0.05)
     rig.simulator.reset_simulation()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from m2wr_view import user_folder
+from m2wr_node import user_folder
 from m2wr_view.errors import ViewError
 from m2wr_view.ros import rviz_window, screenshot, virtual_display
 from m2wr_view.ros.processes import Child, find_program, make_folder

@@ -190,12 +190,14 @@ def inertia_matrix(inertial):
 
 @lru_cache(maxsize=4096)
 def _moments(tensor):
+    if not all(map(math.isfinite, tensor)):         # as of bodies lumped over a distance beyond all measure
+        return (math.nan,) * 3
     xx, xy, xz, yy, yz, zz = tensor
     return tuple(np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])))
 
 
 def inertial_moments(inertial):
-    """Return the three principal moments of an Inertial [kg m^2], the least first."""
+    """Return the three principal moments of an Inertial [kg m^2], the least first; nan for a tensor that is not finite."""
     return _moments(tuple(inertial.inertia))
 
 

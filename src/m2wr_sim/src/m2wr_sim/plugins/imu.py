@@ -56,7 +56,7 @@ class BodyImu(Plugin):
         rates = rotate_inverse(orientation, tuple(a + float(b) for a, b in zip(state.angular_velocity, noise[:3])))
         acceleration = rotate_inverse(orientation, tuple(a + float(b) for a, b in zip(acceleration, noise[3:])))
         self._port.publish(imu_message(self._ctx.moment(now_ns), self._frame, orientation, rates, acceleration,
-                                       self._sigma ** 2))
+                                       self._sigma * self._sigma))
 
     def reset(self, now_ns, rewound):
         self._schedule.restart(now_ns)

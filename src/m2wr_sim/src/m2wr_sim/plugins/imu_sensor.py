@@ -65,7 +65,7 @@ class SensorImu(LazySensor):
             acceleration = tuple(a + b for a, b in zip(acceleration, noise[4:7]))
             rates = tuple(a + b for a, b in zip(rates, noise[7:10]))
         self._port.publish(imu_message(self._ctx.moment(now_ns), self._frame, orientation, rates, acceleration,
-                                       self._sigma ** 2))
+                                       self._sigma * self._sigma))
 
     def reset(self, now_ns, rewound):
         self.awake = False                              # the next step starts from where things are now

@@ -30,7 +30,7 @@ class GroundTruth(Plugin):
         namespace = spec.spec.find("robotNamespace") or ""
         self._frame, self._child_frame = ctx.frame(frame, namespace), body
         covariance = [0.0] * 36
-        covariance[::7] = [self._sigma ** 2] * 6
+        covariance[::7] = [self._sigma * self._sigma] * 6
         self._covariance = covariance
         self._port = ctx.advertise(topic, Odometry, namespace=namespace)
 

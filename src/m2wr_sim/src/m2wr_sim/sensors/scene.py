@@ -204,7 +204,7 @@ def _pack(geometry):
         kind, values = CYLINDER, (float(geometry.radius), float(geometry.radius), 0.5 * float(geometry.length))
         radius = math.hypot(values[0], values[2])
     elif isinstance(geometry, Plane):
-        length = math.sqrt(sum(float(value) ** 2 for value in geometry.normal))
+        length = math.hypot(*map(float, geometry.normal))
         if not 0.0 < length < math.inf:
             raise ValueError("plane normal %r: expected a finite vector that is not zero" % (geometry.normal,))
         return PLANE, math.inf, tuple(value / length for value in geometry.normal)
