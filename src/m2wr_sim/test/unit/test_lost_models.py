@@ -1,6 +1,7 @@
 """A model that is thrown out of the world is removed and named, and the rest of the simulation goes on."""
 import math
 
+import numpy as np
 import pytest
 from conftest import at
 from geometry_msgs.msg import Twist
@@ -61,6 +62,8 @@ def test_those_who_ask_in_the_same_moment_get_an_answer(rig):
     model = rig.simulator.models["m2wr"]
     joint = model.handle.joints["joint_left_wheel"]
     rig.engine.feel_joint(joint)
+    poses = np.zeros((1, 7))
+    look = rig.engine.pose_reader([(model.root, at())], poses)     # as a laser does
     throw(rig, "m2wr")
     with pytest.raises(LostError) as caught:
         rig.engine.step(7)
@@ -70,6 +73,8 @@ def test_those_who_ask_in_the_same_moment_get_an_answer(rig):
     rig.engine.add_joint_force(joint, 1.0)
     rig.engine.add_link_force(model.root, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     rig.engine.step(6)
+    look()
+    assert np.isfinite(poses).all()
     state = rig.engine.link_state(model.root)
     assert state.position == pytest.approx((0.0, 0.0, 0.1)) and state.linear_velocity == (0.0, 0.0, 0.0)
     assert (rig.engine.joint_angle(joint), rig.engine.joint_rate(joint)) == (0.0, 0.0)
@@ -77,6 +82,14 @@ def test_those_who_ask_in_the_same_moment_get_an_answer(rig):
     rig.engine.remove_model(model.handle)
     rig.engine.step(1)
     del rig.simulator.models["m2wr"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_velocity_that_is_not_finite_is_refused(rig, value):
+    for linear, angular in (((0.0, value, 0.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), (value, 0.0, 0.0))):
+        with pytest.raises(ModelError, match="crate::link; expected finite numbers"):
+            rig.engine.set_link_velocity(rig.simulator.models["crate"].root, linear, angular)
+    rig.run(0.01)
 
 
 def test_a_push_on_what_is_lost_ends_with_it(rig):

@@ -9,6 +9,7 @@ from conftest import at, box
 from m2wr_sim.control.planar import twist_between, world_velocity
 from m2wr_sim.geometry import yaw_of
 from m2wr_sim.model.types import PluginSpec, Surface
+from m2wr_sim.runtime import changes
 
 
 def twist(x=0.0, y=0.0, turn=0.0):
@@ -38,6 +39,17 @@ def test_it_moves_along_its_own_axes(make, command, expected):
     position, turn = rig.run(2.0).pose("puck")
     assert position[:2] == pytest.approx([2.0 * value for value in expected], abs=2e-3)
     assert yaw_of(turn) == pytest.approx(0.5 * math.pi, abs=1e-3)
+
+
+def test_a_centre_of_mass_that_is_stored_only_does_not_move_it(make):
+    """set_link_properties stores what does not act yet, as Gazebo does: 1e308 m here."""
+    rig = make()
+    model = rig.simulator.models["puck"]
+    inertial = replace(model.record.links[0].inertial, pose=((0.0, -1.7e308, 0.0), (0.0, 0.0, 0.0, 1.0)))
+    changes.set_link_properties(rig.simulator, model, "link", True, inertial, solve=False)
+    rig.ports.send("/cmd_vel", twist(0.5, 0.0, 1.0))
+    expected = 0.5 * math.sin(2.0), 0.5 * (1.0 - math.cos(2.0))
+    assert rig.run(2.0).pose("puck")[0][:2] == pytest.approx(expected, abs=0.01)
 
 
 def test_it_follows_a_circle(make):

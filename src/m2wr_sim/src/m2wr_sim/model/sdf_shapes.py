@@ -197,7 +197,7 @@ def _moments(tensor):
 
 
 def inertial_moments(inertial):
-    """Return the three principal moments of an Inertial [kg m^2], the least first; nan for a tensor that is not finite."""
+    """Return the three principal moments of an Inertial [kg m^2], the least first; nan if the tensor is not finite."""
     return _moments(tuple(inertial.inertia))
 
 

@@ -137,7 +137,10 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def set_link_velocity(self, link, linear, angular):
-        """Set the velocity of a link's centre of mass and its angular velocity; nothing happens to a static link."""
+        """Set the velocity of a link's centre of mass and its angular velocity; nothing happens to a static link.
+
+        Raises ModelError where a number is not finite: ODE would end the process.
+        """
 
     @abc.abstractmethod
     def joint_angle(self, joint):

@@ -400,7 +400,10 @@ class NativeEngine(PyodeEngine):
         def read():
             nonlocal makeup
             if makeup != self._makeup:          # a handle must not be used once its body may be gone
-                table[:, 0] = [self._handles[self._links[link]] for link, _ in parts]
+                handles = [self._handles.get(self._links[link]) for link, _ in parts]
+                if None in handles:             # its model is lost, and about to be deleted: the last poses stay
+                    return
+                table[:, 0] = handles
                 shifts[:] = [self._links[link].com for link, _ in parts]
                 makeup = self._makeup
             read_poses(table, poses)

@@ -448,6 +448,9 @@ class PyodeEngine(Engine):
         return list(itertools.takewhile(lambda link: self._placed[link] > version, reversed(self._placed)))
 
     def set_link_velocity(self, link, linear, angular):
+        if not math.isfinite(sum(linear) + sum(angular)):       # ODE would end the process
+            raise ModelError("velocity %s m/s, %s rad/s of %s; expected finite numbers" % (
+                tuple(linear), tuple(angular), self._links[link].name))
         body = self._links[link].body
         if body is not None:
             body.setLinearVel(tuple(linear))

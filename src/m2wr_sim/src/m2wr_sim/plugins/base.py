@@ -219,7 +219,7 @@ class PluginContext(abc.ABC):
 
     @abc.abstractmethod
     def link_record(self, name):
-        """Return the :class:`~m2wr_sim.model.types.Link` of that name."""
+        """Return the :class:`~m2wr_sim.model.types.Link` of that name, with the mass and inertia that act."""
 
     @abc.abstractmethod
     def collision_name(self, name):

@@ -149,8 +149,7 @@ class LinkApi:
         if self._as_gazebo:
             force, torque = wrench_as_gazebo(pose, frame, *wrench)
         else:
-            record = next(link for link in model.record.links if link.name == name)
-            force, torque = wrench_in_world(pose, record.inertial.pose[0], frame, *wrench)
+            force, torque = wrench_in_world(pose, model.acting_inertial(name).pose[0], frame, *wrench)
         try:
             self._forces.push_link(model, name, force, torque, request.start_time.to_nsec(), request.duration.to_nsec())
         except ModelError as error:

@@ -1,6 +1,7 @@
 """What the simulator hands to each plugin: its model, the physics, its own randomness, and the ports to outside."""
 import logging
 import zlib
+from dataclasses import replace
 
 import numpy as np
 
@@ -92,7 +93,7 @@ class ModelContext(PluginContext):
     def link_record(self, name):
         self.link(name)
         name = self._own(self._model.handle.links, name)
-        return next(link for link in self._model.record.links if link.name == name)
+        return replace(self._model.link_record(name), inertial=self._model.acting_inertial(name))
 
     def collision_name(self, name):
         return "%s::%s::%s" % (self._model.name, self._sensor_link_name, name)
@@ -103,7 +104,7 @@ class ModelContext(PluginContext):
         turning = engine.link_state(self._model.root).angular_velocity
         for record in self._model.record.links:
             state = engine.link_state(links[record.name])
-            centre = compose((state.position, state.orientation), record.inertial.pose)[0]
+            centre = compose((state.position, state.orientation), self._model.acting_inertial(record.name).pose)[0]
             carried = cross(angular, tuple(a - b for a, b in zip(centre, origin)))
             engine.set_link_velocity(
                 links[record.name], tuple(a + b for a, b in zip(linear, carried)),
