@@ -42,6 +42,18 @@ def test_a_newcomer_that_is_silent_or_says_half_keeps_nobody_out(server):
         connection.close()
 
 
+def test_twenty_clients_may_wait_to_be_accepted(server):
+    """A full queue makes the kernel drop the SYN, which comes again after 1 s."""
+    server.server_sock.close()
+    listening = server.server_sock = socket.socket()
+    listening.bind(("127.0.0.1", 0))
+    listening.listen(5)                                 # as rospy does; nobody accepts
+    accept_side_by_side(server)
+    waiting = [socket.create_connection(listening.getsockname(), timeout=0.5) for _ in range(20)]
+    for connection in waiting + [listening]:
+        connection.close()
+
+
 def test_the_silent_one_is_heard_when_it_speaks(server):
     accept_side_by_side(server)
     late = connect(server)
