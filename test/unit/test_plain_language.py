@@ -30,7 +30,7 @@ RULED_OUT = glossary()
 
 
 def pattern(words):
-    """Return a regular expression that finds words, also as a part of names such as ``crowd_size`` and ``CrowdSize``."""
+    """Return a regular expression that finds words, in names such as ``crowd_size`` and ``CrowdSize`` too."""
     either = "|".join(r"[\s_]+".join(map(re.escape, word.split())) for word in sorted(words, key=len, reverse=True))
     camel = "|".join("".join(part.capitalize() for part in word.split()) for word in words)
     return re.compile(r"(?<![A-Za-z])(?i:%s)(?![a-z])|(?<=[a-z])(?:%s)(?![a-z])" % (either, camel))
@@ -65,7 +65,8 @@ def uses(path, text):
     for number, line in enumerate([os.path.basename(path)] + text.splitlines()):
         for match in PATTERN.finditer(line):
             word = re.sub(r"[\s_]+", " ", match.group(0)).lower()
-            found.append("%s:%d: %r; write %r" % (path, number, match.group(0), RULED_OUT.get(word, "see the glossary")))
+            found.append("%s:%d: %r; write %r" % (path, number, match.group(0),
+                                                  RULED_OUT.get(word, "see the glossary")))
     return found
 
 
