@@ -31,7 +31,7 @@ def _note_interrupts():
         lines, inner = ["Stack (most recent call first):"], frame
         while inner is not None:
             lines.append('  File "%s", line %d in %s' % (
-                inner.f_code.co_filename, inner.f_lineno, inner.f_code.co_name))
+                inner.f_code.co_filename, inner.f_lineno or 0, inner.f_code.co_name))    # None where none is known
             inner = inner.f_back
         os.write(2, ("\n".join(lines) + "\n").encode())
         signal.default_int_handler(number, frame)
