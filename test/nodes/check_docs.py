@@ -12,10 +12,10 @@ import rospy
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from check_launch_errors import free_port  # noqa: E402
 from doc_terminals import run_document  # noqa: E402
-from documents import COURSE, READMES, ROOT, blocks, documents  # noqa: E402
+from documents import COURSE, GUIDES, READMES, ROOT, blocks, documents  # noqa: E402
 from sim_probe import run_checks  # noqa: E402
 
-SETS = {"course": COURSE, "readmes": READMES}
+SETS = {"course": COURSE, "readmes": GUIDES + READMES}
 SEEN_FROM_THE_ROOT = ("devel", "docs", "src", "test", "tools", "Makefile")
 
 

@@ -28,6 +28,12 @@ def anchors(text):
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
+def test_every_page_below_docs_is_a_document():
+    pages = {os.path.relpath(os.path.join(folder, name), ROOT)
+             for folder, _, names in os.walk(os.path.join(ROOT, "docs")) for name in names if name.endswith(".md")}
+    assert pages <= set(documents())
+
+
 @pytest.mark.parametrize("path", documents())
 def test_every_block_is_run_or_names_only_what_exists(path):
     problems = []
