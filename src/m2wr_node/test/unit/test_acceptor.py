@@ -54,6 +54,11 @@ def test_twenty_clients_may_wait_to_be_accepted(server):
         connection.close()
 
 
+def test_a_server_that_a_shutdown_has_closed_is_no_error(server):
+    server.server_sock.close()
+    assert accept_side_by_side(server)
+
+
 def test_the_silent_one_is_heard_when_it_speaks(server):
     accept_side_by_side(server)
     late = connect(server)

@@ -42,7 +42,10 @@ def accept_side_by_side(server=None):
 
     server.inbound_handler = take_in
     if getattr(server, "server_sock", None) is not None:
-        server.server_sock.listen(_BACKLOG)
+        try:
+            server.server_sock.listen(_BACKLOG)
+        except OSError:         # a shutdown on another thread has closed it
+            pass
     return True
 
 
