@@ -341,7 +341,7 @@ copy_checkout() {
             done) | tar -C "$WORKSPACE" --null --files-from=- -cf - | tar -C "$1" --no-same-owner -xf -
     else
         tar -C "$WORKSPACE" --exclude=./build --exclude=./catkin_build --exclude=./devel --exclude=./install \
-            --exclude=./logs --exclude=./.venv --exclude=__pycache__ -cf - . | tar -C "$1" --no-same-owner -xf -
+            --exclude=./logs --exclude='./.venv*' --exclude=__pycache__ -cf - . | tar -C "$1" --no-same-owner -xf -
     fi
 }
 

@@ -14,10 +14,11 @@ import time
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test", "nodes"))
+from PIL import Image  # noqa: E402
+
 from check_docs import environment, work_folder  # noqa: E402
 from doc_terminals import run_document  # noqa: E402
 from documents import blocks, documents  # noqa: E402
-from PIL import Image  # noqa: E402
 
 IMAGES = os.path.join(ROOT, "docs", "images")
 SMALL = 190000          # bytes; above it a PNG gets a palette

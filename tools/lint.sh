@@ -2,7 +2,10 @@
 # Static checks of the whole workspace: a warning is an error. Every check runs, then the exit code tells.
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+# shellcheck source=tools/venv.sh
+source "$WORKSPACE/tools/venv.sh"
 
+make_venv "$LINT_VENV" "$WORKSPACE/tools/requirements-lint.txt"
 enter_run_environment
 cd "$WORKSPACE"
 failed=()
@@ -16,7 +19,7 @@ check() {
 
 # Files of the workspace, without what builds have written; arguments are find's tests.
 sources() {
-    find . \( -name .git -o -name .venv -o -name build -o -name catkin_build -o -name devel -o -name 'install*' \
+    find . \( -name .git -o -name '.venv*' -o -name build -o -name catkin_build -o -name devel -o -name 'install*' \
         -o -name logs -o -name test_results -o -name demo_output -o -name __pycache__ -o -name .pytest_cache \) -prune \
         -o -type f "$@" -print0
 }
@@ -52,6 +55,11 @@ lint_python() {
     "$PYTHON" -m flake8 . "${scripts[@]}"
 }
 
+# Import order, frequent mistakes, docstrings: rules and exceptions in ruff.toml.
+lint_ruff() {
+    "$LINT_VENV/bin/ruff" check --quiet .
+}
+
 lint_catkin() {
     mapfile -t packages < <(find src dropin test -path test/data -prune -o -name package.xml -printf '%h\n' | sort)
     catkin_lint --config tools/catkin_lint.ini "${packages[@]}"
@@ -64,6 +72,7 @@ lint_structure() {
 
 check catkin_lint lint_catkin
 check flake8 lint_python
+check ruff lint_ruff
 check XML lint_xml
 check shell lint_shell
 check structure lint_structure

@@ -2,6 +2,8 @@
 # Brings a bare machine to a built workspace: system packages, workspace venv, build. A second run changes nothing.
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+# shellcheck source=tools/venv.sh
+source "$WORKSPACE/tools/venv.sh"
 
 # Runs a command as root: directly, or through sudo, or not at all with a sentence that says what is missing.
 as_root() {
@@ -69,35 +71,9 @@ install_noetic_packages() {
     printf '%s' "$now" > "$stamp"
 }
 
-# True when every pinned distribution is installed in the venv in exactly its version.
-venv_is_current() {
-    [ -x "$VENV/bin/python" ] && pins "$1" | "$VENV/bin/python" -c '
-import sys
-try:
-    from importlib.metadata import PackageNotFoundError, version
-except ImportError:
-    sys.exit(1)
-for line in sys.stdin:
-    name, _, pinned = line.strip().partition("==")
-    try:
-        if version(name) != pinned:
-            sys.exit(1)
-    except PackageNotFoundError:
-        sys.exit(1)
-'
-}
-
 install_venv() {
     local requirements=$WORKSPACE/tools/$1 modules=$2
-    if venv_is_current "$requirements"; then
-        say "workspace venv: up to date"
-    else
-        say "workspace venv: $VENV from $requirements"
-        "$PYTHON" -m venv --clear --system-site-packages "$VENV"
-        # without dependencies: pip must not put a second numpy, lxml or yaml over those of the system
-        "$VENV/bin/python" -m pip --disable-pip-version-check install --quiet --no-deps --require-hashes --retries 5 \
-            -r "$requirements"
-    fi
+    make_venv "$VENV" "$requirements" --system-site-packages
     "$VENV/bin/python" -c "import $modules" ||
         die "the packages of $requirements are installed in $VENV but cannot be imported (see above);" \
             "remove $VENV and run make setup again."

@@ -6,7 +6,7 @@ import signal
 import time
 from dataclasses import dataclass, field
 
-from fault_run import Later, PATIENCE, wait_until
+from fault_run import PATIENCE, Later, wait_until
 
 DRIVING = "state changed: Go to point"
 BUG2 = ["m2wr_sim", "bug2.launch", "gui:=false", "record:=run.bag"]

@@ -175,7 +175,7 @@ class FaultRun:
                            PASSED_OVER)
             except AssertionError:
                 raise AssertionError("goes on after %d interrupts, the last at %.3f s:\n%s" % (
-                    sent, again - LOST, self.text))
+                    sent, again - LOST, self.text)) from None
         return run.wait(LAST_PATIENCE)
 
     def interrupts_lost(self):

@@ -4,12 +4,12 @@
 """
 import os
 
-import m2wr_node
-import m2wr_sim.doctor
 import pytest
 import roslaunch.config
 import rospkg
 
+import m2wr_node
+import m2wr_sim.doctor
 from fault_cases import CASES, LAUNCH_FILES
 from fault_run import FaultRun, interrupt_at, moments, refused
 from tracebacks import foreign_tracebacks, interrupts_lost

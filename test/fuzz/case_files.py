@@ -39,7 +39,7 @@ def read_case(path):
         with open(path, encoding="ascii") as stream:
             return _value(json.loads(stream.read(MOST_BYTES)))
     except (OSError, ValueError, RecursionError) as error:
-        raise CaseError("%s: %s; expected a case as the fuzzer writes it" % (path, error))
+        raise CaseError("%s: %s; expected a case as the fuzzer writes it" % (path, error)) from error
 
 
 def _plain(value):
@@ -74,5 +74,5 @@ def _value(plain):
         if kind == "float":
             return _FLOATS[content]
     except (TypeError, KeyError, binascii.Error) as error:
-        raise ValueError("%s in a \"%s\"" % (error, kind))
+        raise ValueError("%s in a \"%s\"" % (error, kind)) from error
     raise ValueError("an object with the keys %s" % ", ".join(sorted(plain)))

@@ -134,6 +134,7 @@ class Spawn(Target):
 
     def prepare(self):
         import rospy
+
         import worlds
         from m2wr_sim.errors import SimError
         from m2wr_sim.ros.spawning import Spawner

@@ -294,6 +294,7 @@ class TourFile(Target):
 
     def prepare(self):
         import yaml
+
         from motion_plan.tour import Tour, TourError
         self.yaml, self.tour, self.foreseen = yaml, Tour, (TourError, yaml.YAMLError)
         self.text = corpus("*.tour")[0]

@@ -102,6 +102,7 @@ class StateFile(Target):
 
     def prepare(self):
         import numpy as np
+
         from m2wr_gmapping import state
         from m2wr_gmapping.config import GmappingConfig
         from m2wr_gmapping.mapper import Mapper

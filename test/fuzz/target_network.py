@@ -71,7 +71,7 @@ class Graph:
                 break
             except (OSError, Wrong, xmlrpc.client.Error):
                 if time.monotonic() > deadline:
-                    raise Wrong("the nodes did not start within %g s" % START)
+                    raise Wrong("the nodes did not start within %g s" % START) from None
                 time.sleep(0.2)
         self.pids = {node: xmlrpc.client.ServerProxy(uri).getPid(_ME)[2] for node, uri in self.addresses.items()}
         self._clock = wire.Listener(self.uri, "/clock", "/gazebo", self._tick, _ME)
@@ -110,7 +110,7 @@ class Graph:
                     size = int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
                 threads, descriptors = len(os.listdir("/proc/%d/task" % pid)), len(os.listdir("/proc/%d/fd" % pid))
             except (OSError, IndexError):
-                raise Wrong("%s has died" % node)
+                raise Wrong("%s has died" % node) from None
             if size > MOST_MEMORY or threads > MOST_THREADS or descriptors > MOST_DESCRIPTORS:
                 raise Wrong("%s has %d MB, %d threads, %d descriptors" % (node, size >> 20, threads, descriptors))
 
@@ -143,9 +143,10 @@ class Network(Target):
     name, weight, dear = "network", 3.0, 10.0
 
     def prepare(self):
+        import roslib.message
+
         from gazebo_msgs import srv  # noqa: F401 (so that workers need not)
         from m2wr_sim.ros.api_table import SERVICES
-        import roslib.message
         from messages import Filler
         from target_documents import corpus
         self.filler = Filler(lambda _: ("", "world", "cart", "cart::base", "jl", "crate", "crate::link", "sun"), 0.2)

@@ -53,6 +53,7 @@ class Services(Target):
 
     def prepare(self):
         import rospy
+
         import worlds
         from m2wr_sim.errors import SimError
         from m2wr_sim.ros import gazebo_api

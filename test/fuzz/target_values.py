@@ -15,6 +15,7 @@ class Parameters(Target):
 
     def prepare(self):
         from dataclasses import fields
+
         from m2wr_gmapping.config import ConfigError, GmappingConfig
         from m2wr_sim.errors import SimError
         from m2wr_sim.ros.params import NodeConfig, read_config

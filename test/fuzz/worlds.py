@@ -3,6 +3,8 @@ import io
 import math
 
 from geometry_msgs.msg import Twist
+
+from harness import Wrong
 from m2wr_sim.model.sdf import load_world  # noqa: F401 (also for targets)
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
@@ -10,8 +12,6 @@ from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.runtime.ports import LocalPort, LocalPorts
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
-
-from harness import Wrong
 
 EMPTY = """<sdf version="1.6"><world name="default"><model name="ground_plane"><static>1</static><link name="link">
 <collision name="c"><geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link>

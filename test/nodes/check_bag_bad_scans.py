@@ -9,11 +9,12 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from gazebo_msgs.srv import SetModelState, SetModelStateResponse
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
+
+from gazebo_msgs.srv import SetModelState, SetModelStateResponse
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from bag_player import ODOM, SCAN, TURN_NS, Player  # noqa: E402

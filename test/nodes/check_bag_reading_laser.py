@@ -10,9 +10,9 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(sys.path[0]), "scripts"))
+import report_rules  # noqa: E402
 from bag_player import SCAN, Fixture, Player  # noqa: E402
 from graph_wait import wait_until  # noqa: E402
-import report_rules  # noqa: E402
 
 
 class ReadingLaser(unittest.TestCase):

@@ -10,8 +10,8 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(sys.path[0]), "scripts"))
-from bag_player import ODOM, SCAN, Fixture, Player  # noqa: E402
 import plane_geometry  # noqa: E402
+from bag_player import ODOM, SCAN, Fixture, Player  # noqa: E402
 
 SWITCH = "/wall_follower_switch"
 #: A wall is held from 1.35 m of the axle on; farther away than this [m] the guard has nothing to do.

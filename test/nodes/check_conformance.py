@@ -9,11 +9,12 @@ import sys
 import unittest
 
 import rospy
-from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
 from geometry_msgs.msg import Point, Twist, Vector3, Wrench
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan
+
+from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, data_text, make_pose, run_checks, wait_until, xyz, yaw_of  # noqa: E402

@@ -9,13 +9,24 @@ from concurrent.futures import ThreadPoolExecutor
 import rosgraph
 import rospy
 from geometry_msgs.msg import Pose
-from gazebo_ros import gazebo_interface
 from rosgraph_msgs.msg import Clock
+
+from gazebo_ros import gazebo_interface
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from launch_runs import QUIET, Launched, foreign_environment, names_of_nodes  # noqa: E402
-from sim_probe import (Recorder, Running, Simulation, data_path, data_text, make_pose, program,  # noqa: E402
-                       run_checks, run_program, wait_until)
+from sim_probe import (  # noqa: E402
+    Recorder,
+    Running,
+    Simulation,
+    data_path,
+    data_text,
+    make_pose,
+    program,
+    run_checks,
+    run_program,
+    wait_until,
+)
 
 WORLDS = (      # launch file, models that must be there
     ("shapes_world.launch", ["static_box", "static_cylinder", "static_sphere"]),

@@ -11,8 +11,8 @@ import rosbag
 import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import PATIENCE, Running, Simulation, marked, program, run_checks, wait_until  # noqa: E402
 from check_launch_errors import free_port  # noqa: E402
+from sim_probe import PATIENCE, Running, Simulation, marked, program, run_checks, wait_until  # noqa: E402
 
 NODE = ("m2wr_sim", "m2wr_sim_node")
 PUPPET = ("m2wr_test", "lockstep_puppet.py")

@@ -7,6 +7,7 @@ import time
 import unittest
 
 import rospy
+
 from gazebo_msgs.msg import LinkState, ModelState
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))

@@ -9,11 +9,12 @@ from collections import Counter
 import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
-from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan
 from tf2_msgs.msg import TFMessage
+
+from gazebo_msgs.msg import ModelState
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, make_pose, run_checks, seconds_of, wait_until  # noqa: E402

@@ -12,15 +12,24 @@ import numpy as np
 import rosbag
 import rosgraph
 import rospy
-from gazebo_msgs.msg import ModelState
 from PIL import Image as Picture
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
+from gazebo_msgs.msg import ModelState
+
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from check_launch_errors import free_port  # noqa: E402
-from sim_probe import (Recorder, Running, Simulation, make_pose, program, run_checks, run_program,  # noqa: E402
-                       wait_until)
+from sim_probe import (  # noqa: E402
+    Recorder,
+    Running,
+    Simulation,
+    make_pose,
+    program,
+    run_checks,
+    run_program,
+    wait_until,
+)
 
 OBSTACLE, ROBOT = (0x90, 0x90, 0x90), (0xD5, 0x5E, 0x00)
 CRATE = """<sdf version="1.6"><model name="crate"><static>1</static><link name="link"><collision name="c"><geometry>

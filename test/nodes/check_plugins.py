@@ -7,11 +7,12 @@ import unittest
 
 import rospy
 import tf2_ros
-from gazebo_msgs.msg import ContactsState
 from geometry_msgs.msg import Twist, Vector3, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu, Range
 from std_srvs.srv import Empty
+
+from gazebo_msgs.msg import ContactsState
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import PATIENCE, Recorder, Simulation, run_checks, seconds_of, wait_until, xyz  # noqa: E402

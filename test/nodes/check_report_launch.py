@@ -16,8 +16,18 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import (PATIENCE, Recorder, Simulation, end_marked, marked_environment, program,  # noqa: E402
-                       run_checks, run_program, wait_until, yaw_of)
+from sim_probe import (  # noqa: E402
+    PATIENCE,
+    Recorder,
+    Simulation,
+    end_marked,
+    marked_environment,
+    program,
+    run_checks,
+    run_program,
+    wait_until,
+    yaw_of,
+)
 
 TURN = 0.5      # rad/s
 KEYBOARD = ("teleop_twist_keyboard", "teleop_twist_keyboard.py")

@@ -14,7 +14,6 @@ from xmlrpc.client import ServerProxy
 import numpy as np
 import rosgraph
 import rospy
-from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from PIL import Image
@@ -22,9 +21,20 @@ from rosgraph_msgs.msg import Log
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from gazebo_msgs.msg import ModelState
+
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import (Recorder, Running, Simulation, make_pose, program, run_checks, run_program,  # noqa: E402
-                       wait_until, xyz)
+from sim_probe import (  # noqa: E402
+    Recorder,
+    Running,
+    Simulation,
+    make_pose,
+    program,
+    run_checks,
+    run_program,
+    wait_until,
+    xyz,
+)
 
 #: Colours as they come out: those of flat things are exact, the free and the unknown of a map are rviz's own.
 SCAN, LINE, WALL_TEXT, PATH = (214, 30, 30), (79, 79, 79), (214, 94, 0), (0, 114, 178)

@@ -7,10 +7,11 @@ import unittest
 
 import rospy
 from dynamic_reconfigure.client import Client
-from gazebo_msgs.msg import LinkState, ODEJointProperties, PerformanceMetrics
-from gazebo_msgs.srv import SetPhysicsPropertiesRequest
 from geometry_msgs.msg import Point, Twist, Vector3, Wrench
 from sensor_msgs.msg import LaserScan
+
+from gazebo_msgs.msg import LinkState, ODEJointProperties, PerformanceMetrics
+from gazebo_msgs.srv import SetPhysicsPropertiesRequest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, data_text, make_pose, run_checks, wait_until, xyz  # noqa: E402

@@ -15,9 +15,8 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import (Recorder, Running, Simulation, marked, program, run_checks,  # noqa: E402
-                       run_program, wait_until)
 from check_launch_errors import free_port  # noqa: E402
+from sim_probe import Recorder, Running, Simulation, marked, program, run_checks, run_program, wait_until  # noqa: E402
 
 RECORDED = {"/clock", "/odom", "/tf", "/m2wr/laser/scan", "/cmd_vel"}
 PROGRESS = "distance to line"

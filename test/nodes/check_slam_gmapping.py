@@ -12,8 +12,8 @@ import unittest
 import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
-from dynamic_reconfigure.srv import Reconfigure
 from dynamic_reconfigure.msg import Config, DoubleParameter
+from dynamic_reconfigure.srv import Reconfigure
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 from nav_msgs.srv import GetMap
@@ -21,10 +21,8 @@ from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from mapping_robot import (ROOM, Mapping, Robot, about_z, plane_geometry, walls_apart, whole_bag,  # noqa: E402
-                           xyt)
-from sim_probe import (PATIENCE, Recorder, Running, data_path, program, run_checks, run_program,  # noqa: E402
-                       wait_until)
+from mapping_robot import ROOM, Mapping, Robot, about_z, plane_geometry, walls_apart, whole_bag, xyt  # noqa: E402
+from sim_probe import PATIENCE, Recorder, Running, data_path, program, run_checks, run_program, wait_until  # noqa: E402
 
 SMALL = ["_xmin:=-1", "_xmax:=1", "_ymin:=-1", "_ymax:=1", "_particles:=15", "_maxUrange:=9.9",
          "_maxRange:=9.95"]

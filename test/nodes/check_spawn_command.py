@@ -12,8 +12,18 @@ import rospy
 from sensor_msgs.msg import JointState
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import (Recorder, Running, Simulation, data_path, data_text, program, run_checks,  # noqa: E402
-                       run_program, wait_until, xyz)
+from sim_probe import (  # noqa: E402
+    Recorder,
+    Running,
+    Simulation,
+    data_path,
+    data_text,
+    program,
+    run_checks,
+    run_program,
+    wait_until,
+    xyz,
+)
 
 SIDE_BY_SIDE = 2
 ROBOT = ["-urdf", "-param", "robot_description", "-model"]

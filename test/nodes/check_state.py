@@ -6,11 +6,12 @@ import sys
 import unittest
 
 import rospy
-from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
-from gazebo_msgs.srv import GetModelState
 from geometry_msgs.msg import Pose, Twist, Vector3
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
+
+from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
+from gazebo_msgs.srv import GetModelState
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, data_text, make_pose, run_checks, wait_until, xyz, yaw_of  # noqa: E402

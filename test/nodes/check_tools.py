@@ -13,10 +13,11 @@ import unittest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped
+from sensor_msgs.msg import LaserScan
+
 from m2wr_sim.errors import SimError
 from m2wr_sim.ros import obstacle_commands
 from m2wr_sim.ros.obstacles import World
-from sensor_msgs.msg import LaserScan
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, program, run_checks, run_program, wait_until  # noqa: E402

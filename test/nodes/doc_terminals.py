@@ -9,6 +9,7 @@ import threading
 import time
 
 import rosgraph
+
 from doc_blocks import LIMIT
 from sim_probe import end_marked, marked_environment, wait_until
 

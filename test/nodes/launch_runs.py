@@ -3,6 +3,7 @@ import os
 
 import rosgraph
 import rospy
+
 from sim_probe import Running, Simulation, data_path, wait_until
 
 QUIET = {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
@@ -45,7 +46,7 @@ class Launched(Running):
             try:
                 models = simulation.models()
             except rospy.ROSException as error:         # what runs there should say why
-                raise AssertionError("%s: %s; it said\n%s" % (self.arguments, error, self.text))
+                raise AssertionError("%s: %s; it said\n%s" % (self.arguments, error, self.text)) from error
             return models if set(names) <= set(models) else None
 
         return wait_until(there, "models %s from %s" % (", ".join(names), self.arguments))

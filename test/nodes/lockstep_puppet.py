@@ -13,9 +13,8 @@ import threading
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan
-
 from rospy.impl.masterslave import ROSHandler
+from sensor_msgs.msg import LaserScan
 
 from m2wr_lockstep.controller import Controller
 

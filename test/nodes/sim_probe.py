@@ -12,9 +12,10 @@ import uuid
 import roslib.packages
 import rospy
 import rostest
-from gazebo_msgs import srv
 from geometry_msgs.msg import Pose
 from std_srvs.srv import Empty
+
+from gazebo_msgs import srv
 
 MARK = "M2WR_TEST_RUN"  # in the environment of every program a check starts, and of all that such a program starts
 PATIENCE = 60.0         # s of wall time; far above what is needed, because machines that test are slow
@@ -235,7 +236,7 @@ def run_program(arguments, text=None, environment=None, patience=PATIENCE):
                               env=environment)
     except subprocess.TimeoutExpired as error:
         raise AssertionError("%s did not end within %g s; it said\n%s\n%s"
-                             % (" ".join(arguments), patience, error.stdout, error.stderr))
+                             % (" ".join(arguments), patience, error.stdout, error.stderr)) from error
     finally:
         end_marked(mark)
 
@@ -281,7 +282,8 @@ class Running:
         try:
             self.process.wait(patience)
         except subprocess.TimeoutExpired:
-            raise AssertionError("%s did not end within %g s; it said\n%s" % (self.arguments, patience, self.text))
+            raise AssertionError("%s did not end within %g s; it said\n%s" % (
+                self.arguments, patience, self.text)) from None
         self._reader.join(PATIENCE)
         return self.process.returncode
 

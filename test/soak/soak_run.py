@@ -191,7 +191,7 @@ class Run:
                     try:
                         seen = look_at(pid)
                     except ProcessLookupError:
-                        raise SoakError("the %s has ended; see %s" % (name, self._nodes.log))
+                        raise SoakError("the %s has ended; see %s" % (name, self._nodes.log)) from None
                     self.samples[name].append(Sample(clock.total / 3600.0, clock.shift, clock.now, *seen))
             if clock.now >= self.shift_seconds and clock.total < self._seconds - 1.0:
                 shift = clock.shift

@@ -16,7 +16,7 @@ def look_at(pid):
             memory = int(stream.read().split()[1]) * _PAGE / 2.0 ** 20
         return memory, len(os.listdir("/proc/%d/fd" % pid)), len(os.listdir("/proc/%d/task" % pid))
     except (FileNotFoundError, IndexError):
-        raise ProcessLookupError("process %d is gone" % pid)
+        raise ProcessLookupError("process %d is gone" % pid) from None
 
 
 class Clock:

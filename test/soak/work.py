@@ -4,11 +4,12 @@ import threading
 import time
 
 import rospy
-from gazebo_msgs import srv
-from gazebo_msgs.msg import LinkState, ModelState
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, Wrench
 from nav_msgs.srv import GetMap
 from std_srvs.srv import Empty
+
+from gazebo_msgs import srv
+from gazebo_msgs.msg import LinkState, ModelState
 
 _POLL = 0.02                # s of wall time between two looks at the clock
 _CRATE = """<sdf version="1.6"><model name="crate"><link name="link"><inertial><mass>1</mass></inertial><collision

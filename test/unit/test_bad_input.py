@@ -2,8 +2,8 @@
 import os
 
 import pytest
-import workspace_tree as tree
 
+import workspace_tree as tree
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.sdf import load_world
 from m2wr_sim.model.urdf import load_urdf

@@ -6,9 +6,8 @@ import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "nodes"))
 import doc_commands  # noqa: E402
-from doc_blocks import DocumentError, blocks_of  # noqa: E402
-
 import workspace_tree as tree  # noqa: E402
+from doc_blocks import DocumentError, blocks_of  # noqa: E402
 
 
 def only(text):

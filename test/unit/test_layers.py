@@ -75,7 +75,7 @@ def is_standard(top):
     if top in sys.builtin_module_names:
         return True
     if hasattr(sys, "stdlib_module_names"):
-        return top in getattr(sys, "stdlib_module_names")
+        return top in getattr(sys, "stdlib_module_names")      # noqa: B009  (unknown to Python 3.8)
     spec = importlib.util.find_spec(top)
     origin = getattr(spec, "origin", None) or ""
     return spec is not None and (origin in ("built-in", "frozen") or (

@@ -3,7 +3,6 @@ import os
 import re
 
 import workspace_tree as tree
-
 from m2wr_gmapping import state_file, state_kinds
 from m2wr_sim.model import lenient_xml, mesh_files, mesh_shapes, safe_xml
 from m2wr_sim.ros import spawning

@@ -15,8 +15,8 @@ def tree(tmp_path):
     """Folders for worlds: where the user is, a resource folder, a package that exports one, the shipped ones."""
     for name in ('here', 'resources', 'packages/exporter/media', 'packages/gazebo_ros', 'packages/m2wr_sim'):
         (tmp_path / name / 'worlds').mkdir(parents=True)
-    export = '<export><gazebo_ros gazebo_media_path="${prefix}/none:${prefix}/media"/></export>'
-    for name, export in (('exporter', export), ('gazebo_ros', ''), ('m2wr_sim', '')):
+    media = '<export><gazebo_ros gazebo_media_path="${prefix}/none:${prefix}/media"/></export>'
+    for name, export in (('exporter', media), ('gazebo_ros', ''), ('m2wr_sim', '')):
         (tmp_path / 'packages' / name / 'package.xml').write_text(PACKAGE % (name, export))
     (tmp_path / 'packages' / 'broken').mkdir()
     (tmp_path / 'packages' / 'broken' / 'package.xml').write_text('<package><name>broken</name></package>')

@@ -6,7 +6,7 @@ would import that in place of the module.
 import os
 import signal
 import sys
-import xml.parsers.expat     # noqa: F401  the module catches its error without importing it
+import xml.parsers.expat  # noqa: F401  the module catches its error without importing it
 
 PACKAGE_DIR = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 

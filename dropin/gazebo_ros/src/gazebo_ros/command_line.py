@@ -122,7 +122,7 @@ def _apply(command, option, name, value):
         try:
             command.seed = int(value)
         except ValueError:
-            raise UsageError('option %s is "%s"; expected a whole number' % (name, value))
+            raise UsageError('option %s is "%s"; expected a whole number' % (name, value)) from None
         if command.seed < 0:
             raise UsageError('option %s is %s; expected at least 0' % (name, value))
     elif option.effect == 'engine':

@@ -2,6 +2,7 @@
 import time
 
 import rospy
+
 from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
 
 _SETTLING_TIME = 1.0        # s of wall time between a spawn and the joint positions, as clients have it from Gazebo

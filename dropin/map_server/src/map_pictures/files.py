@@ -57,7 +57,7 @@ def read_picture(path):
         pixels = read_pixels(path, lambda picture: "RGBA" if "A" in picture.getbands() or "transparency" in picture.info
                              else "RGB")
     except (OSError, MapInputError) as error:
-        raise _named(path, error)
+        raise _named(path, error) from error
     return pixels[..., :3].mean(axis=2), pixels[..., 3] if pixels.shape[2] == 4 else None
 
 
@@ -73,6 +73,6 @@ def read_map(path):
             ("occupied_thresh", 0.65), ("free_thresh", 0.196)))
         negate = yes(values, "negate")
     except (OSError, MapInputError) as error:
-        raise _named(path, error)
+        raise _named(path, error) from error
     grey, alpha = read_picture(os.path.join(os.path.dirname(os.path.abspath(path)), values["image"]))
     return SavedMap(cells(grey, alpha, negate, occupied, free, mode), resolution, origin)

@@ -6,8 +6,8 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 
 from m2wr_gmapping.ros.convert import ArrayGrid, ArrayMapAnswer, pose_message
-from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
 from m2wr_node.ros.starting import start_node
+from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
 
 USAGE = "usage: map_server MAP.yaml\n       map_server IMAGE RESOLUTION\n"
 

@@ -26,10 +26,10 @@ def _read(path):
             grey = np.asarray(opened.convert("L"))[::-1]
         resolution, origin = float(values["resolution"]), np.array(values["origin"][:2], float)
     except KeyError as error:
-        raise WorldError("the field %s is missing; expected the .yaml file that map_saver writes" % error)
+        raise WorldError("the field %s is missing; expected the .yaml file that map_saver writes" % error) from error
     except (OSError, TypeError, ValueError, yaml.YAMLError) as error:
         raise WorldError("the map cannot be read (%s); expected the .yaml file that map_saver writes, with its .pgm "
-                         "beside it" % error)
+                         "beside it" % error) from error
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 
 

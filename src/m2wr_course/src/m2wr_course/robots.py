@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from lxml import etree
+
 from m2wr_course.finding import Finding
 from m2wr_sim.api.loading import package_folder, read_robot
 from m2wr_sim.api.sim import Sim

@@ -142,7 +142,7 @@ class Controller:
         try:
             return self._take(request)
         except TurnError as error:
-            raise rospy.ServiceException(str(error))
+            raise rospy.ServiceException(str(error)) from error
         except Exception as error:
             self._error = error
             self._ended.set()

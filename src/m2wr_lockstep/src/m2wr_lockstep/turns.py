@@ -3,7 +3,6 @@ import threading
 import time
 from collections import deque, namedtuple
 
-
 #: Messages of each topic that are kept while nobody asks for turns.
 KEPT = 1000
 #: Wall seconds without a turn after which that is taken to be so.

@@ -1,12 +1,12 @@
 """The controller's turns as far as they need no master."""
 import threading
 
-import rospy
 import pytest
+import rospy
+from m2wr_lockstep.srv import TurnRequest
 
 from m2wr_lockstep import controller
 from m2wr_lockstep.controller import Controller
-from m2wr_lockstep.srv import TurnRequest
 
 
 @pytest.fixture

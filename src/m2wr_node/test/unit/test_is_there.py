@@ -2,8 +2,8 @@
 import threading
 from xmlrpc.server import SimpleXMLRPCServer
 
-import rosgraph
 import pytest
+import rosgraph
 
 from m2wr_node.ros import is_there
 

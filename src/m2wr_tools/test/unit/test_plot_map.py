@@ -1,17 +1,17 @@
 """Pictures of maps over their worlds."""
 import numpy as np
 import pytest
-from PIL import Image
-
 import rosbag
 import rospy
-from geometry_msgs.msg import Pose, Point, Quaternion, Vector3
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from PIL import Image
+from visualization_msgs.msg import Marker, MarkerArray
+
 from m2wr_gmapping import map_file
+from m2wr_gmapping.replay.map_reading import read_map
 from m2wr_tools.map_figure import command
 from m2wr_tools.map_figure.figure import map_figure
-from m2wr_gmapping.replay.map_reading import read_map
 from m2wr_view.outlines import Outline
-from visualization_msgs.msg import Marker, MarkerArray
 
 
 @pytest.fixture

@@ -21,10 +21,10 @@ def open_bag(path):
         with rosbag.Bag(path) as bag:
             yield bag
     except OSError as error:
-        raise ViewError("bag %s: %s; expected a readable bag file" % (path, error.strerror or error))
+        raise ViewError("bag %s: %s; expected a readable bag file" % (path, error.strerror or error)) from error
     except rosbag.ROSBagUnindexedException:
         raise ViewError("bag %s: it has no index, so it was not finished; expected a finished bag (try "
-                        "`rosbag reindex`)" % path)
+                        "`rosbag reindex`)" % path) from None
     except (ViewError, GeneratorExit):
         raise
     except Exception as error:      # damaged bytes come out as whatever the reader trips over first

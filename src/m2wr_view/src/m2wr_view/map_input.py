@@ -47,7 +47,7 @@ def read_values(path):
                 raise MapInputError("nested more than {} deep".format(MOST_DEPTH))
         values = yaml.load(text, Loader=yaml.BaseLoader)        # makes text, lists and tables of everything
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MapInputError("no YAML: {:.300}".format(" ".join(str(error).split())))
+        raise MapInputError("no YAML: {:.300}".format(" ".join(str(error).split()))) from error
     if not isinstance(values, dict) or not isinstance(values.get("image"), str) or not values["image"]:
         raise MapInputError("expected the keys image, resolution, origin, occupied_thresh, free_thresh, negate")
     return values
@@ -81,7 +81,7 @@ def origin_of(values, least=2):
     try:
         return tuple(number(origin, index) for index in range(len(origin))) + (0.0,) * (3 - len(origin))
     except MapInputError:
-        raise MapInputError("origin is {!r:.60}; expected three numbers [x, y, yaw]".format(origin))
+        raise MapInputError("origin is {!r:.60}; expected three numbers [x, y, yaw]".format(origin)) from None
 
 
 def read_pixels(path, modes):
@@ -111,4 +111,4 @@ def read_pixels(path, modes):
     except MapInputError:
         raise
     except Exception as error:          # whatever a broken file provokes in its decoder
-        raise MapInputError("cannot be read as a picture: {:.200}".format(str(error) or repr(error)))
+        raise MapInputError("cannot be read as a picture: {:.200}".format(str(error) or repr(error))) from error

@@ -11,8 +11,16 @@ import numpy as np
 from PIL import Image
 
 from m2wr_view.layout import Framing, Window, nice_step
-from m2wr_view.run_picture import (GOAL_COLOUR, HIT_COLOUR, LEAVE_COLOUR, LINE_COLOUR, OBSTACLE_COLOUR, OTHER_COLOUR,
-                                   OVERHANG_COLOUR, STATE_COLOURS)
+from m2wr_view.run_picture import (
+    GOAL_COLOUR,
+    HIT_COLOUR,
+    LEAVE_COLOUR,
+    LINE_COLOUR,
+    OBSTACLE_COLOUR,
+    OTHER_COLOUR,
+    OVERHANG_COLOUR,
+    STATE_COLOURS,
+)
 
 SCAN_COLOUR, ROBOT_COLOUR, MAP_COLOUR = "#56B4E9", "#D55E00", "#101010"
 GRID_COLOUR, TEXT_COLOUR, EDGE_COLOUR = "#E6E6E6", "#202020", "#606060"

@@ -49,7 +49,7 @@ def draw_figure(path, out, robot="m2wr"):
         figure.savefig(out, dpi=DOTS_PER_INCH)
     except OSError as error:
         raise ViewError("figure %s: %s; expected a file in a folder that can be written to"
-                        % (out, error.strerror or error))
+                        % (out, error.strerror or error)) from error
     return missing
 
 

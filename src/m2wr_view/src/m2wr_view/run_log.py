@@ -176,7 +176,7 @@ def _diagnosis(topics, robot, path):
         return int(touches), None if factor is None else float(factor)
     except ValueError:
         raise ViewError("bag %s: status \"%s\" on %s tells \"%s\" touches of %s and the mean real-time factor \"%s\"; "
-                        "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, touches, robot, factor))
+                        "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, touches, robot, factor)) from None
 
 
 def _pair(point):

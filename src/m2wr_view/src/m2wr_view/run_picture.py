@@ -51,7 +51,7 @@ def draw_run(log, obstacles, anything, summary, path):
         figure.savefig(os.fspath(path), format="png", dpi=DOTS_PER_INCH)
     except OSError as error:
         raise ViewError("picture %s: %s; expected a file in a folder that can be written to"
-                        % (path, error.strerror or error))
+                        % (path, error.strerror or error)) from error
 
 
 def run_figure(log, obstacles, anything, summary):

@@ -44,7 +44,7 @@ def read_config(text, origin):
         config = yaml.safe_load(text)
     except yaml.YAMLError as error:
         raise ViewError("rviz configuration %s: %s; expected YAML as rviz writes it"
-                        % (origin, " ".join(str(error).split())))
+                        % (origin, " ".join(str(error).split()))) from error
     if not isinstance(config, dict) or not isinstance(config.get("Visualization Manager"), dict):
         raise ViewError("rviz configuration %s: expected \"Visualization Manager\" in it, as rviz writes it" % origin)
     return config

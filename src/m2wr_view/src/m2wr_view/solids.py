@@ -6,7 +6,7 @@ import numpy as np
 
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import matrix_from_rpy, rotation_of
-from m2wr_view.outlines import (FLOOR, ROBOT_HEIGHT, box_outline, cylinder_outline, sphere_outline, triangle_outlines)
+from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, box_outline, cylinder_outline, sphere_outline, triangle_outlines
 
 _HIGH = float("inf")
 _CUBE, _SPHERE, _CYLINDER, _CUBES, _SPHERES, _TRIANGLES = 1, 2, 3, 6, 7, 11     # of visualization_msgs/Marker
@@ -118,7 +118,7 @@ def read_robot(text):
     try:
         robot = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise ViewError("robot_description: %s; expected a URDF, after xacro" % error)
+        raise ViewError("robot_description: %s; expected a URDF, after xacro" % error) from error
     links = {link.get("name"): link for link in robot.findall("link")}
     joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")
               if joint.find("child") is not None and joint.find("parent") is not None}
@@ -141,5 +141,5 @@ def read_robot(text):
                 outlines = [_seen(shape, mounts[name].dot(_origin(part)), name) for shape in shapes]
                 footprint += [outline for outline in outlines if outline is not None]
     except ValueError as error:
-        raise ViewError("robot_description: %s; expected numbers in origins and shapes" % error)
+        raise ViewError("robot_description: %s; expected numbers in origins and shapes" % error) from error
     return Robot(footprint, mounts, roots[0])

@@ -55,7 +55,7 @@ def write_whole(path, data):
     except OSError as error:
         if temporary is not None and os.path.exists(temporary):
             os.remove(temporary)
-        raise _refused("picture", path, error, "a folder that can be written to, on a disk with room")
+        raise _refused("picture", path, error, "a folder that can be written to, on a disk with room") from error
 
 
 def make_folder(path):
@@ -65,7 +65,7 @@ def make_folder(path):
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise _refused("folder", path, error, "a folder that can be made and written to")
+        raise _refused("folder", path, error, "a folder that can be made and written to") from error
 
 
 class PngSeries:
@@ -119,7 +119,7 @@ class Gif:
             self._stream.write(self._frame(image))
             self._stream.flush()
         except OSError as error:
-            raise self._failed(error)
+            raise self._failed(error) from error
         self._last = image
         self.count += 1
 
@@ -141,7 +141,7 @@ class Gif:
             with stream:
                 stream.write(b";")
         except OSError as error:
-            raise self._failed(error)
+            raise self._failed(error) from error
 
     def _failed(self, error):
         return _refused("animation", self.path, error, "a folder that can be written to, on a disk with room")
@@ -180,7 +180,7 @@ class Mp4:
                     stderr=self._said, stdout=subprocess.DEVNULL, start_new_session=True)    # Ctrl-C is ours alone
             self._process.stdin.write(image.tobytes())
         except OSError as error:
-            raise self._failed(error)
+            raise self._failed(error) from error
         self.count += 1
 
     def close(self):
@@ -203,7 +203,7 @@ class Mp4:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-            raise ViewError("film %s: ffmpeg did not end within %g s" % (self.path, FFMPEG_PATIENCE))
+            raise ViewError("film %s: ffmpeg did not end within %g s" % (self.path, FFMPEG_PATIENCE)) from None
         if code:
             raise self._failed("it ended with %d" % code)
 

@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 import pytest
-from conftest import URDF
 from visualization_msgs.msg import Marker
 
+from conftest import URDF
 from m2wr_view.layout import nice_step
 from m2wr_view.renderer import ROBOT_COLOUR, Renderer, rgb
 from m2wr_view.run_picture import GOAL_COLOUR, HIT_COLOUR, OBSTACLE_COLOUR, OVERHANG_COLOUR, STATE_COLOURS

@@ -3,8 +3,8 @@ import math
 
 import numpy as np
 import pytest
-from conftest import URDF
 
+from conftest import URDF
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import inverse, matrix_from_rpy
 

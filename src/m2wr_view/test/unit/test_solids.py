@@ -1,10 +1,10 @@
 """Markers and descriptions as outlines."""
 import numpy as np
 import pytest
-from conftest import URDF
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker
 
+from conftest import URDF
 from m2wr_view.errors import ViewError
 from m2wr_view.solids import Solids, marker_outlines, read_robot
 

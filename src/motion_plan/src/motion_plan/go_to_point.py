@@ -37,7 +37,8 @@ class GoToPoint:
 
     def restart(self):
         """Begin with state 0, as when the behaviour is switched on: a command left over from state 1 would drive the
-        robot before it has turned to the goal."""
+        robot before it has turned to the goal.
+        """
         self.state = State.FIX_YAW
 
     def change_state(self, state):

@@ -5,20 +5,29 @@ import threading
 import time
 
 import rospy
-from gazebo_msgs.msg import ModelState
-from gazebo_msgs.srv import GetWorldProperties, SetModelState
 from geometry_msgs.msg import PointStamped, PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import GetWorldProperties, SetModelState
 from motion_plan.bug2 import STATE_DESCRIPTIONS, Bug2, State
 from motion_plan.ros_bug2_markers import Bug2Markers
 from motion_plan.ros_diagnostics import Diagnostics, Report
 from motion_plan.ros_poses import PoseError, planar_in
-from motion_plan.ros_support import (SCAN_TOPIC, NodeError, Senses, choose_rhythm, optional_number, required_number,
-                                     run_node, wait_for_clock, wait_while)
+from motion_plan.ros_support import (
+    SCAN_TOPIC,
+    NodeError,
+    Senses,
+    choose_rhythm,
+    optional_number,
+    required_number,
+    run_node,
+    wait_for_clock,
+    wait_while,
+)
 
 LAUNCH_FILE = 'bug2.launch'
 SWITCHES = ('/go_to_point_switch', '/wall_follower_switch')
@@ -104,7 +113,7 @@ class Bug2Node:
         try:
             self.bug = Bug2(start, goal, rospy.get_param('~leave_rule', 'complete'))
         except ValueError as error:
-            raise NodeError('parameters initial_x, initial_y, des_pos_x, des_pos_y, ~leave_rule: %s' % error)
+            raise NodeError('parameters initial_x, initial_y, des_pos_x, des_pos_y, ~leave_rule: %s' % error) from error
         self._rhythm = choose_rhythm()
         self._publishers = Bug2Publishers(self._rhythm)
         self._senses = Senses(self._rhythm, remember=True)
@@ -248,8 +257,8 @@ class Bug2Node:
 
     def _wait_for_services(self):
         for service in SWITCHES + (SET_MODEL_STATE,):
-            wait_while(lambda: not self._is_service(service),
-                       lambda: 'bug2: still waiting for the service %s' % service)
+            wait_while(lambda name=service: not self._is_service(name),
+                       lambda name=service: 'bug2: still waiting for the service %s' % name)
 
     @staticmethod
     def _is_service(name):

@@ -47,7 +47,8 @@ def look_up(target, source, patience=TF_PATIENCE):
     PoseError
         If tf does not connect the two within ``patience`` seconds of wall time.
     """
-    import tf2_ros      # takes longer to import than all the rest, and most runs never ask
+    import tf2_ros  # takes longer to import than all the rest, and most runs never ask
+
     from m2wr_node.ros.transform_buffer import TransformBuffer
     buffer = TransformBuffer(debug=False)
     listener = tf2_ros.TransformListener(buffer)
@@ -62,7 +63,7 @@ def look_up(target, source, patience=TF_PATIENCE):
             except tf2_ros.TransformException as error:
                 if time.monotonic() > deadline or rospy.is_shutdown():
                     raise PoseError('tf does not lead from frame "%s" to "%s" (%s); known frames: %s' % (
-                        source, target, error, ', '.join(sorted(_frames(buffer))) or 'none'))
+                        source, target, error, ', '.join(sorted(_frames(buffer))) or 'none')) from error
             time.sleep(TF_PAUSE)
     finally:
         listener.unregister()

@@ -21,7 +21,7 @@ class TourNode:
             self.tour = Tour(rospy.get_param('~way_points'),
                              finite_number('~speed', rospy.get_param('~speed', 0.5), 'm/s'))
         except TourError as error:
-            raise NodeError('parameters ~way_points, ~speed: %s' % error)
+            raise NodeError('parameters ~way_points, ~speed: %s' % error) from error
         self._exit_at_end = bool(rospy.get_param('~exit_at_end', False))
         self._rhythm = choose_rhythm()
         self._publisher = self._rhythm.publisher('/cmd_vel', Twist)

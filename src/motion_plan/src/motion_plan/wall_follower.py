@@ -50,7 +50,8 @@ class WallFollower:
 
     def take_action(self, regions):
         """Choose the state from the sectors ``regions`` (dict of name to metres). A value equal to 1.5 m decides
-        nothing: the state is kept and the sectors are logged."""
+        nothing: the state is kept and the sectors are logged.
+        """
         self.regions = regions
         key = []
         for name in ('front', 'fleft', 'fright'):

@@ -1,11 +1,10 @@
 import math
 
+import numpy as np
 import pytest
 
 from motion_plan.go_to_point import GoToPoint, State
 from planar_rig import STEP, TICK_STEPS, Robot, World
-
-import numpy as np
 
 
 def test_turns_towards_the_goal_first():
@@ -67,7 +66,7 @@ def test_log_lines(caplog):
 @pytest.mark.parametrize('goal', [(6, 0), (-6, 0), (0, 6), (-4, -4)])
 def test_comes_to_rest_within_precision(goal):
     robot, go = Robot(World(), (0, 0), 0.0, np.random.default_rng(0)), GoToPoint(goal)
-    for tick in range(600):
+    for tick in range(600):     # noqa: B007  (used after the loop)
         robot.command = go.update(robot.pose)
         for step in range(TICK_STEPS):
             if step == 2:

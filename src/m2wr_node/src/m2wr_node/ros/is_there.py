@@ -1,8 +1,8 @@
 """Whether a node or the publisher of a topic is alive: for launch files that go beside a simulation or without one.
 
-    is_there NAME                   print true or false
-    is_there NAME --print YES NO    print one of two words, with no end of line: a parameter of a launch file keeps it
-    is_there NAME --else COMMAND    run a command unless it is there
+is_there NAME                   print true or false
+is_there NAME --print YES NO    print one of two words, with no end of line: a parameter of a launch file keeps it
+is_there NAME --else COMMAND    run a command unless it is there
 """
 import os
 import socket

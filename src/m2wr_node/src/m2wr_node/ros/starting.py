@@ -77,7 +77,7 @@ def _master():
         address = rosgraph.network.parse_http_host_and_port(uri)
         address[0].encode("idna")
     except ValueError as error:
-        raise ValueError("ROS_MASTER_URI is %r (%s); expected http://HOST:PORT" % (uri, error))
+        raise ValueError("ROS_MASTER_URI is %r (%s); expected http://HOST:PORT" % (uri, error)) from error
     return uri, address
 
 

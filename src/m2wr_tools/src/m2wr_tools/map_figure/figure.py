@@ -8,9 +8,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
-from m2wr_view.outlines import convex_hull
 
 from m2wr_gmapping.se2 import compose
+from m2wr_view.outlines import convex_hull
 
 DOTS_PER_INCH = 100
 WIDTH = 10.0                # [inch]
@@ -152,4 +152,4 @@ def write(figure, path):
     try:
         figure.savefig(path, format=ending[1:], dpi=DOTS_PER_INCH, bbox_inches="tight")
     except OSError as error:
-        raise FigureError("picture {}: {}".format(path, error.strerror or error))
+        raise FigureError("picture {}: {}".format(path, error.strerror or error)) from error

@@ -137,7 +137,7 @@ class Xvfb:
             if hasattr(self, "_child"):
                 self._child.stop()
             self._remove()
-            raise ViewError("Xvfb does not start: %s" % error)
+            raise ViewError("Xvfb does not start: %s" % error) from error
         finally:
             os.close(reader)
             if writer is not None:
@@ -180,7 +180,7 @@ class Xvfb:
                 if data == before:
                     break
         except OSError as error:
-            raise ViewError("screen of display %s: %s" % (self.name, error.strerror))
+            raise ViewError("screen of display %s: %s" % (self.name, error.strerror)) from error
         return read_xwd(data, "of display " + self.name)
 
     def stop(self):
@@ -227,4 +227,4 @@ def start_rviz(display, config_text, node_name):
         words = ["nice", "-n", "5", program, "-d", config, "--fullscreen", "__name:=" + node_name]
         return Child(words, display.path("rviz.log"), environment)
     except OSError as error:
-        raise ViewError("rviz does not start: %s" % error)
+        raise ViewError("rviz does not start: %s" % error) from error

@@ -90,11 +90,11 @@ def grab(display):
     """Return the picture on an X display; ViewError if that cannot be had."""
     if not features.check("xcb"):
         raise ViewError("this Pillow cannot read X displays; expected one with XCB (7.1 or newer)")
-    from PIL import ImageGrab       # an older Pillow refuses the import itself
+    from PIL import ImageGrab  # an older Pillow refuses the import itself
     try:
         return ImageGrab.grab(xdisplay=display).convert("RGB")
     except OSError as error:
-        raise ViewError("display %s: %s" % (display, error))
+        raise ViewError("display %s: %s" % (display, error)) from error
 
 
 def take(options, environment, ask_service=ask, known=services):
@@ -107,7 +107,7 @@ def take(options, environment, ask_service=ask, known=services):
         try:
             shutil.copyfile(path, options.out)
         except OSError as error:
-            raise ViewError("picture %s: %s; it is at %s" % (options.out, error.strerror, path))
+            raise ViewError("picture %s: %s; it is at %s" % (options.out, error.strerror, path)) from error
         return os.path.abspath(options.out)
     display = options.display or environment.get("DISPLAY")
     if not display:
