@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Checks that every XML file named on the command line is well formed; each fault is printed with file and line."""
 import sys
 import xml.etree.ElementTree as ElementTree

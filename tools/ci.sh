@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # What .ci/run does. The steps run in a fresh minimal Debian 12 that is made for them and removed afterwards
 # (tools/fresh_root.sh), so that they prove what the set-up installs and not what this machine happens to have:
 #   1. a user with sudo runs the first step (`make setup`) there, as a newcomer does on a new machine;

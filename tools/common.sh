@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # shellcheck shell=bash
 # shellcheck disable=SC2034  # the variables are read by the scripts that source this file
 # Sourced by every script in tools/: where the workspace is, which platform this is, and the environment of its tools.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # Lets each stand-in package below dropin/ be built only where no real package of its name is found: writes or removes
 # its CATKIN_IGNORE, which catkin, rospack and roslaunch all obey. Says only what changes.
 # M2WR_KEEP_DROPINS="gazebo_ros gazebo_plugins" keeps stand-ins although the real ones are there.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # The long form of the fault tests: every case, MOMENTS interrupts of every launch file, PAIRS runs under load.
 #   MOMENTS  interrupts of each launch file at seeded random moments (default 100)
 #   PAIRS    pairs of runs that must be the same beside a stressed machine (default 10)

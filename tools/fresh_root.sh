@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # shellcheck shell=bash
 # Sourced by tools/ci.sh: makes a fresh minimal Debian 12 in a folder, runs the steps in it, and removes it.
 #

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # Feeds readers, services, topics and sockets with odd input; exit 0 only if nothing was found. Findings: logs/fuzz/.
 #   MINUTES    how long (default 2)
 #   FUZZ_ARGS  options, such as "--target urdf --seed 3" or "--cases 200000" (fuzz.py -h)

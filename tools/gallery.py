@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Makes the pictures of README files and docs/ again, by running the command blocks beside them, without a display.
 
     tools/gallery.py [DOCUMENT ...]       only the pictures of these, such as docs/5_bug2.md

@@ -1,5 +1,7 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # Static checks of the whole workspace: a warning is an error. Every check runs, then the exit code tells.
+#   tools/lint.sh [CHECK ...]   only these checks: catkin flake8 ruff licence xml shell structure
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 # shellcheck source=tools/venv.sh
@@ -9,13 +11,6 @@ make_venv "$LINT_VENV" "$WORKSPACE/tools/requirements-lint.txt"
 enter_run_environment
 cd "$WORKSPACE"
 failed=()
-
-check() {
-    local name=$1
-    shift
-    say "lint: $name"
-    "$@" || failed+=("$name")
-}
 
 # Files of the workspace, without what builds have written; arguments are find's tests.
 sources() {
@@ -44,15 +39,22 @@ lint_shell() {
     return $result
 }
 
-lint_python() {
+# Python programs without the ending .py.
+python_scripts() {
     mapfile -d '' -t files < <(sources -perm -u+x ! -name '*.py' ! -name '*.sh')
-    local file scripts=()
-    for file in "${files[@]}"; do
-        if head -n 1 "$file" | grep -q '^#!.*python'; then
-            scripts+=("$file")
-        fi
-    done
+    awk 'FNR == 1 && /^#!.*python/ { print FILENAME } { nextfile }' "${files[@]}" | sort
+}
+
+lint_flake8() {
+    mapfile -t scripts < <(python_scripts)
     "$PYTHON" -m flake8 . "${scripts[@]}"
+}
+
+# Not yet: the packages named last.
+lint_licence() {
+    mapfile -d '' -t files < <(sources \( -name '*.py' -o -name '*.sh' -o -name CMakeLists.txt -o -perm -u+x \) \
+        ! -path '*/test/data/*' ! -path './src/m2wr_sim/*' ! -path './src/m2wr_gmapping/*')
+    "$PYTHON" tools/check_spdx.py "$@" "${files[@]}"
 }
 
 # Import order, frequent mistakes, docstrings: rules and exceptions in ruff.toml.
@@ -70,11 +72,11 @@ lint_structure() {
         test/unit/test_registered.py
 }
 
-check catkin_lint lint_catkin
-check flake8 lint_python
-check ruff lint_ruff
-check XML lint_xml
-check shell lint_shell
-check structure lint_structure
+[ $# -gt 0 ] || set -- catkin flake8 ruff licence xml shell structure
+for name in "$@"; do
+    [ "$(type -t "lint_$name")" = function ] || die "lint: no check is called $name"
+    say "lint: $name"
+    "lint_$name" || failed+=("$name")
+done
 [ ${#failed[@]} -eq 0 ] || die "lint: failed: ${failed[*]}"
 say "lint: clean"

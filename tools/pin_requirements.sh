@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # Writes the hashes in tools/requirements*.txt again: those of every file that PyPI has of each pinned version, so that
 # other processors and Pythons are served too. To be run after a version there was changed; needs uv on PATH
 # (python3 -m pip install uv).

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Writes docs/reference.md: packages, programs, launch arguments, parameters, topics and services, from the code.
 
     tools/reference.py            write it; topics and services are those of the last --graph

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # Lets simulation and mapper run for simulated hours; exit 0 only if nothing grew. Figure: demo_output/soak.png.
 #   HOURS      simulated (default 24); the counts of all that is done go with them
 #   SOAK_ARGS  options, such as "--factor 20" (soak.py -h)

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
 # Runs the tests of every package and prints one summary. The set-up has already built the workspace.
 #   TEST_PACKAGES  names of packages, separated by blanks (default: all)
 #   TEST_JOBS      tests of a package that run side by side (default 2, on one processor 1; a test waits for its nodes

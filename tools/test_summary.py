@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Collects the JUnit XML of every package into one folder and prints one summary; exit 0 only if all is well.
 
 Reads what the build system promised (the result file of each registered test, from CTestTestfile.cmake) and what the

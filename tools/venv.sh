@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # shellcheck shell=bash
 # shellcheck disable=SC2034  # the variable is read by the scripts that source this file
 # Sourced after common.sh by the scripts that make a Python venv.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The table of faults: to which launch file what is done, what must be said, and what must be left."""
 import glob
 import os

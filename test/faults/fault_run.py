@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A launch file in a folder, with a home and a master of its own; what is done to it and what must be left."""
 import fnmatch
 import glob

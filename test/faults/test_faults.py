@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Whatever is done to a run: it says what happened, nothing that was computed is lost, and nothing is left running.
 
 ``make test`` takes a few cases; ``make faults`` takes all, and MOMENTS interrupts of every launch file.

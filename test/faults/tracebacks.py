@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Tracebacks in what the programs of a run have said: which should not be there."""
 import ast
 import functools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Cases in files: JSON, in which what JSON lacks is an object of one key.
 
 ``{"bytes": BASE64}``, ``{"tuple": [...]}``, ``{"dict": [[KEY, VALUE], ...]}`` and ``{"float": "nan"}``.  Reading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The command ``fuzz``: which targets, for how long, from which seed; repeats single cases."""
 import argparse
 import logging

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Feeds the workspace with odd input; see README.md beside this file."""
 import sys
 

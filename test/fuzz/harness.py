@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Runs the cases of a target in a process of their own, judges them, and keeps what went wrong.
 
 A worker is forked from a parent that has imported and compiled everything, so that a crash of a library costs a

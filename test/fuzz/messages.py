@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Random ROS messages and requests of any type: plausible for the most part, extreme here and there."""
 import genpy
 import roslib.message

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Seeded changes of bytes, texts and XML trees: what makes a valid input odd, and an odd one odder.
 
 A case is a function of (seed, target, number) alone, so any case can be made again without the ones before it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What is fuzzed: one line a target, ``name: "module:Class"``."""
 import importlib
 

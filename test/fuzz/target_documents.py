@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Robots, models and worlds as texts: read, put into a simulation, driven for a moment."""
 import glob
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Files of other kinds: meshes, pictures with heights, saved maps, recorded bags, tours."""
 import io
 import os

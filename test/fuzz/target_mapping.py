@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What reaches the mapper and the controllers: scans, transforms and states of earlier runs."""
 import copy
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Bytes that no client would send, over TCPROS and XML-RPC, to a running simulation and a mapper."""
 import ctypes
 import io

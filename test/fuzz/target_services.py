@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """All of Gazebo's services and topics, called in this process with extreme values, in long sequences between steps."""
 import io
 import zlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Parameters of the nodes: values of any type, as a parameter server may hold them."""
 import mutations
 from harness import Target

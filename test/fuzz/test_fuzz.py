@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Two minutes of the fuzzer, always the same cases; a failure says how to repeat its case."""
 import os
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The harness notices everything that it says it notices, and what it reports can be repeated and made smaller."""
 import logging
 import os

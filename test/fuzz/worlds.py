@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A simulation in this process, with doors that serialise what goes out, and what must hold of it at any time."""
 import io
 import math

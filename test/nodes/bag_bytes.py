@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The messages of a bag as bytes, in the order in which the recorder has taken them."""
 import rosbag
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Plays a recorded bag into one node, in step with it, and collects what the node answers.
 
 Unlike ``rosbag play`` it does not race through the bag by the wall clock: it hands out the time itself and goes on

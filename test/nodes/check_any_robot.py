@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot of no known make: it stands where it was put, drives ahead, turns left, and scans."""
 import math
 import os

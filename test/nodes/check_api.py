@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Every topic and service of the graph, with its type: nothing missing, nothing besides."""
 import os
 import re

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """A world with bad parts runs on the rest; models that are large, or bad in a part, do not hold it up."""
 import os
 import struct

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Scans that make no sense: every node that reads scans names what is wrong, forgets the scan, and goes on."""
 import json
 import math

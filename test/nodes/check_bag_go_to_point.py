@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """go_to_point on recorded odometry: commands and logged states against the report's table."""
 import os
 import re

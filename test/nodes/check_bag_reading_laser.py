@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """reading_laser on recorded scans: its five numbers against the boxes' geometry and against the report's slices."""
 import os
 import sys

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """wall_follower on recorded scans: the bare table against the boxes' geometry."""
 import os
 import sys

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """wall_follower with its guard on a recorded drive: no command leads into a box; the table acts while none is near."""
 import math
 import os

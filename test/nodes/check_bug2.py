@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """One whole run of Bug 2 in the simulator, watched from its first state to its last; judged by what was published."""
 import json
 import math

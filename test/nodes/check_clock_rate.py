@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """/clock at 1000 Hz: every millisecond once, in order, none lost."""
 import os
 import sys

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """With ~loss_ends a model thrown out of the world ends the run: step, body and command are named, the bag is whole."""
 import math
 import os

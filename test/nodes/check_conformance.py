@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """What programs written for Gazebo take for granted, at full speed: states, drive, laser, friction, resets.
 
 No case depends on how fast time passes: what is judged is a distance, a stamp, or a state that stays.

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Every command block of the documents does what the document says; the argument is `course` or `readmes`."""
 import os
 import re

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """/cmd_vel in, /odom and tf out: rate, stamps, frames, covariance, speeds, and commands that are refused."""
 import math
 import os

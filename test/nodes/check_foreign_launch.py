@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Launch files, robots and worlds in the shape of other people's packages (data/foreign) work as they are."""
 import math
 import os

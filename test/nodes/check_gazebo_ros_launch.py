@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """The package gazebo_ros: launch files and their arguments, commands, Python module."""
 import os
 import signal

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """A house of three hundred boxes: from the start of the node to the robot's first scan."""
 import os
 import shutil

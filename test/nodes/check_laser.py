@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """/m2wr/laser/scan: fields, stamps, distances against plane geometry, silence while nobody listens, and its frame."""
 import math
 import os

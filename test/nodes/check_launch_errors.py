@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Bad worlds, parameters and launch files: one clear message, no traceback, and an exit code that tells."""
 import os
 import random

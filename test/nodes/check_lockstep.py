@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Lockstep: who is waited for, and what happens when one is silent, dies, comes back, ends the run or time is reset."""
 import os
 import shutil

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Two runs of bug2.launch with one seed record the same bytes, however fast they go; another seed does not."""
 import os
 import shutil

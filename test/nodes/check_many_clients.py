@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Twenty clients call services at once, at cross purposes: every call is answered, and the simulation goes on."""
 import os
 import sys

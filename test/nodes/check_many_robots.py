@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Several robots in one world: topics and frames of their own, no fights on /tf, seeing and touching one another."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """With ~enable_ros_network off: the clock runs, and there is no service and no state topic of the simulation."""
 import os
 import sys

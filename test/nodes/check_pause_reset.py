@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Pause, unpause, reset_world and reset_simulation, seen from topics and from nodes that go on working."""
 import os
 import subprocess

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures show what is there, follow moves and deletions, and need no folder; a run whose simulator dies is kept."""
 import os
 import shutil

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """The plugins over the wire: topics, types, frames, first values, a service while paused, a collision with a wall."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Whatever ends a recording, what was recorded can be read, one line tells, and the keeper stays until the run ends."""
 import os
 import re

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Topics and services in docs/reference.md are those that the running nodes have, no more and no fewer."""
 import os
 import sys

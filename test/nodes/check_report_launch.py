@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """The report's robot behind gazebo_ros: it settles upright, scans, turns left, obeys the keyboard."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of rviz show robot, scan, world, map and Bug 2's marks; goals and poses that are clicked are taken."""
 import contextlib
 import glob

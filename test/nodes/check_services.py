@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Links, joints, forces, physics, lights and dynamic parameters through the network, as a client sees them."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Ctrl-C ends a whole run within five seconds and leaves nothing behind; signals end the node well."""
 import os
 import shutil

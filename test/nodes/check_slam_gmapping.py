@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """slam_gmapping's names, latching, timing and manners, and its maps against the world they were made in."""
 import json
 import math

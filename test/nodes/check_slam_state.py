@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Saving, loading and beginning on maps with a live slam_gmapping, and frames with a prefix."""
 import os
 import signal

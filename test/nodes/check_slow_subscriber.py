@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """A subscriber that does not read loses its own messages only: the simulation and everybody else go on."""
 import os
 import shutil

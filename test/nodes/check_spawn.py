@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """spawn_urdf_model, spawn_sdf_model and delete_model: texts, poses, namespaces, respawn, and what they refuse."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """The spawn_model command: sources, options and exit codes."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Reading and setting the state of models: texts, frames, topics, joints, properties."""
 import math
 import os

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Obstacles by command and by click are where the laser sees them; diagnostics and the doctor tell what is so."""
 import contextlib
 import io

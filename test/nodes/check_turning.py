@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Which way the robot turns under each wheel convention, and that it is told which."""
 import math
 import os

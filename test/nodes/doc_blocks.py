@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Code blocks of Markdown documents, and the comments before them that say how a test runs them.
 
 A fenced block may have one line right before it::

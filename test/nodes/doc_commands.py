@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Whether what a documented command line names exists: packages, programs, launch files, their arguments, targets.
 
 Nothing is run.  Words that only a run could judge (topics, files that an earlier command makes) are left alone.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Runs the blocks of a document as a reader would: one terminal for each, in one folder, with one ROS master."""
 import glob
 import os

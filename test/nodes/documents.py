@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Which Markdown documents this workspace has, and their blocks."""
 import glob
 import os

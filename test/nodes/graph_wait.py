@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Waiting, with a deadline and a name for what is waited for; connections between this process and a node."""
 import time
 from xmlrpc.client import ServerProxy

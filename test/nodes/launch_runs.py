@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Running launch files of other packages on the master of the check, one after another."""
 import os
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """A controller for the tests of lockstep: ``lockstep_puppet.py NAME BEHAVIOUR [TURN]``.
 
 From turn TURN on it drives (forward, always), blocks (never answers), fails (raises), dies (without a word) or ends the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The rest of the world for a mapping node: time, transforms and scans, from a bag or from plane geometry."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the checks share: waiting with a deadline, recording topics, calling the simulation, running programs."""
 import glob
 import math

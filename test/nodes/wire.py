@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Subscribers over plain TCPROS sockets: cheap enough that ten of them can listen to a simulation at full speed."""
 import socket
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a laser must read among upright boxes, by plane geometry alone; shares no code with the simulator.
 
 Boxes stand on the floor and are higher than the laser, so the world is a plane of rectangles.

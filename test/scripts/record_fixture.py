@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
 """Make the bags in test/data again, each with the YAML beside it, from the simulator in this process.
 
 No master is needed: the simulation runs in simulated time only, so the same sources give the same bag, byte for byte.

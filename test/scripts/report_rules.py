@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The rules of the report's nodes, written down a second time, straight from their tables.
 
 The fixtures' expectations come from here and never from the nodes that are tested with them.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """How fast a process grows, told apart from what comes and goes.
 
 A mapper grows within a shift, because its map and path do, and begins anew when the clock does.  So like is compared

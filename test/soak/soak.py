@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Lets simulation and mapper run for simulated hours and watches what grows; see docs/endurance.md."""
 import sys
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The command ``soak``: simulated hours of mapping, spawning, resetting and asking; what grows meanwhile."""
 import argparse
 import json

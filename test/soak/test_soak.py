@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The watch of a soak run sees what it is there to see; a short run works from start to figure."""
 import json
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What is looked at during a soak run: the stamps of topics, and the memory, descriptors and threads of processes."""
 import os
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What ten clients do to the simulation during a soak run, paced by simulated time."""
 import random
 import threading

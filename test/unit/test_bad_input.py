@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Input that cannot be used is refused with one line that names file, element and what was expected."""
 import os
 

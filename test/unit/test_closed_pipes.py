@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every program ends in peace when it is interrupted, and when nobody reads it any more (``... | head``)."""
 import glob
 import os

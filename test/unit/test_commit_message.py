@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """tools/hooks/commit-msg: which commit messages it takes."""
 import os
 import subprocess

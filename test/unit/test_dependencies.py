@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Packages depend on each other in one direction only, and package.xml names what a package imports."""
 import ast
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """How documents are read: blocks, the comments before them, and the commands in them."""
 import os
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Blocks are run as a reader runs them: in order, in one folder, each until what the document says has happened."""
 import os
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The documents: every block is understood, what it names exists, links and pictures lead somewhere."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Stand-in packages are built only where no real package of their name is found."""
 import os
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The recorded bags: what their YAMLs say of them, what the geometry asks of them, and that they can be made again."""
 import dataclasses
 import hashlib

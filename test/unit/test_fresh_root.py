@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What .ci/run does around its fresh root, as far as that needs no root: settings handed in, exit code, last line."""
 import os
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every habit of Gazebo that the README of this package lists is held by a test that exists."""
 import os
 import re

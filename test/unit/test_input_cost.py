@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What files and parameters cost to read grows with their length and no faster; src/m2wr_sim's test_text_cost has XML.
 
 Cost is counted, calls that Python makes, and measured, the least CPU time of several tries, so that a busy machine

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every module imports only what its room may: kernels arrays alone, ROS at the edges alone, one importer of ODE.
 
 A room is the folder of a module below its package's Python root, or a name pattern. The table below is the rule;

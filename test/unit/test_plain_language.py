@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Words that the glossary in CONTRIBUTING.md rules out are used nowhere."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The set-up starts only on a platform it knows, and its refusal names what it found and what it supports."""
 import os
 import subprocess

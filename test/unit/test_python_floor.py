@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every Python file runs on Python 3.8 (Noetic on Ubuntu 20.04) and uses nothing that 3.11 or numpy 1.24 dropped.
 
 Syntax is judged by the parser itself; library calls and run-time annotations, which the parser cannot see, by a list

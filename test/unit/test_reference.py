@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The reference says what the code says; nothing that a launch file or a program offers is left out."""
 import os
 import subprocess

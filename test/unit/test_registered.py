@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every test in the tree is registered with the build, and every registration names a test that is there.
 
 A test that no CMakeLists.txt names never runs, and nothing else would notice.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """PyPI packages are pinned to versions and to the hashes of their files, and set-up takes no others."""
 import glob
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """SECURITY.md says what the code does: every limit in its table is the one that holds."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """`make test` runs as many tests of a package side by side as TEST_JOBS says, by default two where there is room."""
 import os
 import shutil

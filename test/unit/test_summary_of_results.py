@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The summary of `make test` counts right and believes no result that is missing, stale, empty or overwritten."""
 import importlib.util
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where the user stands is asked in one place: PWD in the environment says what some shell once wrote there."""
 import os
 

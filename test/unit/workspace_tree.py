@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where the packages of this workspace are and which files are theirs; shared by the tests of its structure."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """gzserver's command line: what acts, what is noted, what is refused."""
 import pytest
 

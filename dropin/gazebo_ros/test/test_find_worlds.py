@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where gzserver looks for a world file, and in which order."""
 import os
 

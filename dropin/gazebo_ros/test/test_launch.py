@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The launch files: every argument that Gazebo's have, and what they start."""
 import os
 import re

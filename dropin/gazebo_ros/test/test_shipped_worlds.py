@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The worlds that are shipped under Gazebo's names load, have no unread elements and leave the origin free."""
 import logging
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Stacks on a signal, while threads are at work."""
 import signal
 import subprocess

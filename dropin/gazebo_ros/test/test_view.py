@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The rviz configuration that gzclient makes, and how it waits for something to show."""
 import pytest
 import yaml

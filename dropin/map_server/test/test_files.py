@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Reading of saved maps: thresholds, modes, and what is wrong with a file."""
 import os
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the keys mean: velocities in closed form, speeds, limits."""
 import pytest
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Single keys from a terminal or a pipe; the terminal is given back as it was."""
 import os
 import pty

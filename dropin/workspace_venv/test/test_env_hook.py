@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The hook that setup.sh sources: what it adds to PYTHONPATH, and what it leaves alone."""
 import os
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Runs the Python module xacro as a command.
 
 In a folder of its own, since Python puts a script's folder first on the module path: beside ``xacro.py`` this file

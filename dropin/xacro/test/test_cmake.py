@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The CMake functions, called as packages with a description call them."""
 import os
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The xacro command: found and run whatever the folder, PATH and PYTHONPATH; its messages for broken input.
 
 Runs the files of the source space as launch files do, in processes of their own.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The MD5 sum of every definition equals the one published for ROS Noetic.
 
 ROS compares these sums when a connection is made: one changed field, order or constant and old programs are refused.

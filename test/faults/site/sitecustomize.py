@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What every Python program of a run with a fault does first, if it finds this file; without M2WR_FAULT_STDERR nothing.
 
 What it writes on stderr goes to a file of its own, so that tracebacks of programs that end together are not mixed up.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """gazebo: server and window together, as one command."""
 import os
 import signal

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """gzclient: rviz in place of Gazebo's window."""
 import os
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """gzserver's command line, as private parameters of the simulation node.  No ROS here."""
 import os
 from collections import namedtuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Calls of the simulation's services, under the names and with the return values that scripts import from here."""
 import time
 

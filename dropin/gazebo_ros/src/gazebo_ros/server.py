@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """gzserver, debug and perf: the simulation node of m2wr_sim behind Gazebo's command line."""
 import cProfile
 import faulthandler

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where every thread of a running program is, on a signal."""
 import faulthandler
 import os

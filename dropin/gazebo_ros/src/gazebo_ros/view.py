@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """An rviz configuration that fits what is being published.  No ROS here."""
 import yaml
 

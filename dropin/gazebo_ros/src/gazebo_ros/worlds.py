@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where a world file is looked for: as given, GAZEBO_RESOURCE_PATH, exports of packages, the shipped folders."""
 import os
 import xml.etree.ElementTree as ElementTree

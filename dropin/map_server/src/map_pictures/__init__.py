@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Saved maps: reading their files, publishing them."""

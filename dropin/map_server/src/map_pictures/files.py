@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A map's YAML file and picture as a grid."""
 import os
 from collections import namedtuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``map_server``: a saved map as a latched topic and a service."""
 import sys
 

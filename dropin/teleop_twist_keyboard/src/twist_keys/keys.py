@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What each key means.  No ROS, no terminal."""
 
 #: key: direction (x, y, z, yaw), each -1, 0 or 1

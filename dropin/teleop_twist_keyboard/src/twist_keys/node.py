@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node: parameters, the loop between keyboard and topic, and stopping the robot at the end."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Keys one by one from a terminal, which is given back as it was; or from a pipe."""
 import os
 import select

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Folder of a ROS 1 package, for ``$(find ...)`` in xacro files.
 
 The xacro module of PyPI is the one for ROS 2 and imports its look-up by this name. Only the function it calls is here.

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Checks of the exercises of the course in docs/."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The command ``rosrun m2wr_course exercise N FILE``."""
 import argparse
 import importlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a check hands out: one line for each thing it has looked at."""
 from dataclasses import dataclass
 

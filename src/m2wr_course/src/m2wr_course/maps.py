@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Exercise 6: a map, compared with the world in which it was made."""
 import os
 

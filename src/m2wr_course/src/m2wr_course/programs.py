@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Exercise 4: a function that reads a scan, tried on scans with all that real ones contain."""
 import math
 import runpy

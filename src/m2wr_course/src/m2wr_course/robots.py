@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Exercises 1 to 3: robots.  Each is read, put into the simulator, and driven; no ROS master is needed."""
 import math
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Exercise 5: a world in which Bug 2 has to follow walls twice and still comes to its goal."""
 from m2wr_course.finding import Finding
 from m2wr_sim.api.bug2_runner import run_bug2

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Each exercise: what a student starts from is not yet right, a solution is, and typical mistakes are named."""
 import shutil
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Expand this package's own xacro files, wherever else a package of this name may be on the path."""
 import os
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The robot model: it expands, its tree is connected, its numbers are the report's, its plugins name real joints."""
 import math
 import re

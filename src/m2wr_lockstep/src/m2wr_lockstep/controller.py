@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A rospy controller in lockstep: subscribes, publishes and takes its turns when the simulator asks for them."""
 import threading
 import warnings

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a controller keeps count of between two turns; knows nothing of ROS."""
 import threading
 import time

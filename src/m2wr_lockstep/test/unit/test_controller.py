@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The controller's turns as far as they need no master."""
 import threading
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a controller waits for and counts, without ROS."""
 import threading
 from collections import namedtuple

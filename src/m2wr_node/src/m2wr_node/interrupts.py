@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Ctrl-C while a program is still being imported ends it at once and without a word.
 
 The first import of every executable, and of nothing else, for importing it is what does it.  Python raises

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Says how far the compilation of a package's kernels has come: how many of how many, and which one was the last.
 
 numba compiles for minutes on a slow machine and says nothing.  It is asked here from a thread beside it, so that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a program says to a pipe that nobody reads any more is lost in peace: ``... | head``."""
 import io
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Ties a process to the one that starts it.  Apart from the rest, so that who needs only this starts quickly."""
 import shutil
 

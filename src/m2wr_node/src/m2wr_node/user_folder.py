@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The folder in which the user stands, for files that are named relative to it.
 
 roslaunch starts nodes in a folder of their own. ``PWD`` in the environment is no help: it is what some shell once wrote

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Newcomers that do not say who they are keep nobody waiting."""
 import socket
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A required node that has done its work stops its roslaunch, and no banner calls that a death."""
 import os
 import signal

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Programs that are interrupted while they are imported, and after that."""
 import signal
 import subprocess

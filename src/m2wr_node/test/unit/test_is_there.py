@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Looking for nodes and publishers before a launch file starts its own."""
 import threading
 from xmlrpc.server import SimpleXMLRPCServer

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Progress of compilation: names and counts, from what numba has compiled."""
 import threading
 

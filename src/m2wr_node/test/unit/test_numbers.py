@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """m2wr_node.numbers: what counts as a number in a parameter."""
 import pytest
 

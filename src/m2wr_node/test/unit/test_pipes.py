@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Programs whose output nobody reads any more."""
 import os
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """m2wr_node.ros.shutdown: hooks before and after the shutdown was requested."""
 import pytest
 import rospy

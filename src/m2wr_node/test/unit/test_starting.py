@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A node that is interrupted at any moment of its start ends."""
 import os
 import signal

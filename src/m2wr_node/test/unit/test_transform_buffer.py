@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Stamps that end a process inside tf2 do not come that far."""
 import os
 

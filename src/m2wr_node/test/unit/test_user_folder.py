@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Relative names are meant from where the user stands, whatever PWD says."""
 import os
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of maps over their worlds."""
 import numpy as np
 import pytest

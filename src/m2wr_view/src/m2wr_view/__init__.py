@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of robots and runs without a display."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Opening recorded bags, so that every fault comes out as one sentence that says what helps."""
 import os
 from contextlib import contextmanager

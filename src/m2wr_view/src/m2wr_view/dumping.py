@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """When a picture is due, and what becomes of it when something goes wrong: the part of image_dump without ROS."""
 import logging
 import math

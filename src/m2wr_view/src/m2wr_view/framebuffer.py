@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The screen of a virtual display, which Xvfb keeps in a file of the kind that xwd writes."""
 import struct
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses in the plane and in space, and a tree of the newest transforms between frames."""
 import math
 

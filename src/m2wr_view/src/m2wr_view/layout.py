@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where on a picture a metre of the world goes, and which part of the world is shown."""
 import math
 from collections import namedtuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The two files of a saved map, YAML and picture, as somebody else wrote them: bounded, checked, not evaluated."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Shapes seen from above, and how far they are from a robot.
 
 Robot and obstacles are outlines in the plane: what of their shapes lies between the floor and the top of the robot,

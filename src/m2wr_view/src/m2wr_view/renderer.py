@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Draws a scene from above, by cairo.
 
 What seldom changes (paper, axes, map, world, line, legend) and the trail are kept as pictures of their own, so that a

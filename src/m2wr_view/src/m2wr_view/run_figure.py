@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The figure of a run on a page: path against the m-line, clearance, speeds, states, odometry against truth."""
 import argparse
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A finished run as arrays, read from the bag it was recorded into."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A run as a picture: the obstacles from above, the way the robot took, where it met and left walls."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Time series of a recorded run: clearance from the obstacles, speeds, odometry against truth.
 
 Arrays in, arrays out; what was not recorded is None.

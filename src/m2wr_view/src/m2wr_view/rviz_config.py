@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """An rviz configuration for a window, turned into one for pictures: no panels, few frames, camera on the robot."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What is known of a running robot and its world, gathered message by message."""
 import math
 from array import array

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where screenshots go: numbered files in a folder, each whole as soon as it is there."""
 import io
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What stands in a world and what a robot looks like from above, read from markers and from a robot description."""
 import xml.etree.ElementTree as ElementTree
 from collections import namedtuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where pictures go: a folder of PNG files, an animated GIF, an MP4 by ffmpeg."""
 import os
 import shutil

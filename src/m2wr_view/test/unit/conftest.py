@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages and bags with known contents, and looking at single pixels of pictures."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Bags whose messages are not those of this installation."""
 import pytest
 import rosbag

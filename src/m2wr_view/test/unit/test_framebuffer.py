@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Reading the screen that Xvfb keeps in a file."""
 import struct
 

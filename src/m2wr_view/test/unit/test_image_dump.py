@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of bags and of streams of messages: how many, of what, and what is said when something is missing."""
 import logging
 import os

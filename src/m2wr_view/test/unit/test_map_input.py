@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Map files that somebody else wrote: a clear error for all kinds of nonsense, and no memory for mere claims."""
 import pytest
 from PIL import Image

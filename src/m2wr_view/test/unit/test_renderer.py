@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of scenes: the right colour in the right place, to scale, fast."""
 import math
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The figure of a run: its lines carry the numbers of the bag, and it says what a bag lacks."""
 import os
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """rviz configurations for pictures, and those of this workspace: what they show, by topics and tools."""
 import os
 

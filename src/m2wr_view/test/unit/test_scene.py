@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages become a scene: places, frames, late scans, resets."""
 import math
 

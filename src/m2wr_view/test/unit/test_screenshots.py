@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Screenshots in files, the tool that takes one, and rviz as a node that ends no run."""
 import os
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Markers and descriptions as outlines."""
 import numpy as np
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Files of pictures: what they hold, and what happens where they cannot be written."""
 import os
 import stat

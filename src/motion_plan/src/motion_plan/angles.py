@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Angles in the plane: wrapping and the yaw of a quaternion. Plain floats, no ROS types."""
 import math
 

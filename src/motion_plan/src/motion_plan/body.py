@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The robot's measures that the guards need, in the frame of link_chassis (x forward, y left), in metres."""
 
 #: The wheels' axle: the point about which the robot turns on the spot.

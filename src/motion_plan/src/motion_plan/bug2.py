@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Bug 2: towards the goal along the m-line, round an obstacle by wall following, back on the m-line beyond it.
 
 Decides which behaviour drives; the behaviours themselves (`go_to_point`, `wall_follower`) know nothing of it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Noticing that the robot drives along its own track again: the way round an obstacle has closed."""
 import math
 

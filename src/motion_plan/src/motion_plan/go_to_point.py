@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Go to point: turn towards the goal, drive straight, stop. Looks at the pose only; it does not see obstacles."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Obstacle avoidance without a goal: drive on, turn away from what is nearer than a metre."""
 import logging
 from enum import Enum

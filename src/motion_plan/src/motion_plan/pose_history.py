@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The last second of poses, so that a scan is placed where the robot was when it was taken."""
 import math
 from collections import deque

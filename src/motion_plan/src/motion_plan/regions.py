@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The report's five laser sectors: the least range in each, for any number of beams.
 
 For the report's own scan (720 beams from -90 to +90 degrees) a sector is the printed slice, whose excluded ends

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node bug2: puts the robot at the start, switches the two behaviours, tells what it does."""
 import json
 import math

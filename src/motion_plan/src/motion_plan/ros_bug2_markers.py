@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What Bug 2 does, as markers for rviz: m-line, start, goal, every hit and leave point, the state above the robot."""
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the nodes say about themselves on /diagnostics, once a second of wall time and only while somebody listens."""
 import math
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The nodes reading_laser, go_to_point, wall_follower and obstacle_avoidance around their state machines."""
 import rospy
 from geometry_msgs.msg import Twist

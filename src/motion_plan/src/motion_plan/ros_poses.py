@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses that people click in rviz or publish by hand: checked, and brought into another frame by tf."""
 import math
 import time

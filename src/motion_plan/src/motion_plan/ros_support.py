@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the nodes share: parameters, logging, the loop, and messages turned into plain values."""
 import logging
 import math

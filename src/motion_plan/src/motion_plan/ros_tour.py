@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node tour: drives along the way points of a parameter."""
 import time
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the laser has seen around the robot, also beside and behind it, as points in the odometry frame.
 
 The laser looks 90 degrees to each side, the robot turns about an axle 0.2 m behind it: a corner leaves the view

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Drive along way points, turning smoothly: a tour that shows a laser all of a place. Looks at the pose only."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The report's wall follower: three states chosen by a table over three laser sectors. Keeps the wall on the right."""
 import logging
 from enum import IntEnum

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The guard of the wall follower: keeps contact with a wall and keeps clear of it.
 
 The report's table looks at three sectors in front of the laser. It cuts corners that have left the view, and it turns

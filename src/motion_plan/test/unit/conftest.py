@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Let the tests find the package from the source tree as well."""
 import os
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The worlds of the unit tests: the three arenas of the series, and traps."""
 import math
 

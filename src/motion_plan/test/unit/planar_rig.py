@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A planar twin of the simulator for the unit tests: unicycle, laser, true clearance of the robot's outline.
 
 No ROS and no physics engine: the axle follows the last command with limited acceleration, the command is taken at the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Bug 2 and its behaviours driven through whole worlds in the planar rig."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where the robot was at a time, and whether somebody has put it elsewhere."""
 import math
 

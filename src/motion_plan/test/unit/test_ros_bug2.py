@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node bug2 without a master: what a new goal, another place and a reset of time make it do."""
 import math
 from types import SimpleNamespace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What rviz gets to show of Bug 2."""
 import pytest
 from visualization_msgs.msg import Marker

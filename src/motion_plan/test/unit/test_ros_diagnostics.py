@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the nodes say on /diagnostics: rates, ages, and when a robot counts as stuck."""
 import threading
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses from other frames, without tf: the transform is handed in."""
 import math
 

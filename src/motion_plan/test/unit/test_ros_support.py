@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The edge to ROS as far as it needs no master: parameters and messages."""
 import math
 

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The part of it that imports ROS."""

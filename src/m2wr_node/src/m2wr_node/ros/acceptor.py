@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Lets the node take in newcomers side by side.
 
 rospy reads what a newcomer says who it is in the very thread that accepts connections.  One that connects and says

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Ending a run without roslaunch calling it a death.
 
 roslaunch reports a required node that exits in a red banner, "REQUIRED process has died!", whatever the exit code.  A

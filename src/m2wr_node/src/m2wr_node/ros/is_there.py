@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Whether a node or the publisher of a topic is alive: for launch files that go beside a simulation or without one.
 
 is_there NAME                   print true or false

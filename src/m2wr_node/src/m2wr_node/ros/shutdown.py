@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Shutdown hooks that are never lost."""
 import threading
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Starting a node so that signals always end it."""
 import errno
 import http.client

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Transforms from strangers: tf2 ends the process where it meets a stamp that it cannot calculate with."""
 import rospy
 import tf2_ros

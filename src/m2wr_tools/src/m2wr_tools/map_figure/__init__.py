@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of maps: the command ``plot_map``."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Draws a saved map over the world it was made in, with the way that was driven."""
 import argparse
 import os

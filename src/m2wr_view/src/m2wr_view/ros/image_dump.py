@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of what goes on: a node that listens to topics, or a command that reads a bag."""
 import argparse
 import ctypes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Xvfb and rviz as processes of ours: they end with us however we end, and say why when they end by themselves."""
 import fcntl
 import glob

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """rviz in a window, as a node that ends no run: without a display it says so, and when rviz crashes, how."""
 import os
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Take a picture of rviz on its virtual display, or of a display that one looks at."""
 import argparse
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """rviz on a virtual display, with software rendering: saves screenshots by itself and when asked."""
 import logging
 import math
