@@ -274,8 +274,10 @@ def render(graph):
     lines += ["## Parameters"]
     head = ("parameter", "default", "meaning")
     lines += ["", "### m2wr_sim_node (node gazebo)", ""] + table(head, config_rows(node_parameters()))
-    lines += ["", "### slam_gmapping", "", "Those of the live node alone, such as `~save_on_exit`, stand in the "
-              "[README](../src/m2wr_gmapping/README.md).", ""] + table(head, config_rows(mapper_parameters()))
+    lines += ["", "### slam_gmapping and slam_gmapping_replay", "",
+              "Those of the live node alone, such as `~save_on_exit`, are in "
+              "[its reference](reference/mapping_nodes.md#parameters).", ""]
+    lines += table(head, config_rows(mapper_parameters()))
     for name, folder in found:
         rows = read_parameters(folder)
         if rows and name not in ("m2wr_sim", "m2wr_gmapping"):

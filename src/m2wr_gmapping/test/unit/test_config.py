@@ -1,6 +1,5 @@
-"""Parameters: conversion as the C++ client does it, ranges, unknown names; the README's table."""
+"""Parameters: conversion as the C++ client does it, ranges, unknown names."""
 import math
-import os
 import re
 
 import pytest
@@ -8,8 +7,6 @@ import yaml
 
 from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig
 from m2wr_node.numbers import number
-
-README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")
 
 
 def test_defaults_are_the_original_s():
@@ -69,19 +66,6 @@ def test_unknown_names_are_listed_and_ten_thousand_particles_are_allowed():
 def test_noise_has_the_names_the_right_way_round():
     noise = GmappingConfig.from_mapping(dict(srr=1, srt=2, str=3, stt=4)).noise
     assert (noise.trans_trans, noise.rot_trans, noise.trans_rot, noise.rot_rot) == (1, 2, 3, 4)
-
-
-def test_readme_lists_every_parameter_with_its_default():
-    with open(README, encoding="utf-8") as stream:
-        text = stream.read().split("## Parameters")[1].split("\n## ")[0]
-    rows = {cells[0].strip("`"): cells[1:] for cells in (
-        [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| `"))}
-    assert set(rows) == set(PARAMETERS)
-    for name, parameter in PARAMETERS.items():
-        shown = "" if parameter.default is None else str(parameter.default).lower() if isinstance(
-            parameter.default, bool) else str(parameter.default)
-        assert rows[name][0] == shown and rows[name][1] == parameter.unit, name
-        assert rows[name][2] == parameter.meaning, name
 
 
 def test_a_first_extent_of_too_many_cells_is_refused_and_told():

@@ -1,4 +1,4 @@
-"""The README's tables of options and services equal the programs."""
+"""The tables of options and parameters in docs/reference equal the programs."""
 import os
 
 from m2wr_gmapping.bench import command as bench
@@ -7,17 +7,13 @@ from m2wr_gmapping.replay import command as replay
 from m2wr_gmapping.ros.params import NODE_PARAMETERS, NodeOptions
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE
 
-README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")
+PAGES = os.path.join(os.path.dirname(__file__), "..", "..", "..", "..", "docs", "reference")
 
 
-def text():
-    with open(README, encoding="utf-8") as stream:
-        return stream.read()
-
-
-def rows(heading):
+def rows(page, heading):
     """Rows of the tables of a chapter that begin with a code word: {word: other cells}."""
-    part = text().split("\n## " + heading + "\n")[1].split("\n## ")[0]
+    with open(os.path.join(PAGES, page), encoding="utf-8") as stream:
+        part = stream.read().split("\n## " + heading + "\n")[1].split("\n## ")[0]
     return {cells[0].strip("`").split()[0]: cells[1:] for cells in (
         [cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if line.startswith("| `"))}
 
@@ -28,8 +24,8 @@ def options_of(parser):
 
 
 def test_parameters_of_the_live_node():
-    shown = rows("slam_gmapping")
-    assert set(NODE_PARAMETERS) <= set(shown)
+    shown = rows("mapping_nodes.md", "Parameters")
+    assert set(NODE_PARAMETERS) == set(shown)
     for name, meaning in NODE_PARAMETERS.items():
         default = getattr(NodeOptions, name)
         wanted = "" if default is None else repr(default).lower() if isinstance(default, bool) else repr(default)
@@ -37,7 +33,8 @@ def test_parameters_of_the_live_node():
 
 
 def test_parameters_that_may_change_while_the_node_runs():
-    assert rows("slam_gmapping")["~set_parameters"][1].replace("`", "").split(", ") == list(CHANGEABLE)
+    shown = rows("mapping_nodes.md", "Topics and services")["~set_parameters"][1]
+    assert shown.replace("`", "").split(", ") == list(CHANGEABLE)
 
 
 def test_options_of_the_replay(monkeypatch):
@@ -46,12 +43,12 @@ def test_options_of_the_replay(monkeypatch):
     monkeypatch.setattr(replay.argparse.ArgumentParser, "parse_args",
                         lambda self, words: made.append(self) or parse(self, words))
     replay.parse(["--bag_filename", "x"])
-    assert set(rows("slam_gmapping_replay")) == options_of(made[0]) | {"_name:=value"}
+    assert set(rows("mapping_commands.md", "slam_gmapping_replay")) == options_of(made[0]) | {"_name:=value"}
 
 
 def test_options_of_benchmark():
-    assert set(rows("benchmark")) == options_of(bench.parser())
+    assert set(rows("mapping_commands.md", "benchmark")) == options_of(bench.parser())
 
 
 def test_there_is_a_place_for_the_table():
-    table.check(README)
+    table.check(os.path.join(PAGES, "mapping_evaluation.md"))
