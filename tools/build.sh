@@ -16,6 +16,16 @@ if [ -r "$CATKIN_BUILD/.m2wr_place" ] && [ "$(cat "$CATKIN_BUILD/.m2wr_place")" 
     # a build of the copy would empty it.
     rm -rf "$CATKIN_BUILD" "$WORKSPACE/devel" "$WORKSPACE/logs" "$WORKSPACE"/.catkin_tools/profiles/*/packages
 fi
+# The relay of a script that moved to another package stays in devel/ and would hide the new one.
+if [ -d "$WORKSPACE/devel/.private" ]; then
+    while IFS= read -r relay; do
+        script=$(sed -n "s/^python_script = '\(.*\)'$/\1/p" "$relay")
+        if [ -n "$script" ] && [ ! -e "$script" ]; then
+            rm -f "$relay"
+        fi
+    done < <(grep -rlI --include='*' "^python_script = '" "$WORKSPACE"/devel/.private/*/lib)
+    find "$WORKSPACE/devel" -xtype l -delete
+fi
 rm -f "$BUILD_STAMP"
 # PYTHONUNBUFFERED: each package is named when it starts, also where the output goes to a file.
 PYTHONUNBUFFERED=1 M2WR_KERNELS_LATER=1 catkin build --workspace "$WORKSPACE" --profile default --no-status --no-notify --summarize "$@"

@@ -22,7 +22,7 @@ fi
 folder=$WORKSPACE/demo_output
 mkdir -p "$folder"
 rm -f "$folder"/map.pgm "$folder"/map.yaml "$folder"/map.png
-port=$("$PYTHON" -c "from m2wr_sim.ros.experiment import free_port; print(free_port())")
+port=$("$PYTHON" -c "from m2wr_tools.runs.experiment import free_port; print(free_port())")
 rosrun m2wr_sim experiment --port "$port" --timeout 900 m2wr_sim mapping.launch gui:=false real_time_factor:=5 \
     exit_on_goal:=true "drive:=$drive" "map:=$folder/map" "${demo_args[@]}"
 rosrun m2wr_sim compare_map "$folder/map.yaml" "$world" --picture "$folder/map.png"

@@ -280,7 +280,7 @@ def render(graph):
     lines += table(head, config_rows(mapper_parameters()))
     for name, folder in found:
         rows = read_parameters(folder)
-        if rows and name not in ("m2wr_sim", "m2wr_gmapping"):
+        if rows and name not in ("m2wr_sim", "m2wr_gmapping", "m2wr_tools"):
             lines += ["", "### nodes of %s" % name, ""] + table(head, config_rows(rows))
     lines += ["", "## Launch files", ""]
     for name, folder in found:

@@ -3,6 +3,6 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=["m2wr_sim"] + ["m2wr_sim." + room for room in (
-        "api", "bench", "control", "doctor", "model", "physics", "plugins", "report", "ros", "runtime", "sensors")],
+        "api", "control", "model", "physics", "plugins", "ros", "runtime", "sensors")],
     package_dir={"": "src"},
 ))

@@ -2,4 +2,8 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-setup(**generate_distutils_setup(packages=['m2wr_tools', 'm2wr_tools.map_figure'], package_dir={'': 'src'}))
+setup(**generate_distutils_setup(
+    packages=["m2wr_tools"] + ["m2wr_tools." + folder for folder in (
+        "benchmark", "doctor", "map_comparison", "map_figure", "obstacles", "robots", "runs")],
+    package_dir={"": "src"},
+))

@@ -10,7 +10,7 @@ import roslaunch.config
 import rospkg
 
 import m2wr_node
-import m2wr_sim.doctor
+import m2wr_tools.doctor
 from fault_cases import CASES, LAUNCH_FILES
 from fault_run import FaultRun, interrupt_at, moments, refused
 from tracebacks import foreign_tracebacks, interrupts_lost
@@ -65,7 +65,7 @@ def frames(*files, last="KeyboardInterrupt"):
 @pytest.mark.parametrize("program, text, foreign", [
     ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", rospkg.__file__, "<frozen importlib._bootstrap>"), False),
     ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", "_generator.pyx", "<frozen importlib._bootstrap>"), False),
-    ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", m2wr_sim.doctor.__file__), True),
+    ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", m2wr_tools.doctor.__file__), True),
     ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", __file__), True),
     ("/usr/bin/roslaunch", frames(pytest.__file__, last="IndexError: x") + CHAIN + frames("/usr/bin/roslaunch"), False),
     ("/usr/bin/rosversion", frames("/usr/bin/rosversion", rospkg.__file__), False),     # roslaunch runs it
@@ -73,11 +73,11 @@ def frames(*files, last="KeyboardInterrupt"):
     (PROGRAM, frames(os.__file__, last="KeyError: x") + CHAIN + frames(PROGRAM + ":5", os.__file__), False),
     (PROGRAM, frames(PROGRAM + ":5", last="KeyError: x"), True),
     (PROGRAM, frames(PROGRAM + ":6", os.__file__), True),
-    (PROGRAM, frames(PROGRAM + ":5", m2wr_sim.doctor.__file__), True),
+    (PROGRAM, frames(PROGRAM + ":5", m2wr_tools.doctor.__file__), True),
     (PROGRAM, frames("<frozen site>", os.__file__), False),
     (PROGRAM, frames(os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True),
     (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", "<string>", os.__file__), False),
-    (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", m2wr_sim.doctor.__file__), True)],
+    (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", m2wr_tools.doctor.__file__), True)],
     ids=["in roslaunch", "in its Cython", "ours in roslaunch", "a test in roslaunch", "chained in roslaunch",
          "in rosversion", "first import", "chained first import", "another error", "second import",
          "ours imported first", "Python starts", "ours begins", "Python starts, nobody", "Python starts, ours"])

@@ -145,7 +145,7 @@ class MapFiles(Target):
     def prepare(self):
         from m2wr_gmapping.replay import map_reading
         from m2wr_sim.errors import SimError
-        from m2wr_sim.ros import compare_map
+        from m2wr_tools.map_comparison import command as compare_map
         self.readers = (map_reading.read_map, compare_map.read_saved)
         self.foreseen = (map_reading.MapReadingError, SimError)
         try:
@@ -247,7 +247,7 @@ class BagFiles(Target):
         from m2wr_gmapping.config import GmappingConfig
         from m2wr_gmapping.replay import bag_file, command
         from m2wr_gmapping.warm_up import warm_up
-        from m2wr_sim.report import bag_report
+        from m2wr_tools.runs import bag_report
         from m2wr_view.errors import ViewError
         self.bags = [make_bag(drive_messages(), kind) for kind in ("none", "bz2", "lz4")]
         config = GmappingConfig.from_mapping(dict(particles=3, threads=1, linearUpdate=0.2, base_frame="base_link",

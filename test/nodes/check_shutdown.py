@@ -90,7 +90,7 @@ class Shutdown(unittest.TestCase):
             self.assertIn(code, (0, 130), run.text)         # 0: by the time it heard of it, all was started
             self.assertLess(seconds, limit(), run.text)
             self.assertEqual(marked(run.mark), {})
-            self.assertNotIn("m2wr_sim/ros/experiment.py", run.text)        # no traceback
+            self.assertNotIn("m2wr_tools/runs/experiment.py", run.text)        # no traceback
 
     def test_a_second_interrupt_ends_an_experiment_whose_start_hangs(self):
         path, command = os.path.join(self.folder, "hangs.launch"), "sleep 600"

@@ -17,8 +17,8 @@ from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.ros import obstacle_commands
-from m2wr_sim.ros.obstacles import World
+from m2wr_tools.obstacles import commands as obstacle_commands
+from m2wr_tools.obstacles.world import World
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, program, run_checks, run_program, wait_until  # noqa: E402

@@ -11,10 +11,11 @@ import pytest
 import workspace_tree as tree
 
 IMPORT = re.compile(r"^ *(?:import|from) (\S+)", re.M)
-PROGRAMS = sorted(path for room in ("nodes", "scripts")
-                  for path in glob.glob(os.path.join(tree.ROOT, "src", "*", room, "*")) if os.path.isfile(path))
+PROGRAMS = sorted(path for place in (("nodes", "*"), ("scripts", "*"), ("scripts", "*", "*"))
+                  for path in glob.glob(os.path.join(tree.ROOT, "src", "*", *place)) if os.path.isfile(path))
 #: Programs with words with which each soon prints a lot, and their exit codes.
-PRINTING = (("m2wr_sim/nodes/doctor", ("-h",), 0), ("m2wr_sim/nodes/bag_report", ("test/data/turn_and_go.bag",) * 2, 0),
+PRINTING = (("m2wr_tools/scripts/m2wr_sim/doctor", ("-h",), 0),
+            ("m2wr_tools/scripts/m2wr_sim/bag_report", ("test/data/turn_and_go.bag",) * 2, 0),
             ("m2wr_course/scripts/exercise", ("5", "test/data/boxes.world"), 1),
             ("m2wr_gmapping/nodes/slam_gmapping_replay", ("-h",), 0))
 

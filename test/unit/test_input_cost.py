@@ -22,9 +22,9 @@ from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.replay import bag_file, map_reading
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf import load_sdf
-from m2wr_sim.report import bag_report
-from m2wr_sim.ros.compare_map import read_saved
 from m2wr_sim.ros.params import read_config
+from m2wr_tools.map_comparison.command import read_saved
+from m2wr_tools.runs import bag_report
 from m2wr_view.errors import ViewError
 from motion_plan.tour import Tour, TourError
 

@@ -28,7 +28,6 @@ ANYTHING = None
 EDGES = ("m2wr_sim.ros", "m2wr_sim.plugins")
 RULES = (
     Rule("*/*kernels.py", {"numpy", "numba"}, False, True, ("*",)),
-    Rule("m2wr_sim/sensors/bench*.py", NUMERIC, False, False, EDGES),     # measures time: that is what it is for
     Rule("m2wr_sim/physics/*.py", NUMERIC | {"llvmlite", "ode"}, False, True, EDGES),
     Rule("m2wr_sim/model/*.py", NUMERIC | XML | SHAPES, False, True, EDGES),
     Rule("m2wr_sim/sensors/*.py", NUMERIC, False, True, EDGES),
@@ -36,14 +35,19 @@ RULES = (
     Rule("m2wr_sim/runtime/*.py", NUMERIC, False, True, ("m2wr_sim.ros",)),
     Rule("m2wr_sim/plugins/*.py", NUMERIC, True, True, ("m2wr_sim.ros",)),
     Rule("m2wr_sim/api/*.py", NUMERIC | {"gymnasium", "rospkg"}, False, True,
-         ("m2wr_sim.ros", "motion_plan.ros*", "motion_plan.*_nodes")),
+         ("m2wr_sim.ros", "motion_plan")),
     Rule("m2wr_sim/ros/*.py", ANYTHING, True, False, ()),
-    Rule("m2wr_sim/doctor/*.py", ANYTHING, True, False, ()),              # looks at machine and graph
-    Rule("m2wr_sim/bench/*.py", ANYTHING, True, False, ()),               # measures time, and the whole node
-    Rule("m2wr_sim/report/*.py", NUMERIC | {"matplotlib", "PIL", "rosbag", "yaml"}, False, True, EDGES),
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_tools/map_figure/*.py", NUMERIC | {"matplotlib"}, False, True, ("m2wr_gmapping.ros",)),
-    Rule("m2wr_tools/*.py", set(), False, True, ()),
+    Rule("m2wr_tools/map_comparison/agreement.py", NUMERIC | {"PIL"}, False, True, EDGES),
+    Rule("m2wr_tools/obstacles/obstacle.py", set(), False, True, EDGES),
+    Rule("m2wr_tools/robots/free_places.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_tools/runs/summary.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_tools/runs/bag_report.py", NUMERIC, False, True, EDGES),
+    Rule("m2wr_tools/bug2_runner.py", NUMERIC, False, True,
+         ("m2wr_sim.ros", "motion_plan.ros*", "motion_plan.*_nodes")),
+    Rule("m2wr_tools/*/*.py", ANYTHING, True, False, ()),                 # commands, nodes, measurements of time
+    Rule("m2wr_tools/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_node/ros/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
     Rule("m2wr_lockstep/controller.py", ANYTHING, True, False, ()),

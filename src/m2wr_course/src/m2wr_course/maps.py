@@ -9,7 +9,7 @@ from PIL import Image
 from m2wr_course.finding import Finding
 from m2wr_sim.api.loading import read_world
 from m2wr_sim.errors import WorldError
-from m2wr_sim.report.map_agreement import LASER_HEIGHT, Truth, compare
+from m2wr_tools.map_comparison.agreement import LASER_HEIGHT, Truth, compare
 
 WORLD = "world02"
 ON_WALLS, FREE, DRAWN, AREA = 0.95, 0.98, 0.6, 150.0       # least shares of a good map, and its least size [m2]

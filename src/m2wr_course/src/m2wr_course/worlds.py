@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exercise 5: a world in which Bug 2 has to follow walls twice and still comes to its goal."""
 from m2wr_course.finding import Finding
-from m2wr_sim.api.bug2_runner import run_bug2
 from m2wr_sim.api.loading import read_world
+from m2wr_tools.bug2_runner import run_bug2
 
 START, GOAL, WALLS, LIMIT = (0.0, 8.0), (0.0, -4.0), 2, 900.0
 

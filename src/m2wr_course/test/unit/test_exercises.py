@@ -11,7 +11,7 @@ from PIL import Image
 
 from m2wr_course.command import EXERCISES, main
 from m2wr_sim.api.loading import package_folder, read_world
-from m2wr_sim.report.map_agreement import INSIDE, LASER_HEIGHT, WALL, Truth
+from m2wr_tools.map_comparison.agreement import INSIDE, LASER_HEIGHT, WALL, Truth
 
 URDF = Path(package_folder("m2wr_description")) / "urdf"
 BACK = """

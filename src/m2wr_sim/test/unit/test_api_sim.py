@@ -422,7 +422,7 @@ def test_a_closed_simulation_says_so(m2wr_record):
 
 
 def test_no_ros_node_is_needed():
-    code = ("import sys\nfrom m2wr_sim.api import Sim\nfrom m2wr_sim.api.bug2_runner import run_bug2\n"
+    code = ("import sys\nfrom m2wr_sim.api import Sim\n"
             "with Sim('empty', 'm2wr') as sim:\n    sim.step((0.1, 0.0), 0.1)\n"
             "print([name for name in sys.modules if name.split('.')[0] in ('rospy', 'tf2_ros', 'rosgraph')])\n")
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join(entry for entry in sys.path if entry),

@@ -7,11 +7,11 @@ import subprocess
 import sys
 import threading
 import weakref
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from m2wr_sim.bench.reference import robot_sdf
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate, rotate_inverse, yaw_of
 from m2wr_sim.model.sdf import load_sdf_models
@@ -22,6 +22,7 @@ from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.scene import Scene
 from test_mesh_kernels import block
 
+DATA = Path(__file__).resolve().parents[1] / "data"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 LAYER = 1e-4            # m, by which resting contacts overlap
 GRAVITY = 9.8
@@ -215,7 +216,7 @@ def axle(robot):
 
 @pytest.mark.parametrize("step_ms", [1, 5])
 def test_random_driving_on_waves_tilts_no_more_than_the_ground(make_engine, build, ground_of, step_ms):
-    robot, = load_sdf_models(robot_sdf())
+    robot, = load_sdf_models((DATA / "two_wheels.sdf").read_text())
     worst = 0.0
     for seed in range(3):
         draw, engine = random.Random(seed), make_engine(step_ms, [ground_of(wave, size=40.0, cells=200)])

@@ -19,7 +19,7 @@ from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import (Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, ModelStateEntry, Plane,
                                   PluginSpec, RayScan, Sphere, World, WorldState)
 from m2wr_sim.plugins.world_states import WorldStates
-from m2wr_sim.report.summary import obstacle_outlines, outline_of
+from m2wr_sim.model.outlines import obstacle_outlines, outline_of
 from m2wr_sim.ros.api_links import LinkApi
 from m2wr_sim.ros.world_markers import WorldMarkers
 from m2wr_sim.runtime.forces import Forces

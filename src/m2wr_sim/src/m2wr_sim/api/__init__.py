@@ -5,7 +5,7 @@
 ...     now = sim.step((0.5, 0.0), 2.0)
 ...     now.pose, now.odometry.linear_x, now.scan.ranges.min(), now.touches
 
-:mod:`m2wr_sim.api.bug2_runner` drives Bug 2 in such a simulation; importing :mod:`m2wr_sim.api.gym_env` registers a
+:mod:`m2wr_tools.bug2_runner` drives Bug 2 in such a simulation; importing :mod:`m2wr_sim.api.gym_env` registers a
 Gymnasium environment.
 """
 from m2wr_sim.api.loading import read_robot, read_world

@@ -10,7 +10,7 @@ from m2wr_view.scene import Scene
 
 from m2wr_sim.geometry import IDENTITY, compose
 from m2wr_sim.model.types import World
-from m2wr_sim.report.summary import obstacle_outlines
+from m2wr_sim.model.outlines import obstacle_outlines
 
 _BASE, _LASER = "base", "laser"
 SIZE = 800              # pixels, width and height

@@ -4,7 +4,7 @@ import time
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from m2wr_sim.bench.machine import memory_mb
+from m2wr_sim.process_memory import memory_mb
 from m2wr_sim.ros.convert import stamp_of
 
 _PERIOD = 1.0           # s of wall time

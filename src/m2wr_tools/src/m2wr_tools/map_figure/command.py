@@ -53,7 +53,7 @@ def read_outlines(world, height):
             raise FigureError("bag {}: no message on /gazebo/world_markers; was that topic recorded?".format(world))
         return solids.blocking
     from m2wr_sim.errors import SimError  # slow to import, and needed for world files only
-    from m2wr_sim.ros.compare_map import read_outlines as outlines_of_world
+    from m2wr_tools.map_comparison.command import read_outlines as outlines_of_world
     try:
         return outlines_of_world(world, height)
     except SimError as error:

@@ -1,1 +1,0 @@
-"""How fast the simulation is: worlds to measure in, stop watches, and the command ``benchmark``."""

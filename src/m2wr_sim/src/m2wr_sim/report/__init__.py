@@ -1,1 +1,0 @@
-"""What a finished run looked like, summed up in a table."""

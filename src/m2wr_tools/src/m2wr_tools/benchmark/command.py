@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The command ``benchmark``: how fast the simulation runs here, one case or a table of them."""
+import argparse
+import json
+import os
+import statistics
+import sys
+import tempfile
+
+from m2wr_sim.errors import SimError
+from m2wr_sim.model.sdf import load_world
+from m2wr_sim.physics.factory import ENGINES
+from m2wr_sim.ros.node import package_folder
+from m2wr_sim.ros.params import find_world, model_folders
+from m2wr_tools.benchmark import c_loop, hardware, in_process, others, reference, table
+from m2wr_tools.runs.experiment import free_port
+
+_C_STEPS = 20000                # robot steps in a run
+_LONGEST_STEP = 0.02            # s
+
+
+def _whole(least):
+    def read(text):
+        value = int(text)
+        if value < least:
+            raise argparse.ArgumentTypeError("%s: expected a whole number of at least %d" % (text, least))
+        return value
+    return read
+
+
+def _seconds(least, most):
+    def read(text):
+        value = float(text)
+        if not least < value <= most:
+            raise argparse.ArgumentTypeError("%s: expected seconds above %g and up to %g" % (text, least, most))
+        return value
+    return read
+
+
+def parser():
+    """Return the command line's parser."""
+    made = argparse.ArgumentParser(prog="benchmark", description=__doc__)
+    made.add_argument("--world", help="world file or name of a world; default: a walled square with obstacles")
+    made.add_argument("--obstacles", type=_whole(0), default=reference.OBSTACLES,
+                      help="in the default world (default: %(default)s)")
+    made.add_argument("--robots", type=_whole(1), default=1, help="default: %(default)s")
+    made.add_argument("--step", type=_seconds(0.0, _LONGEST_STEP), default=0.001, help="[s], default: %(default)s")
+    made.add_argument("--beams", type=_whole(1), default=720, help="of each scanner (default: %(default)s)")
+    made.add_argument("--duration", type=_seconds(0.0, 1e6), default=20.0,
+                      help="simulated seconds (default: %(default)s)")
+    made.add_argument("--engine", choices=ENGINES, default="auto", help="default: %(default)s")
+    made.add_argument("--clients", type=int, choices=(0, 1), default=0,
+                      help="1: the whole node with a process that listens to every topic of the robots, /clock and /tf")
+    made.add_argument("--node", action="store_true", help="the whole node also where nobody listens")
+    made.add_argument("--soak", type=_whole(1), metavar="MINUTES",
+                      help="the whole node for so many simulated minutes: its memory after each")
+    made.add_argument("--factor", type=float, default=0.0,
+                      help="real-time factor asked of the node; 0: as fast as it can (default)")
+    made.add_argument("--simulator", choices=sorted(others.MAKERS), help="measure another simulator in the same case")
+    made.add_argument("--compare", choices=["c"] + sorted(others.MAKERS),
+                      help="c: time the physics loop against the same loop written in C; others: physics and scans in "
+                      "turns with that simulator (to be installed from PyPI)")
+    made.add_argument("--json", action="store_true", help="print one line of JSON")
+    made.add_argument("--table", action="store_true", help="measure the cases of the README's table and print it")
+    made.add_argument("--repeats", type=_whole(1), default=5,
+                      help="of a comparison, and of the table's cases (default: %(default)s)")
+    return made
+
+
+class Progress:
+    """Says how far a long measurement is, on a terminal only."""
+
+    def __init__(self, name, stream=None):
+        self._name, self._stream = name, stream or sys.stderr
+        self._shown = None
+
+    def __call__(self, share):
+        percent = int(100.0 * share)
+        if self._stream.isatty() and percent != self._shown:
+            self._shown = percent
+            self._stream.write("\r%s: %3d %%%s" % (self._name, percent, "\n" if percent == 100 else ""))
+            self._stream.flush()
+
+
+def world_text_or_path(options, folder):
+    """Return what the simulation is to load: the path of the world asked for, or the text of the default one."""
+    if options.world:
+        return find_world(options.world, os.path.join(folder, "worlds"))
+    return reference.world_sdf(options.obstacles, options.robots)
+
+
+def _load(options, folder):
+    folders = model_folders(folder)
+    return load_world(world_text_or_path(options, folder), resolve_model=folders)
+
+
+def _case(options, world):
+    return in_process.Case(world, options.robots, options.step, options.beams, options.duration, options.engine)
+
+
+def measure_node(options, folder):
+    """Measure the whole node; see :class:`~m2wr_tools.benchmark.whole_node.WholeNode`."""
+    from m2wr_tools.benchmark.whole_node import WholeNode  # needs ROS, the rest does not
+    found = world_text_or_path(options, folder)
+    with tempfile.TemporaryDirectory(prefix="m2wr_sim_benchmark_") as scratch:
+        if not options.world:
+            path = os.path.join(scratch, "benchmark.world")
+            with open(path, "w") as stream:
+                stream.write(found)
+            found = path
+        with WholeNode(found, _case(options, None), options.clients, options.factor, free_port()) as node:
+            if options.soak:
+                return node.soak(options.soak, Progress("node"))
+            result = node.measure(options.duration, Progress("node"))
+    if not options.factor:
+        alone = table.run_case(_arguments(options))
+        result["message_share"] = max(0.0, 1.0 - result["factor"] / alone["factor"])
+    return result
+
+
+def _arguments(options):
+    """Return the command line of the same case without ROS."""
+    arguments = ["--world", options.world] if options.world else ["--obstacles", str(options.obstacles)]
+    return arguments + ["--robots", str(options.robots), "--step", repr(options.step), "--beams", str(options.beams),
+                        "--duration", repr(min(options.duration, 20.0)), "--engine", options.engine]
+
+
+def compare_with_c(options, folder):
+    """Time the engine's loop and the loop in C in turns; returns medians [µs per step] and their ratio."""
+    world, robot = _load(options, folder), in_process.robot_model(options.beams)
+    steps = max(100, _C_STEPS // options.robots)
+    pairs, progress = [], Progress("comparison")
+    with c_loop.temporary_folder() as scratch:
+        program = c_loop.compile_loop(c_loop.source(), scratch)
+        for repeat in range(options.repeats):
+            fenced_us = in_process.time_engine(_case(options, world), steps)[0]
+            engine_us, position, settings = in_process.time_engine(_case(options, world), steps, fences=False)
+            text = c_loop.world_text(world, robot, reference.robot_places(options.robots), in_process.motor_rates(),
+                                     in_process.FORCE, settings, 1, steps)
+            (c_us,), c_position = c_loop.run_loop(program, text)
+            if position != c_position:
+                raise SimError("the two loops did not do the same: the first robot ended at %s here and at %s in C"
+                               % (position, c_position))
+            pairs.append((engine_us, c_us, fenced_us))
+            progress((repeat + 1) / options.repeats)
+    engine_us, c_us, fenced_us = (statistics.median(column) for column in zip(*pairs))
+    return {"step_us": engine_us, "c_step_us": c_us, "fenced_us": fenced_us,
+            "ratio": statistics.median(one / two for one, two, _ in pairs),
+            "steps": steps, "repeats": options.repeats}
+
+
+def compare_with_other(options):
+    """Time physics and scans in turns with another simulator, each run in a process of its own; returns medians."""
+    arguments, pairs, progress = _arguments(options), [], Progress("comparison")
+    for repeat in range(options.repeats):
+        pairs.append([table.run_case(arguments + extra) for extra in ([], ["--simulator", options.compare])])
+        progress((repeat + 1) / options.repeats)
+    return {"factor": statistics.median(ours["factor"] for ours, _ in pairs),
+            "other_factor": statistics.median(theirs["factor"] for _, theirs in pairs),
+            "faster": statistics.median(ours["factor"] / theirs["factor"] for ours, theirs in pairs),
+            "speed": pairs[0][1]["speed"], "turn_rate": pairs[0][1]["turn_rate"], "repeats": options.repeats}
+
+
+def run(options, folder):
+    """Measure what the options ask for; returns a dictionary of figures."""
+    if options.compare == "c":
+        return compare_with_c(options, folder)
+    if options.compare:
+        return compare_with_other(options)
+    if options.simulator:
+        return others.measure(options.simulator, _case(options, _load(options, folder)), Progress(options.simulator))
+    if options.clients or options.node or options.soak:
+        return measure_node(options, folder)
+    return in_process.measure(_case(options, _load(options, folder)), Progress("physics and scans"))
+
+
+def main(argv=None):
+    """Entry point; returns the exit code."""
+    options = parser().parse_args(sys.argv[1:] if argv is None else argv)
+    try:
+        if options.table:
+            sys.stdout.write(table.make(options.repeats, Progress("table")))
+            return 0
+        result = run(options, package_folder())
+    except (SimError, ValueError) as error:
+        sys.stderr.write("benchmark: %s\n" % error)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    if options.json:
+        asked = {name: getattr(options, name) for name in ("world", "obstacles", "robots", "step", "beams", "duration",
+                                                           "engine", "clients", "factor", "soak")}
+        sys.stdout.write(json.dumps({"asked": asked, "machine": hardware.describe(), "result": result}) + "\n")
+    else:
+        sys.stdout.write(table.lines(result))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Time a scan: ``python3 -m m2wr_tools.benchmark.rays`` prints microseconds and the ratio to the plain method.
+
+The plain method casts every beam against every obstacle, with the same arithmetic for one ray.  Worlds are a walled
+square of 24 m with boxes and cylinders, and larger ones with the same look, boxes of triangles, and heightmaps; the
+robot stands level, or tilted by 2 degrees, and the median over many places is given.
+"""
+import math
+import random
+import sys
+import timeit
+
+import numpy as np
+
+from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Noise, Plane, RayScan
+from m2wr_sim.sensors import ray_kernels as kernels
+from m2wr_sim.sensors.laser import LaserSensor
+from m2wr_sim.sensors.scene import Scene
+
+SCAN = RayScan(samples=720, min_angle=-0.5 * math.pi, max_angle=0.5 * math.pi, range_min=0.1, range_max=10.0,
+               noise=Noise(kind="gaussian", stddev=0.01))
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+WORLDS = (("60 obstacles, 24 m", 60, 24.0, None), ("600, 76 m", 600, 76.0, None), ("2000, 139 m", 2000, 139.0, None),
+          ("2000 pillars of 5 cm, 24 m", 2000, 24.0, 0.05))     # name, obstacles, side [m], radius of pillars [m]
+
+
+_BOX_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_BOX_FACES = np.array(((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6),
+                       (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)), np.int32)
+
+
+def make_scene(obstacles, side, pillar=None, seed=1):
+    """Return a walled square of ``side`` metres on a ground plane, with boxes and cylinders, or thin pillars only."""
+    draw, scene = random.Random(seed), Scene(obstacles + 1)
+    scene.add(Plane(), ((0.0, 0.0, 0.0), UPRIGHT), "ground")
+    half = 0.5 * side
+    for x, y, size in ((half, 0.0, (0.2, side, 2.0)), (-half, 0.0, (0.2, side, 2.0)),
+                       (0.0, half, (side, 0.2, 2.0)), (0.0, -half, (side, 0.2, 2.0))):
+        scene.add(Box(size), ((x, y, 1.0), UPRIGHT), "wall")
+    for k in range(obstacles - 4):
+        place = (draw.uniform(-half, half), draw.uniform(-half, half), 0.5)
+        yaw = quaternion_from_rpy(0.0, 0.0, draw.uniform(-math.pi, math.pi))
+        if pillar is not None:
+            shape = Cylinder(pillar, 1.0)
+        elif k % 2:
+            shape = Cylinder(draw.uniform(0.1, 0.5), 1.0)
+        else:
+            shape = Box((draw.uniform(0.2, 1.5), draw.uniform(0.2, 1.5), 1.0))
+        scene.add(shape, (place, yaw), k)
+    return scene
+
+
+def make_house(boxes, seed=1):
+    """Return one mesh of so many boxes in a square of 24 m, as a building's walls come in one file."""
+    draw, corners, faces = random.Random(seed), [], []
+    for index in range(boxes):
+        yaw = draw.choice((0.0, 0.5 * math.pi, draw.uniform(-math.pi, math.pi)))
+        size = draw.uniform(0.2, 3.0), draw.uniform(0.1, 0.3), 1.5
+        place = draw.uniform(-11.0, 11.0), draw.uniform(-11.0, 11.0)
+        turn = np.array(((math.cos(yaw), -math.sin(yaw), 0.0), (math.sin(yaw), math.cos(yaw), 0.0), (0.0, 0.0, 1.0)))
+        corners.append((_BOX_CORNERS * size) @ turn.T + (place[0], place[1], 0.7))
+        faces.append(_BOX_FACES + 8 * index)
+    scene = Scene()
+    scene.add(Mesh(np.concatenate(corners), np.concatenate(faces)), ((0.0, 0.0, 0.0), UPRIGHT), "house")
+    return scene
+
+
+def make_hills(samples):
+    """Return a heightmap of 24 m, up to 1.1 m high, that beams at half a metre meet again and again."""
+    ticks = np.linspace(-12.0, 12.0, samples)
+    heights = 0.5 + 0.6 * np.sin(0.9 * ticks)[None, :] * np.cos(0.7 * ticks)[:, None]
+    scene = Scene()
+    scene.add(Heightmap(heights, (24.0, 24.0)), ((0.0, 0.0, 0.0), UPRIGHT), "hills")
+    return scene
+
+
+@kernels._kernel
+def cast_all(ranges, beams, frame, spheres, shapes):
+    """Every beam of a single row against every obstacle."""
+    sensor = kernels.rotation(frame[3], frame[4], frame[5], frame[6])
+    nearest = frame[kernels.RANGE_MIN]
+    ranges[:] = frame[kernels.RANGE_MAX]
+    for row in range(int(frame[kernels.COUNT])):
+        b = shapes[row]
+        a, half = kernels.product(b, sensor), (b[9], b[10], b[11])
+        cx, cy, cz = spheres[0, row] - frame[0], spheres[1, row] - frame[1], spheres[2, row] - frame[2]
+        x = (a[0], a[1], 0.0, -(b[0] * cx + b[3] * cy + b[6] * cz))
+        y = (a[3], a[4], 0.0, -(b[1] * cx + b[4] * cy + b[7] * cz))
+        z = (a[6], a[7], 0.0, -(b[2] * cx + b[5] * cy + b[8] * cz))
+        for i in range(beams.shape[1]):
+            if b[kernels.KIND] == kernels.BOX:
+                t = kernels._box_range(beams[0, i], beams[1, i], x, y, z, half, nearest)
+            elif b[kernels.KIND] == kernels.CYLINDER:
+                t = kernels._cylinder_range(beams[0, i], beams[1, i], x, y, z, half, nearest)
+            else:
+                continue        # the ground, which these beams do not reach
+            ranges[i] = min(ranges[i], t)
+
+
+def median_time(function, repeats):
+    """Return the median time of one call in microseconds."""
+    function()
+    times = sorted(timeit.repeat(function, number=5, repeat=repeats))
+    return times[len(times) // 2] / 5 * 1e6
+
+
+def measure(scene, side, tilt, places=15, seed=2):
+    """Return median microseconds of the whole scan, of its kernel and of the plain kernel."""
+    draw, times = random.Random(seed), []
+    sensor = LaserSensor(SCAN, np.random.default_rng(seed))
+    frame, distances = sensor._frame, sensor._distances
+    for _ in range(places):
+        reach = 0.5 * side - 1.0
+        pose = ((draw.uniform(-reach, reach), draw.uniform(-reach, reach), 0.5),
+                quaternion_from_rpy(tilt, tilt, draw.uniform(-math.pi, math.pi)))
+        whole = median_time(lambda pose=pose: sensor.cast(scene, pose), 41)
+        kernel = median_time(lambda: kernels.cast_rays(distances, sensor._no_hits, sensor._beams, sensor._rows, frame,
+                                                       scene.spheres, scene.shapes, sensor._order), 41)
+        plain = median_time(lambda: cast_all(distances, sensor._beams, frame, scene.spheres, scene.shapes), 1)
+        times.append((whole, kernel, plain))
+    return [sorted(column)[places // 2] for column in zip(*times)]
+
+
+def measure_whole(scene, tilt, side=24.0, places=15, seed=2):
+    """Return median microseconds of the whole scan."""
+    draw, times = random.Random(seed), []
+    sensor, reach = LaserSensor(SCAN, np.random.default_rng(seed)), 0.5 * side - 1.0
+    for _ in range(places):
+        pose = ((draw.uniform(-reach, reach), draw.uniform(-reach, reach), 0.5),
+                quaternion_from_rpy(tilt, tilt, draw.uniform(-math.pi, math.pi)))
+        times.append(median_time(lambda pose=pose: sensor.cast(scene, pose), 11))
+    return sorted(times)[places // 2]
+
+
+MESHES = (("60 boxes in one mesh", make_house, 60), ("300 boxes in one mesh", make_house, 300),
+          ("hills of 129 x 129", make_hills, 129), ("hills of 513 x 513", make_hills, 513))
+
+
+def main():
+    """Print the table."""
+    if not kernels.HAVE_NUMBA:
+        sys.exit("bench: numba is not installed, there is no fast kernel to time")
+    lines = ["%-38s %10s %10s %10s %8s" % ("world", "scan us", "kernel us", "plain us", "ratio")]
+    for name, count, side, pillar in WORLDS:
+        scene = make_scene(count, side, pillar)
+        for posture, tilt in (("level", 0.0), ("tilted", math.radians(2.0))):
+            whole, kernel, plain = measure(scene, side, tilt)
+            lines.append("%-38s %10.1f %10.1f %10.0f %8.0f"
+                         % (name + ", " + posture, whole, kernel, plain, plain / kernel))
+    for name, make, count in MESHES:
+        scene = make(count)
+        for posture, tilt in (("level", 0.0), ("tilted", math.radians(2.0))):
+            lines.append("%-38s %10.1f" % (name + ", " + posture, measure_whole(scene, tilt)))
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What runs: the master, its nodes, time, and who speaks to whom."""
+import socket
+import xmlrpc.client
+from collections import namedtuple
+from urllib.parse import urlparse
+
+from m2wr_tools.doctor.environment import master_address
+from m2wr_tools.doctor.finding import ok, problem, some, warning
+
+_MASTER, _TOPICS = "master", "topics"
+_PATIENCE = 1.0             # s for a node to answer
+_TURNS = {"/go_to_point", "/wall_follower"}     # take turns on /cmd_vel by their switches
+
+Graph = namedtuple("Graph", "publishers subscribers services types nodes silent sim_time")
+"""``publishers``, ``subscribers``, ``services``: {name: [nodes]}; ``types``: {topic: type}; ``nodes``: {name: address};
+``silent``: names of nodes that do not answer; ``sim_time``: value of /use_sim_time, None where it is not set."""
+
+
+class _Quick(xmlrpc.client.Transport):
+    """Gives up soon."""
+
+    def make_connection(self, host):
+        connection = super().make_connection(host)
+        connection.timeout = _PATIENCE
+        return connection
+
+
+def _ask(address, method, *arguments):
+    """Return the answer of a master or node; OSError if there is none."""
+    proxy = xmlrpc.client.ServerProxy(address, transport=_Quick())
+    try:
+        code, text, answer = getattr(proxy, method)("/doctor", *arguments)
+    except (xmlrpc.client.Error, ValueError, TypeError) as error:
+        raise OSError("%s: %s" % (address, error)) from error
+    finally:
+        proxy("close")()
+    if code != 1:
+        raise OSError("%s: %s" % (address, text))
+    return answer
+
+
+def read_graph(environ):
+    """Return the Graph of the master that ROS_MASTER_URI names, or None if there is no master.
+
+    No node is made for it, so it also works where a node would hang.
+    """
+    address = master_address(environ)
+    if address is None:
+        return None
+    master = "http://%s:%d" % address
+    try:
+        publishers, subscribers, services = (dict(part) for part in _ask(master, "getSystemState"))
+        types = dict(_ask(master, "getTopicTypes"))
+    except OSError:
+        return None
+    try:
+        sim_time = _ask(master, "getParam", "/use_sim_time")
+    except OSError:
+        sim_time = None
+    nodes, silent = {}, []
+    for name in sorted({node for part in (publishers, subscribers, services) for entry in part.values()
+                        for node in entry}):
+        try:
+            nodes[name] = _ask(master, "lookupNode", name)
+            _ask(nodes[name], "getPid")
+        except OSError:
+            silent.append(name)
+    return Graph(publishers, subscribers, services, types, nodes, silent, sim_time)
+
+
+def check_master(machine, graph):
+    """Return the findings on the master, its nodes and time; ``graph`` is None where there is no master."""
+    address = master_address(machine.environ)
+    if graph is None:
+        if address is None:
+            return []           # said of the environment
+        if machine.accepts(*address):
+            return [problem(_MASTER, "something that is no ROS master answers at %s:%d" % address,
+                            "choose another port: export ROS_MASTER_URI=http://localhost:11312")]
+        if not any(machine.is_local(place) for place in machine.addresses(address[0])):
+            return [warning(_MASTER, "no master at %s:%d, on another machine" % address,
+                            "start it there, or unset ROS_MASTER_URI to work on this one")]
+        return [ok(_MASTER, "no master at %s:%d: nothing runs, so nothing that runs was checked", *address)]
+    found = [ok(_MASTER, "the master answers, %d nodes", len(graph.nodes))]
+    for name in graph.silent:
+        host = urlparse(graph.nodes.get(name, "")).hostname
+        if host and not machine.addresses(host):
+            found.append(problem(_MASTER, "node %s says it is at %s, which has no address here" % (name, host),
+                                 "export ROS_HOSTNAME=localhost (or an address) before that node is started"))
+        else:
+            found.append(warning(_MASTER, "node %s is registered, but does not answer" % name,
+                                 "it died, or hangs: rosnode cleanup"))
+    return found + _reachable(machine, graph) + _time(graph)
+
+
+def _reachable(machine, graph):
+    """Tell which nodes of this machine take connections from others although ROS is bound to the loopback address."""
+    environ = machine.environ
+    host = environ.get("ROS_HOSTNAME") or environ.get("ROS_IP")
+    addresses = machine.addresses(host) if host else []
+    if not addresses or not all(address.startswith(("127.", "::1")) for address in addresses):
+        return []               # said of the environment, or wanted
+    ports = machine.open_to_all()
+    names = [name for name, address in graph.nodes.items() if urlparse(address).port in ports
+             and any(machine.is_local(place) for place in machine.addresses(urlparse(address).hostname or ""))]
+    if not names:
+        return [ok(_MASTER, "all nodes listen at the loopback address only")]
+    return [ok(_MASTER, "%s: XML-RPC port open to other machines, as roscpp always opens it; in a network that is not "
+               "yours, close it with a firewall", some(names))]
+
+
+def _time(graph):
+    clocks = graph.publishers.get("/clock", [])
+    alive = [name for name in clocks if name not in graph.silent]
+    if len(alive) > 1:
+        return [problem(_MASTER, "%d nodes publish /clock: %s; time jumps to and fro" % (len(alive), some(alive)),
+                        "stop all but one: rosnode kill %s" % sorted(alive)[-1])]
+    if graph.sim_time and not alive:
+        return [problem(_MASTER, "/use_sim_time is true, but nothing publishes /clock: nodes hang without a word",
+                        "start the simulation (roslaunch m2wr_sim bug2.launch), or where none is to run: rosparam set "
+                        "/use_sim_time false")]
+    if alive and not graph.sim_time:
+        return [warning(_MASTER, "%s publishes /clock, but /use_sim_time is %s: nodes use the wall clock" % (
+            alive[0], "false" if graph.sim_time is False else "not set"),
+            "rosparam set /use_sim_time true, then start those nodes again")]
+    return [ok(_MASTER, "time: %s", "/clock of %s" % alive[0] if alive else "the wall clock")]
+
+
+def check_topics(graph):
+    """Return the findings on who commands whom."""
+    found = []
+    commands = [topic for topic, kind in graph.types.items() if kind == "geometry_msgs/Twist"
+                and topic.rsplit("/", 1)[-1].startswith("cmd_vel")]
+    for topic in sorted(commands):
+        senders = set(graph.publishers.get(topic, [])) - set(graph.silent)
+        takers = set(graph.subscribers.get(topic, [])) - set(graph.silent)
+        if len(senders - _TURNS) + bool(senders & _TURNS) > 1:
+            found.append(warning(_TOPICS, "%d nodes may command %s: %s; the robot obeys whoever spoke last" % (
+                len(senders), topic, some(senders)), "stop all but one: rosnode kill NAME"))
+        elif senders and not takers:
+            found.append(warning(_TOPICS, "%s commands %s, but no robot listens" % (some(senders), topic),
+                                 _other_robots(graph, topic)))
+        elif takers:
+            found.append(ok(_TOPICS, "%s: from %s to %s", topic, some(senders) or "no publisher", some(takers)))
+    return found
+
+
+def _other_robots(graph, topic):
+    others = [name for name, kind in graph.types.items() if kind == "geometry_msgs/Twist" and name != topic
+              and graph.subscribers.get(name)]
+    if others:
+        return "robots listen to %s: start the node with cmd_vel:=%s" % (some(others), sorted(others)[0])
+    return "spawn a robot: roslaunch m2wr_description spawn.launch"
+
+
+def time_limit(seconds):
+    """Let no connection of this process wait longer than that."""
+    socket.setdefaulttimeout(seconds)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The machine as the checks see it; tests put another one in its place."""
+import importlib.util
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+
+_LISTENS = "0A"             # state TCP_LISTEN of Linux, as /proc/net/tcp writes it
+
+
+class Machine:
+    """Questions about this machine and this process; every answer comes within a few seconds.
+
+    Attributes
+    ----------
+    environ : dict
+        Environment variables.
+    python : str
+        The interpreter that runs this.
+    version : tuple of int
+        Its version.
+    folder : str
+        Where the user stands.
+    """
+
+    def __init__(self):
+        self.environ = dict(os.environ)
+        self.python, self.version = sys.executable, tuple(sys.version_info[:3])
+        self.folder = os.getcwd()
+
+    def which(self, program):
+        """Return the path of a program on PATH, or None."""
+        return shutil.which(program, path=self.environ.get("PATH"))
+
+    def has_module(self, name):
+        """Tell whether a Python module can be found; it is not imported."""
+        try:
+            return importlib.util.find_spec(name) is not None
+        except (ImportError, ValueError):
+            return False
+
+    def run(self, arguments, patience=10.0):
+        """Run a program; returns its exit code (None: it cannot be run, or takes too long) and what it says."""
+        try:
+            done = subprocess.run(arguments, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                  env=self.environ, timeout=patience)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return None, str(error)
+        return done.returncode, done.stdout.decode(errors="replace")
+
+    def exists(self, path):
+        """Tell whether there is a file or folder."""
+        return os.path.exists(path)
+
+    def executable(self, path):
+        """Tell whether a file may be executed."""
+        return os.access(path, os.X_OK)
+
+    def first_line(self, path):
+        """Return the first line of a file with its line end, as bytes; empty if it cannot be read."""
+        try:
+            with open(path, "rb") as stream:
+                return stream.readline(300)
+        except OSError:
+            return b""
+
+    def lines(self, path):
+        """Return the lines of a text file; OSError if it cannot be read."""
+        with open(path) as stream:
+            return stream.readlines()
+
+    def open_to_all(self):
+        """Return the ports at which this machine's processes take TCP connections from any address."""
+        found = set()
+        for path, everywhere in (("/proc/net/tcp", "0" * 8), ("/proc/net/tcp6", "0" * 32)):
+            try:
+                rows = self.lines(path)[1:]
+            except OSError:
+                continue                # no Linux, or no IPv6
+            for row in rows:
+                local, state = row.split()[1], row.split()[3]
+                address, port = local.split(":")
+                if state == _LISTENS and address == everywhere:
+                    found.add(int(port, 16))
+        return found
+
+    def below(self, folder):
+        """Return the paths of all files below a folder."""
+        return [os.path.join(where, name) for where, _, names in os.walk(folder) for name in names]
+
+    def writable(self, folder):
+        """Tell whether a file can be made in a folder, which itself may still have to be made."""
+        while folder and not os.path.isdir(folder):
+            if os.path.exists(folder) or os.path.dirname(folder) == folder:
+                return False
+            folder = os.path.dirname(folder)
+        try:
+            with tempfile.TemporaryFile(dir=folder or "."):
+                return True
+        except OSError:
+            return False
+
+    def free_bytes(self, folder):
+        """Return the free space where a folder lies or would lie; None if that cannot be told."""
+        while folder and not os.path.isdir(folder) and os.path.dirname(folder) != folder:
+            folder = os.path.dirname(folder)
+        try:
+            return shutil.disk_usage(folder or ".").free
+        except OSError:
+            return None
+
+    def host_name(self):
+        """Return the name of this machine."""
+        return socket.gethostname()
+
+    def addresses(self, host):
+        """Return the addresses of a host name; none if it cannot be resolved."""
+        try:
+            return sorted({entry[4][0] for entry in socket.getaddrinfo(host, None, 0, socket.SOCK_STREAM)})
+        except (OSError, UnicodeError):
+            return []
+
+    def is_local(self, address):
+        """Tell whether an address is one of this machine's."""
+        family = socket.AF_INET6 if ":" in address else socket.AF_INET
+        try:
+            with socket.socket(family, socket.SOCK_STREAM) as probe:
+                probe.bind((address, 0))
+                return True
+        except OSError:
+            return False
+
+    def accepts(self, host, port, patience=2.0):
+        """Tell whether somebody takes connections there."""
+        try:
+            socket.create_connection((host, port), patience).close()
+            return True
+        except (OSError, OverflowError, UnicodeError):
+            return False
+
+    def accepts_unix(self, path):
+        """Tell whether somebody takes connections at a socket in the file system, or in the abstract names."""
+        for name in (path, "\0" + path):
+            try:
+                with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+                    probe.settimeout(2.0)
+                    probe.connect(name)
+                    return True
+            except OSError:
+                continue
+        return False

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How well a map agrees with its world: the command ``compare_map``."""

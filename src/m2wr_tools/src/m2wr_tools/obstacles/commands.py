@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The commands add_obstacle, move_obstacle, delete_obstacle and list_obstacles.  Exit code 0 or 1; 2 on misuse."""
+import argparse
+import sys
+
+from m2wr_sim.angles import quaternion_from_rpy, yaw_of
+from m2wr_sim.command_line import without_exponent
+from m2wr_sim.errors import SimError
+from m2wr_tools.obstacles.obstacle import COLOURS, KINDS, Obstacle, draw, read_colour, wall
+from m2wr_tools.service_client import no_master, without_remappings
+
+_DEFAULT_SIZES = {"box": (0.5, 0.5, 0.5), "cylinder": (0.25, 0.5), "sphere": (0.25,)}
+
+
+def _parser(name, text):
+    parser = argparse.ArgumentParser(prog=name, description=text)
+    parser.add_argument("--gazebo-namespace", default="/gazebo", metavar="NS",
+                        help="where the services are (%(default)s)")
+    return parser
+
+
+def make_add_parser():
+    """Return the parser of add_obstacle."""
+    parser = _parser("add_obstacle", "Put an obstacle into a running simulation. Heights count from the underside: 0 "
+                                     "stands on the floor.")
+    add = parser.add_argument
+    add("kind", choices=sorted(KINDS) + ["random", "wall"], help="shape; random: any, of any colour and size")
+    add("--size", type=float, nargs="+", metavar="METRES",
+        help="box: LENGTH WIDTH HEIGHT; cylinder: RADIUS HEIGHT; sphere: RADIUS; wall: THICKNESS HEIGHT")
+    add("--at", type=float, nargs="+", metavar="METRES", help="X Y, or X Y Z")
+    add("--yaw", type=float, metavar="RAD", help="heading (0)")
+    add("--from", dest="start", type=float, nargs=2, metavar=("X", "Y"), help="one end of a wall")
+    add("--to", dest="end", type=float, nargs=2, metavar=("X", "Y"), help="its other end")
+    add("--near", metavar="MODEL", help="in place of --at: anywhere free around this robot")
+    add("--within", type=float, default=2.0, metavar="METRES", help="with --near: at most so far away (%(default)s)")
+    add("--clearance", type=float, default=0.3, metavar="METRES",
+        help="with --near: at least so far from everything (%(default)s)")
+    add("--count", type=int, default=1, metavar="N", help="with --near: how many (%(default)s)")
+    add("--seed", type=int, default=0, help="with --near: another seed, other places (%(default)s)")
+    weight = parser.add_mutually_exclusive_group()
+    weight.add_argument("--static", action="store_true", help="nothing moves it (the default)")
+    weight.add_argument("--mass", type=float, metavar="KG", help="a robot can push it")
+    add("--colour", "--color", default=None, metavar="COLOUR", help="%s, or #rrggbb" % ", ".join(sorted(COLOURS)))
+    add("--name", default="", help="name of the model; with --count the stem of the names (obstacle1, ...)")
+    return parser
+
+
+def _check_add(parser, given):
+    """End the program with code 2 where options do not go together."""
+    if given.kind == "wall":
+        if not (given.start and given.end) or given.at or given.near or given.yaw is not None:
+            parser.error("a wall goes from one point to another: --from X Y --to X Y, without --at, --near and --yaw")
+        if given.size and len(given.size) != 2:
+            parser.error("--size of a wall is THICKNESS HEIGHT")
+    elif given.start or given.end:
+        parser.error("--from and --to belong to a wall")
+    elif (given.at is None) == (given.near is None):
+        parser.error("expected either --at X Y [Z] or --near MODEL")
+    if given.at and len(given.at) not in (2, 3):
+        parser.error("--at takes X Y or X Y Z")
+    if given.near is None and given.count != 1:
+        parser.error("--count goes with --near")
+    if given.near is not None and given.yaw is not None:
+        parser.error("--yaw goes with --at; with --near it is drawn")
+    if not 1 <= given.count <= 100:
+        parser.error("--count is %d; expected 1 to 100" % given.count)
+    if given.seed < 0:
+        parser.error("--seed is %d; expected 0 or more" % given.seed)
+    if not (0.0 < given.within <= 100.0 and 0.0 <= given.clearance <= 10.0):
+        parser.error("expected --within above 0, up to 100 m, and --clearance from 0 to 10 m")
+    if given.kind == "random" and (given.size or given.colour):
+        parser.error("random draws size and colour as well: leave out --size and --colour")
+
+
+def read_obstacle(given, generator):
+    """Return the obstacle that the command line describes; ModelError if there cannot be one."""
+    colour = read_colour(given.colour) if given.colour else COLOURS["orange"]
+    if given.kind == "random":
+        drawn = draw(generator)
+        return Obstacle(drawn.kind, drawn.size, given.mass, drawn.colour)
+    if given.kind == "wall":
+        size, _, _ = wall(given.start, given.end, *(given.size or ()))
+        return Obstacle("box", size, given.mass, colour)
+    return Obstacle(given.kind, tuple(given.size or _DEFAULT_SIZES[given.kind]), given.mass, colour)
+
+
+def _describe(name, kind, size, place, yaw):
+    """Return a line on an obstacle; nothing is at -0.00."""
+    numbers = tuple(round(value, 2) + 0.0 for value in tuple(place) + (yaw,))
+    return "%s: %s of %s m at (%.2f, %.2f, %.2f), heading %.2f rad" % (
+        (name, kind, " x ".join("%g" % value for value in size)) + numbers)
+
+
+def _say_added(name, obstacle, place, yaw, robots, footprint):
+    """Tell what has been added, and on stderr if it stands in a robot."""
+    print("%s, %s" % (_describe(name, obstacle.kind, obstacle.size, place, yaw),
+                      "fixed" if obstacle.mass is None else "%g kg" % obstacle.mass))
+    from m2wr_tools.obstacles.world import outline_of, touched_robots
+    outline = outline_of(obstacle.kind, obstacle.size, (place, quaternion_from_rpy(0.0, 0.0, yaw)))
+    for robot in touched_robots(outline, robots, footprint):
+        sys.stderr.write("warning: %s stands where the robot %s is, and will throw it about; \"rosrun m2wr_sim "
+                         "move_obstacle %s --at X Y\" puts it elsewhere\n" % (name, robot, name))
+
+
+def add_obstacle(given, world):
+    """Do what add_obstacle's command line says."""
+    from m2wr_tools.obstacles.world import ObstacleError, Places, robot_footprint, some_of
+    generator = None
+    if given.near is not None or given.kind == "random":
+        import numpy as np
+        generator = np.random.default_rng(given.seed)
+    first = read_obstacle(given, generator)     # a bad size is refused before anything is asked of the simulation
+    robots, footprint = world.robots(), robot_footprint()
+    if given.near is None:
+        if given.kind == "wall":
+            _, (x, y), yaw = wall(given.start, given.end)
+            place = (x, y, 0.0)
+        else:
+            place, yaw = tuple((given.at + [0.0])[:3]), given.yaw or 0.0
+        name = world.add(first, place, yaw, given.name)
+        return _say_added(name, first, place, yaw, robots, footprint)
+    if given.near not in world.names():
+        raise ObstacleError("there is no model \"%s\"; in the world are %s" % (given.near, some_of(world.names())))
+    start_to_listen()
+    places = Places(world.pose(given.near), world.solids(), robots, footprint, given.clearance, given.within, generator)
+    for number in range(given.count):
+        obstacle = first if number == 0 else read_obstacle(given, generator)
+        x, y, yaw = places.draw(obstacle)
+        name = given.name
+        if not name or given.count > 1:
+            name = world.free_name(world.names(), name or "obstacle")
+        _say_added(world.add(obstacle, (x, y, 0.0), yaw, name), obstacle, (x, y, 0.0), yaw, {}, footprint)
+    return None
+
+
+def start_to_listen():
+    """Register a node, unless this process is one: the world's markers need it; the services alone do not."""
+    import rospy
+
+    from m2wr_node.ros.starting import start_node
+    if rospy.core.is_initialized():
+        return
+    start_node("add_obstacle", anonymous=True, disable_rostime=True)
+    rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
+
+
+def make_move_parser():
+    """Return the parser of move_obstacle."""
+    parser = _parser("move_obstacle", "Put a model of a running simulation somewhere else, at rest.")
+    parser.add_argument("name", help="name of the model")
+    parser.add_argument("--at", type=float, nargs="+", required=True, metavar="METRES", help="X Y, or X Y Z")
+    parser.add_argument("--yaw", type=float, metavar="RAD", help="heading, standing upright; default: as it is")
+    return parser
+
+
+def move_obstacle(given, world):
+    """Do what move_obstacle's command line says."""
+    world.move(given.name, tuple((given.at + [None])[:3]), given.yaw)
+    position, attitude = world.pose(given.name)
+    numbers = tuple(round(value, 2) + 0.0 for value in tuple(position) + (yaw_of(attitude),))
+    print("%s is at (%.2f, %.2f, %.2f), heading %.2f rad" % ((given.name,) + numbers))
+
+
+def make_delete_parser():
+    """Return the parser of delete_obstacle."""
+    parser = _parser("delete_obstacle", "Take models out of a running simulation; robots stay.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="names of models")
+    parser.add_argument("--all", action="store_true", help="everything that add_obstacle and clicks have put there")
+    return parser
+
+
+def delete_obstacle(given, world):
+    """Do what delete_obstacle's command line says."""
+    names = sorted(world.obstacles()) if given.all else given.names
+    for name in names:
+        world.delete(name)
+        print("%s is deleted" % name)
+    if not names:
+        print("no obstacles have been added")
+
+
+def make_list_parser():
+    """Return the parser of list_obstacles."""
+    return _parser("list_obstacles", "List the obstacles that add_obstacle and clicks have put into a simulation.")
+
+
+def list_obstacles(_, world):
+    """Print a line for each obstacle."""
+    found = world.obstacles()
+    for name, (kind, size, (position, attitude)) in sorted(found.items()):
+        print(_describe(name, kind, size, position, yaw_of(attitude)))
+    if not found:
+        print("no obstacles have been added")
+
+
+def _check_move(parser, given):
+    if len(given.at) not in (2, 3):
+        parser.error("--at takes X Y or X Y Z")
+
+
+def _check_delete(parser, given):
+    if given.all == bool(given.names):
+        parser.error("expected either names or --all")
+
+
+def _check_nothing(parser, given):
+    """Accept everything."""
+
+
+COMMANDS = {"add_obstacle": (make_add_parser, _check_add, add_obstacle),
+            "move_obstacle": (make_move_parser, _check_move, move_obstacle),
+            "delete_obstacle": (make_delete_parser, _check_delete, delete_obstacle),
+            "list_obstacles": (make_list_parser, _check_nothing, list_obstacles)}
+
+
+def parse(command, words):
+    """Return the parsed command line of one of ``COMMANDS``; misuse ends the program with code 2."""
+    make_parser, check, _ = COMMANDS[command]
+    parser = make_parser()
+    given = parser.parse_args([without_exponent(word) for word in words])
+    check(parser, given)
+    return given
+
+
+def main(command, argv=None):
+    """Entry point of a command; returns the exit code."""
+    given = parse(command, without_remappings(sys.argv if argv is None else argv)[1:])
+    problem = no_master()
+    if problem is None:
+        from m2wr_tools.obstacles.world import World
+        try:
+            COMMANDS[command][2](given, World(given.gazebo_namespace))
+            return 0
+        except SimError as error:
+            problem = error
+    sys.stderr.write("%s: %s\n" % (command, problem))
+    return 1

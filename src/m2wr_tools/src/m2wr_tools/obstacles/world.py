@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Obstacles in a running simulation: added, moved, deleted and listed through Gazebo's services."""
+import logging
+import math
+import re
+
+import rosgraph
+import rosgraph.names
+from geometry_msgs.msg import Pose
+
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import (
+    DeleteModel,
+    GetModelProperties,
+    GetModelState,
+    GetWorldProperties,
+    SetModelState,
+    SpawnModel,
+)
+from m2wr_sim.angles import quaternion_from_rpy, yaw_of
+from m2wr_sim.errors import SimError
+from m2wr_sim.ros.pose_messages import read_pose, write_pose
+from m2wr_tools.obstacles.obstacle import read_link
+from m2wr_tools.service_client import CallError, Connection
+
+log = logging.getLogger("m2wr_sim.obstacles")
+
+SERVICE_PATIENCE = 5.0      # s of wall time for the simulation to answer
+_MARKERS_PATIENCE = 2.0     # s for the latched markers of the world, where the simulation has any
+_NAME = re.compile(r"^[A-Za-z][\w.-]*$")
+_TRIES = 2000               # places drawn for one obstacle before it is given up
+_HIGHEST = 1e6              # m; nobody looks for things above
+
+
+class ObstacleError(SimError):
+    """What was asked for cannot be done; one sentence for the user."""
+
+
+def outline_of(kind, size, pose):
+    """Return what an obstacle covers of the floor: an :class:`~m2wr_view.outlines.Outline`.
+
+    Parameters
+    ----------
+    kind, size
+        As in :class:`~m2wr_tools.obstacles.obstacle.Obstacle`.
+    pose : tuple
+        Position of the middle of its underside [m] and quaternion, in world.
+    """
+    import numpy as np
+
+    from m2wr_view.frames import rotation_of
+    from m2wr_view.outlines import box_outline, cylinder_outline, sphere_outline
+    rotation = rotation_of(pose[1])
+    height = 2.0 * size[0] if kind == "sphere" else size[-1]
+    centre = np.array(pose[0]) + rotation.dot((0.0, 0.0, 0.5 * height))
+    if kind == "box":
+        return box_outline(np.array(size), centre, rotation, -_HIGHEST, _HIGHEST)
+    if kind == "sphere":
+        return sphere_outline(size[0], centre, centre[2] - size[0], centre[2] + size[0])
+    return cylinder_outline(size[0], size[1], centre, rotation, -_HIGHEST, _HIGHEST)
+
+
+class World:
+    """The models of a simulation behind Gazebo's services.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the services.
+
+    Raises
+    ------
+    ObstacleError
+        By every method, if the simulation is not there or refuses.
+    """
+
+    def __init__(self, namespace="/gazebo"):
+        self._root, self._connections = namespace.rstrip("/"), {}
+
+    def _call(self, name, kind, *arguments):
+        service, known = "%s/%s" % (self._root, name), name in self._connections
+        try:
+            if not known:       # a connection that stays: each model of the world is asked about
+                self._connections[name] = Connection(service, kind, SERVICE_PATIENCE)
+            answer = self._connections[name](*arguments)
+        except CallError as error:
+            if name in self._connections:
+                self._connections.pop(name).close()
+            if known:           # another simulation may have taken the place of the old one
+                return self._call(name, kind, *arguments)
+            raise ObstacleError("no simulation answers: %s. Start one, for example with \"roslaunch m2wr_sim "
+                                "bug2.launch\"" % error) from error
+        if not answer.success:
+            raise ObstacleError("%s: %s" % (service, answer.status_message))
+        return answer
+
+    def names(self):
+        """Return the names of all models."""
+        return list(self._call("get_world_properties", GetWorldProperties).model_names)
+
+    def pose(self, name):
+        """Return ``(position, quaternion)`` of a model."""
+        return read_pose(self._call("get_model_state", GetModelState, name, "").pose)
+
+    def kind_of(self, name):
+        """Return ``("robot", None)``, ``("obstacle", (kind, size))`` or ``("model", None)``."""
+        properties = self._call("get_model_properties", GetModelProperties, name)
+        shape = read_link(properties.body_names[0]) if len(properties.body_names) == 1 else None
+        if shape is not None:
+            return "obstacle", shape
+        return ("robot" if properties.joint_names and not properties.is_static else "model"), None
+
+    def obstacles(self):
+        """Return ``{name: (kind, size, pose)}`` of what this module has put into the world."""
+        found = {}
+        for name in self.names():
+            what, shape = self.kind_of(name)
+            if what == "obstacle":
+                found[name] = shape + (self.pose(name),)
+        return found
+
+    def robots(self):
+        """Return ``{name: pose}`` of all robots: models that have joints and are not fixed."""
+        return {name: self.pose(name) for name in self.names() if self.kind_of(name)[0] == "robot"}
+
+    def solids(self):
+        """Return outlines of all that stands on the floor, robots left out.
+
+        Without the topic of world markers, as on another simulator, these are the obstacles of this module.
+        """
+        import rospy
+        from visualization_msgs.msg import Marker, MarkerArray
+
+        from m2wr_view.solids import Solids
+        topic, own, others = self._root + "/world_markers", self.obstacles(), []
+        try:
+            known = dict(rospy.get_published_topics())
+        except OSError:         # the master has gone: what comes next says so
+            known = {}
+        if topic in known:
+            try:
+                message, solids = rospy.wait_for_message(topic, MarkerArray, timeout=_MARKERS_PATIENCE), Solids()
+                # markers come a moment after the fact; the services know what is there now
+                there = set(self.names()) - set(own)
+                solids.update([marker for marker in message.markers
+                               if marker.action == Marker.DELETEALL or marker.ns in there])
+                others = solids.blocking
+            except rospy.ROSException:
+                log.warning("%s gives nothing within %g s; only obstacles of one's own are kept clear of", topic,
+                            _MARKERS_PATIENCE)
+        return list(others) + [outline_of(*own[name]) for name in sorted(own)]
+
+    def free_name(self, taken, stem="obstacle"):
+        """Return ``obstacle1``, ``obstacle2``, ...: the first that is not taken."""
+        number = 1
+        while "%s%d" % (stem, number) in taken:
+            number += 1
+        return "%s%d" % (stem, number)
+
+    def add(self, obstacle, position, yaw=0.0, name=""):
+        """Put an obstacle into the world; returns its name.
+
+        Parameters
+        ----------
+        obstacle : m2wr_tools.obstacles.obstacle.Obstacle
+        position : (float, float, float)
+            Of the middle of its underside [m].
+        yaw : float
+            [rad]
+        name : str
+            Empty: a free one.
+        """
+        _check_place(position, yaw)
+        taken = self.names()
+        name = name or self.free_name(taken)
+        if not _NAME.match(name):
+            raise ObstacleError("name \"%s\": expected letters, digits, dots, - and _, a letter first" % name)
+        if name in taken:
+            raise ObstacleError("name \"%s\" is taken; in the world are %s" % (name, some_of(taken)))
+        pose = Pose()
+        write_pose(pose, position, quaternion_from_rpy(0.0, 0.0, yaw))
+        self._call("spawn_sdf_model", SpawnModel, name, obstacle.sdf(name), "", pose, "")
+        return name
+
+    def move(self, name, position, yaw=None):
+        """Put a model somewhere else, at rest; ``yaw`` None keeps its attitude, a z of None its height."""
+        self._known(name)
+        old, attitude = self.pose(name)
+        if position[2] is None:
+            position = tuple(position[:2]) + (old[2],)
+        _check_place(position, yaw or 0.0)
+        state = ModelState(model_name=name)
+        write_pose(state.pose, position, attitude if yaw is None else quaternion_from_rpy(0.0, 0.0, yaw))
+        self._call("set_model_state", SetModelState, state)
+
+    def delete(self, name, robots_too=False):
+        """Take a model out of the world; a robot only if that is wanted."""
+        self._known(name)
+        if not robots_too and self.kind_of(name)[0] == "robot":
+            raise ObstacleError("\"%s\" is a robot; \"rosservice call %s/delete_model %s\" deletes it all the same"
+                                % (name, self._root, name))
+        self._call("delete_model", DeleteModel, name)
+
+    def _known(self, name):
+        names = self.names()
+        if name not in names:
+            raise ObstacleError("there is no model \"%s\"; in the world are %s" % (name, some_of(names)))
+
+
+def some_of(names, most=12):
+    """Return names in a row, the first few of many."""
+    names = sorted(names)
+    return ", ".join(names[:most]) + (" and %d more" % (len(names) - most) if len(names) > most else "")
+
+
+def _check_place(position, yaw):
+    if not all(math.isfinite(value) and abs(value) <= _HIGHEST for value in tuple(position) + (yaw,)):
+        raise ObstacleError("place %s with heading %s: expected finite numbers, not beyond %g m" % (
+            tuple(position), yaw, _HIGHEST))
+
+
+# ---- near robots ---------------------------------------------------------------------------------------------------
+
+def robot_footprint():
+    """Return the outlines of the robot in the parameter ``robot_description``; those of m2wr if there is none."""
+    from m2wr_view.errors import ViewError
+    from m2wr_view.outlines import M2WR_FOOTPRINT
+    caller = rosgraph.names.make_caller_id("m2wr_obstacles")
+    try:
+        text = rosgraph.Master(caller).getParam(rosgraph.names.resolve_name("robot_description", caller))
+        from m2wr_view.solids import read_robot
+        footprint = read_robot(text).footprint if isinstance(text, str) else None
+    except (OSError, rosgraph.MasterException, ViewError):
+        footprint = None
+    return footprint or M2WR_FOOTPRINT
+
+
+def touched_robots(outline, robots, footprint):
+    """Return the names of the robots, sorted, that an outline touches or covers."""
+    return [name for name, pose in sorted(robots.items()) if _gap(outline, pose, footprint) <= 0.0]
+
+
+def _gap(outline, pose, footprint):
+    """Return the distance [m] of an outline from a robot at a pose."""
+    import numpy as np
+
+    from m2wr_view.outlines import footprint_distances
+    return float(footprint_distances(np.array([[pose[0][0], pose[0][1], yaw_of(pose[1])]]), outline, footprint)[0])
+
+
+class Places:
+    """Draws places near a robot that are free of everything.
+
+    Parameters
+    ----------
+    centre : tuple
+        Pose of the robot.
+    solids : list of Outline
+        What stands about; grows with what is placed.
+    robots : dict
+        Poses of all robots.
+    footprint : sequence of Outline
+        Of every robot.
+    clearance, within : float
+        Least distance from anything, and greatest of the middle from the robot's [m].
+    generator : numpy.random.Generator
+    """
+
+    def __init__(self, centre, solids, robots, footprint, clearance, within, generator):
+        self._centre, self._solids, self._robots, self._footprint = centre, list(solids), robots, footprint
+        self._clearance, self._within, self._generator = clearance, within, generator
+
+    def draw(self, obstacle):
+        """Return ``(x, y, yaw)`` for an obstacle, which from then on stands there; ObstacleError without room."""
+        for _ in range(_TRIES):
+            angle, yaw = self._generator.uniform(-math.pi, math.pi, 2)
+            distance = self._within * math.sqrt(self._generator.uniform())      # even over the disc
+            x, y = (round(float(middle + distance * turn), 3) for middle, turn in
+                    zip(self._centre[0], (math.cos(angle), math.sin(angle))))
+            yaw = round(float(yaw), 3)
+            outline = outline_of(obstacle.kind, obstacle.size, ((x, y, 0.0), quaternion_from_rpy(0.0, 0.0, yaw)))
+            if self._is_free(outline):
+                self._solids.append(outline)
+                return x, y, yaw
+        raise ObstacleError("no room for a %s of %s m within %g m of (%.2f, %.2f), %g m from everything; take a "
+                            "smaller one, fewer, or a greater --within" % (
+                                obstacle.kind, " x ".join("%g" % value for value in obstacle.size), self._within,
+                                self._centre[0][0], self._centre[0][1], self._clearance))
+
+    def _is_free(self, outline):
+        import numpy as np
+
+        from m2wr_view.outlines import footprint_distances
+        if any(_gap(outline, pose, self._footprint) < self._clearance for pose in self._robots.values()):
+            return False
+        nowhere = np.zeros((1, 3))
+        return all(footprint_distances(nowhere, solid, [outline])[0] >= self._clearance for solid in self._solids)

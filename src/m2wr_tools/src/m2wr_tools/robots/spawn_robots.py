@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The spawn_robots command: puts N copies of a robot into a running simulation, each in a namespace of its own."""
+import argparse
+import os
+import time
+
+import rospkg
+import rospy
+from geometry_msgs.msg import Pose, TransformStamped
+from std_srvs.srv import Empty
+from tf2_msgs.msg import TFMessage
+
+from gazebo_msgs.srv import GetWorldProperties, SpawnModel
+from m2wr_node.ros.starting import start_node
+from m2wr_sim.errors import WorldError
+from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_sim.model.sdf import load_world
+from m2wr_sim.ros.convert import write_pose
+from m2wr_sim.ros.params import find_world, model_folders
+from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service
+from m2wr_tools.robots.free_places import LAYOUTS, find_places
+
+
+def make_parser():
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="spawn_robots", formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        description="Put copies of a robot into a running simulation: NAME1, NAME2, ... in namespaces of these names.")
+    parser.add_argument("--robots", type=int, default=3, metavar="N", help="how many")
+    parser.add_argument("--name", default="robot", help="name of the robots, without their numbers")
+    parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first")
+    parser.add_argument("--param", default="robot_description", help="parameter that holds their description")
+    parser.add_argument("--world", default="", help="world file to look for free places in; default: the simulation's")
+    parser.add_argument("--layout", choices=LAYOUTS, default="grid", help="squares, rings, or anywhere")
+    parser.add_argument("--x", type=float, default=0.0, help="centre of the crowd [m]")
+    parser.add_argument("--y", type=float, default=0.0, help="centre of the crowd [m]")
+    parser.add_argument("--z", type=float, default=0.1, help="height of the robots' frames [m]")
+    parser.add_argument("--yaw", type=float, default=0.0, help="heading, for the grid [rad]")
+    parser.add_argument("--spacing", type=float, default=1.2, help="least distance of two robots [m]")
+    parser.add_argument("--radius", type=float, default=0.45, help="kept free of the world around each [m]")
+    parser.add_argument("--seed", type=int, default=0, help="of the layout random")
+    parser.add_argument("--odom-frame", default="odom", help="robots' odometry frame, without prefix")
+    parser.add_argument("--world-frame", default="none", help="fixed frame to hang the odometry frames on, or none")
+    parser.add_argument("--unpause", action="store_true", help="let time go on when all are there")
+    parser.add_argument("--gazebo-namespace", default="/gazebo", help="where the simulation's services are")
+    return parser
+
+
+def places_in(arguments):
+    """Find the robots' places in the world that the simulation has loaded.
+
+    Raises
+    ------
+    SpawnError
+        If the world cannot be read, or has not so many places.
+    """
+    parameter = arguments.gazebo_namespace.rstrip("/") + "/world"
+    name = arguments.world or rospy.get_param(parameter, "")
+    if not name:
+        raise SpawnError("parameter %s is not set: name the world file with --world" % parameter)
+    folder = rospkg.RosPack().get_path("m2wr_sim")
+    folders = model_folders(folder)
+    try:
+        world = load_world(find_world(name, os.path.join(folder, "worlds")), resolve_model=folders)
+        return find_places(world, arguments.robots, arguments.layout, (arguments.x, arguments.y), arguments.spacing,
+                           arguments.radius, arguments.yaw, arguments.seed)
+    except (ValueError, WorldError) as error:
+        raise SpawnError("no places for the robots: %s" % error) from error
+
+
+def spawn_all(arguments, names, places):
+    """Put the robots into the simulation.
+
+    Raises
+    ------
+    SpawnError
+        If there is no description, a name is taken, or the simulation refuses.
+    """
+    text = rospy.get_param(arguments.param, None)
+    if not isinstance(text, str) or not text.strip():
+        raise SpawnError("parameter %s holds no description; load it first" % arguments.param)
+    root = arguments.gazebo_namespace.rstrip("/")
+    wait_for_service(root + "/spawn_urdf_model")
+    kind = "urdf" if "<robot" in text else "sdf"
+    taken = set(names) & set(rospy.ServiceProxy(root + "/get_world_properties", GetWorldProperties)().model_names)
+    if taken:
+        raise SpawnError("already in the world: %s; choose another --name or --first" % ", ".join(sorted(taken)))
+    service = rospy.ServiceProxy("%s/spawn_%s_model" % (root, kind), SpawnModel, persistent=True)
+    try:
+        for name, (x, y, yaw) in zip(names, places):
+            pose = Pose()
+            write_pose(pose, (x, y, arguments.z), quaternion_from_rpy(0.0, 0.0, yaw))
+            answer = service(name, text, "/" + name, pose, "")
+            if not answer.success:
+                raise SpawnError("%s was not spawned: %s" % (name, answer.status_message))
+    finally:
+        service.close()
+
+
+def hang_on(world_frame, odom_frame, names):
+    """Publish that each robot's odometry frame is the world, as Gazebo's odometry counts; returns the latched topic."""
+    transforms = []
+    for name in names:
+        transform = TransformStamped()
+        transform.header.stamp, transform.header.frame_id = rospy.Time.now(), world_frame
+        prefix = rospy.get_param("/%s/tf_prefix" % name, "").strip("/")
+        transform.child_frame_id = "/".join(part for part in (prefix, odom_frame) if part)
+        transform.transform.rotation.w = 1.0
+        transforms.append(transform)
+    publisher = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+    publisher.publish(TFMessage(transforms))
+    return publisher
+
+
+def main(argv=None):
+    """Entry point; returns the exit code.  Stays, if it has frames to publish, until told to end."""
+    arguments = make_parser().parse_args(rospy.myargv(argv)[1:])
+    start_node("spawn_robots", anonymous=True, disable_rostime=True)
+    rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
+    names = ["%s%d" % (arguments.name, arguments.first + k) for k in range(arguments.robots)]
+    try:
+        places = places_in(arguments)
+        started = time.monotonic()
+        spawn_all(arguments, names, places)
+        rospy.loginfo("%d robots (%s ... %s) stand in the world after %.1f s", len(names), names[0], names[-1],
+                      time.monotonic() - started)
+        wanted = arguments.world_frame not in ("", "none")
+        frames = hang_on(arguments.world_frame, arguments.odom_frame, names) if wanted else None
+        if arguments.unpause:
+            rospy.ServiceProxy(arguments.gazebo_namespace.rstrip("/") + "/unpause_physics", Empty)()
+    except (SpawnError, rospy.ServiceException) as error:
+        if not rospy.is_shutdown():
+            rospy.logfatal("%s", error)
+        return 1
+    except rospy.ROSException as error:
+        if not rospy.is_shutdown():
+            rospy.logfatal("the simulation does not answer: %s", error)
+        return 1
+    if frames is not None:
+        rospy.spin()
+    return 0

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Run a launch file to its end and keep what roslaunch itself forgets: how its nodes ended.
+
+``roslaunch`` exits with 0 whatever happened to its nodes.  Here the first node that dies with an error is named, stops
+the whole run, and its code becomes the exit code; a required node that ends well ends the run with 0.
+"""
+import argparse
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+
+import roslaunch
+import rospkg
+from roslaunch.pmon import ProcessListener
+
+_USAGE = "experiment [--port PORT] [--timeout SECONDS] PACKAGE FILE.launch [ARG:=VALUE ...]"
+INTERRUPTED = 130           # exit code of a run that Ctrl-C has ended while it was being started
+_STUCK = 5.0                # after so long [s], wall, a second signal breaks off a start that does not get on
+
+
+class _Watch(ProcessListener):
+    """Remembers the first process that died with an error while the run was going on."""
+
+    def __init__(self):
+        self.failed = None
+        self.dead = threading.Event()
+
+    def process_died(self, process_name, exit_code):
+        """Called by roslaunch for each process that ends by itself."""
+        if exit_code and self.failed is None:
+            self.failed = (process_name, exit_code)
+            self.dead.set()
+
+
+class _Signals:
+    """Only notes signals, in the list ``noted``, until roslaunch has started everything.
+
+    It would shut down inside the signal, on the thread that may be starting a process at that very moment: then it
+    waits 20 s for a lock that it holds itself, and what it goes on to start stays behind.  Its own handlers come back
+    with the first turns of its loop, and call these when they have done their work.  A start that does not get on, as
+    where a command of the launch file hangs, is broken off at the next signal.
+    """
+
+    def __init__(self):
+        self.noted, self.starting, self._first = [], True, None
+        roslaunch.pmon._init_signal_handlers()          # once; it would do so in the midst of starting
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._note)
+
+    def _note(self, number, _):
+        self.noted.append(number)
+        self._first = self._first or time.monotonic()
+        if self.starting and time.monotonic() - self._first > _STUCK:
+            self.starting = False           # one is enough: what was begun is ended in good order
+            raise KeyboardInterrupt
+
+
+def free_port():
+    """Return a TCP port of the loopback interface that nobody uses at the moment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def resolve(package, name):
+    """Return the path of a launch file; ``package`` may be a folder's path.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file in the package.
+    """
+    try:
+        folder = rospkg.RosPack().get_path(package)
+    except rospkg.ResourceNotFound:
+        raise FileNotFoundError("there is no package \"%s\" in this workspace; is its setup.bash sourced?"
+                                % package) from None
+    for candidate in (os.path.join(folder, "launch", name), os.path.join(folder, name)):
+        if os.path.isfile(candidate):
+            return candidate
+    raise FileNotFoundError("package %s has no launch file \"%s\"; expected it in %s/launch" % (package, name, folder))
+
+
+def run(path, arguments, port=None, timeout=None):
+    """Run a launch file until it ends, or a node fails, or Ctrl-C.
+
+    Parameters
+    ----------
+    path : str
+        The launch file.
+    arguments : list of str
+        ``name:=value``.
+    port : int, optional
+        Port of a master of the run's own; None uses the master of the environment, starting one if there is none.
+
+    timeout : float, optional
+        Wall seconds after which the run is ended and counts as failed.
+
+    Returns
+    -------
+    int
+        0, also when it is ended by Ctrl-C; or the exit code of the first node that failed; 1 after the time-out, 130
+        after Ctrl-C while it was still being started.
+    """
+    if port is not None:
+        os.environ["ROS_MASTER_URI"] = "http://127.0.0.1:%d" % port
+        os.environ.setdefault("ROS_HOSTNAME", "127.0.0.1")
+    uuid = roslaunch.rlutil.get_or_generate_uuid(None, False)
+    roslaunch.configure_logging(uuid)
+    watch = _Watch()
+    parent = roslaunch.parent.ROSLaunchParent(uuid, [(path, list(arguments))], port=port, process_listeners=[watch],
+                                              sigint_timeout=5, sigterm_timeout=2)
+    ends, ended = (None if timeout is None else time.monotonic() + timeout), None
+    signals = _Signals()
+    try:
+        parent.start()
+        signals.starting = False
+        while not (signals.noted or parent.pm.is_shutdown or watch.dead.is_set()):
+            parent.spin_once()
+            parent.pm.join(0.1)
+            if not parent.pm.is_alive():
+                break
+            if ends is not None and time.monotonic() > ends:
+                sys.stderr.write("experiment: not finished after %g s of wall time; ending the run\n" % timeout)
+                ended = 1
+                break
+        if signals.noted and not parent.pm.is_shutdown:
+            ended = INTERRUPTED
+    except KeyboardInterrupt:
+        ended = INTERRUPTED
+    except roslaunch.RLException:       # what was told to end with us, too, may be what failed to start
+        if not signals.noted:
+            raise
+        ended = INTERRUPTED
+    finally:
+        signals.starting = False
+        parent.shutdown()
+    if watch.failed is None:
+        return ended or 0
+    name, code = watch.failed
+    sys.stderr.write("experiment: node %s ended with code %s, so the run ends with an error\n" % (name, code))
+    return code if 0 < code < 128 else 1
+
+
+def main(argv=None):
+    """Entry point; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="experiment", usage=_USAGE, description=__doc__.split("\n")[0])
+    parser.add_argument("--port", type=int,
+                        help="port for a ROS master of this run's own; default: as ROS_MASTER_URI says")
+    parser.add_argument("--timeout", type=float,
+                        help="wall seconds after which the run counts as failed; default: none")
+    parser.add_argument("package")
+    parser.add_argument("launch_file")
+    parser.add_argument("arguments", nargs="*", metavar="ARG:=VALUE")
+    options = parser.parse_args(sys.argv[1:] if argv is None else argv)
+    try:
+        return run(resolve(options.package, options.launch_file), options.arguments, options.port,
+                   options.timeout)
+    except (FileNotFoundError, roslaunch.RLException) as error:
+        sys.stderr.write("experiment: %s\n" % error)
+        return 1

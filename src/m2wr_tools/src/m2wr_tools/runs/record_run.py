@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The recorder of launch files: ``rosbag record`` with a keeper beside it, so that no fault of it ends or spoils a run.
+
+A recorder that cannot write its file, is killed, or finds the disk full is told in one sentence; what it has written is
+given an index and its proper name, and the run goes on.
+"""
+import argparse
+import ctypes
+import http.client
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import rosbag
+import rosgraph
+import rosgraph.names
+import rospkg
+import rospy
+
+from m2wr_node.ros.starting import register
+from m2wr_node.user_folder import from_user
+from m2wr_tools.runs.bag_order import settle_times
+
+_CHUNK_KB = 256             # written at once; what is lost when the recorder is killed
+_SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take
+_CLOSING = 12.0             # s of wall time for the recorder to close its file; roslaunch waits for 15
+_LOOK = 0.1                 # s between two looks at the recorder
+_INDEX = 256 << 10          # bytes: of all message definitions, more than an index has ever needed
+#: What is left out of all topics: what is published twice, and the states of every link and model, a hundred times a
+#: second; those of robots are in /gazebo/robot_states.
+_NOT_OF_ALL = "^(/rosout_agg|/gazebo/(link_states|model_states|parameter_.*)|.*/parameter_(descriptions|updates))$"
+_SET_DEATH_SIGNAL = 1       # of prctl(2)
+
+
+class RecordError(Exception):
+    """The recording cannot begin, or has ended early; one sentence for the user."""
+
+
+def find_recorder():
+    """Return the path of rosbag's recorder; RecordError if there is none."""
+    for folder in ("/usr/lib/rosbag", "/opt/ros/noetic/lib/rosbag"):
+        if os.access(os.path.join(folder, "record"), os.X_OK):
+            return os.path.join(folder, "record")
+    try:
+        import roslib.packages
+        found = roslib.packages.find_node("rosbag", "record")
+    except (ImportError, OSError, rospkg.ResourceNotFound):
+        found = []
+    if not found:
+        raise RecordError("there is no recorder; expected rosbag's: sudo apt install rosbag")
+    return found[0]
+
+
+def check_place(path):
+    """Raise RecordError if a file cannot be made at a path."""
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder):
+        raise RecordError("there is no folder %s" % folder)
+    if os.path.isdir(path):
+        raise RecordError("%s is a folder; expected the name of a bag" % path)
+    try:
+        with tempfile.TemporaryFile(dir=folder) as stream:
+            stream.write(b"#ROSBAG")
+        if os.path.exists(path):
+            open(path, "r+b").close()
+    except OSError as error:
+        raise RecordError("%s cannot be written: %s" % (path, error.strerror)) from error
+
+
+def keep_earlier(path):
+    """Move what an earlier recorder of the same name has left out of the way of a new one; returns where to, or None.
+
+    The new recorder would write over it.
+    """
+    left = path + ".active"
+    if not os.path.exists(left):
+        return None
+    kept = "%s.%s.active" % (path, time.strftime("%Y-%m-%d-%H-%M-%S"))
+    os.replace(left, kept)
+    return kept
+
+
+def check_room(path):
+    """Raise OSError if an index cannot be written behind what is in a file; the file stays what it was.
+
+    An index that is begun and not finished would spoil it.
+    """
+    size = os.path.getsize(path)
+    try:
+        with open(path, "ab") as stream:
+            stream.write(bytes(_INDEX + size // 100))
+            stream.flush()
+            os.fsync(stream.fileno())
+    finally:
+        os.truncate(path, size)
+
+
+def rescue(path):
+    """Make a readable bag of what a recorder has left.
+
+    Parameters
+    ----------
+    path : str
+        The bag's name; what was left is there with ``.active`` behind.
+
+    Returns
+    -------
+    str
+        What became of it, as half a sentence.
+    """
+    left = path + ".active"
+    if not os.path.exists(left):
+        return "%s is complete" % path if _has_messages(path) else "nothing was recorded"
+    try:
+        check_room(left)
+        with rosbag.Bag(left, "a", allow_unindexed=True) as bag:
+            for _ in bag.reindex():
+                pass
+            count = bag.get_message_count()
+    except Exception as error:          # rosbag raises what it trips over; and there may still be no room
+        return "what was recorded is in %s; when there is room, `rosbag reindex %s` makes a readable bag of it (%s)" % (
+            left, left, error)
+    if not count:
+        return "nothing was recorded"
+    os.replace(left, path)
+    return "%d messages up to there are in %s" % (count, path)
+
+
+def _has_messages(path):
+    """Tell whether there is a bag with something in it, or one that only its reader can judge."""
+    try:
+        with rosbag.Bag(path) as bag:
+            return bag.get_message_count() > 0
+    except Exception:                   # of what kind depends on where it stumbles
+        return os.path.exists(path)
+
+
+def leave_master(argv):
+    """Take the name of a recorder that died from the master: nobody else does, and it would be listed for ever.
+
+    Parameters
+    ----------
+    argv : list of str
+        Command line with the recorder's ``__name:=``.
+    """
+    names = [word[len("__name:="):] for word in argv if word.startswith("__name:=")]
+    if not names:
+        return
+    name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(argv=argv), names[0])
+    master = rosgraph.Master(name)
+    try:
+        address = master.lookupNode(name)
+        publishers, subscribers, services = master.getSystemState()
+        for topic, nodes in publishers:
+            if name in nodes:
+                master.unregisterPublisher(topic, address)
+        for topic, nodes in subscribers:
+            if name in nodes:
+                master.unregisterSubscriber(topic, address)
+        for service, nodes in services:
+            if name in nodes:
+                master.unregisterService(service, master.lookupService(service))
+    except (OSError, http.client.HTTPException, rosgraph.MasterException, ValueError):
+        return              # the master has gone, or the name has
+
+
+def _die_with_parent():
+    """Let the recorder close its file when its keeper is killed; called in the recorder's process before it begins."""
+    ctypes.CDLL(None, use_errno=True).prctl(_SET_DEATH_SIGNAL, signal.SIGINT)
+
+
+class Keeper:
+    """Starts a recorder, looks after it and ends it.
+
+    Parameters
+    ----------
+    path : str
+        Of the bag.
+    words : list of str
+        Topics, and ROS's own words such as ``__name:=record``.
+    options : list of str
+        Of rosbag's recorder.
+    in_order : bool
+        Let readers of the bag see each topic in the order in which it was recorded: runs in lockstep repeat that, too.
+    """
+
+    def __init__(self, path, words, options=(), in_order=False):
+        self._path, self._words, self._options, self._in_order = path, words, list(options), in_order
+        self._ending = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, lambda *_: self._ending.set())
+
+    def record(self):
+        """Record until told to end; RecordError if the recorder ends earlier or does not begin."""
+        check_place(self._path)
+        kept = keep_earlier(self._path)
+        if kept:
+            sys.stderr.write("record: an earlier recording of this name was not finished; it is kept as %s\n" % kept)
+        command = [find_recorder(), "--lz4", "--tcpnodelay", "--chunksize=%d" % _CHUNK_KB,
+                   "--min-space=%dM" % _SPACE_MB, "-O", self._path]
+        # in a session of its own: the one signal it gets is ours. A full disk is an error, not a signal that kills.
+        recorder = subprocess.Popen(command + self._options + self._words, start_new_session=True,
+                                    restore_signals=False, preexec_fn=_die_with_parent)
+        while recorder.poll() is None and not self._ending.wait(_LOOK):
+            continue
+        if recorder.poll() is None:
+            recorder.send_signal(signal.SIGINT)
+            try:
+                recorder.wait(_CLOSING)
+            except subprocess.TimeoutExpired:
+                recorder.kill()
+                recorder.wait()
+                raise RecordError("the recorder did not close its file within %g s; %s" % (
+                    _CLOSING, rescue(self._path))) from None
+        code = recorder.returncode
+        if os.path.exists(self._path + ".active") or (code != 0 and not self._ending.is_set()):
+            raise RecordError("the recorder ended with %s; is the disk full (df -h %s)? %s" % (
+                "signal %d" % -code if code < 0 else "code %d" % code, os.path.dirname(self._path) or ".",
+                rescue(self._path)))
+        if not self._ending.is_set():
+            raise RecordError("the recorder has ended by itself; %s" % rescue(self._path))
+        if self._in_order and os.path.exists(self._path):
+            try:
+                settle_times(self._path)
+            except (OSError, ValueError) as error:
+                sys.stderr.write("record: the bag is complete, but where several nodes publish on one topic, readers "
+                                 "may show another order than was recorded: %s\n" % error)
+
+    def wait(self):
+        """Wait until told to end."""
+        while not self._ending.wait(1.0):
+            continue
+
+    def listen(self):
+        """Wait as a node that hears the recorder's topics, for whom time in lockstep waits."""
+        try:
+            register("record", self._ending.is_set, disable_rostime=True)
+        except rospy.ROSInitException:
+            return self.wait()
+        for topic in self._words:
+            if ":=" not in topic:
+                rospy.Subscriber(topic, rospy.AnyMsg, lambda _: None, queue_size=1)
+        while not self._ending.wait(_LOOK) and not rospy.is_shutdown():
+            continue
+        rospy.signal_shutdown("the run ends")
+        return None
+
+
+def main(argv=None):
+    """Entry point; returns the exit code: 0, 1 where less was recorded than was wanted, 2 on misuse."""
+    parser = argparse.ArgumentParser(prog="record_run", description="rosbag record for launch files: whatever happens "
+                                     "to the recording, the run goes on and what was recorded can be read.")
+    name = parser.add_mutually_exclusive_group(required=True)
+    name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag")
+    name.add_argument("-o", dest="prefix", metavar="PREFIX", help="the same, with the time behind")
+    parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place; the bag "
+                        "shows each topic in the order in which it was recorded")
+    parser.add_argument("--all", action="store_true",
+                        help="record all other topics too, as they come up, but those that match " + _NOT_OF_ALL)
+    parser.add_argument("topics", nargs="+", metavar="TOPIC")
+    given = parser.parse_args(sys.argv[1:] if argv is None else argv)
+    path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))
+    path = from_user(path if path.endswith(".bag") else path + ".bag")
+    lockstep = given.lockstep.lower() == "true"
+    keeper = Keeper(path, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [], in_order=lockstep)
+    try:
+        keeper.record()
+    except RecordError as error:
+        sys.stderr.write("record: %s. The run goes on without a recording.\n" % error)
+        sys.stderr.flush()
+        leave_master(sys.argv)
+        if lockstep:
+            keeper.listen()
+        else:
+            keeper.wait()
+        return 1
+    return 0
