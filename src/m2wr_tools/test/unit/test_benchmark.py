@@ -312,8 +312,8 @@ def test_the_models_of_the_reference_are_sound():
 
 
 def test_the_peak_of_memory_is_not_that_of_the_process_that_started_this_one():
-    child = "from m2wr_sim.process_memory import memory_mb; print(memory_mb('VmHWM'), memory_mb('VmRSS'))"
+    child = "from m2wr_sim.process_memory import memory_mb; print(memory_mb('VmRSS'), memory_mb('VmHWM'))"
     parent = ("import subprocess, sys; block = b'x' * (400 << 20); "
               "sys.stdout.write(subprocess.check_output([sys.executable, '-c', %r]).decode())" % child)
-    peak, now = map(float, subprocess.check_output([sys.executable, "-c", parent]).split())
+    now, peak = map(float, subprocess.check_output([sys.executable, "-c", parent]).split())
     assert 1.0 < now <= peak < 300.0
