@@ -6,7 +6,8 @@ from collections import namedtuple
 import numpy as np
 
 MARGIN = 0.6            # m around what must be seen
-SURROUNDINGS = 10.0     # m around robot, goal and trail within which obstacles widen the view
+WHOLE_WORLD = 30.0      # m; a world up to this size is shown whole: m2wr, 0.5 m long, is then 11 of 800 pixels
+SURROUNDINGS = 10.0     # m around robot, goal and trail within which obstacles widen the view of a larger world
 _STEPS = (1.0, 2.0, 5.0)
 
 Window = namedtuple("Window", "left top width height")
@@ -36,6 +37,11 @@ class View:
         return (self.window.left + (x - self.bounds[0]) * self.scale,
                 self.window.top + (self.bounds[3] - y) * self.scale)
 
+    def shows(self, outline):
+        """Return whether the rectangle around an outline overlaps the bounds of the picture."""
+        (x0, y0), (x1, y1) = _reach(outline)
+        return x0 < self.bounds[2] and x1 > self.bounds[0] and y0 < self.bounds[3] and y1 > self.bounds[1]
+
     def pixels(self, points):
         """Return columns and rows (n, 2) of points (n, 2) [m]."""
         return np.asarray(points) * (self.scale, -self.scale) + self.pixel(0.0, 0.0)
@@ -59,25 +65,49 @@ def _reach(outline):
     return outline.vertices.min(axis=0) - outline.radius, outline.vertices.max(axis=0) + outline.radius
 
 
+def with_obstacles(low, high, outlines):
+    """Return an area widened by obstacles: by all of them, or in a large world by those nearby.
+
+    Parameters
+    ----------
+    low, high : (2,) float64
+        Lower left and upper right corner of the area that is shown in any case [m].
+    outlines : sequence of m2wr_view.outlines.Outline
+        The obstacles, in the same frame.
+
+    Returns
+    -------
+    (2,) float64, (2,) float64
+        Corners [m].  A side is longer than ``WHOLE_WORLD`` only if the area was, or if its surroundings are.
+    """
+    if not outlines:
+        return low, high
+    reaches = [_reach(outline) for outline in outlines]
+    least = np.minimum(low, np.min([first for first, _ in reaches], axis=0))
+    most = np.maximum(high, np.max([last for _, last in reaches], axis=0))
+    if np.all(most - least <= WHOLE_WORLD):
+        return least, most
+    least, most = low - SURROUNDINGS, high + SURROUNDINGS
+    for first, last in reaches:
+        if np.all(first < most) and np.all(last > least):
+            low, high = np.minimum(low, np.maximum(first, least)), np.maximum(high, np.minimum(last, most))
+    return low, high
+
+
 def needed_bounds(scene):
     """Return what of a scene must be seen, whole metres (least x, least y, greatest x, greatest y).
 
-    Robot, trail, line and map are; obstacles are as far as they are near to those.
+    Robot, trail, line and map are seen, and the obstacles of :func:`with_obstacles`.
     """
     points = [(x, y) for x, y, _, _ in scene.trail] + list(scene.line) + scene.hits + scene.leaves
     if scene.pose is not None:
         points.append((scene.pose[0], scene.pose[1]))
     points = np.array(points or [(0.0, 0.0)], dtype=float).reshape(-1, 2)
-    low, high = points.min(axis=0), points.max(axis=0)
-    least, most = low - SURROUNDINGS, high + SURROUNDINGS
+    low, high = with_obstacles(points.min(axis=0), points.max(axis=0), scene.solids.blocking + scene.solids.hanging)
     if scene.grid is not None:
         corners = _known_corners(*scene.grid)
         if corners is not None:
             low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
-    for outline in scene.solids.blocking + scene.solids.hanging:
-        first, last = _reach(outline)
-        if np.all(first < most) and np.all(last > least):
-            low, high = np.minimum(low, np.maximum(first, least)), np.maximum(high, np.minimum(last, most))
     return tuple(np.concatenate((np.floor(low - MARGIN), np.ceil(high + MARGIN))).tolist())
 
 

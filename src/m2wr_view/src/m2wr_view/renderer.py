@@ -24,9 +24,12 @@ from m2wr_view.run_picture import (
 )
 
 SCAN_COLOUR, ROBOT_COLOUR, MAP_COLOUR = "#56B4E9", "#D55E00", "#101010"
-GRID_COLOUR, TEXT_COLOUR, EDGE_COLOUR = "#E6E6E6", "#202020", "#606060"
+GRID_COLOUR, TEXT_COLOUR, EDGE_COLOUR, OVERHANG_EDGE = "#E6E6E6", "#202020", "#606060", "#A8A8A8"
 RAYS_DRAWN = 90                     # of a scan; more would be a blot
 FONT = "DejaVu Sans"
+HIDDEN = 0.25                       # m around the robot's origin, half the length of m2wr: a path there is not seen
+LEGEND_WIDTH = 1400                 # units; of all entries of a run of Bug 2 with a map, beside each other
+LEAST_UNIT = 0.75                   # of texts, lines and margins; 12 units, the smaller font, are then 9 pixels
 
 
 def _cell_colours():
@@ -57,7 +60,8 @@ def trace_outline(context, outline, view):
     points = view.pixels(outline.vertices).tolist()
     if len(points) == 1:
         context.new_sub_path()
-        context.arc(points[0][0], points[0][1], outline.radius * view.scale, 0.0, 2.0 * math.pi)
+        # the same sense of rotation as polygons have, so that what overlaps is one area in a common path
+        context.arc_negative(points[0][0], points[0][1], outline.radius * view.scale, 2.0 * math.pi, 0.0)
     else:
         _path(context, points, closed=True)
 
@@ -77,6 +81,13 @@ def _star(context, x, y, size):
     context.close_path()
 
 
+def _has_moved(scene):
+    """Return whether some of the path is not hidden below the robot."""
+    if scene.pose is None:
+        return len(scene.trail) > 1
+    return any(math.hypot(x - scene.pose[0], y - scene.pose[1]) > HIDDEN for x, y, _, _ in scene.trail)
+
+
 class Renderer:
     """Draws scenes.
 
@@ -90,9 +101,11 @@ class Renderer:
 
     def __init__(self, width=800, height=800, bounds=None):
         self.width, self.height = int(width), int(height)
-        self._unit = min(width, height) / 800.0
+        self._unit = max(LEAST_UNIT, min(width, height) / 800.0)
         unit = self._unit
-        window = Window(58 * unit, 40 * unit, width - 76 * unit, height - 144 * unit)
+        rows = min(math.ceil(LEGEND_WIDTH * unit / (width - 76 * unit)), int(0.2 * height / (20 * unit)))
+        self._legend_height = 20 * unit * max(2, rows)
+        window = Window(58 * unit, 40 * unit, width - 76 * unit, height - 104 * unit - self._legend_height)
         self._framing, self._window = Framing(window, bounds), window
         self._surface = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height)
         self._base, self._base_key = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height), None
@@ -236,15 +249,17 @@ class Renderer:
 
     @staticmethod
     def _draw_world(context, scene, view):
+        """Draw obstacles with an edge around each group of shapes that overlap, but not between these."""
         context.set_fill_rule(cairo.FILL_RULE_WINDING)
-        context.set_line_width(0.8)
-        for outlines, colour in ((scene.solids.hanging, OVERHANG_COLOUR), (scene.solids.blocking, OBSTACLE_COLOUR)):
+        context.set_line_width(2.2)                 # its inner half is hidden
+        for outlines, colour, edge in ((scene.solids.hanging, OVERHANG_COLOUR, OVERHANG_EDGE),
+                                       (scene.solids.blocking, OBSTACLE_COLOUR, EDGE_COLOUR)):
             for outline in outlines:
                 trace_outline(context, outline, view)
-                context.set_source_rgb(*rgb(colour))
-                context.fill_preserve()
-                context.set_source_rgb(*rgb(EDGE_COLOUR if colour == OBSTACLE_COLOUR else OBSTACLE_COLOUR))
-                context.stroke()
+            context.set_source_rgb(*rgb(edge))
+            context.stroke_preserve()
+            context.set_source_rgb(*rgb(colour))
+            context.fill()
 
     def _draw_map(self, context, grid, view):
         transform, resolution, cells = grid
@@ -364,6 +379,7 @@ class Renderer:
         return width
 
     def _header(self, context, scene):
+        """Write the state at the left, the time at the right, and the pose between them if it fits there."""
         unit, left = self._unit, self._window.left
         right = left + self._window.width
         if scene.state:
@@ -373,42 +389,46 @@ class Renderer:
         context.set_source_rgb(*rgb(TEXT_COLOUR))
         self._font(context, 15, bold=True)
         if scene.state:
-            self._text(context, scene.state.replace("_", " "), left + 22 * unit, 26 * unit)
+            left += 22 * unit
+            left += self._text(context, scene.state.replace("_", " "), left, 26 * unit)
         if scene.now is not None:
-            self._text(context, "%.1f s" % scene.now, right, 26 * unit, 1.0)
+            right -= self._text(context, "t = %.1f s" % scene.now, right, 26 * unit, 1.0)
         if scene.pose is not None:
             self._font(context, 12)
             # plus zero: nobody wants to read -0.00
             x, y, yaw = round(scene.pose[0], 2) + 0.0, round(scene.pose[1], 2) + 0.0, math.degrees(scene.pose[2])
-            self._text(context, "x %.2f m, y %.2f m, heading %.0f°" % (x, y, round(math.remainder(yaw, 360.0)) + 0.0),
-                       left + 0.5 * self._window.width + 40 * unit, 26 * unit, 0.5)
+            words = "x %.2f m, y %.2f m, heading %.0f°" % (x, y, round(math.remainder(yaw, 360.0)) + 0.0)
+            if context.text_extents(words)[4] + 20 * unit <= right - left:
+                self._text(context, words, 0.5 * (left + right), 26 * unit, 0.5)
 
-    @staticmethod
-    def _legend(scene):
+    def _legend(self, scene):
         """Return (kind, colour, words) of everything that is drawn."""
-        states = list(dict.fromkeys(state for _, _, state, _ in scene.trail[1:]))
+        shows = self._view.shows
+        states = list(dict.fromkeys(state for _, _, state, _ in scene.trail[1:])) if _has_moved(scene) else []
         states += [scene.state] if scene.state and scene.state not in states and scene.trail else []
         rows = [("patch", ROBOT_COLOUR, "robot")] if scene.pose is not None else []
-        rows += [("line", STATE_COLOURS.get(state, OTHER_COLOUR), "driven: " + state.replace("_", " ")
-                  if state else "driven") for state in states]
-        rows += [("patch", OBSTACLE_COLOUR, "obstacle")] if scene.solids.blocking else []
-        rows += [("patch", OVERHANG_COLOUR, "above the robot")] if scene.solids.hanging else []
-        rows += [("patch", MAP_COLOUR, "map")] if scene.grid is not None else []
-        rows += [("fan", SCAN_COLOUR, "laser")] if scene.scan is not None else []
-        rows += [("dash", LINE_COLOUR, "m-line"), ("star", GOAL_COLOUR, "goal (%.4g, %.4g)" % scene.goal)] \
+        rows += [("line", STATE_COLOURS.get(state, OTHER_COLOUR), "path: " + state.replace("_", " ")
+                  if state else "path") for state in states]
+        rows += [("patch", OBSTACLE_COLOUR, "obstacle")] if any(map(shows, scene.solids.blocking)) else []
+        rows += [("patch", OVERHANG_COLOUR, "above the robot")] if any(map(shows, scene.solids.hanging)) else []
+        rows += [("patch", MAP_COLOUR, "occupied in the map")] if scene.grid is not None else []
+        rows += [("fan", SCAN_COLOUR, "laser scan")] if scene.scan is not None else []
+        rows += [("dash", LINE_COLOUR, "m-line"), ("star", GOAL_COLOUR, "goal (%.4g, %.4g) m" % scene.goal)] \
             if len(scene.line) > 1 else []
         rows += [("down", HIT_COLOUR, "hit point")] if scene.hits else []
         return rows + ([("up", LEAVE_COLOUR, "leave point")] if scene.leaves else [])
 
     def _draw_legend(self, context, scene):
         unit = self._unit
-        left, row = self._window.left, self.height - 52 * unit
+        left, row = self._window.left, self.height - 12 * unit - self._legend_height
         column, end = left, left + self._window.width
         self._font(context, 12)
         for kind, colour, words in self._legend(scene):
             width = 26 * unit + context.text_extents(words)[4] + 16 * unit
             if column + width > end + 14 * unit and column > left:
                 column, row = left, row + 20 * unit
+            if row > self.height:
+                break                               # a picture too small for its legend
             self._symbol(context, kind, colour, column, row - 4 * unit)
             context.set_source_rgb(*rgb(TEXT_COLOUR))
             self._text(context, words, column + 26 * unit, row)

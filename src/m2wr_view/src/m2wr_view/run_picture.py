@@ -11,13 +11,13 @@ from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.ticker import MaxNLocator
 
 from m2wr_view.errors import ViewError
+from m2wr_view.layout import with_obstacles
 from m2wr_view.outlines import M2WR_FOOTPRINT
 
 DOTS_PER_INCH = 100
 SIZE = (10.0, 10.8)         # inches: a square of axes, the title above it and the legend below
 AXES = (0.075, 0.135, 0.9, 0.8333)
-MARGIN = 0.8                # m around the run
-SURROUNDINGS = 10.0         # m around the run within which obstacles widen the picture
+MARGIN = 0.5                # m around the run and the obstacles
 OUTLINE_PERIOD = 10.0       # s between two faint outlines of the robot
 
 # colours of Okabe and Ito, told apart also by those who do not see red or green
@@ -175,16 +175,9 @@ def _run_points(log):
 
 
 def _set_view(axes, points, obstacles):
-    """Show the run and the obstacles near it in a square, one metre as long across as up."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    least, most = low - SURROUNDINGS, high + SURROUNDINGS
-    low, high = low - MARGIN, high + MARGIN
-    for outline in obstacles:
-        first = outline.vertices.min(axis=0) - outline.radius
-        last = outline.vertices.max(axis=0) + outline.radius
-        if np.all(first < most) and np.all(last > least):
-            low, high = np.minimum(low, np.maximum(first - 0.3, least)), np.maximum(high, np.minimum(last + 0.3, most))
-    centre, half = 0.5 * (low + high), 0.5 * float(np.max(high - low))
+    """Show the run and its obstacles in a square, one metre as long across as up."""
+    low, high = with_obstacles(points.min(axis=0), points.max(axis=0), obstacles)
+    centre, half = 0.5 * (low + high), 0.5 * float(np.max(high - low)) + MARGIN
     axes.set_xlim(centre[0] - half, centre[0] + half)
     axes.set_ylim(centre[1] - half, centre[1] + half)
     axes.set_aspect("equal")

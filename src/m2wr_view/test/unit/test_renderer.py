@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of scenes: the right colour in the right place, to scale, fast."""
+"""Pictures of scenes: the right colour in the right place, to scale, fast; texts that can be read."""
 import math
 import time
 
@@ -112,6 +112,74 @@ def test_without_bounds_everything_is_in_view(full):
         column, row = picture.view.pixel(x, y)
         assert left < column < left + width and top < row < top + height
     assert picture.at(6.0, 4.0) == pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.03)
+
+
+def test_shapes_that_overlap_are_one_area(make, scene):
+    scene.take_markers(make.world(make.marker(Marker.CUBE, (2.0, 1.0, 1.0), 2.0, 4.0, name="one"),
+                                  make.marker(Marker.CUBE, (2.0, 1.0, 1.0), 3.0, 4.0, name="two"),
+                                  make.marker(Marker.CYLINDER, (1.0, 1.0, 1.0), 3.8, 4.0, name="three")))
+    picture = Picture(scene)
+    for x in np.arange(1.1, 4.2, 0.01):         # not a line in it, nor a hole
+        assert picture.at(x, 4.05) == pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.03), x
+    (column, row), colours = picture.view.pixel(1.0, 4.0), picture.pixels.min(axis=2)
+    assert colours[int(row), int(column) - 3:int(column) + 3].min() < rgb(OBSTACLE_COLOUR)[0] - 0.1   # but one around it
+
+
+class Texts(Renderer):
+    """Notes where each text is: left, upper, right and lower edge [pixels]."""
+
+    def _text(self, context, text, x, y, anchor=0.0):
+        left, upper, width, height, advance, _ = context.text_extents(text)
+        corners = [context.user_to_device(x - anchor * advance + left + across, y + upper + down)
+                   for across in (0.0, width) for down in (0.0, height)]
+        self.boxes[text] = tuple(np.min(corners, axis=0)) + tuple(np.max(corners, axis=0))
+        return super()._text(context, text, x, y, anchor)
+
+
+@pytest.mark.parametrize("size", [(800, 800), (500, 500), (400, 400), (1280, 720)])
+def test_texts_do_not_overlap_and_are_inside_the_picture(make, full, size):
+    full.take_leave_point(make.point(3.0, 0.0))
+    full.take_state(make.text("goal_unreachable"))
+    full.take_odometry(make.odometry(1234.5, -1.25, -1.25, -3.0))
+    renderer = Texts(*size)
+    renderer.boxes = {}
+    renderer.draw(full)
+    boxes = sorted(renderer.boxes.items())
+    assert {"goal unreachable", "t = 1234.5 s", "leave point", "x [m]", "y [m]"} <= set(renderer.boxes)
+    for number, (text, (left, upper, right, lower)) in enumerate(boxes):
+        assert left >= 0.0 and upper >= 0.0 and right <= size[0] and lower <= size[1], text
+        for other, (x0, y0, x1, y1) in boxes[:number]:
+            assert right <= x0 or x1 <= left or lower <= y0 or y1 <= upper, (text, other)
+
+
+def test_texts_of_a_small_picture_can_be_read(full):
+    renderer = Texts(300, 300)
+    renderer.boxes = {}
+    renderer.draw(full)
+    left, upper, right, lower = renderer.boxes["x [m]"]
+    assert lower - upper >= 7.0         # pixels; a bracket is as high as letters get
+
+
+def legend(scene, bounds=BOUNDS):
+    """The words of the legend."""
+    renderer = Texts(800, 800, bounds)
+    renderer.boxes = {}
+    renderer.draw(scene)
+    return list(renderer.boxes)
+
+
+def test_a_path_below_the_robot_is_not_in_the_legend(make, scene):
+    for number in range(10):
+        scene.take_odometry(make.odometry(0.1 * number, 0.0, 0.0, 0.3 * number))
+        scene.take_odometry(make.odometry(0.1 * number, 0.05, 0.0, 0.3 * number))
+    assert "path" not in legend(scene)
+    scene.take_odometry(make.odometry(2.0, 0.4, 0.0))
+    assert "path" in legend(scene)
+
+
+def test_what_is_outside_the_picture_is_not_in_the_legend(full):
+    assert {"obstacle", "above the robot"} <= set(legend(full))
+    assert not {"obstacle", "above the robot"} & set(legend(full, (-2.0, -2.0, 2.0, 2.0)))
 
 
 def test_an_empty_scene_can_be_drawn(scene):
