@@ -28,7 +28,7 @@ def parser():
     add("--height", type=float, default=LASER_HEIGHT,
         help="of the laser above the floor, for world files [m] (%(default)s)")
     add("--out", metavar="FILE", help="picture, .png, .svg or .pdf (default: beside the map, MAP_plot.png)")
-    add("--title", help="default: the name of the map")
+    add("--title", help="default: the names of map and world")
     return made
 
 
@@ -60,6 +60,13 @@ def read_outlines(world, height):
         raise FigureError(str(error)) from error
 
 
+def _title(options):
+    """Return the title of the figure: the one that was asked for, or the names of map and world."""
+    if options.title is not None:
+        return options.title
+    return " over ".join(os.path.basename(name) for name in (options.map, options.world) if name)
+
+
 def main(arguments=None):
     """Entry point; returns the exit code."""
     options = parser().parse_args(arguments)
@@ -68,7 +75,7 @@ def main(arguments=None):
         saved = read_map(options.map)
         outlines = read_outlines(options.world, options.height) if options.world else ()
         ways = [(os.path.basename(path), trajectory(path)[1]) for path in options.trajectory]
-        title = os.path.basename(options.map) if options.title is None else options.title
+        title = _title(options)
         write(map_figure(saved, outlines, ways, options.offset, title), out)
     except (MapReadingError, FigureError, LogError, ViewError) as error:
         sys.stderr.write("plot_map: {}\n".format(error))

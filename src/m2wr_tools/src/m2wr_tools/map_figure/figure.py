@@ -17,9 +17,9 @@ DOTS_PER_INCH = 100
 WIDTH = 10.0                # [inch]
 MARGIN = 1.0                # around what is known [m]
 RIM_POINTS = 60             # of a rounded outline that is no disc
-MAP_COLOURS = ("#DDDDDD", "#FFFFFF", "#000000")         # unknown, free, occupied
+UNKNOWN_COLOUR, MAP_COLOURS = "#DDDDDD", ("#FFFFFF", "#000000")     # free, occupied
 # of Okabe and Ito, told apart also by those who do not see red or green
-WORLD_COLOUR, WAY_COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#E69F00")
+WORLD_COLOUR, WAY_COLOURS = "#8FCBF0", ("#D55E00", "#009E73", "#CC79A7", "#E69F00")
 ENDINGS = (".png", ".svg", ".pdf")
 
 
@@ -33,7 +33,8 @@ def _placed(points, offset):
 
 
 def _patch(outline):
-    style = dict(facecolor="none", edgecolor=WORLD_COLOUR, linewidth=0.8, zorder=3)
+    # the edge, a line of no particular width in metres, only closes the seams between shapes that touch
+    style = dict(facecolor=WORLD_COLOUR, edgecolor=WORLD_COLOUR, linewidth=0.3, zorder=1)
     if len(outline.vertices) == 1:
         return Circle(tuple(outline.vertices[0]), outline.radius, **style)
     corners = outline.vertices
@@ -57,6 +58,9 @@ def _bounds(saved, ways):
 
 def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
     """Return the picture as a matplotlib Figure with one Axes in metres of the world.
+
+    The obstacles of the world are areas of one colour; the free and the occupied cells of the map cover them.  So no
+    line hides a cell that is to be compared with the world.
 
     Parameters
     ----------
@@ -84,15 +88,16 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
     # where cell (0, 0) has its middle at the origin, the picture begins half a cell before it
     edge = np.asarray(saved.origin) - 0.5 * saved.resolution
     rows, columns = saved.data.shape
-    axes.pcolormesh(*_edges(edge, rows, columns, saved.resolution, offset, low, high),
-                    _cut(saved, edge, low, high), cmap=ListedColormap(MAP_COLOURS), vmin=0, vmax=2, zorder=1,
-                    rasterized=True)
+    axes.set_facecolor(UNKNOWN_COLOUR)
     for outline in outlines:
         axes.add_patch(_patch(outline))
-    handles = [Patch(facecolor=MAP_COLOURS[2], label="wall in the map"),
-               Patch(facecolor=MAP_COLOURS[1], edgecolor="#808080", linewidth=0.5, label="free"),
-               Patch(facecolor=MAP_COLOURS[0], label="unknown")]
-    handles += [Line2D([], [], color=WORLD_COLOUR, linewidth=1.5, label="the world")] if len(outlines) else []
+    axes.pcolormesh(*_edges(edge, rows, columns, saved.resolution, offset, low, high),
+                    _cut(saved, edge, low, high), cmap=ListedColormap(MAP_COLOURS), vmin=0, vmax=1, zorder=2,
+                    rasterized=True)
+    handles = [Patch(facecolor=MAP_COLOURS[1], label="occupied in the map"),
+               Patch(facecolor=MAP_COLOURS[0], edgecolor="#808080", linewidth=0.5, label="free in the map"),
+               Patch(facecolor=UNKNOWN_COLOUR, label="unknown")]
+    handles += [Patch(facecolor=WORLD_COLOUR, label="obstacle of the world")] if len(outlines) else []
     for index, (name, way) in enumerate(ways):
         points = _placed(way[:, :2], offset)
         line, = axes.plot(points[:, 0], points[:, 1], color=WAY_COLOURS[index % len(WAY_COLOURS)], linewidth=1.2,
@@ -105,7 +110,7 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(title)
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncol=5, frameon=False)
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncol=5, frameon=False)
     return figure
 
 
@@ -123,10 +128,10 @@ def _window(saved, edge, low, high):
 
 
 def _cut(saved, edge, low, high):
-    """Return the cells between two places as numbers of colours."""
+    """Return the cells between two places as numbers of colours; unknown ones are masked."""
     left, right, bottom, top = _window(saved, edge, low, high)
     part = saved.data[bottom:top, left:right]
-    return np.select([part == 100, part >= 0], [2, 1], 0)
+    return np.ma.masked_array(part == 100, part < 0).astype(int)
 
 
 def _edges(edge, rows, columns, resolution, offset, low, high):
