@@ -7,8 +7,9 @@ import yaml
 from m2wr_view.errors import ViewError
 
 VIEWS = ("orbit", "top", "config")
-#: Slant of the camera [rad], and the side it looks from: behind a robot that heads along x.
-PITCH, YAW = 0.95, math.pi
+#: Slant of the camera [rad], and the side it looks from: behind a robot that heads along x, 0.6 rad to its right.
+#: rviz has one light, which shines along the camera's axis: seen straight along x, walls along x would be black.
+PITCH, YAW = 0.95, math.pi + 0.6
 NEAR_CLIP = 0.01            # m, as rviz has it
 
 

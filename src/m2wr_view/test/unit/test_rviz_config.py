@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""rviz configurations for pictures, and those of this workspace: what they show, by topics and tools."""
+"""rviz configurations for pictures, and those of this workspace: what they show, by topics, tools and cameras."""
+import math
 import os
 
+import numpy as np
 import pytest
 import yaml
 
 from m2wr_view.errors import ViewError
-from m2wr_view.rviz_config import for_pictures
+from m2wr_view.rviz_config import YAW, for_pictures
 
 SOURCES = os.path.join(os.path.dirname(os.path.abspath(__file__)), *[os.pardir] * 3)
 FILES = {"robot": "m2wr_description/rviz/m2wr.rviz", "model": "m2wr_description/rviz/model.rviz",
@@ -94,3 +96,63 @@ def test_what_a_configuration_shows(name, frame, shown):
               if display["Value"]}
     assert shown <= topics
     assert {"rviz/RobotModel", "rviz/TF"} <= {display["Class"] for display in manager["Displays"]}
+
+
+# ---- what the cameras see ----------------------------------------------------------------------------------------
+
+PICTURE = (1280, 720)       # pixels, of the virtual display
+FIELD_OF_VIEW = 0.785       # rad, of rviz, from the lower to the upper edge
+LETTER_WIDTH = 0.42         # of their height, of rviz's letters; measured 0.38 for "link_right_wheel"
+
+
+def current(name):
+    return config(name)["Visualization Manager"]["Views"]["Current"]
+
+
+def pixels_of_orbit(view, points):
+    """Columns and rows (n, 2) of points (n, 3) [m] in a picture, and pixels a metre there (n,)."""
+    yaw, pitch = view["Yaw"], view["Pitch"]
+    back = np.array((math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)))
+    right = np.array((-math.sin(yaw), math.cos(yaw), 0.0))
+    axes = np.stack((right, np.cross(back, right), back))
+    focal = np.array([view["Focal Point"][axis] for axis in "XYZ"])
+    seen = (np.asarray(points, float) - focal - view["Distance"] * back).dot(axes.T)
+    scale = 0.5 * PICTURE[1] / math.tan(0.5 * view.get("Field of View", FIELD_OF_VIEW)) / -seen[:, 2]
+    return np.array(PICTURE) / 2.0 + seen[:, :2] * scale[:, None] * (1.0, -1.0), scale
+
+
+ORBITS = sorted(name for name in FILES if current(name)["Class"] == "rviz/Orbit" and name != "model")
+
+
+@pytest.mark.parametrize("yaw", [YAW] + [current(name)["Yaw"] for name in ORBITS], ids=["derived"] + ORBITS)
+def test_no_camera_looks_along_the_walls(yaw):
+    # rviz's light shines along the camera's axis: a face along that axis is black
+    assert abs(math.sin(yaw)) > 0.5 and abs(math.cos(yaw)) > 0.5
+
+
+def test_the_course_of_bug2_is_in_view():
+    course = [(x, y, 0.0) for x in (-5.2, 6.0) for y in (8.2, -4.5)]      # start, goal, and the way between them
+    (columns, rows), scale = pixels_of_orbit(current("bug2"), course)[0].T, pixels_of_orbit(current("bug2"), course)[1]
+    assert columns.min() > 20 and columns.max() < PICTURE[0] - 20 and rows.min() > 40 and rows.max() < PICTURE[1] - 20
+    assert 0.5 * scale.min() > 20       # pixels: m2wr is 0.5 m long
+
+
+def test_the_world_is_in_view_of_the_map():
+    view = current("mapping")
+    assert PICTURE[1] / view["Scale"] > 20.0 + 2.0 * max(abs(view["X"]), abs(view["Y"]))       # m
+
+
+def test_names_of_frames_do_not_overlap():
+    names, places = zip(*(("link_chassis", (0.0, 0.0, 0.0)), ("link_right_wheel", (-0.05, 0.2, 0.0)),
+                          ("link_left_wheel", (-0.05, -0.2, 0.0)), ("sensor_laser", (0.15, 0.0, 0.05))))
+    shown = next(display for display in config("model")["Visualization Manager"]["Displays"]
+                 if display["Class"] == "rviz/TF")
+    middles, scale = pixels_of_orbit(current("model"), places)
+    heights = 0.1 * shown["Marker Scale"] * scale           # rviz's letters: 0.1 m, times the scale
+    halves = [0.5 * LETTER_WIDTH * height * len(name) for name, height in zip(names, heights)]
+    boxes = [(x - half, y, x + half, y + 1.3 * height) for (x, y), half, height in zip(middles, halves, heights)]
+    assert heights.min() > 18                               # pixels
+    for number, (left, upper, right, lower) in enumerate(boxes):
+        assert left > 0 and upper > 0 and right < PICTURE[0] and lower < PICTURE[1]
+        for other, (x0, y0, x1, y1) in enumerate(boxes[:number]):
+            assert right < x0 or x1 < left or lower < y0 or y1 < upper, (names[number], names[other])

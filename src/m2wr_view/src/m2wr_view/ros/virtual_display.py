@@ -143,6 +143,10 @@ class VirtualDisplay:
 
     def _stop(self):
         with self._lock:
+            pending = max([at for at, _ in self._states], default=-math.inf)
+        if self._ready.is_set():        # a run often ends with a change of state, which rviz has yet to draw
+            time.sleep(max(0.0, pending - time.monotonic()))
+        with self._lock:
             if self._ready.is_set() and self._rviz.alive() and self._display.alive():
                 self._shoot("end")
             for part in (self._rviz, self._display):
