@@ -7,7 +7,8 @@ from matplotlib import pyplot  # noqa: E402 (after the choice of a back end that
 
 import slopes  # noqa: E402
 
-_ROWS = (("memory", "resident memory [MB]", "MB"), ("descriptors", "open file descriptors", "descriptors"), ("threads", "threads", "threads"))
+_ROWS = (("memory", "resident memory [MB]", "MB"), ("descriptors", "open file descriptors", "descriptors"),
+         ("threads", "threads", "threads"))
 
 
 def _levels_label(slope, unit):

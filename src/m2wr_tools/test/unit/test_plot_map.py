@@ -84,7 +84,7 @@ def test_the_command_writes_a_picture_of_each_kind(plan, tmp_path, capsys):
         code = command.main([plan, "--world", box_bag(str(tmp_path / "box.bag")), "--trajectory",
                              str(tmp_path / "way.txt"), "--out", out])
         assert code == 0 and capsys.readouterr().out.strip() == out
-    picture = np.asarray(Image.open(str(tmp_path / "out.png")).convert("RGB")).astype(int)
+    assert min(Image.open(str(tmp_path / "out.png")).size) > 100       # pixels
     assert b"way.txt" in (tmp_path / "out.svg").read_bytes() or (tmp_path / "out.svg").stat().st_size > 5000
     assert command.main([plan]) == 0 and (tmp_path / "plan_plot.png").exists()
 

@@ -122,7 +122,7 @@ def test_shapes_that_overlap_are_one_area(make, scene):
     for x in np.arange(1.1, 4.2, 0.01):         # not a line in it, nor a hole
         assert picture.at(x, 4.05) == pytest.approx(rgb(OBSTACLE_COLOUR), abs=0.03), x
     (column, row), colours = picture.view.pixel(1.0, 4.0), picture.pixels.min(axis=2)
-    assert colours[int(row), int(column) - 3:int(column) + 3].min() < rgb(OBSTACLE_COLOUR)[0] - 0.1   # but one around it
+    assert colours[int(row), int(column) - 3:int(column) + 3].min() < rgb(OBSTACLE_COLOUR)[0] - 0.1  # but one around it
 
 
 class Texts(Renderer):

@@ -20,6 +20,8 @@ LETTERS = 0.7
 MOST_POINTS = 100
 #: Empty lines below a text: from straight above, too, it stands beside what it names and not on it.
 BELOW, FAR_BELOW = '\n ', '\n \n '
+#: Spaces after a text, which is centred: it stands to the left of its point, not on the m-line.
+ASIDE = 5 * ' '
 
 
 def _marker(kind, name, number, frame, colour, size, place):
@@ -82,7 +84,7 @@ class Bug2Markers:
             for index, point in list(enumerate(points))[-MOST_POINTS:]:
                 markers.append(_marker(Marker.SPHERE, name, index, frame, colour, (0.22, 0.22, 0.22), (*point, 0.11)))
                 markers.append(_text(name + '_text', index, frame, colour, (*point, LABEL),
-                                     '%s%d%s' % (letter, index + 1, BELOW)))
+                                     '%s%d%s' % (letter, index + 1, ASIDE + BELOW)))
         state = _text('state', 0, base_frame, STATE_COLOURS.get(bug.state, TEXT), (0.0, 0.0, STATE_HEIGHT),
                       STATE_DESCRIPTIONS[bug.state] + FAR_BELOW)
         state.frame_locked = True       # rviz lets it ride along, so nothing need be sent while nothing changes
