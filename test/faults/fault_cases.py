@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The table of faults: to which launch file what is done, what must be said, and what must be left."""
+"""The table of faults: launch file, fault, expected messages, and files that must remain."""
 import glob
 import os
 import re
@@ -27,24 +27,24 @@ class Case:
     launch : list of str
         Words of roslaunch.
     fault : callable
-        Does it, to a FaultRun that has said ``ready``; None: ``environment`` or ``prefix`` is the fault.
+        Injects the fault into a FaultRun that has printed ``ready``; None: ``environment`` or ``prefix`` is the fault.
     said : tuple of str
-        What must be said by the end; nothing of ``fault_run.NEVER`` may be.
+        Texts that must be printed by the end; none of ``fault_run.NEVER`` may be.
     left : tuple of str
-        What must be there in the end: bag, map.
+        Results that must exist at the end: bag, map.
     ready : str
     ends : bool
-        The run ends by itself; otherwise it goes on and is interrupted.
-    goes_on : str
-        What the run must say again after the fault, before it is interrupted.
+        The run ends by itself; otherwise it continues and is interrupted.
+    repeats : str
+        Text that the run must print again after the fault, before it is interrupted.
     killed : tuple of str
-        Nodes that could not take their names from the master.
+        Nodes that could not unregister from the master.
     stray : tuple of str
-        Temporary files that may be there.
+        Temporary files that may remain.
     long : bool
         Left out of ``make test``.
     needs : list of str
-        A command that tells whether the fault can be made here.
+        A command that succeeds where the fault can be injected.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Case:
     left: tuple = ("bag",)
     ready: str = DRIVING
     ends: bool = False
-    goes_on: str = ""
+    repeats: str = ""
     killed: tuple = ()
     stray: tuple = ()
     long: bool = True
@@ -69,7 +69,7 @@ def kill(part):
 
 
 def stop(part, seconds, until=""):
-    """Return a fault: SIGSTOP for so many seconds, or until something is said, then SIGCONT."""
+    """Return a fault: SIGSTOP for some seconds, or until a text is printed, then SIGCONT."""
     def fault(run):
         process = run.process(part)
         os.kill(process, signal.SIGSTOP)
@@ -77,16 +77,16 @@ def stop(part, seconds, until=""):
             if until:
                 run.wait_for(until)
             else:
-                time.sleep(seconds)     # nothing is to happen meanwhile
+                time.sleep(seconds)     # no event to wait for
         finally:
             os.kill(process, signal.SIGCONT)
     return fault
 
 
 def kill_the_mapper(run):
-    """Kill the mapper as soon as it has kept a state."""
+    """Kill the mapper as soon as it has saved a state."""
     kept = os.path.join(run.home, ".ros", "log", "*", "slam_gmapping-*.state")
-    wait_until(lambda: glob.glob(kept), "a state kept as %s" % kept)
+    wait_until(lambda: glob.glob(kept), "a state saved as %s" % kept)
     run.signal("m2wr_gmapping/slam_gmapping", signal.SIGKILL)
 
 
@@ -98,7 +98,7 @@ def kill_the_recorder(run):
 
 
 def jump_the_clock(run):
-    """Let the wall clock of the nodes jump an hour ahead, then two back; each time the run must go on."""
+    """Let the wall clock of the nodes jump an hour ahead, then two back; each time the run must continue."""
     def stamps():
         return [float(word) for word in _TIME.findall(run.text)]
 
@@ -126,31 +126,31 @@ CASES = (
     Case("the simulation is killed", MAPPING, kill("/m2wr_sim_node"), ("exit code -9", "gazebo"), ("bag", "map"),
          ready="map against world", ends=True, killed=("/gazebo",), long=False),
     Case("the mapper is killed", MAPPING + ["state_save_period:=1"], kill_the_mapper,
-         ("slam_gmapping", "exit code -9", "this node was killed: the map goes on"), ("bag", "map"),
-         ready="map against world", goes_on="map against world", long=False),
+         ("slam_gmapping", "exit code -9", "this node was killed"), ("bag", "map"),
+         ready="map against world", repeats="map against world", long=False),
     Case("the mapper that time waits for is killed", MAPPING + IN_TURNS + ["state_save_period:=1"], kill_the_mapper,
-         ("this node was killed: the map goes on",), ("bag", "map"), ready="map against world",
-         goes_on="map against world"),
-    Case("the recorder is killed", BUG2, kill_the_recorder, ("record", "signal 9", "goes on without a recording"),
-         goes_on="distance to line"),
-    Case("the recorder's keeper is killed", BUG2, kill("/record_run"), ("exit code -9",), goes_on="distance to line"),
+         ("this node was killed",), ("bag", "map"), ready="map against world",
+         repeats="map against world"),
+    Case("the recorder is killed", BUG2, kill_the_recorder, ("record", "signal 9", "without a recording"),
+         repeats="distance to line"),
+    Case("the recorder's parent is killed", BUG2, kill("/record_run"), ("exit code -9",), repeats="distance to line"),
     Case("the controller is killed", BUG2, kill("/bug2.py"), ("bug2", "exit code -9"), ends=True, killed=("/bug2",)),
     Case("a controller that time waits for is killed", BUG2 + IN_TURNS, kill("/wall_follower.py"),
          ("wall_follower", "exit code -9"), killed=("/wall_follower",), ends=True),
-    # ROS leaves nodes running that have lost their roslaunch; told to end one by one, they lose nothing
+    # nodes keep running without their roslaunch; ended one by one, they lose nothing
     Case("roslaunch is killed", BUG2, lambda run: run.kill_roslaunch(), (), ends=True),
-    Case("the master is killed", BUG2, lambda run: run.kill_master(), (), goes_on="distance to line"),
-    Case("the simulation is stopped for a while", BUG2, stop("/m2wr_sim_node", 6.0), (), goes_on="distance to line"),
-    Case("the controller is stopped for a while", BUG2, stop("/bug2.py", 6.0), (), goes_on="distance to line"),
+    Case("the master is killed", BUG2, lambda run: run.kill_master(), (), repeats="distance to line"),
+    Case("the simulation is stopped for a while", BUG2, stop("/m2wr_sim_node", 6.0), (), repeats="distance to line"),
+    Case("the controller is stopped for a while", BUG2, stop("/bug2.py", 6.0), (), repeats="distance to line"),
     Case("a controller that time waits for is stopped", BUG2 + IN_TURNS, stop("/bug2.py", 6.0), (),
-         goes_on="distance to line"),
+         repeats="distance to line"),
     Case("the mapper that time waits for is stopped", MAPPING + IN_TURNS, stop("m2wr_gmapping/slam_gmapping", 6.0),
-         (), ("bag", "map"), ready="map against world", goes_on="distance to line"),
+         (), ("bag", "map"), ready="map against world", repeats="distance to line"),
     Case("the disk is full", MAPPING, None, ("record:", "disk full", "cannot write the map"), (),
-         ready="goes on without a recording", goes_on="distance to line", stray=("run.bag.active",),
+         ready="without a recording", repeats="distance to line", stray=("run.bag.active",),
          prefix=shell("mount -t tmpfs -o size=16k none {folder} && cd {folder}"), needs=MOUNTS, long=False),
     Case("the folder cannot be written to", MAPPING, None, ("record:", "save_on_exit"), (),
-         goes_on="distance to line",
+         repeats="distance to line",
          prefix=shell("mount --bind {folder} {folder} && mount -o remount,ro,bind {folder} && cd {folder}"),
          needs=MOUNTS),
     Case("the home cannot be written to", BUG2, None, ("No such file or directory",), (), ready="", ends=True,
@@ -159,14 +159,14 @@ CASES = (
          environment={"HOME": None, "ROS_LOG_DIR": "/tmp"}),
     Case("64 descriptors", MAPPING, None, (), ("bag", "map"), ready="map against world",
          prefix=("prlimit", "--nofile=64:64")),
-    Case("two simulations on one master", BUG2, second_simulation, ("gazebo",), goes_on="distance to line"),
+    Case("two simulations on one master", BUG2, second_simulation, ("gazebo",), repeats="distance to line"),
     Case("the wall clock jumps", MAPPING, jump_the_clock, (), ("bag", "map"), ready="map against world",
          environment={"M2WR_FAULT_JUMP": "1"}),
-    Case("simulated time jumps back", MAPPING, lambda run: run.call("/gazebo/reset_simulation"), ("begins anew",),
-         ("bag", "map"), ready="map against world", goes_on="map against world"),
+    Case("simulated time jumps back", MAPPING, lambda run: run.call("/gazebo/reset_simulation"), ("jumped back",),
+         ("bag", "map"), ready="map against world", repeats="map against world"),
 )
 
-# launch files with words that start them on a machine without a display, for interrupts at any moment
+# launch files with arguments for a machine without a display, for interrupts at any time
 LAUNCH_FILES = {
     "m2wr_sim/bug2.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/mapping.launch": ["gui:=false", "particles:=5", "record:=run.bag", "map:=plan"],

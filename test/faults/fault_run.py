@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A launch file in a folder, with a home and a master of its own; what is done to it and what must be left."""
+"""A launch file in a folder, with a home and a master of its own; faults in it, and checks of what remains."""
 import fnmatch
 import glob
 import os
@@ -21,17 +21,17 @@ from check_launch_errors import free_port  # noqa: E402
 from sim_probe import Running, marked, wait_until  # noqa: E402
 from tracebacks import foreign_tracebacks, interrupts_lost  # noqa: E402
 
-if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does for what ends with &; it is inherited
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:       # as a shell does for background jobs; it is inherited
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-PATIENCE = 300.0        # s of wall time for anything; far above what is needed, because machines that test are slow
+PATIENCE = 300.0        # s of wall time for any event; far above what is needed, because test machines are slow
 PASSED_OVER = 30.0      # s of wall time in which roslaunch begins to end its nodes
-LOST = 5.0              # s after which an interrupt is repeated, if roslaunch's own source says that it loses it
+LOST = 5.0              # s after which an interrupt is repeated, if roslaunch lost it according to its source
 ENDING = "killing on exit"
-LAST_PATIENCE = 200.0   # s until it has ended; less than the limit of pytest, which does not tell what was said
+LAST_PATIENCE = 200.0   # s until the end; less than the limit of pytest, whose message lacks the output
 SITE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "site")     # for every Python program of the run
 NEVER = ("core dumped", "Segmentation", "Aborted")
-# roslaunch ends with 1 if it is interrupted while it starts a node and has others to start: it waits for 20 s for the
+# roslaunch exits with 1 if it is interrupted while it starts a node and has others to start: it waits 20 s for the
 # node that it is starting, and then refuses the next one (``pmon.py``)
 _TOO_LATE = "after process monitor has been shut down"
 _STARTING = "Fatal Python error: init_"     # Python is interrupted before it runs a program
@@ -39,14 +39,14 @@ TEMPORARY = (".whole-*", "*.part", "*.active", "*.orig.active")
 
 
 class FaultRun:
-    """A running launch file; a context manager that ends whatever is left.
+    """A running launch file; a context manager that ends all remaining processes.
 
     Parameters
     ----------
     words : list of str
         Of roslaunch.
     environment : dict
-        Variables that differ; None takes one away.
+        Variables to set; None removes one.
     prefix : list of str
         Command in front of roslaunch; ``{folder}`` and ``{home}`` in it are filled in.
     """
@@ -73,7 +73,7 @@ class FaultRun:
         self.begin()
 
     def begin(self, words=None):
-        """Start roslaunch, a second one where one runs already; returns it (Running)."""
+        """Start roslaunch, possibly a second one; returns it (Running)."""
         unset = [word for name, value in self._changes.items() if value is None for word in ("-u", name)]
         given = {name: value for name, value in self._changes.items() if value is not None}
         command = [shutil.which("env"), "-C", self.folder] + unset + self._prefix + [
@@ -95,11 +95,11 @@ class FaultRun:
 
     @property
     def text(self):
-        """What the launch files said so far; what a program wrote on stderr stands behind, with its name."""
+        """The output of the launch files until now, followed by the stderr of each program with its name."""
         return "".join([run.text for run in self._runs] + ["\n" + text for text in self.errors()])
 
     def errors(self):
-        """Return what each Python program has said on stderr, with its command line in the first line (list of str)."""
+        """Return the stderr of each Python program, with its command line in the first line (list of str)."""
         texts = []
         for name in sorted(os.listdir(self._said), key=int):
             with open(os.path.join(self._said, name), encoding="utf-8", errors="replace") as stream:
@@ -107,17 +107,17 @@ class FaultRun:
         return texts
 
     def wait_for(self, words, patience=PATIENCE):
-        """Wait until the run has said ``words``; AssertionError if it ends before."""
+        """Wait until the run has printed ``words``; AssertionError if it ends earlier."""
         wait_until(lambda: words in self.text or self.run.process.poll() is not None, "%r in\n%s" % (
             words, Later(lambda: self.text)), patience)
         if words not in self.text:
             self.run.wait()
-        assert words in self.text, "ended without saying %r:\n%s" % (words, self.text)
+        assert words in self.text, "ended without printing %r:\n%s" % (words, self.text)
 
     def process(self, part):
-        """Return the number of the process of the run in whose command line ``part`` stands; waits for it.
+        """Return the id of the process of the run with ``part`` in its command line; waits for it.
 
-        Of several, because of launch prefixes, the youngest.
+        Of several, because of launch prefixes, the newest.
         """
         return wait_until(lambda: max((pid for pid, command in marked(self.run.mark).items()
                                        if part in command and "roslaunch" not in command), default=None),
@@ -133,14 +133,14 @@ class FaultRun:
         self._master.process.wait()
 
     def kill_roslaunch(self):
-        """Kill roslaunch, then tell each of its nodes to end."""
+        """Kill roslaunch, then end each of its nodes."""
         self.run.process.kill()
         self.run.process.wait()
         for pid in marked(self.run.mark):
             os.kill(pid, signal.SIGINT)
 
     def call(self, service):
-        """Call a service without arguments, beside the run."""
+        """Call a service without arguments."""
         done = subprocess.run([shutil.which("rosservice"), "call", service, "{}"], stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
                               env=dict(os.environ, ROS_MASTER_URI=self._uri), timeout=PATIENCE)
@@ -151,7 +151,7 @@ class FaultRun:
         return os.path.join(self.folder, name)
 
     def wait_for_more(self, words, run):
-        """Wait until ``run`` says ``words`` twice more; the first may have been on its way before."""
+        """Wait until ``run`` prints ``words`` twice more; the first may have been in transit."""
         count = run.text.count(words)
         wait_until(lambda: run.text.count(words) >= count + 2 or run.process.poll() is not None,
                    Later(lambda: "more of %r in\n%s" % (words, self.text)), PATIENCE)
@@ -160,8 +160,8 @@ class FaultRun:
     def end(self, run, by_itself=False):
         """Interrupt ``run``, or wait until it has ended by itself; returns the exit code.
 
-        If it has not begun to end its nodes after a while it is interrupted once more, as a user would do, but only
-        where roslaunch itself has lost the interrupt; otherwise that is a fault.
+        If it has not begun to end its nodes after a while, it is interrupted again, as by a user.  This is allowed only
+        where roslaunch itself has lost the interrupt.
         """
         sent = 0
 
@@ -175,7 +175,7 @@ class FaultRun:
                 wait_until(lambda: ended() or time.monotonic() > again and self.interrupts_lost() >= sent, "",
                            PASSED_OVER)
             except AssertionError:
-                raise AssertionError("goes on after %d interrupts, the last at %.3f s:\n%s" % (
+                raise AssertionError("still running after %d interrupts, the last at %.3f s:\n%s" % (
                     sent, again - LOST, self.text)) from None
         return run.wait(LAST_PATIENCE)
 
@@ -183,10 +183,10 @@ class FaultRun:
         """Return how many interrupts roslaunch has lost; after one in an import it may end with an error of its own."""
         return sum(interrupts_lost(text) for text in self.errors() if _program(text).endswith("/roslaunch"))
 
-    # ---- what must be left
+    # ---- results
 
     def check_gone(self, names=()):
-        """Nothing runs any more and nobody is on the master but ``names``, which were killed."""
+        """No process runs any more, and no node is registered except ``names``, which were killed."""
         for run in self._runs:
             wait_until(lambda run=run: not marked(run.mark), Later(lambda run=run: "the end of %s\n%s" % (
                 marked(run.mark), self.text)), 30.0)
@@ -199,7 +199,7 @@ class FaultRun:
         return {node for part in self.master.getSystemState() for _, nodes in part for node in nodes}
 
     def check_said(self, words):
-        """All the words were said, and nothing that is never to be said."""
+        """All the words were printed, and none of NEVER."""
         for word in words:
             assert word in self.text, "%r is not in\n%s" % (word, self.text)
         for word in NEVER:
@@ -210,7 +210,7 @@ class FaultRun:
         assert not found, "\n".join(found + ["in", self.text])
 
     def check_tidy(self, allowed=()):
-        """No temporary file is left but those that are allowed."""
+        """No temporary file remains except the allowed ones."""
         left = {name for name in os.listdir(self.folder)
                 if any(fnmatch.fnmatchcase(name, pattern) for pattern in TEMPORARY)}
         assert left <= set(allowed), "%s left; %s" % (left, self.text)
@@ -223,7 +223,7 @@ class FaultRun:
         return read
 
     def check_map(self, name="plan"):
-        """The map is a pair."""
+        """The map consists of both files."""
         with open(self.file(name + ".yaml"), encoding="utf-8") as stream:
             described = yaml.safe_load(stream)
         with Image.open(os.path.join(self.folder, described["image"])) as opened:
@@ -239,13 +239,13 @@ class FaultRun:
 
 
 def _program(text):
-    """Return the program that has written a text of stderr: the first word of its command line that is no option."""
+    """Return the program that has written a text of stderr: the first word of its command line except options."""
     words = text.partition("\n")[0].split()[1:]
     return next((word for word in words if not word.startswith("-")), "")
 
 
 class Later:
-    """A text that is made when it is asked for."""
+    """A text that is made on demand."""
 
     def __init__(self, make):
         self._make = make
@@ -255,9 +255,9 @@ class Later:
 
 
 def interrupt_at(words, delay, environment=None):
-    """Start a launch file, interrupt it after ``delay`` seconds [wall], check what is left; return its output."""
+    """Start a launch file, interrupt it after ``delay`` seconds [wall], check what remains; return its output."""
     with FaultRun(words, environment) as run:
-        time.sleep(delay)               # the moment is what is drawn at random; nothing to wait for
+        time.sleep(delay)               # the delay is the random quantity; no event to wait for
         recording, mapping = os.path.exists(run.file("run.bag.active")), "map against world" in run.text
         code = run.end(run.run)
         assert code in (0, -signal.SIGINT) or code == 1 and (

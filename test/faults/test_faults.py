@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whatever is done to a run: it says what happened, nothing that was computed is lost, and nothing is left running.
+"""For every fault, a run reports what happened, loses no results, and leaves no process running.
 
 ``make test`` takes a few cases; ``make faults`` takes all, and MOMENTS interrupts of every launch file.
 """
@@ -17,7 +17,7 @@ from tracebacks import foreign_tracebacks, interrupts_lost
 
 LONG = os.environ.get("M2WR_FAULTS") == "all"
 MOMENTS = int(os.environ.get("MOMENTS") or "100") if LONG else 1
-LONGEST = 12.0          # the last moment after the start [s], wall; by then every launch file is up
+LONGEST = 12.0          # the latest interrupt after the start [s], wall; by then every launch file is running
 SHORT = ("m2wr_sim/mapping.launch", "m2wr_gmapping/gmapping.launch")     # of the launch files, in make test
 
 
@@ -25,15 +25,15 @@ SHORT = ("m2wr_sim/mapping.launch", "m2wr_gmapping/gmapping.launch")     # of th
 def test_fault(case):
     reason = refused(list(case.needs)) if case.needs else None
     if reason:
-        pytest.skip("this fault cannot be made here: %s" % reason)
+        pytest.skip("this fault cannot be injected here: %s" % reason)
     with FaultRun(case.launch, case.environment, case.prefix) as run:
         if case.ready:
             run.wait_for(case.ready)
         first = run.run
         if case.fault is not None:
             case.fault(run)
-        if case.goes_on:
-            run.wait_for_more(case.goes_on, first)
+        if case.repeats:
+            run.wait_for_more(case.repeats, first)
         run.end(first, case.ends)
         run.check_gone(case.killed)
         run.check_said(case.said)
@@ -56,7 +56,7 @@ CHAIN = "\nDuring handling of the above exception, another exception occurred:\n
 
 
 def frames(*files, last="KeyboardInterrupt"):
-    """Return a traceback through these files; ``FILE:LINE`` is another line than the first."""
+    """Return a traceback through these files; ``FILE:LINE`` selects a line other than the first."""
     return "Traceback (most recent call last):\n%s%s\n" % ("".join(
         '  File "%s", line %s, in <module>\n    import something\n' % (name, line or 1)
         for name, _, line in (place.partition(":") for place in files)), last)
@@ -80,8 +80,8 @@ def frames(*files, last="KeyboardInterrupt"):
     (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", m2wr_tools.doctor.__file__), True)],
     ids=["in roslaunch", "in its Cython", "ours in roslaunch", "a test in roslaunch", "chained in roslaunch",
          "in rosversion", "first import", "chained first import", "another error", "second import",
-         "ours imported first", "Python starts", "ours begins", "Python starts, nobody", "Python starts, ours"])
-def test_only_tracebacks_that_nobody_can_help_are_passed_over(program, text, foreign):
+         "ours imported first", "Python starts", "ours begins", "Python starts, no file", "Python starts, ours"])
+def test_only_tracebacks_outside_our_control_are_ignored(program, text, foreign):
     assert bool(foreign_tracebacks("before\n" + text + "after\n", program)) == foreign
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tracebacks in what the programs of a run have said: which should not be there."""
+"""Finds unexpected tracebacks in the output of the programs of a run."""
 import ast
 import functools
 import linecache
@@ -47,18 +47,18 @@ def _places(frames):
 
 
 def foreign_tracebacks(text, program=None):
-    """Return the tracebacks in a text that should not be there (list of str).
+    """Return the unexpected tracebacks in a text (list of str).
 
-    Ctrl-C in Python raises KeyboardInterrupt wherever a program happens to be.  Programs of this workspace handle it
-    from their first import on; until then Python shows where it was.  So does roslaunch while it loads its files, and
-    so do the programs outside this workspace that it runs for a parameter; then no line of the workspace is in the
-    traceback.
+    Ctrl-C in Python raises KeyboardInterrupt at any place in a program.  Programs of this workspace handle it from
+    their first import on; before that, Python prints a traceback.  So does roslaunch while it loads its files, and so
+    do the programs outside this workspace that it runs for a parameter; their tracebacks contain no line of the
+    workspace.
 
     Parameters
     ----------
     text : str
-        What one program has said on stderr; or, without ``program``, what programs said together before they had a file
-        of their own (``site/sitecustomize.py``): there Python itself was starting, and no line may be ours.
+        The stderr of one program; or, without ``program``, the common stderr of programs before they had a file of
+        their own (``site/sitecustomize.py``): there Python itself was starting, and no line may be ours.
     program : str, optional
         Path of the program.
     """
@@ -77,7 +77,7 @@ def foreign_tracebacks(text, program=None):
 
 
 def _imports_first(place):
-    """Whether a program's first import stands in a line of a file."""
+    """Whether a line of a file is a program's first import."""
     return _FIRST_IMPORT in linecache.getline(*place)
 
 
@@ -88,7 +88,7 @@ def _is_relay(name):
 
 
 def interrupts_lost(text):
-    """Return how many interrupts roslaunch has lost, by what it has said on stderr (with ``site/sitecustomize.py``).
+    """Return how many interrupts roslaunch has lost, according to its stderr (with ``site/sitecustomize.py``).
 
     Until it starts its first node it has no handler, and KeyboardInterrupt is lost in a bare ``except`` or in a
     callback of the interpreter.  roslaunch 1.15 has such clauses round the import of rosmaster (``config.py``), the
@@ -102,7 +102,7 @@ def interrupts_lost(text):
 
 @functools.lru_cache(maxsize=None)
 def _catches_all(name, line):
-    """Whether a line of a file stands in a ``try`` that catches KeyboardInterrupt and does not raise it again."""
+    """Whether a line of a file is in a ``try`` that catches KeyboardInterrupt and does not raise it again."""
     try:
         with open(name, encoding="utf-8") as stream:
             tree = ast.parse(stream.read())

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cases in files: JSON, in which what JSON lacks is an object of one key.
+"""Cases in files: JSON, where types that JSON lacks are objects with one key.
 
 ``{"bytes": BASE64}``, ``{"tuple": [...]}``, ``{"dict": [[KEY, VALUE], ...]}`` and ``{"float": "nan"}``.  Reading
-builds nothing but plain values, so somebody else's file can be read as safely as a text.
+creates only plain values, so a file from another person is as safe as a text.
 """
 import base64
 import binascii
@@ -15,7 +15,7 @@ _FLOATS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
 class CaseError(Exception):
-    """A file holds no case."""
+    """A file does not contain a case."""
 
 
 def write_case(path, case):
@@ -31,7 +31,7 @@ def read_case(path):
     Raises
     ------
     CaseError
-        If it cannot be read, is too large, or does not have the form that :func:`write_case` gives.
+        If it cannot be read, is too large, or does not have the format of :func:`write_case`.
     """
     try:
         size = os.path.getsize(path)
@@ -40,7 +40,7 @@ def read_case(path):
         with open(path, encoding="ascii") as stream:
             return _value(json.loads(stream.read(MOST_BYTES)))
     except (OSError, ValueError, RecursionError) as error:
-        raise CaseError("%s: %s; expected a case as the fuzzer writes it" % (path, error)) from error
+        raise CaseError("%s: %s; expected a case written by the fuzzer" % (path, error)) from error
 
 
 def _plain(value):

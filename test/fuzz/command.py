@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command ``fuzz``: which targets, for how long, from which seed; repeats single cases."""
+"""The command ``fuzz``: runs targets for a time, from a seed; repeats single cases."""
 import argparse
 import logging
 import os
@@ -19,17 +19,17 @@ CHUNK = 10 ** 9
 def parse(argv):
     """Return the arguments of the command."""
     parser = argparse.ArgumentParser(prog="fuzz", formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-                                     description="Feed the workspace with odd input and judge what it does.")
+                                     description="Send invalid input to the workspace and check the result.")
     parser.add_argument("--target", action="append", choices=sorted(TARGETS), metavar="NAME",
-                        help="only this one, may be repeated; one of %s" % ", ".join(TARGETS))
-    parser.add_argument("--minutes", type=float, metavar="M", help="how long, for all targets together")
-    parser.add_argument("--cases", type=int, metavar="N", help="how many, for all targets together")
+                        help="run only this target, may be repeated; one of %s" % ", ".join(TARGETS))
+    parser.add_argument("--minutes", type=float, metavar="M", help="duration for all targets together")
+    parser.add_argument("--cases", type=int, metavar="N", help="number of cases for all targets together")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all cases")
-    parser.add_argument("--case", type=int, metavar="K", help="run this case of one target alone")
+    parser.add_argument("--case", type=int, metavar="K", help="run only this case of one target")
     parser.add_argument("--first", type=int, default=0, metavar="K", help="number of the first case")
-    parser.add_argument("--file", metavar="FILE", help="run the case in this file, which a finding has left")
-    parser.add_argument("--no-minimise", action="store_true", help="keep failing cases as they are")
-    parser.add_argument("--out", default=os.path.join(ROOT, "logs", "fuzz"), metavar="DIR", help="where findings go")
+    parser.add_argument("--file", metavar="FILE", help="run the case in this file, written for a finding")
+    parser.add_argument("--no-minimise", action="store_true", help="do not reduce failing cases")
+    parser.add_argument("--out", default=os.path.join(ROOT, "logs", "fuzz"), metavar="DIR", help="folder for findings")
     arguments = parser.parse_args(argv)
     if (arguments.case is not None or arguments.file) and len(arguments.target or ()) != 1:
         parser.error("--case and --file need one --target")
@@ -41,7 +41,7 @@ def _program():
 
 
 def tell(target, finding, seed, out, smaller):
-    """Print a finding with the command that repeats it, and leave its case in a file."""
+    """Print a finding with the command that repeats it, and write its case to a file."""
     os.makedirs(out, exist_ok=True)
     case = finding.case if finding.case is not None else target.make(
         mutations.generator(seed, target.name, finding.number))
@@ -71,21 +71,21 @@ def _single(arguments):
         case = target.make(mutations.generator(arguments.seed, target.name, arguments.case))
     finding = repeat(target, case)
     if finding is None:
-        print("%s: nothing is wrong" % target.name)
+        print("%s: no fault" % target.name)
         return 0
     print("%s: %s: %s\n%s" % (target.name, finding.kind, finding.signature, finding.text))
     return 1
 
 
 def main(argv=None):
-    """Entry point; returns 0 where nothing was found."""
+    """Entry point; returns 0 if there was no finding."""
     arguments = parse(argv)
     scratch = tempfile.mkdtemp(prefix="m2wr_fuzz_")
     before = os.getcwd()
     for name in ("ROS_HOME", "ROS_LOG_DIR"):
         os.environ.setdefault(name, scratch)
     os.environ["M2WR_FUZZ_SCRATCH"] = scratch
-    logging.disable(logging.CRITICAL)           # while targets are prepared; workers listen to every line
+    logging.disable(logging.CRITICAL)           # while targets are prepared; workers check every line
     try:
         if arguments.case is not None or arguments.file:
             return _single(arguments)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs the cases of a target in a process of their own, judges them, and keeps what went wrong.
+"""Runs the cases of a target in a process of their own, checks them, and records the findings.
 
 A worker is forked from a parent that has imported and compiled everything, so that a crash of a library costs a
-millisecond.  Before each case the worker writes the case's number into memory that both share: whoever dies, hangs or
-takes all memory is known by it.
+millisecond.  Before each case the worker writes the case's number into shared memory: so a case that crashes, hangs or
+exhausts the memory is known.
 """
 import logging
 import mmap
@@ -24,20 +24,20 @@ from typing import Dict, List
 import mutations
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
-ADDRESS_SPACE = 3 * 2 ** 30     # bytes above what the worker has at its start: beyond it allocations fail
-STUCK = 5.0                     # a case is killed when it has taken so many times its share of processor time
-WORDS_KEPT = 3000               # characters of what a library wrote before it ended the process
-MINIMISING = 20.0               # s of wall time spent on making a failing case smaller
-AGAIN = 3                       # exit code of a worker whose target has to begin anew
+ADDRESS_SPACE = 3 * 2 ** 30     # bytes above the worker's use at its start: beyond it allocations fail
+STUCK = 5.0                     # a case is killed after this multiple of its processor time
+WORDS_KEPT = 3000               # characters of a library's output before it ended the process
+MINIMISING = 20.0               # s of wall time spent on reducing a failing case
+AGAIN = 3                       # exit code of a worker whose target must be restarted
 EXAMPLES = 3                    # findings of one signature that are kept in full
 
 
 class Wrong(Exception):
-    """An oracle's verdict: the input was handled, but what came of it may not be."""
+    """The input was handled, but the result is not allowed."""
 
 
 class Target:
-    """One thing to feed; subclasses say how a case is made and run.
+    """One interface under test; subclasses define how a case is made and run.
 
     Attributes
     ----------
@@ -48,11 +48,11 @@ class Target:
     memory : int
         Bytes by which a case may raise the process's peak.
     weight : float
-        Share of the time, against that of other targets, or of the cases where their number is given.
+        Share of the time relative to other targets, or of the cases where their number is given.
     dear : float
-        How many times fewer of its cases are run where their number is given: for targets that mostly wait.
+        Divisor of the number of cases where it is given: for targets that mostly wait.
     broken : bool
-        Set by :meth:`run` where no further case can run in this process.
+        Set by :meth:`run` if no further case can run in this process.
     """
 
     name = ""
@@ -69,35 +69,35 @@ class Target:
         """Called in each worker before its first case."""
 
     def end(self):
-        """Called in a worker that ends in an orderly way."""
+        """Called in a worker that ends normally."""
 
     def make(self, rng):
         """Return a case, anything that :mod:`case_files` can write."""
         raise NotImplementedError
 
     def run(self, case):
-        """Feed a case; errors that are meant for bad input are caught here, everything else is a finding."""
+        """Run a case; exceptions defined for bad input are caught here, all others are findings."""
         raise NotImplementedError
 
     def smaller(self, case):
-        """Yield cases with less in them."""
+        """Yield reduced cases."""
         return mutations.smaller_sequences(case) if isinstance(case, (list, bytes, str)) else iter(())
 
     def describe(self, case):
-        """Return the bytes that a finding's file holds beside the case, for the eye."""
+        """Return the bytes of the readable file that is written beside the case."""
         return case if isinstance(case, bytes) else case.encode() if isinstance(case, str) else repr(case).encode()
 
 
 @dataclass
 class Finding:
-    """What one case did that it may not.
+    """One fault found by a case.
 
     Attributes
     ----------
     kind : str
         ``exception``, ``wrong``, ``slow``, ``memory``, ``died`` or ``stuck``.
     signature : str
-        The same for cases with the same cause, as far as can be told.
+        The same for cases with the same cause, as far as it can be determined.
     """
 
     target: str
@@ -111,7 +111,7 @@ class Finding:
 
 @dataclass
 class Tally:
-    """How many cases ran, and what was found."""
+    """Number of cases, and the findings."""
 
     cases: int = 0
     cpu: float = 0.0
@@ -143,7 +143,7 @@ def signature_of(error):
 
 
 class _Listener(logging.Handler):
-    """Takes all log lines: they must be formattable, and none may tell of an exception that nobody foresaw."""
+    """Handles all log lines: they must be formattable, and none may report an unexpected exception."""
 
     def __init__(self, foreseen):
         super().__init__(logging.INFO)
@@ -155,7 +155,7 @@ class _Listener(logging.Handler):
             self.caught = self.caught or record.exc_info[1]
 
     def handle(self, record):
-        self.emit(record)           # an error in it is one of the line's author
+        self.emit(record)           # an error in it is a fault of the log call
 
 
 def _listen(foreseen):
@@ -170,7 +170,7 @@ def _listen(foreseen):
 
 
 def judge(target, case, listener):
-    """Run one case; returns (kind, signature, text), or None where all was well."""
+    """Run one case; returns (kind, signature, text), or None without a fault."""
     listener.caught = None
     before, peak = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     found = None
@@ -185,7 +185,7 @@ def judge(target, case, listener):
     if found is None and listener.caught is not None:
         error = listener.caught
         text = "".join(traceback.format_exception(type(error), error, error.__traceback__))
-        found = ("exception", "logged " + signature_of(error), "only logged, but nobody foresaw it:\n" + text)
+        found = ("exception", "logged " + signature_of(error), "only logged, but unexpected:\n" + text)
     spent = time.process_time() - before
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak) * 1024
     if found is None and grown > target.memory:
@@ -204,7 +204,7 @@ def _limit():
 
 
 class _Child:
-    """A forked process that works through cases and tells of them through a pipe."""
+    """A forked process that runs cases and reports them through a pipe."""
 
     def __init__(self, work, foreseen):
         self.place = mmap.mmap(-1, 16)              # number of the case that runs, processor time at its start
@@ -255,7 +255,7 @@ class _Child:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def words(self):
-        """Return the end of what the process wrote to its standard streams."""
+        """Return the end of the process's output."""
         size = self._words.seek(0, 2)
         self._words.seek(max(0, size - WORDS_KEPT))
         return self._words.read().decode(errors="replace")
@@ -264,7 +264,7 @@ class _Child:
         os.kill(self.pid, signal.SIGKILL)
 
     def close(self):
-        """Reap the process; returns what ended it."""
+        """Reap the process; returns why it ended."""
         _, status = os.waitpid(self.pid, 0)
         self.pipe.close()
         words = self.words()
@@ -276,7 +276,7 @@ class _Child:
 
 
 def _messages(child, patience, target):
-    """Yield what a child sends until its pipe closes; kills it when a case takes far too long, and yields None then."""
+    """Yield the messages of a child until its pipe closes; if a case takes far too long, kill it and yield None."""
     pending, number, since = b"", None, time.monotonic()
     while True:
         ready, _, _ = select.select([child.pipe], [], [], 0.2)
@@ -299,7 +299,7 @@ def _messages(child, patience, target):
 
 
 def run_cases(target, seed, numbers, deadline=None, patience=120.0, make=None):
-    """Run cases; yields each Finding as it comes, and last the Tally.
+    """Run cases; yields each Finding at once, and finally the Tally.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def run_cases(target, seed, numbers, deadline=None, patience=120.0, make=None):
     patience : float
         Wall time [s] after which a case that uses no processor time is stuck.
     make : callable, optional
-        From a number to a case, in place of the target's own.
+        Function from a number to a case that replaces the target's own.
     """
     make = make or (lambda number: target.make(mutations.generator(seed, target.name, number)))
     tally, at, began = Tally(), numbers.start, time.monotonic()
@@ -386,7 +386,7 @@ def repeat(target, case):
 
 
 def minimise(target, case, signature, seconds=MINIMISING):
-    """Return a smaller case with the same signature, the best that is found in so much wall time."""
+    """Return the smallest case with the same signature found within ``seconds`` of wall time."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         for smaller in target.smaller(case):

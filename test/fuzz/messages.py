@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Random ROS messages and requests of any type: plausible for the most part, extreme here and there."""
+"""Random ROS messages and requests of any type: mostly plausible, with some extreme values."""
 import genpy
 import roslib.message
 
@@ -18,7 +18,7 @@ class Filler:
     Parameters
     ----------
     names : callable
-        Returns the texts that mean something to the receiver in a field of that name, as of now.
+        Returns the texts that are valid for the receiver in a field of that name at present.
     extremes : float
         Share of the fields that get an extreme value.
     """

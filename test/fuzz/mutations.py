@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Seeded changes of bytes, texts and XML trees: what makes a valid input odd, and an odd one odder.
+"""Seeded mutations of bytes, texts and XML trees.
 
-A case is a function of (seed, target, number) alone, so any case can be made again without the ones before it.
+A case is a function of (seed, target, number) only, so any case can be made again without the previous ones.
 """
 import copy
 import random
@@ -10,7 +10,7 @@ import struct
 
 from lxml import etree
 
-#: Numbers that break things: limits of types, what is no number, very large, very small, nearly zero.
+#: Numbers that may cause faults: limits of types, text that is not a number, very large, very small, nearly zero.
 NUMBERS = ("nan", "inf", "-inf", "0", "-0.0", "-1", "1", "2", "0.5", "1e-320", "1e-30", "1e-9", "1e-6", "1e3", "1e6",
            "1e9",
            "1e12", "1e18", "-1e18", "1e30", "1e200", "1e308", "-1e308", "1e309", "255", "256", "65536", "2147483647",
@@ -27,7 +27,7 @@ WORDS = ("", "world", "default", "link", "base_link", "map", "::", "a::b::c", "/
          "0", "true", "-", "~", "$(find m2wr_sim)", "<", "&amp;", "__reserved__")
 INTEGERS = (0, 1, 2, 4, 127, 128, 255, 65535, 65536, 0x7fffffff, 0x80000000, 0xfffffffe, 0xffffffff)
 _TOKEN = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?|\w+|[^\w\s]")
-_LONGEST = 60000            # bytes of a case: cost must come from what an input says, not from how long it is
+_LONGEST = 60000            # bytes of a case: cost must come from the contents of an input, not from its length
 
 
 def generator(seed, target, number):
@@ -67,7 +67,7 @@ def change_bytes(rng, data, others=()):
 
 
 def change_text(rng, text, words=WORDS):
-    """Return ``text`` with one to five of its words, numbers, signs or lines exchanged, doubled or taken away."""
+    """Return ``text`` with one to five of its words, numbers, signs or lines replaced, duplicated or removed."""
     for _ in range(1 + rng.randrange(5)):
         kind = rng.randrange(6)
         if kind == 0:
@@ -118,12 +118,12 @@ def change_numbers(rng, text):
 
 
 class Trees:
-    """Changes XML documents as trees, so that what comes out is still read to the end.
+    """Changes XML documents as trees, so that they remain well-formed.
 
     Parameters
     ----------
     documents : list of str
-        Of one kind; elements wander from one to another.
+        Of one kind; elements are copied from one to another.
     """
 
     def __init__(self, documents):
@@ -183,7 +183,7 @@ class Trees:
             self._new_value(rng, node)
 
     def _new_value(self, rng, node):
-        """Change an attribute or the text: numbers to numbers for the most part."""
+        """Change an attribute or the text: numbers mostly to numbers."""
         names = sorted(node.attrib)
         if names and rng.randrange(3):
             name = rng.choice(names)
@@ -218,10 +218,10 @@ def _legal(text):
     return "".join(letter for letter in text if letter in "\t\n\r" or " " <= letter <= "\ud7ff")
 
 
-# ---- making a failing case smaller -------------------------------------------------------------------------------
+# ---- reduction of a failing case ---------------------------------------------------------------------------------
 
 def smaller_sequences(case):
-    """Yield shorter versions of a list, bytes or str: halves, quarters and so on taken away."""
+    """Yield shorter versions of a list, bytes or str: without halves, quarters and so on."""
     size = len(case)
     piece = size // 2
     while piece >= 1:
@@ -231,7 +231,7 @@ def smaller_sequences(case):
 
 
 def smaller_trees(text):
-    """Yield versions of an XML document with one element, attribute or word less; of what is none, shorter texts."""
+    """Yield versions of an XML document with one element, attribute or word less; for other texts, shorter texts."""
     try:
         root = etree.fromstring(text.encode())
     except (etree.XMLSyntaxError, ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is fuzzed: one line a target, ``name: "module:Class"``."""
+"""The targets of the fuzzer: one line each, ``name: "module:Class"``."""
 import importlib
 
 TARGETS = {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Robots, models and worlds as texts: read, put into a simulation, driven for a moment."""
+"""Robots, models and worlds as texts: read, spawned, and driven for a short time."""
 import glob
 import os
 
@@ -23,7 +23,7 @@ def corpus(*patterns):
 
 
 class _Document(Target):
-    """A document that is changed as a tree for the most part, else as text or bytes."""
+    """A document that is changed mostly as a tree, otherwise as text or bytes."""
 
     patterns = ()
     cpu = 2.0
@@ -75,7 +75,7 @@ class _Document(Target):
             self._drive(simulator)
             simulator.reset_simulation()
             self.worlds.run(simulator, 2)
-            if "thing" in simulator.models:         # one that is thrown out of the world is taken away
+            if "thing" in simulator.models:         # a model that diverged is removed
                 simulator.delete("thing")
         finally:
             simulator.close()
@@ -129,7 +129,7 @@ class World(_Document):
 
 
 class Spawn(Target):
-    """What stands at the very beginning of a text decides which reader takes it; any text may come over the service."""
+    """The beginning of a text selects its reader; the service may receive any text."""
 
     name, cpu, weight = "spawn_text", 1.0, 1.0
 

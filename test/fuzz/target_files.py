@@ -26,10 +26,10 @@ def written(name, data):
     Raises
     ------
     ValueError
-        If the name leads out of that folder: a case may come from somebody else's file.
+        If the name points outside that folder: a case may come from another person's file.
     """
     if name != os.path.basename(name):
-        raise ValueError("%r is no name of a file; expected one without folders" % name)
+        raise ValueError("%r is not a file name; expected one without folders" % name)
     path = os.path.join(scratch(), name)
     with open(path, "wb") as stream:
         stream.write(data)
@@ -47,7 +47,7 @@ def pixels(mode="L", side=9, kind="PNG"):
 
 
 class _Shape(Target):
-    """A file that becomes a collision shape; a ball falls onto what could be read, and a ray is cast at it."""
+    """A file that becomes a collision shape; a ball falls onto the shape, and a ray is cast at it."""
 
     cpu = 2.0
 
@@ -138,7 +138,7 @@ class HeightFile(_Shape):
 
 
 class MapFiles(Target):
-    """A map's YAML and its picture, as each of the programs that take one reads them."""
+    """A map's YAML and its picture, as read by each program that uses maps."""
 
     name, cpu = "map", 2.0
 
@@ -239,7 +239,7 @@ def drive_messages():
 
 
 class BagFiles(Target):
-    """Bags, as report and pictures read them, and as the mapper's replay does, through to a map."""
+    """Bags, as read by the report, the pictures, and the mapper's replay, which makes a map."""
 
     name, cpu, weight = "bag", 4.0, 1.5
 
@@ -289,7 +289,7 @@ class BagFiles(Target):
 
 
 class TourFile(Target):
-    """Tours, as a launch file's rosparam reads them, and driven for some turns."""
+    """Tours, as read by a launch file's rosparam, and driven for some control periods."""
 
     name, weight = "tour", 0.3
 
@@ -308,7 +308,7 @@ class TourFile(Target):
         try:
             values = self.yaml.safe_load(case)
         except (self.yaml.YAMLError, ValueError, RecursionError, OverflowError):
-            return                  # rosparam's own reading, before anything of this workspace
+            return                  # rosparam's own reader, before code of this workspace
         if not isinstance(values, dict):
             return
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What reaches the mapper and the controllers: scans, transforms and states of earlier runs."""
+"""Input of the mapper and the controllers: scans, transforms and saved states."""
 import copy
 import io
 import math
@@ -13,7 +13,7 @@ _FRAMES = ("", "odom", "base_link", "laser", "/laser", "map", "elsewhere")
 
 
 class _Memory:
-    """A bag that is a list of messages."""
+    """A list of messages with the interface of a bag."""
 
     fraction, damage = 1.0, None
 
@@ -23,7 +23,7 @@ class _Memory:
         self._messages = [Message(*entry) for entry in messages]
 
     def messages(self, wanted):
-        """Yield the messages of the topics that are wanted."""
+        """Yield the messages of the ``wanted`` topics."""
         return (message for message in self._messages if wanted(message.topic))
 
 
@@ -84,7 +84,7 @@ class Scans(BagFiles):
                 continue
             try:
                 scan = LaserScan().deserialize(data)
-            except Exception:       # what a broken message makes of genpy never reaches a callback
+            except Exception:       # a message on which genpy fails never reaches a callback
                 continue
             try:
                 regions = reader.read(scan.ranges, scan.angle_min, scan.angle_max, scan.angle_increment)
@@ -97,7 +97,7 @@ class Scans(BagFiles):
 
 
 class StateFile(Target):
-    """States of the mapper: damaged ones, and whole ones that somebody has written with other content."""
+    """States of the mapper: damaged ones, and well-formed ones with changed contents."""
 
     name, cpu, weight = "state", 3.0, 1.0
 
@@ -202,6 +202,6 @@ class StateFile(Target):
             mapper.finish()
             mapper.trajectory()
         except ValueError:
-            pass                    # as of a scan that does not fit
+            pass                    # as for a scan that does not fit
         finally:
             mapper.close()

@@ -18,10 +18,10 @@ sys.path.insert(0, os.path.join(ROOT, "test", "nodes"))
 import wire  # noqa: E402
 
 NODES = ("/gazebo", "/slam_gmapping")
-START, PATIENCE = 120.0, 20.0       # s of wall time for the nodes to start, and for the clock to go on
+START, PATIENCE = 120.0, 20.0       # s of wall time for the nodes to start, and for the clock to advance
 MOST_MEMORY, MOST_THREADS, MOST_DESCRIPTORS = 400 << 20, 150, 300
 _BRIEF = 0.05                       # s that an attacker waits for an answer
-_STALLED = 8                        # connections that are left open, without a word, at a time
+_STALLED = 8                        # silent connections that are kept open at a time
 _HOUSEKEEPING = 100                 # cases
 _ME = "/fuzz"
 _METHODS = ("getPid", "getBusInfo", "getBusStats", "getMasterUri", "getSubscriptions", "getPublications",
@@ -43,7 +43,7 @@ def _die_with_parent():
 
 
 class Graph:
-    """The nodes that are attacked, on a master of their own."""
+    """The nodes under attack, on a master of their own."""
 
     def __init__(self):
         with socket.socket() as probe:
@@ -96,15 +96,15 @@ class Graph:
         self.ticks += 1
 
     def wait_for_clock(self):
-        """Wait until the clock has gone on; Wrong where it does not."""
+        """Wait until the clock has advanced; Wrong if it does not."""
         before, deadline = self.ticks, time.monotonic() + PATIENCE
         while self.ticks <= before:
             if time.monotonic() > deadline:
-                raise Wrong("the clock stands for %g s" % PATIENCE)
+                raise Wrong("the clock has not advanced for %g s" % PATIENCE)
             time.sleep(0.002)
 
     def check(self):
-        """Raise Wrong where a node has died, grows or keeps what it should let go."""
+        """Raise Wrong if a node has died, grows or does not release its resources."""
         for node, pid in self.pids.items():
             try:
                 with open("/proc/%d/statm" % pid) as stream:
@@ -237,11 +237,11 @@ class Network(Target):
             if self._count % _HOUSEKEEPING == 0:
                 self._tidy()
         except Wrong:
-            self.broken = True          # the nodes are started anew, by a process that knows no older ones
+            self.broken = True          # the nodes are restarted by a process without old connections
             raise
 
     def _tidy(self):
-        """Take away the models that have come; a service must still answer."""
+        """Delete the added models; a service must still answer."""
         for name in (b"new", b"crate"):
             self.graph.call("/gazebo/delete_model", struct.pack("<I", len(name)) + name)
 
@@ -257,13 +257,13 @@ class Network(Target):
                     stream.sendall(data)
                 stream.recv(1000)
         except OSError:
-            pass                    # refused, closed, or no answer: all are right
+            pass                    # refused, closed, or no answer: all are allowed
 
     def send_drip(self, node, data):
         self.send_handshake(node, data, 0.005)
 
     def send_stall(self, node, data):
-        """Say something, and then nothing more; the connection stays for some cases."""
+        """Send some data, and then nothing more; the connection stays open for some cases."""
         try:
             stream = socket.create_connection(self.graph.ports[node], PATIENCE)
             stream.sendall(data)

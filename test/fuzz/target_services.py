@@ -10,11 +10,11 @@ from messages import Filler, finite_floats
 from target_documents import corpus
 
 _STEPS = (0, 0, 1, 1, 3, 20, 100)
-_STATES = ("get_model_state", "get_link_state")     # what they tell must be finite
+_STATES = ("get_model_state", "get_link_state")     # their answers must be finite
 
 
 class _Registrar:
-    """Stands for rospy.Service and rospy.Subscriber: keeps the handlers."""
+    """Replaces rospy.Service and rospy.Subscriber: stores the handlers."""
 
     def __init__(self):
         self.services, self.topics = {}, {}
@@ -46,7 +46,7 @@ class Services(Target):
     """A case is a list of operations: ``("service", name, seed)``, the same of ``topic`` and ``plugin``, and steps.
 
     The values of a request come from its seed and from what is in the world when it is made, so that a sequence stays
-    meaningful when parts of it are taken away.
+    valid when parts of it are removed.
     """
 
     name, cpu, weight = "services", 4.0, 4.0
@@ -68,7 +68,7 @@ class Services(Target):
         self.changing = [name for name in self.names if name.startswith(("apply_", "set_", "spawn_"))]
         self.texts = {"spawn_urdf_model": corpus("*.urdf"), "spawn_sdf_model": corpus("*.sdf")}
         self.trees = {name: mutations.Trees(texts) for name, texts in self.texts.items()}
-        gazebo_api._DRAIN = 0.0             # s of waiting for the network, which is not there
+        gazebo_api._DRAIN = 0.0             # s of waiting for the network, which does not exist here
 
     def make(self, rng):
         case = []
@@ -148,7 +148,7 @@ def _over_the_wire(message):
 
 
 def _names_in(simulator, field):
-    """Return the names that mean something at the moment in a field of that name."""
+    """Return the names that are valid at present in a field of that name."""
     links = ["%s::%s" % (name, link) for name, model in simulator.models.items() for link in model.handle.links]
     if "frame" in field or "relative" in field:
         return ["", "world", "map"] + links + list(simulator.models)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Two minutes of the fuzzer, always the same cases; a failure says how to repeat its case."""
+"""Two minutes of the fuzzer, always the same cases; a failure prints the command that repeats its case."""
 import os
 import sys
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The harness notices everything that it says it notices, and what it reports can be repeated and made smaller."""
+"""The harness detects all kinds of faults, and its findings can be repeated and reduced."""
 import logging
 import os
 import pickle
@@ -20,7 +20,7 @@ LOG = logging.getLogger("m2wr_fuzz_test")
 
 
 class Foreseen(Exception):
-    """What bad input may raise."""
+    """The exception defined for bad input."""
 
 
 def hold_memory():
@@ -42,11 +42,11 @@ def log_unforeseen(error):
     try:
         raise error
     except Exception:
-        LOG.exception("it failed, but went on")
+        LOG.exception("it failed, but continued")
 
 
 class Trap(Target):
-    """Does what the letter says that is in its case; the others do nothing."""
+    """Performs the fault of the letter in its case; other cases do nothing."""
 
     name, cpu, memory, foreseen = "trap", 0.5, 100 << 20, (Foreseen,)
     letter = ""
@@ -68,7 +68,7 @@ class Trap(Target):
 
 
 def found_with(letter, count=12):
-    """Findings and tally of some cases, of which every fourth or so has the letter."""
+    """Findings and tally of some cases; about every fourth has the letter."""
     target = Trap()
     target.letter = letter
     *findings, tally = run_cases(target, 1, range(count))
@@ -96,7 +96,7 @@ def test_what_is_foreseen_is_no_finding(letter):
     assert not findings and tally.cases == 100
 
 
-def test_a_finding_is_repeated_by_its_number_and_made_smaller():
+def test_a_finding_is_repeated_by_its_number_and_reduced():
     target, findings, _ = found_with("A")
     case = target.make(mutations.generator(1, "trap", findings[0].number))
     again = repeat(target, case)
@@ -105,7 +105,7 @@ def test_a_finding_is_repeated_by_its_number_and_made_smaller():
     assert repeat(target, "abc") is None
 
 
-def test_the_command_says_how_to_repeat_and_leaves_the_case(monkeypatch, tmp_path, capsys):
+def test_the_command_prints_how_to_repeat_and_keeps_the_case(monkeypatch, tmp_path, capsys):
     Trap.letter = "X"
     monkeypatch.setattr(command, "make_target", lambda _: Trap())
     try:
@@ -122,7 +122,7 @@ def test_the_command_says_how_to_repeat_and_leaves_the_case(monkeypatch, tmp_pat
         Trap.letter = ""
 
 
-def test_a_target_that_must_begin_anew_does_so_and_loses_no_case(monkeypatch):
+def test_a_restarted_target_loses_no_case(monkeypatch):
     class Fragile(Trap):
         def run(self, case):
             self.broken = True
@@ -131,7 +131,7 @@ def test_a_target_that_must_begin_anew_does_so_and_loses_no_case(monkeypatch):
     assert not findings and tally.cases == 5
 
 
-def test_an_error_inside_a_library_is_told_by_our_innermost_line():
+def test_an_error_in_a_library_is_reported_at_our_innermost_line():
     try:
         mutations.generator(1, "x", "no number")
     except TypeError as error:
@@ -150,14 +150,14 @@ def test_a_case_in_a_file_is_the_same_case(tmp_path):
 
 class Deed:
     def __reduce__(self):
-        return os.system, ("touch pickles_run_code",)
+        return os.system, ("mkdir pickles_run_code",)
 
 
 @pytest.mark.parametrize("data", [
     pickle.dumps(Deed()), b"", b"{", b'{"bytes": 1}', b'{"bytes": "*"}', b'{"tuple": 3}', b'{"dict": [1]}',
     b'{"float": "x"}', b'{"dict": [[[], 1]]}', b'{"a": 1, "b": 2}', b"{}", b"[" * 100000, b'{"__class__": "x"}'],
     ids=lambda data: "%d bytes" % len(data))
-def test_a_file_that_holds_no_case_is_refused_and_does_nothing(data, tmp_path, monkeypatch):
+def test_a_file_without_a_case_is_refused(data, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "a.case"
     path.write_bytes(data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A simulation in this process, with doors that serialise what goes out, and what must hold of it at any time."""
+"""A simulation in this process whose ports serialise all output, and its invariants."""
 import io
 import math
 
@@ -77,7 +77,7 @@ def check(simulator):
 
 
 def run(simulator, steps):
-    """Let steps pass, and check that time did; then check the states."""
+    """Make steps, and check that time advanced; then check the states."""
     end_ns = simulator.now_ns + steps * simulator.step_ns
     while simulator.now_ns < end_ns:
         before_ns = simulator.now_ns
@@ -85,7 +85,7 @@ def run(simulator, steps):
         if simulator.now_ns <= before_ns:
             if simulator.paused:
                 return
-            raise Wrong("time stands still at %d ns" % before_ns)
+            raise Wrong("time stopped at %d ns" % before_ns)
     check(simulator)
 
 

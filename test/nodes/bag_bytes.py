@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The messages of a bag as bytes, in the order in which the recorder has taken them."""
+"""The messages of a bag as bytes, in the order in which the recorder received them."""
 import rosbag
 
 
 def messages_of(path):
     """Return ``{topic: [(name of the publisher, bytes), ...]}``.
 
-    Recorded times are no part of it: a recorder looks at its clock when it gets round to it.
+    Recorded times are left out: they depend on the load of the machine.
     """
     topics = {}
     with rosbag.Bag(path) as bag:
         entries = []
-        # by place in the file; rosbag's own iterator sorts by recorded time, in which several messages may be equal
+        # in file order; rosbag's own iterator sorts by recorded time, which several messages may share
         for number, index in bag._connection_indexes.items():
             connection = bag._connections[number]
             sender = connection.header["callerid"]

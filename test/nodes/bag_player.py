@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plays a recorded bag into one node, in step with it, and collects what the node answers.
+"""Plays a recorded bag into one node, synchronised with it, and collects its answers.
 
-Unlike ``rosbag play`` it does not race through the bag by the wall clock: it hands out the time itself and goes on
-when the node has answered, so that a test is as quick as the node is, and as slow as it must be on a busy machine.
+Unlike ``rosbag play`` it does not follow the wall clock: it publishes the time itself and continues when the node has
+answered.  So a test is as fast as the node, and does not fail on a busy machine.
 """
 import ast
 import os
@@ -22,11 +22,11 @@ from graph_wait import ANSWER_TIME, START_TIME, wait_for_connection, wait_until
 
 SCAN, ODOM, COMMAND = "/m2wr/laser/scan", "/odom", "/cmd_vel"
 TYPES = {SCAN: LaserScan, ODOM: Odometry}
-#: One turn of the nodes' 20 Hz loops [ns].
+#: Period of the nodes' 20 Hz loops [ns].
 TURN_NS = 50000000
-#: Turns before the first message of a bag in which a node may begin to answer; rest before those.
+#: Loop periods before the first message of a bag in which a node may begin to answer; periods of rest before those.
 LEAD_IN, REST = 20, 20
-#: Time of the clock before the first message of a bag [ns]; rospy takes a clock at 0 for no clock at all.
+#: Time of the clock before the first message of a bag [ns]; rospy treats time 0 as "no clock yet".
 START_NS = 10 * 10**9
 
 
@@ -56,14 +56,14 @@ class Fixture:
 
 
 class Player:
-    """The rest of the world for one node: clock, sensors, the switch, and an ear for its commands and log lines.
+    """The environment of one node: clock, sensors, its switch, and a recorder of its commands and log lines.
 
     Parameters
     ----------
     node : str
-        Name of the node that is tested; it is waited for until all connections stand.
+        Name of the tested node; the player waits until all connections to it exist.
     topics : list of str
-        Sensor topics it listens to.
+        Sensor topics it subscribes to.
     commands : bool
         Whether it publishes /cmd_vel.
     others : sequence of str
@@ -94,7 +94,7 @@ class Player:
                 wait_for_connection(name, "i", topic)
 
     def also_to(self, topic, node):
-        """Make sure that another node gets a sensor topic too; the topic is advertised if it is not yet."""
+        """Wait until another node also receives a sensor topic; advertise the topic if needed."""
         if topic not in self._topics:
             self._topics[topic] = rospy.Publisher(topic, TYPES[topic], queue_size=100)
         wait_for_connection(node, "o", topic)
@@ -128,16 +128,16 @@ class Player:
         self._clock.publish(Clock(rospy.Time(self.now_ns // 10**9, self.now_ns % 10**9)))
 
     def publish(self, topic, message, stamp_ns):
-        """Publish a message of a bag with its stamp moved to the clock's present."""
+        """Publish a message of a bag with its stamp moved to the present time of the clock."""
         moved_ns = stamp_ns + self._shift_ns
         message.header.stamp = rospy.Time(moved_ns // 10**9, moved_ns % 10**9)
         self._topics[topic].publish(message)
 
     def lead_in(self, messages, first_ns):
-        """Give (topic, message) pairs again and again until a bag begins; the node must have begun to command by then.
+        """Publish (topic, message) pairs repeatedly until a bag begins; the node must have sent a command by then.
 
-        A node takes messages and the clock in by different threads, and gives no command as long as it has seen only
-        the clock: its first turns may pass without one.
+        A node receives messages and the clock in different threads, and sends no command before the first message.
+        So the first periods of its loop may pass without a command.
         """
         before = len(self.commands)
         for stamp_ns in range(first_ns - LEAD_IN * TURN_NS, first_ns, TURN_NS):
@@ -152,17 +152,17 @@ class Player:
             except AssertionError:
                 continue
         if len(self.commands) == before:
-            raise AssertionError("%s gave no command in %d turns" % (self.node, LEAD_IN))
+            raise AssertionError("%s sent no command in %d periods" % (self.node, LEAD_IN))
 
     def turn(self, stamp_ns):
-        """Set the clock one turn of the node's loop on and wait for the command it gives; returns the newest one."""
+        """Advance the clock by one period of the node's loop and wait for its command; returns the newest one."""
         before = len(self.commands)
         self.set_clock(stamp_ns)
         wait_until(lambda: len(self.commands) > before, "a command of %s at %.3f s" % (self.node, stamp_ns * 1e-9))
         return self.commands[-1][1]
 
     def switch(self, service, value):
-        """Call one of the switches; the answer must be the report's."""
+        """Call one of the switches; the answer must be that of the report."""
         rospy.wait_for_service(service, START_TIME)
         answer = rospy.ServiceProxy(service, SetBool)(value)
         if not answer.success or answer.message != "Done!":

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A robot of no known make: it stands where it was put, drives ahead, turns left, and scans."""
+"""An arbitrary robot: it stays where it was placed, drives forward, turns left, and scans."""
 import math
 import os
 import sys
@@ -18,7 +18,7 @@ START = (1.0, 2.0, 0.5)
 
 
 class AnyRobot(unittest.TestCase):
-    """One robot called ``robot``, its topics in the root namespace unless it comes without a namespace of its own."""
+    """One robot called ``robot``, its topics in the root namespace unless its description sets a namespace."""
 
     @classmethod
     def setUpClass(cls):
@@ -48,7 +48,7 @@ class AnyRobot(unittest.TestCase):
         self.assertAlmostEqual(last.twist.twist.linear.x, 0.4, delta=0.01)
         self.topic.publish(Twist(Vector3(), Vector3(0.0, 0.0, 0.5)))
         self.odometry.wait(lambda messages: yaw_of(messages[-1].pose.pose.orientation) > START[2] + 1.0,
-                           "a turn to the left by a radian")
+                           "a left turn by one radian")
         scan = self.scans.next()[-1]
         self.assertGreater(len(scan.ranges), 50)
         self.assertTrue(all(math.isinf(value) for value in scan.ranges), "an empty world has nothing to hit")

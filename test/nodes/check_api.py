@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every topic and service of the graph, with its type: nothing missing, nothing besides."""
+"""Every topic and service of the graph, with its type: none missing, none unexpected."""
 import os
 import re
 import sys
@@ -62,7 +62,7 @@ class Api(unittest.TestCase):
         known = {name for name, _ in publishers + subscribers}.difference(ELSEWHERE)
         self.assertEqual(dict(item for item in self.master.getTopicTypes() if item[0] in known), expected)
 
-    def test_nobody_publishes_what_the_simulation_listens_to(self):
+    def test_no_node_publishes_the_topics_the_simulation_reads(self):
         publishers = dict(self.master.getSystemState()[0])
         for topic in dict(SUBSCRIBED, **ROBOT_SUBSCRIBED):
             self.assertNotIn(topic, publishers)
@@ -73,14 +73,14 @@ class Api(unittest.TestCase):
     def test_types_of_services(self):
         self.assertEqual({name: rosservice.get_service_type(name) for name in self.of_gazebo()[2]}, SERVICE_TYPES)
 
-    def test_the_readme_lists_the_services_there_are(self):
+    def test_the_readme_lists_all_services(self):
         path = os.path.join(rospkg.RosPack().get_path("m2wr_sim"), "README.md")
         with open(path, encoding="utf-8") as stream:
             section = stream.read().split("## Services")[1].split("\n## ")[0]
         listed = re.findall(r"^\| `(\w+)` \|", section, re.M)
         self.assertEqual(["/gazebo/" + name for name in listed], self.of_gazebo()[2])
 
-    def test_simulated_time_is_chosen(self):
+    def test_use_sim_time_is_set(self):
         self.assertIs(rospy.get_param("/use_sim_time"), True)
 
     def test_topics_of_a_deleted_robot_disappear_and_come_back(self):

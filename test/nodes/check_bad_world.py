@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A world with bad parts runs on the rest; models that are large, or bad in a part, do not hold it up."""
+"""A world with bad parts runs without them; models that are large, or have bad parts, do not delay it."""
 import os
 import struct
 import sys
@@ -47,7 +47,7 @@ class BadWorld(unittest.TestCase):
         cls.simulation = Simulation()
         cls.log = Recorder("/rosout", Log).connected()
 
-    def test_what_is_good_in_the_world_is_there_and_time_goes_on(self):
+    def test_valid_parts_of_the_world_load_and_time_advances(self):
         names = wait_until(self.simulation.models, "models of the world")
         for name in ("ground_plane", "tomb", "wall", "arm", "good"):
             self.assertIn(name, names)
@@ -56,7 +56,7 @@ class BadWorld(unittest.TestCase):
         pose = self.simulation.call("get_model_state", "wall", "").pose.position
         self.assertEqual((pose.x, pose.y, pose.z), (4.0, 0.0, 0.5))
 
-    def test_a_model_with_bad_parts_is_spawned_and_the_parts_are_named(self):
+    def test_a_model_with_bad_parts_spawns_and_they_are_named(self):
         self.log.clear()
         answer = self.simulation.spawn("half_bad", HALF_BAD, kind="sdf")
         self.assertEqual((answer.success, answer.status_message), (True, SPAWNED))
@@ -66,21 +66,21 @@ class BadWorld(unittest.TestCase):
             self.assertIn("left out", line.msg)
             self.assertIn("half_bad", line.msg)
 
-    def test_a_model_of_which_nothing_is_left_is_refused_with_the_reason(self):
+    def test_a_model_without_valid_parts_is_refused_with_the_reason(self):
         answer = self.simulation.spawn("all_bad", ALL_BAD, kind="sdf")
         self.assertFalse(answer.success)
         for words in ("link[l]", "mass is -1", "expected a positive mass"):
             self.assertIn(words, answer.status_message)
         self.assertNotIn("all_bad", self.simulation.models())
 
-    def test_a_model_of_too_many_parts_is_refused_with_the_limit(self):
+    def test_a_model_with_too_many_parts_is_refused_with_the_limit(self):
         links = "".join('<link name="l%d"/>' % index for index in range(MANY_LINKS))
         text = '<sdf version="1.6"><model name="m"><static>true</static>%s</model></sdf>' % links
-        answer = self.simulation.spawn("crowd", text, kind="sdf")
+        answer = self.simulation.spawn("many_links", text, kind="sdf")
         self.assertFalse(answer.success)
         self.assertIn("at most 10000", answer.status_message)
 
-    def test_time_goes_on_while_a_large_mesh_is_read(self):
+    def test_time_advances_while_a_large_mesh_is_read(self):
         arrivals, answers = [], []
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "slope.stl")
@@ -98,7 +98,7 @@ class BadWorld(unittest.TestCase):
         meanwhile = [moment for moment in arrivals if began <= moment <= ended]
         moments = [began] + meanwhile + [ended]
         longest = max(later - sooner for sooner, later in zip(moments, moments[1:]))
-        # the clock ticks every 10 ms; a loop that waited for the mesh would be silent nearly all the while
+        # the clock ticks every 10 ms; a loop that waited for the mesh would publish almost nothing meanwhile
         self.assertGreater(len(meanwhile), 5, "%.2f s" % (ended - began))
         self.assertLess(longest, max(0.5 * (ended - began), 0.3),
                         "%d ticks in %.2f s" % (len(meanwhile), ended - began))

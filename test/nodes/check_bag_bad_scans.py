@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans that make no sense: every node that reads scans names what is wrong, forgets the scan, and goes on."""
+"""Invalid scans: every node that reads scans names the fault, ignores the scan, and continues."""
 import json
 import math
 import os
@@ -23,7 +23,7 @@ from graph_wait import ANSWER_TIME, wait_until  # noqa: E402
 
 READERS = ("/reading_laser", "/wall_follower", "/bug2")
 BEAMS, LIMIT = 720, 1.570796
-#: Beams of the front-right sector, near enough for wall_follower's state 2 and out of Bug 2's way.
+#: Beams of the front-right sector, near enough for wall_follower's state 2, and not in the way of Bug 2.
 FRIGHT = slice(200, 240)
 #: Warnings are throttled to one in 5 s [ns].
 APART_NS = 10 * 10**9
@@ -32,7 +32,7 @@ ATTEMPTS = 3
 
 
 def scan(ranges):
-    """Return a scan whose angles are the robot's, whatever the number of readings."""
+    """Return a scan with the angles of the robot's laser and any number of readings."""
     message = LaserScan(angle_min=-LIMIT, angle_max=LIMIT, angle_increment=2 * LIMIT / (BEAMS - 1),
                         range_min=0.1, range_max=10.0, ranges=list(ranges))
     message.header.frame_id = "sensor_laser"
@@ -56,7 +56,7 @@ class BadScans(unittest.TestCase):
         cls.statuses = []
         rospy.Service("/gazebo/set_model_state", SetModelState, lambda request: SetModelStateResponse(success=True))
         rospy.Subscriber("/bug2/status", String, cls.statuses.append)
-        # commands come from go_to_point, which Bug 2 keeps switched on: nothing stands in its way
+        # commands come from go_to_point, which Bug 2 keeps switched on: there is no obstacle
         cls.player = player = Player("/go_to_point", [ODOM], others=READERS)
         for node in READERS:
             player.also_to(SCAN, node)
@@ -65,19 +65,19 @@ class BadScans(unittest.TestCase):
         cls.stamp_ns, cls.near = 0, False
         player.begin(0)
         wait_until(cls.started, "Bug 2 to start")
-        # the lists come in order: behind this one there is none left from the start
+        # the lists come in order: after this one there is none left from the start
         cls.give(np.full(BEAMS, 4.0))
         wait_until(lambda: [4.0] * 5 in player.lists("/reading_laser"), "the list of the last scan of the start")
 
     @classmethod
     def started(cls):
-        """Give Bug 2 one more turn's worth of time and messages; tell whether it has begun."""
+        """Give Bug 2 the time and messages of one more period; return whether it has started."""
         cls.give(good_ranges(False))
         return bool(cls.statuses)
 
     @classmethod
     def give(cls, ranges, later_ns=TURN_NS):
-        """Let time go on; publish an odometry and a scan."""
+        """Advance time; publish an odometry message and a scan."""
         cls.stamp_ns += later_ns
         odometry = Odometry()
         odometry.header.frame_id, odometry.pose.pose.orientation.w = "odom", 1.0
@@ -85,8 +85,8 @@ class BadScans(unittest.TestCase):
         cls.player.publish(ODOM, odometry, cls.stamp_ns)
         cls.player.publish(SCAN, scan(ranges), cls.stamp_ns)
 
-    def all_nodes_go_on(self):
-        """A good scan, other than the last good one, must have its effect in every node."""
+    def all_nodes_continue(self):
+        """A valid scan that differs from the last valid one must have its effect in every node."""
         cls, player = type(self), self.player
         cls.near = not cls.near
         line = "Wall follower - [%d] - %s" % ((2, "follow the wall") if cls.near else (0, "find the wall"))
@@ -104,7 +104,7 @@ class BadScans(unittest.TestCase):
         return player.lists("/reading_laser")[-1]
 
     def refused(self, ranges, sentence):
-        """Give a scan after a good one; every reader must warn, with ``sentence``, and then go on."""
+        """Give a scan after a good one; every reader must warn, with ``sentence``, and then continue."""
         start, wanted = len(self.player.log), {node: "%s: %s refused: laser scan: %s" % (node, SCAN, sentence)
                                                for node in READERS}
 
@@ -124,14 +124,14 @@ class BadScans(unittest.TestCase):
                 if attempt == ATTEMPTS - 1:
                     raise
         self.assertEqual(len(self.player.lists("/reading_laser")), lists)
-        self.all_nodes_go_on()
+        self.all_nodes_continue()
 
     def let_time_pass(self):
-        """Let so much time pass that a warning is not held back, and every node come to rest."""
-        self.all_nodes_go_on()
+        """Advance time until a warning is not throttled any more and every node rests."""
+        self.all_nodes_continue()
         type(self).stamp_ns += APART_NS
         self.player.set_clock(self.stamp_ns)
-        self.all_nodes_go_on()
+        self.all_nodes_continue()
 
     def test_a_scan_without_readings(self):
         self.refused([], "0 readings, expected at least 2")
@@ -153,7 +153,7 @@ class BadScans(unittest.TestCase):
     def test_too_many_readings(self):
         self.refused([2.0] * 1000, "1000 readings, expected 720 for -1.5708 to 1.5708 rad in steps of 0.00437 rad")
 
-    def test_single_nan_and_infinite_readings_are_no_reason_to_refuse(self):
+    def test_single_nan_and_infinite_readings_are_accepted(self):
         type(self).near = not self.near
         ranges = good_ranges(self.near)
         ranges[::7], ranges[3::7] = NAN, math.inf

@@ -26,7 +26,7 @@ class GoToPoint(unittest.TestCase):
         cls.fixture = Fixture("turn_and_go", [ODOM])
         cls.expected = cls.fixture.info["expected"]["go_to_point"]
         goal = rospy.get_param("/des_pos_x"), rospy.get_param("/des_pos_y")
-        assert list(goal) == cls.fixture.info["expected"]["goal"], "the .test sets another goal than the bag is for"
+        assert list(goal) == cls.fixture.info["expected"]["goal"], "the goal in the .test is not that of the bag"
 
     def play(self):
         """Play the bag with the node switched on; returns [(stamp [s], command)] and the states it logged."""
@@ -61,15 +61,15 @@ class GoToPoint(unittest.TestCase):
                                  % (command, stamp, row[0]))
         self.assertEqual(states, [state for _, state in self.expected["entered"]])
 
-    def test_the_drive_begins_with_the_heading_whenever_it_is_switched_on(self):
-        # the bag ends in state 2, from which only a restart leads away
+    def test_each_start_begins_by_correcting_the_heading(self):
+        # the bag ends in state 2, which only a restart leaves
         for _ in range(2):
             commands, states = self.play()
             self.switch_off()
             self.assertEqual(list(commands[0][1]), self.expected["rows"][0][1:])
             self.assertEqual(states[0], 1)
 
-    def test_nothing_is_commanded_while_switched_off(self):
+    def test_no_command_is_sent_while_switched_off(self):
         player, first_ns = self.player, self.fixture.messages[0][2]
         player.switch(SWITCH, False)
         player.begin(first_ns)
@@ -77,7 +77,7 @@ class GoToPoint(unittest.TestCase):
         for topic, message, stamp_ns in self.fixture.messages[:20]:
             player.publish(topic, message, stamp_ns)
             player.set_clock(stamp_ns)
-            player.switch(SWITCH, False)    # an answer of the node: time for a command to come, if there were one
+            player.switch(SWITCH, False)    # an answer of the node: a command sent before it would have arrived
         self.assertEqual(player.commands[before:], [])
         player.switch(SWITCH, True)
         self.assertEqual(player.turn(self.fixture.messages[20][2]), tuple(self.expected["rows"][0][1:]))

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""reading_laser on recorded scans: its five numbers against the boxes' geometry and against the report's slices."""
+"""reading_laser on recorded scans: its five numbers agree with the boxes' geometry and with the report's slices."""
 import os
 import sys
 import unittest
@@ -17,7 +17,7 @@ from graph_wait import wait_until  # noqa: E402
 
 
 class ReadingLaser(unittest.TestCase):
-    """One list a scan, right to left."""
+    """One list for each scan, right to left."""
 
     @classmethod
     def setUpClass(cls):
@@ -40,7 +40,7 @@ class ReadingLaser(unittest.TestCase):
             yield message, player.lists()[-1], row
 
     def judge(self, name):
-        """Compare every list with the geometry; returns how many numbers were judged and how many below 10 m."""
+        """Compare every list with the geometry. Returns how many numbers were compared and how many are below 10 m."""
         tolerance = Fixture(name, [SCAN]).info["expected"]["sectors"]["tolerance"]
         judged = near = 0
         for _, numbers, row in self.play(name):
@@ -53,17 +53,17 @@ class ReadingLaser(unittest.TestCase):
                                      "gives %.3f m" % (sector, row[0], number, expected))
         return judged, near
 
-    def test_sectors_of_a_drive_past_boxes_are_the_boxes_distances(self):
+    def test_sectors_of_a_drive_past_boxes_match_the_geometry(self):
         judged, near = self.judge("boxes_drive")
         self.assertGreater(judged, 450)
         self.assertGreater(near, 300)
 
-    def test_sectors_of_a_scanner_all_round_are_taken_by_angle(self):
+    def test_sectors_of_a_360_degree_scan_are_selected_by_angle(self):
         judged, near = self.judge("yard_360")
         self.assertGreater(judged, 300)
         self.assertGreater(near, 120)
 
-    def test_sectors_are_the_reports_slices(self):
+    def test_sectors_equal_the_slices_of_the_report(self):
         for message, numbers, row in self.play("boxes_drive"):
             ranges = np.array(message.ranges)
             slices = [ranges[first:last + 1] for first, last in report_rules.READING_LASER_BEAMS]

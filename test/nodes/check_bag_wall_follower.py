@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""wall_follower on recorded scans: the bare table against the boxes' geometry."""
+"""wall_follower on recorded scans: its table without the guard, compared with the geometry of the boxes."""
 import os
 import sys
 import unittest
@@ -63,7 +63,7 @@ class WallFollower(unittest.TestCase):
         for state in (1, 2):
             self.assertIn("Wall follower - [%d] - %s" % (state, names[state]), self.player.lines())
 
-    def test_a_scanner_all_round(self):
+    def test_a_360_degree_scanner(self):
         self.assertEqual(set(self.follow("yard_360")), {0, 1, 2})
 
 

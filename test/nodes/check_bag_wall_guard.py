@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""wall_follower with its guard on a recorded drive: no command leads into a box; the table acts while none is near."""
+"""wall_follower with its guard on a recorded drive: no command leads into a box; far from boxes the table decides."""
 import math
 import os
 import sys
@@ -15,16 +15,16 @@ import plane_geometry  # noqa: E402
 from bag_player import ODOM, SCAN, Fixture, Player  # noqa: E402
 
 SWITCH = "/wall_follower_switch"
-#: A wall is held from 1.35 m of the axle on; farther away than this [m] the guard has nothing to do.
+#: The guard acts on a wall within 1.35 m of the axle; farther away than this [m] it does nothing.
 UNDISTURBED = 1.45
-#: For so long [s] a command is followed up: twenty turns of the loop that could replace it.
+#: A command is extrapolated for this time [s]: twenty periods of the loop that could replace it.
 HELD = 1.0
-#: Clearance [m] that must be left at the end: the turning disc is kept 0.03 m clear, half of it may be noise.
+#: Clearance [m] that must remain at the end: the guard keeps the turning circle 0.03 m clear, half of it may be noise.
 LEFT_CLEAR = 0.015
 
 
 class WallGuard(unittest.TestCase):
-    """Judged at the pose in the bag; the commands themselves are not driven."""
+    """Evaluated at the pose in the bag; the commands themselves are not driven."""
 
     @classmethod
     def setUpClass(cls):
@@ -43,7 +43,7 @@ class WallGuard(unittest.TestCase):
         player.lead_in([(ODOM, first[ODOM]), (SCAN, first[SCAN])], first_ns)
         for topic, message, stamp_ns in fixture.messages:
             if topic == SCAN:
-                allowed = allowed[-1:] + [states[stamp_ns]]     # the scan before may still be the newest the node has
+                allowed = allowed[-1:] + [states[stamp_ns]]     # the node may still use the previous scan
             if stamp_ns < first_ns:
                 continue
             player.publish(topic, message, stamp_ns)

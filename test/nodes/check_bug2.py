@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""One whole run of Bug 2 in the simulator, watched from its first state to its last; judged by what was published."""
+"""One whole run of Bug 2 in the simulator, from its first state to its last, judged by the published messages."""
 import json
 import math
 import os
@@ -23,19 +23,19 @@ from graph_wait import START_TIME, wait_for_connection, wait_until  # noqa: E402
 
 GO, WALL, REACHED, UNREACHABLE = "go_to_point", "wall_following", "goal_reached", "goal_unreachable"
 SIMULATION = "m2wr_sim: simulation"
-#: go_to_point stops 0.3 m from the goal; Bug 2 calls it reached from 0.31 m on [m].
+#: go_to_point stops 0.3 m from the goal; Bug 2 regards it as reached below 0.31 m [m].
 REACHED_DISTANCE = 0.31
-#: Half-width of the m-line, and the way the robot may go in the turn in which it crosses it [m].
+#: Half-width of the m-line, plus the distance the robot may travel in the period in which it crosses the line [m].
 LINE_DISTANCE = 0.1 + 0.05
-#: How much nearer to the goal than the hit point the leave point must be [m].
+#: The leave point must be this much nearer to the goal than the hit point [m].
 NEARER = 0.2
-#: Between two odometry messages, 50 ms apart, no more than this [m]: 0.6 m/s and the jolt of a start.
+#: Largest distance between two odometry messages, 50 ms apart [m]: 0.6 m/s and the jerk of a start.
 ODOM_STEP = 0.08
 #: Bug 2 puts the robot at height 0, half in the floor; it is pushed out in this time [s].
 SETTLING = 1.5
-#: Wall seconds granted for each simulated second at the wanted speed: other programs use the machine as well.
+#: Wall seconds allowed for each simulated second at the requested speed: other programs use the machine as well.
 PATIENCE = 4.0
-#: Simulated seconds per second that are expected where as many as possible are wanted.
+#: Simulated seconds per second that are expected at full speed.
 FULL_SPEED = 4.0
 
 Change = namedtuple("Change", "state time")
@@ -48,8 +48,8 @@ class Run:
         self.options = rospy.get_param("~")
         self.start = rospy.get_param("/initial_x"), rospy.get_param("/initial_y")
         self.goal = rospy.get_param("/des_pos_x"), rospy.get_param("/des_pos_y")
-        self.changes, self.reasons, self.points, self.odometry, self.touches = [], [], {GO: [], WALL: []}, [], {}
-        self.judged_until = -1.0        # simulated time [s] of the last look of the simulation at its contacts
+        self.changes, self.reasons, self.points, self.odometry, self.contacts = [], [], {GO: [], WALL: []}, [], {}
+        self.judged_until = -1.0        # simulated time [s] of the last contact statistics
         self.reset_at = None
         rospy.Subscriber("/odom", Odometry, self._on_odometry, queue_size=1000)
         rospy.Subscriber("/bug2/state", String, self._on_state)
@@ -68,7 +68,7 @@ class Run:
 
     def _on_status(self, message):
         status = json.loads(message.data)
-        # the first status after a change carries the change's reason; topics may overtake each other, one topic never
+        # the first status after a change carries its reason; order is kept within a topic, not between topics
         if not self.reasons or self.reasons[-1][0] != status["state"]:
             self.reasons.append((status["state"], status["reason"]))
 
@@ -79,7 +79,7 @@ class Run:
         for status in message.status:
             if status.name == SIMULATION:
                 values = {entry.key: entry.value for entry in status.values}
-                self.touches = {key: value for key, value in values.items() if key.startswith("touches of")}
+                self.contacts = {key: value for key, value in values.items() if key.startswith("touches of")}
                 self.judged_until = float(values["simulated time [s]"])
 
     def now(self):
@@ -91,12 +91,12 @@ class Run:
         return [change.state for change in self.changes]
 
     def ended(self):
-        """Tell whether Bug 2 has come to an end, or has used up its time or its changes of state."""
+        """Return whether Bug 2 has ended, or has used up its time or its number of state changes."""
         return bool(self.changes) and (self.changes[-1].state in (REACHED, UNREACHABLE)
                                        or self.now() > self.options["time_limit"])
 
     def watch(self):
-        """Let the paused simulation go and wait for the end of the run."""
+        """Start the paused simulation and wait for the end of the run."""
         for topic in ("/bug2/state", "/bug2/status", "/bug2/hit_point", "/bug2/leave_point"):
             wait_for_connection("/bug2", "i", topic)
         wait_for_connection("/gazebo", "i", "/diagnostics")
@@ -107,10 +107,10 @@ class Run:
             wait_until(lambda: WALL in self.states(), "the first wall", patience, pause=0.05)
             self.reset_at = self.now()
             rospy.ServiceProxy("/gazebo/reset_world", Empty)()
-        wait_until(self.ended, lambda: "the end of the run; so far %s, at %.1f s" % (self.changes, self.now()),
+        wait_until(self.ended, lambda: "the end of the run; states %s, at %.1f s" % (self.changes, self.now()),
                    patience, pause=0.05)
         end = self.now() + 1.0
-        wait_until(lambda: self.judged_until > end, lambda: "diagnostics later than %.1f s; the last are of %.1f s" % (
+        wait_until(lambda: self.judged_until > end, lambda: "diagnostics after %.1f s; the newest are from %.1f s" % (
             end, self.judged_until), patience, pause=0.05)
 
     def table(self):
@@ -129,7 +129,7 @@ class Run:
 
 
 class Bug2(unittest.TestCase):
-    """The run is made once; each test looks at one side of it."""
+    """The run is made once; each test examines one aspect of it."""
 
     @classmethod
     def setUpClass(cls):
@@ -144,7 +144,7 @@ class Bug2(unittest.TestCase):
     def test_outcome(self):
         self.assertEqual(self.run_.states()[-1], self.options["outcome"], self.run_.changes)
 
-    def test_states_take_turns(self):
+    def test_states_alternate(self):
         states = self.run_.states()
         self.assertEqual(states[0], GO)
         middle = states[:-1] if states[-1] in (REACHED, UNREACHABLE) else states
@@ -158,11 +158,11 @@ class Bug2(unittest.TestCase):
     def test_time(self):
         self.assertLess(self.run_.changes[-1].time, self.options["time_limit"])
 
-    def test_nothing_was_touched(self):
+    def test_there_was_no_contact(self):
         self.assertGreater(self.run_.judged_until, self.run_.changes[-1].time)
-        self.assertEqual(self.run_.touches, {})
+        self.assertEqual(self.run_.contacts, {})
 
-    def test_place_and_rest_at_the_end(self):
+    def test_the_robot_rests_at_the_expected_place(self):
         last = self.run_.table()[-1]
         distance = self.run_.goal_distance(last[1:3])
         if self.options["outcome"] == REACHED:
@@ -191,10 +191,14 @@ class Bug2(unittest.TestCase):
         self.assertEqual(len(hits), states.count(WALL))
         self.assertEqual([state for state, _ in run.reasons], states)
         whys = [reason for state, reason in run.reasons if state == GO][1:]
-        if run.reset_at is not None:            # away from the first wall: begins anew, and never leaves that one
+        if run.reset_at is not None:            # moved away from the first wall, which it never leaves
             self.assertEqual(whys.pop(0), "the robot was put elsewhere")
             hits = hits[1:]
-        self.assertEqual(len(leaves), len(whys))
+        expected = len(hits) - (states[-1] == UNREACHABLE)      # the last wall is not left
+        self.assertEqual((len(leaves), len(whys)), (expected, expected))
+        self.assertGreaterEqual(expected, self.options["least_walls"] - (self.options["outcome"] == UNREACHABLE))
+        for hit in hits:
+            self.assertLess(run.goal_distance(hit), run.goal_distance(run.start) - NEARER)
         for hit, leave, reason in zip(hits, leaves, whys):
             if self.options["leave_rule"] == "report":
                 self.assertEqual(reason, "on the line")

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What programs written for Gazebo take for granted, at full speed: states, drive, laser, friction, resets.
+"""What programs written for Gazebo rely on, at full speed: states, drive, laser, friction, resets.
 
-No case depends on how fast time passes: what is judged is a distance, a stamp, or a state that stays.
+No case depends on the speed of the simulation: each checks a distance, a stamp, or a state that lasts.
 """
 import math
 import os
@@ -36,7 +36,7 @@ GROUND = '<sdf version="1.6"><world name="w"><include><uri>model://ground_plane<
 
 
 class Conformance(unittest.TestCase):
-    """Every case begins with nothing but the ground, and time running as fast as it can."""
+    """Every case begins with only the ground, and the simulation at full speed."""
 
     @classmethod
     def setUpClass(cls):
@@ -71,7 +71,7 @@ class Conformance(unittest.TestCase):
 
     # ---- set_model_state ---------------------------------------------------------------------------------------
 
-    def test_a_turn_in_the_robots_own_frame_then_five_metres_then_home(self):
+    def test_rotation_in_the_own_frame_then_five_metres_then_home(self):
         self.drive(0.0, 0.0)
         self.spawn("m2wr", self.urdf)
         odometry = self.listen("/odom", Odometry)
@@ -98,7 +98,7 @@ class Conformance(unittest.TestCase):
 
     # ---- drive -------------------------------------------------------------------------------------------------
 
-    def test_odometry_is_the_pose_in_the_world_not_relative_to_the_spawn(self):
+    def test_odometry_is_the_pose_in_the_world_frame(self):
         self.drive(0.0, 0.0)
         odometry = self.listen("/odom", Odometry)
         self.spawn("m2wr", self.urdf, (2.0, 1.0, 0.1, math.pi))
@@ -111,7 +111,7 @@ class Conformance(unittest.TestCase):
         diagonal = [message.pose.covariance[7 * index] for index in range(6)]
         self.assertEqual(diagonal, [1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3])
 
-    def test_noetic_believes_the_tags_so_the_reports_robot_turns_right(self):
+    def test_noetic_uses_the_joint_tags_so_the_robot_turns_right(self):
         self.drive(0.0, 0.0)
         self.spawn("m2wr", self.urdf)
         odometry = self.listen("/odom", Odometry)
@@ -135,7 +135,7 @@ class Conformance(unittest.TestCase):
         steps = {(two.header.stamp - one.header.stamp).to_nsec() for one, two in zip(messages, messages[1:])}
         self.assertEqual(steps, {50000000})
 
-    def test_publishTf_off_takes_the_odometry_topic_away(self):
+    def test_without_publishTf_there_is_no_odometry_topic(self):
         silent = self.urdf.replace("<leftJoint>", "<publishTf>false</publishTf><leftJoint>")
         self.assertNotEqual(silent, self.urdf)
         self.spawn("m2wr", silent)
@@ -143,7 +143,7 @@ class Conformance(unittest.TestCase):
         self.assertIn("/m2wr/laser/scan", topics)
         self.assertNotIn("/odom", topics)
 
-    def test_without_namespace_the_drive_takes_the_models_name_and_the_laser_none(self):
+    def test_default_namespaces_of_drive_and_laser(self):
         relative = self.urdf.replace("/m2wr/laser/scan", "scan")
         self.assertNotEqual(relative, self.urdf)
         self.spawn("rover", relative, namespace="")
@@ -151,8 +151,8 @@ class Conformance(unittest.TestCase):
         self.assertIn("/rover/odom", topics)
         self.assertIn("/scan", topics)
 
-    def test_a_start_command_reaches_the_wheels_with_the_default_torque(self):
-        self.assertIn("<torque>", self.urdf)        # a tag that nothing reads: 0.1 N m would not move the robot
+    def test_a_start_command_uses_the_default_torque(self):
+        self.assertIn("<torque>", self.urdf)        # an ignored element: its 0.1 N m would not move the robot
         self.drive(0.5, 0.0)
         self.spawn("m2wr", self.urdf)
         self.listen("/odom", Odometry).wait(lambda messages: messages[-1].twist.twist.linear.x > 0.49, "full speed")
@@ -165,7 +165,7 @@ class Conformance(unittest.TestCase):
         return scans
 
     def fresh(self, scans):
-        """Return a scan that was taken after this very moment; older ones may still be on their way."""
+        """Return a scan that was taken after this call; older ones may still be in transit."""
         now = self.simulation.time()
         return scans.wait(lambda messages: messages[-1].header.stamp.to_sec() > now and messages[-1], "a fresh scan")
 
@@ -176,7 +176,7 @@ class Conformance(unittest.TestCase):
         self.assertEqual((scan.scan_time, scan.time_increment, scan.header.frame_id), (0.0, 0.0, "eye"))
         self.assertAlmostEqual(scan.angle_increment, 3.0 / 639, delta=1e-7)
 
-    def test_a_box_one_metre_ahead_is_half_a_metre_away_and_goes_with_its_model(self):
+    def test_a_box_is_measured_until_its_model_is_deleted(self):
         scans = self.scanner(samples=641)
         self.spawn("box", BOX, (1.0, 0.0, 0.5, 0.0), "sdf")
         scan = self.fresh(scans)
@@ -185,17 +185,17 @@ class Conformance(unittest.TestCase):
         self.simulation.call("delete_model", "box")
         self.assertTrue(all(value == math.inf for value in self.fresh(scans).ranges))
 
-    def test_what_is_nearer_than_the_least_range_is_looked_through(self):
-        scans = self.scanner(samples=641, nearest=0.6)      # rays begin inside the box and leave it behind
+    def test_objects_below_range_min_are_not_seen(self):
+        scans = self.scanner(samples=641, nearest=0.6)      # rays begin inside the box
         self.spawn("box", BOX, (1.0, 0.0, 0.5, 0.0), "sdf")
         self.assertAlmostEqual(self.fresh(scans).ranges[320], 1.5, delta=1e-5)
 
-    def test_a_single_beam_looks_ahead(self):
+    def test_a_single_beam_points_forward(self):
         scans = self.scanner(samples=1)
         self.spawn("box", BOX, (1.0, 0.0, 0.5, 0.0), "sdf")
         self.assertAlmostEqual(self.fresh(scans).ranges[0], 0.5, delta=1e-5)
 
-    def test_noise_changes_readings_within_the_limits_but_never_infinity(self):
+    def test_noise_changes_finite_readings_only(self):
         scans = self.scanner(samples=641, noise=NOISE % 0.02)
         self.spawn("box", BOX, (1.0, 0.0, 0.5, 0.0), "sdf")
         self.fresh(scans)
@@ -213,7 +213,7 @@ class Conformance(unittest.TestCase):
 
     # ---- physics -----------------------------------------------------------------------------------------------
 
-    def test_a_sliding_box_stops_where_friction_says(self):
+    def test_a_sliding_box_stops_after_the_coulomb_distance(self):
         self.spawn("puck", data_text("puck.sdf"), (0.0, 0.0, 0.1, 0.0), "sdf")
         self.simulation.run_for(0.5)
         self.simulation.call("pause_physics")
@@ -227,7 +227,7 @@ class Conformance(unittest.TestCase):
         self.simulation.run_for(1.0)
         self.assertAlmostEqual(self.pose("puck")[0], stopped[0], delta=1e-3)
 
-    def test_things_fall_with_nine_point_eight(self):
+    def test_gravity_is_9_8(self):
         self.assertEqual(self.simulation.call("get_physics_properties").gravity.z, -9.8)
         self.simulation.call("pause_physics")
         self.spawn("puck", data_text("puck.sdf"), (0.0, 0.0, 1e5, 0.0), "sdf")
@@ -238,7 +238,7 @@ class Conformance(unittest.TestCase):
         elapsed = self.simulation.time() - begun
         self.assertAlmostEqual(self.pose("puck")[2] - 1e5, -4.9 * elapsed * (elapsed + 0.001), delta=1e-3)
 
-    def test_a_robot_at_rest_stays_at_rest(self):
+    def test_a_robot_at_rest_does_not_drift(self):
         self.drive(0.0, 0.0)
         self.spawn("m2wr", self.urdf)
         self.simulation.run_for(2.0)
@@ -250,7 +250,7 @@ class Conformance(unittest.TestCase):
 
     # ---- time, states, resets ----------------------------------------------------------------------------------
 
-    def test_the_ground_is_listed_first_and_the_sun_never(self):
+    def test_the_ground_is_listed_first_and_lights_are_not(self):
         self.spawn("m2wr", self.urdf)
         models, links = self.listen("/gazebo/model_states", ModelStates), self.listen("/gazebo/link_states", LinkStates)
         names = models.wait(lambda messages: "m2wr" in messages[-1].name and messages[-1], "the robot's state").name
@@ -259,7 +259,7 @@ class Conformance(unittest.TestCase):
         self.assertEqual(names, ["ground_plane::link", "m2wr::link_chassis", "m2wr::link_left_wheel",
                                  "m2wr::link_right_wheel"])
 
-    def test_time_stands_while_paused_and_services_answer(self):
+    def test_time_stops_while_paused_and_services_answer(self):
         self.simulation.call("pause_physics")
         before = self.simulation.time()
         clock = self.listen("/clock", Clock)
@@ -273,7 +273,7 @@ class Conformance(unittest.TestCase):
         first = clock.wait(lambda messages: messages[0], "the clock").clock.to_sec()
         self.assertLess(first - before, 0.011)
 
-    def test_a_reset_of_the_world_keeps_time_and_joints_and_one_of_the_simulation_neither(self):
+    def test_reset_world_keeps_time_reset_simulation_does_not(self):
         self.drive(0.5, 0.0)
         self.spawn("m2wr", self.urdf, (1.0, 1.0, 0.1, 0.5))
         joints = self.listen("/joint_states", JointState)
@@ -299,13 +299,13 @@ class Conformance(unittest.TestCase):
         self.simulation.call("unpause_physics")
         self.assertEqual(clock.wait(lambda messages: messages[0], "the clock").clock.to_nsec(), 1000000)
 
-    def test_plain_link_names_are_frames_and_tf_frames_are_not(self):
+    def test_plain_link_names_are_frames_but_tf_frames_are_not(self):
         self.spawn("m2wr", self.urdf, (1.0, 1.0, 0.1, 0.0))
         self.assertAlmostEqual(self.pose("m2wr", "link_chassis")[0], 0.0, delta=1e-9)
         for frame in ("odom", "default"):
             self.assertEqual(self.simulation.call("get_model_state", "m2wr", frame).success, False)
 
-    def test_links_behind_fixed_joints_are_gone_but_their_frame_ids_stay(self):
+    def test_links_behind_fixed_joints_are_merged_but_keep_frame_ids(self):
         self.drive(0.0, 0.0)
         self.spawn("m2wr", self.urdf)
         told = self.simulation.call("get_model_properties", "m2wr")
@@ -324,7 +324,7 @@ class Conformance(unittest.TestCase):
         self.assertEqual(self.simulation.call("get_joint_properties", "joint_left_wheel").rate[0], 0.0)
         self.assertEqual(self.simulation.call("get_model_state", "m2wr", "").twist, Twist())
 
-    def test_the_text_of_a_wrench_is_empty_and_one_without_duration_does_nothing(self):
+    def test_a_wrench_without_duration_has_no_effect(self):
         self.simulation.call("pause_physics")
         self.spawn("puck", data_text("puck.sdf"), (0.0, 0.0, 1e5, 0.0), "sdf")
         answer = self.simulation.call("apply_body_wrench", "puck::body", "", Point(),
@@ -334,17 +334,17 @@ class Conformance(unittest.TestCase):
         self.simulation.run_for(0.1)
         self.assertAlmostEqual(self.pose("puck")[0], 0.0, delta=1e-9)
 
-    def test_a_stream_of_states_moves_a_thing_that_gravity_pulls(self):
+    def test_a_stream_of_states_moves_a_falling_body(self):
         self.spawn("box", BOX.replace("<static>true</static>", ""), (1.0, 0.0, 0.5, 0.0), "sdf")
         topic = rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=10)
-        wait_until(lambda: topic.get_num_connections() > 0, "the simulation to listen")
+        wait_until(lambda: topic.get_num_connections() > 0, "the simulation to subscribe")
         for count in range(200):
             topic.publish(ModelState("box", make_pose(1.0 + 0.01 * count, 0.0, 5.0), Twist(), "world"))
         wait_until(lambda: abs(self.pose("box")[0] - 2.99) < 1e-6, "the last of many states")
         topic.unregister()
         wait_until(lambda: self.pose("box")[2] < 1.0, "the fall afterwards")
 
-    def test_everything_can_be_deleted_and_the_ground_comes_back_by_its_name(self):
+    def test_all_models_can_be_deleted_and_the_ground_added_again(self):
         self.spawn("m2wr", self.urdf)
         for name in self.simulation.models():
             self.assertEqual(self.simulation.call("delete_model", name).status_message,
@@ -356,7 +356,7 @@ class Conformance(unittest.TestCase):
         self.simulation.run_for(1.0)
         self.assertAlmostEqual(self.pose("m2wr")[2], 0.1, delta=1e-3)
 
-    def test_a_name_that_is_taken_is_refused_and_nothing_is_renamed(self):
+    def test_an_existing_name_is_refused_and_not_changed(self):
         self.spawn("box", BOX, (1.0, 0.0, 0.5, 0.0), "sdf")
         answer = self.simulation.spawn("box", BOX, kind="sdf")
         self.assertEqual((answer.success, answer.status_message),

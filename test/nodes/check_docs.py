@@ -21,7 +21,7 @@ SEEN_FROM_THE_ROOT = ("devel", "docs", "src", "test", "tools", "Makefile")
 
 
 def environment(folder):
-    """Return what the shells of a document have: a master of their own, no display, the system's python3."""
+    """Return the environment of a document's shells: a master of their own, no display, the system's python3."""
     programs = os.path.join(folder, "programs")
     os.mkdir(programs)
     os.symlink("/usr/bin/python3", os.path.join(programs, "python3"))
@@ -30,7 +30,7 @@ def environment(folder):
 
 
 def work_folder(top):
-    """Make and return the folder in which the commands of a document run: what the workspace's root has, and room."""
+    """Make and return the writable folder in which commands run; it shows the contents of the workspace's root."""
     folder = os.path.join(top, "work")
     os.mkdir(folder)
     for name in SEEN_FROM_THE_ROOT:
@@ -40,7 +40,7 @@ def work_folder(top):
 
 
 class Documents(unittest.TestCase):
-    """One case for each document that runs something; those of the course share a folder, as a student's do."""
+    """One case for each document that runs something; those of the course share a folder, as for a student."""
 
     course = None
 
@@ -59,7 +59,7 @@ class Documents(unittest.TestCase):
 
 
 def add_cases(patterns):
-    """Give the class a method for each document; fails loudly when there is nothing to run."""
+    """Give the class a method for each document; LookupError when there is nothing to run."""
     names = []
     for path in documents(patterns):
         if any(block.runs for block in blocks(path)):

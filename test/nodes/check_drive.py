@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""/cmd_vel in, /odom and tf out: rate, stamps, frames, covariance, speeds, and commands that are refused."""
+"""/cmd_vel in, /odom and tf out: rate, stamps, frames, covariance, speeds, and refused commands."""
 import math
 import os
 import sys
@@ -17,10 +17,10 @@ from sim_probe import Recorder, Simulation, run_checks, seconds_of, wait_until, 
 
 PERIOD = 0.05           # s; updateRate 20 of the description
 SHARE = 0.001           # allowed deviation of a speed: a tenth of a percent
-STRAY = 1e-4            # m/s or rad/s, where nothing was commanded
+STRAY = 1e-4            # m/s or rad/s, along axes without a command
 AHEAD = 0.05            # m from the axle to the origin of the chassis
 REFUSED = "refused a velocity command"
-SETTLED = 1.0           # s; after that a new command has long been carried out
+SETTLED = 1.0           # s; the robot follows a new command well before that
 
 
 def unwrapped(angles):
@@ -46,13 +46,13 @@ class Drive(unittest.TestCase):
         cls.topic = rospy.Publisher("/cmd_vel", Twist, queue_size=1)
         wait_until(lambda: cls.topic.get_num_connections() > 0, "the robot on /cmd_vel")
         cls.simulation.call("unpause_physics")
-        cls.first = cls.odometry.wait(lambda messages: len(messages) >= 20 and list(messages), "twenty odometries")
+        cls.first = cls.odometry.wait(lambda messages: len(messages) >= 20 and list(messages), "twenty messages")
 
     def send(self, linear, angular):
         self.topic.publish(Twist(Vector3(linear, 0.0, 0.0), Vector3(0.0, 0.0, angular)))
 
     def drive(self, linear, angular, seconds):
-        """Send a command and return the odometry of ``seconds`` beginning when it has been carried out."""
+        """Send a command and return the odometry of ``seconds``, from the time at which the robot follows it."""
         self.send(linear, angular)
         self.wait_for_speeds(linear, angular, 0.02)
         begin = self.odometry.messages[-1].header.stamp.to_sec() + SETTLED
@@ -84,13 +84,13 @@ class Drive(unittest.TestCase):
 
     # ---- messages ----------------------------------------------------------------------------------------------
 
-    def test_first_odometry_comes_one_step_after_the_period_and_then_every_period(self):
+    def test_odometry_starts_one_step_after_the_first_period(self):
         stamps = seconds_of(self.first)
         self.assertAlmostEqual(stamps[0], PERIOD + self.step, delta=1e-9)
         self.assert_on_the_grid(stamps)
 
     def assert_on_the_grid(self, stamps):
-        """Each stamp a whole number of periods after the one before; hardly any lost between two processes."""
+        """Each stamp is a whole number of periods after the previous one; few are lost between the processes."""
         steps = [(b - a) / PERIOD for a, b in zip(stamps, stamps[1:])]
         for periods in steps:
             self.assertAlmostEqual(periods, round(periods), delta=1e-6)
@@ -110,7 +110,7 @@ class Drive(unittest.TestCase):
             self.assertEqual((twist.linear.z, twist.angular.x, twist.angular.y), (0.0, 0.0, 0.0))
         self.assertAlmostEqual(self.first[-1].pose.pose.position.z, 0.1, delta=1e-3)
 
-    def test_transform_carries_the_same_stamp_and_pose_and_never_repeats(self):
+    def test_transform_equals_odometry_and_never_repeats(self):
         self.transforms.clear()
         odometry = self.drive(0.3, 0.4, 2.0)
         last = odometry[-1].header.stamp
@@ -129,7 +129,7 @@ class Drive(unittest.TestCase):
     # ---- speeds ------------------------------------------------------------------------------------------------
 
     def assert_speeds(self, linear, angular, seconds):
-        """The chassis' origin, AHEAD of the axle, moves at v ahead and at AHEAD w aside; returns the odometry."""
+        """The chassis' origin, AHEAD of the axle, moves at v along x and at AHEAD w along y; returns the odometry."""
         messages = self.drive(linear, angular, seconds)
         self.assert_on_the_grid(seconds_of(messages))
         speed, rate = self.rates(messages)
@@ -139,7 +139,7 @@ class Drive(unittest.TestCase):
         twists = [message.twist.twist for message in messages]
         for found, wanted in ((sum(t.linear.x for t in twists), linear), (sum(t.angular.z for t in twists), angular)):
             self.assertAlmostEqual(found / len(twists), wanted, delta=max(SHARE * abs(wanted), STRAY))
-        # heading and velocity of a step are half a step apart, which turns a little of v aside
+        # heading and velocity of a step are half a step apart, which gives v a small y component
         self.assertAlmostEqual(sum(t.linear.y for t in twists) / len(twists), AHEAD * angular,
                                delta=STRAY + abs(linear * angular) * self.step)
         return messages
@@ -175,7 +175,7 @@ class Drive(unittest.TestCase):
 
     # ---- commands ----------------------------------------------------------------------------------------------
 
-    def test_commands_that_are_not_finite_are_refused_and_the_last_one_stays(self):
+    def test_non_finite_commands_are_refused_and_the_last_one_holds(self):
         self.drive(0.3, 0.2, 0.5)
         self.log.clear()
         for linear, angular in ((math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)):
@@ -193,11 +193,11 @@ class Drive(unittest.TestCase):
         said = [m for m in self.log.messages if REFUSED in m.msg]
         self.assertEqual(len(said), 1, "the warning is throttled: four commands within a second of simulated time")
 
-    def test_last_command_holds_without_end(self):
+    def test_last_command_holds(self):
         messages = self.drive(0.2, 0.0, 8.0)
         self.assertAlmostEqual(messages[-1].twist.twist.linear.x, 0.2, delta=0.001)
 
-    def test_other_components_of_a_command_mean_nothing(self):
+    def test_other_components_of_a_command_are_ignored(self):
         first = self.drive(0.0, 0.0, PERIOD)[-1]
         self.topic.publish(Twist(Vector3(0.0, 0.7, 0.7), Vector3(0.7, 0.7, 0.0)))
         last = self.odometry.wait(lambda messages: (messages[-1].header.stamp - first.header.stamp).to_sec() >= 2.0

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Launch files, robots and worlds in the shape of other people's packages (data/foreign) work as they are."""
+"""Launch files, robots and worlds as in packages of other authors (data/foreign) work unmodified."""
 import math
 import os
 import sys
@@ -71,7 +71,7 @@ class ForeignLaunch(unittest.TestCase):
             self.assertAlmostEqual(odometry.messages[-1].pose.pose.position.x, 1.0, delta=0.05)
             odometry.close()
 
-    def test_arm_waits_for_the_world_and_takes_its_joint_positions(self):
+    def test_arm_waits_for_the_world_and_gets_its_joint_positions(self):
         with self.run_launch("arm_gazebo", "arm_world.launch", "paused:=true") as run:
             run.wait_for_text("Waiting for model crate")
             self.simulation.call("unpause_physics")         # no states are published before
@@ -92,7 +92,15 @@ class ForeignLaunch(unittest.TestCase):
         frames.wait(lambda messages: set(pairs) <= {(entry.header.frame_id, entry.child_frame_id) for message in
                                                     messages for entry in message.transforms}, "frames %s" % (pairs,))
 
-    def test_warehouse_robot_with_swivelling_casters_a_gpu_laser_and_cameras(self):
+    def assert_places(self, places):
+        """Check that models are at these {name: (x, y)} and at rest."""
+        for name, place in places.items():
+            state = self.simulation.call("get_model_state", name, "")
+            for value, expected in zip((state.pose.position.x, state.pose.position.y, state.twist.linear.x),
+                                       place + (0.0,)):
+                self.assertAlmostEqual(value, expected, delta=0.02)
+
+    def test_warehouse_robot_with_casters_gpu_laser_and_cameras(self):
         with self.run_launch("hauler_gazebo", "hauler_world.launch") as run:
             self.assertEqual(run.wait_for_models("hauler"), ["ground_plane", "shelf_ahead", "parcel", "hauler"])
             for name, words in (("camera", "renderer"), ("openni_kinect", "renderer"), ("control", "ros_control")):
@@ -102,16 +110,16 @@ class ForeignLaunch(unittest.TestCase):
             scans, odometry = self.listen("/hauler/laser/scan", LaserScan), self.listen("/hauler/odom", Odometry)
             scan = scans.next(3)[-1]
             self.assertEqual((len(scan.ranges), scan.header.frame_id), (720, "hokuyo_link"))
-            self.assertAlmostEqual(scan.ranges[360], 4.0 - 0.5 - 0.4, delta=0.06)       # the shelf's face, the mount
+            self.assertAlmostEqual(scan.ranges[360], 4.0 - 0.5 - 0.4, delta=0.06)       # shelf front, laser mount
             truth = self.listen("/ground_truth/state", Odometry)
             self.drive("/hauler/cmd_vel", odometry, 0.8, 0.0, lambda messages: messages[-1].pose.pose.position.x > 1.0,
                        "a metre ahead by the encoders")
             at = truth.next()[0].pose.pose.position
             self.assertAlmostEqual(at.y, 0.0, delta=0.05)
-            self.assertAlmostEqual(scans.next()[-1].ranges[360], 3.6 - at.x, delta=0.3)         # it drives on
+            self.assertAlmostEqual(scans.next()[-1].ranges[360], 3.6 - at.x, delta=0.3)         # it still moves
             self.drive("/hauler/cmd_vel", odometry, 0.0, 0.8,
                        lambda messages: yaw_of(messages[-1].pose.pose.orientation) > 1.0, "a left turn")
-            self.assertGreater(yaw_of(truth.next()[0].pose.pose.orientation), 0.8)      # the casters swing round first
+            self.assertGreater(yaw_of(truth.next()[0].pose.pose.orientation), 0.8)      # the casters align first
             joints = self.listen("/joint_states", JointState).next()[0]
             self.assertEqual([name for name in joints.name if name.endswith("swivel")],
                              ["front_left_swivel", "front_right_swivel"])
@@ -119,18 +127,22 @@ class ForeignLaunch(unittest.TestCase):
             self.assert_frames(("map", "odom"), ("odom", "base_footprint"), ("chassis", "left_wheel"),
                                ("front_left_fork", "front_left_roller"))
 
-    def test_carts_of_sdf_in_the_world_from_a_file_and_by_name(self):
+    def test_sdf_carts_from_the_world_a_file_and_the_database(self):
         with self.run_launch("sdf_cart_gazebo", "carts.launch") as run:
             self.assertEqual(run.wait_for_models("second", "third")[:2], ["ground_plane", "first"])
             run.wait_for_text("some_world_plugin")
+            places = {"first": (0.0, 3.0), "second": (0.0, -3.0), "third": (-3.0, 0.0)}
             for name, scan in (("first", "/scan"), ("second", "/second/scan"), ("third", "/third/scan")):
+                self.assert_places(places)
+                acceleration = self.listen("/%s/imu" % name, Imu).next()[0].linear_acceleration
+                for value, expected in zip((acceleration.x, acceleration.y, acceleration.z), (0.0, 0.0, 9.8)):
+                    self.assertAlmostEqual(value, expected, delta=0.2)
                 odometry = self.listen("/%s/odom" % name, Odometry)
-                start = odometry.next()[0].pose.pose.position.x
                 self.drive("/%s/cmd_vel" % name, odometry, 0.5, 0.0, lambda messages: messages[-1].pose.pose.position.x
-                           > start + 0.3, "%s a bit ahead" % name)
-                self.assertEqual(len(self.listen(scan, LaserScan).next()[0].ranges), 181)
-                self.assertAlmostEqual(self.listen("/%s/imu" % name, Imu).next()[0].linear_acceleration.z, 9.8,
-                                       delta=1.0)
+                           > places[name][0] + 0.3, "%s 0.3 m ahead" % name)
+                self.assertAlmostEqual(odometry.next()[0].pose.pose.position.y, places.pop(name)[1], delta=0.02)
+                ranges = self.listen(scan, LaserScan).next()[0].ranges
+                self.assertEqual((len(ranges), set(ranges)), (181, {math.inf}))     # the carts are below its plane
             self.assert_frames(("odom", "chassis"), ("chassis", "left_wheel"))
 
     def test_two_robots_with_namespaces_and_tf_prefixes(self):
@@ -151,7 +163,7 @@ class ForeignLaunch(unittest.TestCase):
             self.assert_frames(*((prefix + parent, prefix + child) for prefix in ("robot1_tf/", "robot2_tf/")
                                  for parent, child in (("odom", "base_footprint"), ("base_link", "wheel_left_link"))))
 
-    def test_any_of_them_in_one_line(self):
+    def test_a_robot_and_a_world_in_one_command(self):
         robot = data_path("foreign", "hauler_description", "urdf", "hauler.urdf.xacro")
         world = data_path("foreign", "hauler_gazebo", "worlds", "aisle.world")
         with self.run_launch("m2wr_sim", "sim.launch", "world:=" + world, "model:=" + robot, "name:=robot", "x:=1",
@@ -164,10 +176,10 @@ class ForeignLaunch(unittest.TestCase):
             self.drive("/hauler/cmd_vel", odometry, 0.4, 0.0,
                        lambda messages: messages[-1].twist.twist.linear.x > 0.3, "a robot that drives")
             wait_until(lambda: self.simulation.call("get_model_state", "robot", "").pose.position.y > -0.9,
-                       "it further on")
+                       "the robot farther along x")
             self.assertEqual(len(self.listen("/hauler/laser/scan", LaserScan).next()[0].ranges), 720)
 
-    def test_lines_of_the_years_before_noetic(self):
+    def test_launch_lines_older_than_noetic(self):
         with self.run_launch("old_robot", "old_robot.launch") as run:
             self.assertEqual(run.wait_for_models("old")[:3], ["ground_plane", "corner", "old"])
             self.simulation.call("unpause_physics")

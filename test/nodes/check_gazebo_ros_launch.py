@@ -58,10 +58,10 @@ class GazeboRosLaunch(unittest.TestCase):
         return Running((command or SERVER) + list(words), dict(QUIET, **environment))
 
     def models_of(self, run):
-        """Return the models of a simulation, or fail with what it said if it has ended."""
+        """Return the models of a simulation, or fail with its output if it has ended."""
         def ready():
             if run.process.poll() is not None:
-                raise AssertionError("%s ended with %s; it said\n%s" % (run.arguments, run.process.poll(), run.text))
+                raise AssertionError("%s ended with %s:\n%s" % (run.arguments, run.process.poll(), run.text))
             return "/gazebo/get_world_properties" in services()
         wait_until(ready, "the services of %s" % run.arguments)
         return self.simulation.models()
@@ -70,7 +70,7 @@ class GazeboRosLaunch(unittest.TestCase):
         """End a program with SIGINT, wait until its node is gone, and return the exit code."""
         code, _ = run.end(signal.SIGINT, STOPPING)
         wait_until(lambda: "/gazebo" not in names_of_nodes(),
-                   "/gazebo to leave the master; %s ended with %s and said\n%s" % (run.arguments, code, run.text))
+                   "/gazebo to leave the master; %s ended with %s, its output:\n%s" % (run.arguments, code, run.text))
         return code
 
     # ---- launch files ------------------------------------------------------------------------------------------
@@ -113,7 +113,7 @@ class GazeboRosLaunch(unittest.TestCase):
             self.assertEqual([name for name in services() if name.endswith(("_state", "_model", "_physics"))], [])
             self.assertNotIn("/gazebo/model_states", dict(rospy.get_published_topics()))
 
-    def test_a_required_window_that_cannot_open_ends_nothing(self):
+    def test_a_required_window_that_cannot_open_is_ignored(self):
         with Launched(["gazebo_ros", "empty_world.launch", "gui_required:=true"]) as run:
             run.wait_for_text("waiting for the end")
             self.simulation.wait_for_time(0.5)
@@ -121,20 +121,20 @@ class GazeboRosLaunch(unittest.TestCase):
 
     # ---- worlds ------------------------------------------------------------------------------------------------
 
-    def test_a_world_on_the_resource_path_and_its_model_from_an_export(self):
+    def test_a_world_on_the_resource_path_and_a_model_from_an_export(self):
         environment = foreign_environment(GAZEBO_RESOURCE_PATH="/no/such/folder:" + data_path())
         for words, model in (("drum.world", "drum"), ("worlds/old.world", "corner")):
             with self.run_server(words, **environment) as run:
                 self.assertIn(model, self.models_of(run))
                 self.assertEqual(self.end(run), 0, run.text)
 
-    def test_a_world_that_is_missing_or_broken_gives_the_empty_one(self):
+    def test_a_missing_or_broken_world_gives_the_empty_one(self):
         for world, words in (("/no/such/place.world", "Could not open file[/no/such/place.world]"),
                              (data_path("bad", "malformed.world"), "malformed.world:5")):
             with self.run_server(world) as run:
                 self.assertEqual(self.models_of(run), ["ground_plane"])
                 run.wait_for_text(words)
-                run.wait_for_text('empty.world" is ready')      # and no word of the other's being so
+                run.wait_for_text('empty.world" is ready')      # and no such line about the other world
                 self.assertEqual(self.end(run), 0, run.text)
 
     # ---- commands ----------------------------------------------------------------------------------------------
@@ -144,14 +144,14 @@ class GazeboRosLaunch(unittest.TestCase):
             with self.run_server("-u", command=[program("gazebo_ros", name)]) as run:
                 self.assertEqual(self.models_of(run), ["ground_plane"])
                 if name == "debug":
-                    for _ in range(20):     # while the thread that served this is still at work
+                    for _ in range(20):     # while the thread that served this request still runs
                         self.simulation.models()
                         run.process.send_signal(signal.SIGUSR1)
                     run.wait_for_text("most recent call first")
                 self.assertEqual(self.end(run), 0, run.text)
                 self.assertIn(words, run.text)
 
-    def test_gazebo_is_both_and_ends_both(self):
+    def test_gazebo_starts_and_ends_server_and_client(self):
         with self.run_server("-u", "worlds/mud.world", command=[program("gazebo_ros", "gazebo")]) as run:
             self.assertIn("mud_box", self.models_of(run))
             run.wait_for_text("there is no display")
@@ -178,7 +178,7 @@ class GazeboRosLaunch(unittest.TestCase):
             self.assertIs(gazebo_interface.spawn_urdf_model_client("a", xml, "/", make_pose(1.0), "", "/gazebo"), True)
             self.assertIs(gazebo_interface.spawn_urdf_model_client("a", xml, "/", Pose(), "", "/gazebo"), False)
             self.assertIsNone(gazebo_interface.spawn_urdf_model_client("b", "<sdf/>", "/", Pose(), "", "/gazebo"))
-            sdf = data_text("crate.sdf")        # with a pose of its own, 0.5 m ahead
+            sdf = data_text("crate.sdf")        # its own pose is 0.5 m ahead
             self.assertIs(gazebo_interface.spawn_sdf_model_client("c", sdf, "", make_pose(2.0), "a", "/gazebo"), True)
             self.assertAlmostEqual(self.simulation.call("get_model_state", "c", "").pose.position.x, 3.5, delta=0.01)
             self.assertIs(gazebo_interface.set_model_configuration_client("a", "", [], [], "/gazebo"), True)

@@ -28,7 +28,7 @@ BOX = """
 
 
 def house():
-    """Return the text of a world: one static model of many links, as houses are drawn, and a few loose things."""
+    """Return the text of a world: one static model of many links, as editors export it, and a few movable ones."""
     walls = [BOX % (index, 1.5 * (index % ROOMS) - 15.0, 1.2 * (index // ROOMS) + 2.0, 1.5707 * (index % 2), 1.0, 1.0)
              for index in range(BOXES)]
     return """<?xml version="1.0"?>
@@ -41,12 +41,12 @@ def house():
 
 
 def limit():
-    """WITHIN where a processor is free, more in proportion to what waits for one."""
+    """WITHIN where a processor is free, more in proportion to the load of the machine."""
     return WITHIN * max(1.0, os.getloadavg()[0] / os.cpu_count())
 
 
 class House(unittest.TestCase):
-    """The node is started by the check itself, which looks at its watch."""
+    """The check starts the node itself and measures the time."""
 
     def test_the_first_scan_comes_soon(self):
         folder = tempfile.mkdtemp()

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""/m2wr/laser/scan: fields, stamps, distances against plane geometry, silence while nobody listens, and its frame."""
+"""/m2wr/laser/scan: fields, stamps, distances in a known room, no messages without a subscriber, and its frame."""
 import math
 import os
 import sys
@@ -25,7 +25,7 @@ WALLS = (                       # the faces of laser_room.world that can be seen
     ((3.0, 2.0), (3.1, 2.0)), ((3.0, -2.0), (3.1, -2.0)))
 POST = ((1.5, -1.5), 0.25)
 SCANS = 40
-TOLERANCE = 6.0 * SIGMA / math.sqrt(SCANS) + 1e-3      # m, of a mean over SCANS; 1 mm for how exactly the robot stands
+TOLERANCE = 6.0 * SIGMA / math.sqrt(SCANS) + 1e-3      # m, of a mean over SCANS; 1 mm for the pose of the robot
 
 
 def to_wall(angle, wall):
@@ -59,7 +59,7 @@ def expected_ranges():
 
 
 class Laser(unittest.TestCase):
-    """The robot stands at the origin and looks along x."""
+    """The robot stands at the origin and faces along x."""
 
     @classmethod
     def setUpClass(cls):
@@ -98,7 +98,7 @@ class Laser(unittest.TestCase):
         self.assertGreater(sum(math.isinf(value) for value in expected), 100)
         residuals, compared = [], 0
         for beam in range(BEAMS):
-            # where the neighbours see something else, a hair's breadth decides what this one sees
+            # where the neighbours hit another surface, a tiny angle decides what this beam hits
             around = expected[max(0, beam - 2):beam + 3]
             if math.isinf(expected[beam]):
                 if all(math.isinf(value) for value in around):
@@ -117,14 +117,14 @@ class Laser(unittest.TestCase):
         self.assertAlmostEqual(spread, SIGMA, delta=0.05 * SIGMA)
         self.assertLess(abs(sum(residuals) / len(residuals)), 1e-3)
 
-    def test_silence_until_somebody_listens_then_a_scan_with_the_next_step(self):
+    def test_the_first_subscriber_gets_a_scan_with_the_next_step(self):
         published = dict(rosgraph.Master(rospy.get_name()).getSystemState()[0])
         self.assertEqual(published[TOPIC], ["/gazebo"])
         recorder = Recorder(TOPIC, LaserScan).connected()
         old = recorder.next()[0].header.stamp.to_nsec()
         recorder.close()
-        self.simulation.run_for(0.2)        # the sensor falls asleep
-        now = wait_until(lambda: self.paused_off_the_grid(old), "a moment at which no scan would be due")
+        self.simulation.run_for(0.2)        # the sensor stops measuring
+        now = wait_until(lambda: self.paused_off_the_grid(old), "a time at which no scan is due")
         recorder = Recorder(TOPIC, LaserScan).connected()
         self.simulation.call("unpause_physics")
         first = recorder.wait(lambda messages: messages[0], "the first scan").header.stamp.to_nsec()
@@ -132,7 +132,7 @@ class Laser(unittest.TestCase):
         self.assertEqual(first - now, STEP_NS, "the first scan comes with the first step, 1 ms")
 
     def paused_off_the_grid(self, old):
-        """Pause where a sensor that had kept to its old stamps would not scan next; returns the time [ns], or None."""
+        """Pause at a time that does not precede a regular stamp of the old sequence; returns the time [ns], or None."""
         self.simulation.call("pause_physics")
         now = int(round(self.simulation.time() * 1e9))
         if (now + STEP_NS - old) % PERIOD_NS:
@@ -140,7 +140,7 @@ class Laser(unittest.TestCase):
         self.simulation.call("unpause_physics")
         return None
 
-    def test_a_model_in_the_way_is_seen_and_gone_when_it_is_deleted(self):
+    def test_a_model_is_seen_until_it_is_deleted(self):
         recorder = Recorder(TOPIC, LaserScan).connected()
         middle = slice(BEAMS // 2 - 20, BEAMS // 2 + 20)
         self.assertAlmostEqual(min(recorder.next()[0].ranges[middle]), 2.85, delta=0.06)
@@ -151,7 +151,7 @@ class Laser(unittest.TestCase):
         recorder.wait(lambda messages: abs(min(messages[-1].ranges[middle]) - 2.85) < 0.06, "the wall again")
         recorder.close()
 
-    def test_all_frames_hang_together(self):
+    def test_all_frames_are_connected(self):
         tree = tf2_ros.Buffer()
         listener = tf2_ros.TransformListener(tree)
         scans, odometry = Recorder(TOPIC, LaserScan), Recorder("/odom", Odometry)
@@ -161,7 +161,7 @@ class Laser(unittest.TestCase):
             for have, want in zip(xyz(found.transform.translation), place):
                 self.assertAlmostEqual(have, want, delta=0.002, msg=frame)
         for scan in scans.next(5):
-            # odometry is sent every 50 ms, so a scan's own moment is covered soon after
+            # odometry is sent every 50 ms, so a transform at the scan's stamp is available soon after
             self.assertTrue(tree.can_transform("odom", scan.header.frame_id, scan.header.stamp, rospy.Duration(5)))
         self.assertEqual(len(set(seconds_of(odometry.next(10)))), 10)
         listener.unregister()

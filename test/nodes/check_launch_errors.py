@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bad worlds, parameters and launch files: one clear message, no traceback, and an exit code that tells."""
+"""Bad worlds, parameters and launch files: one clear message, no traceback, and the right exit code."""
 import os
 import random
 import re
@@ -20,7 +20,7 @@ from sim_probe import Running, data_path, program, run_checks, run_program, wait
 
 SIDE_BY_SIDE = 2
 PROMPT = 20.0       # s from a node's death to the end of the run, on a slow machine
-NODE = (            # parameters of the simulation, what its one message must say
+NODE = (            # parameters of the simulation, words of its one message
     (["_world:=/no/such/place.world"], ["/no/such/place.world", "cannot be read"]),
     (["_world:=no_such_name"], ["no_such_name", "cannot be read", "m2wr_sim/worlds"]),
     (["_world:=" + data_path("bad")], [data_path("bad")]),
@@ -30,7 +30,7 @@ NODE = (            # parameters of the simulation, what its one message must sa
     (["_wheel_convention:=melodic"], ["~wheel_convention", "melodic", "noetic, kinetic, rep103"]),
 )
 BEHAVIOURS = ("bug2.py", "go_to_point.py")
-RUNS = (            # arguments of experiment, what must be said
+RUNS = (            # arguments of experiment, words of its message
     (["m2wr_sim", "sim.launch", "world:=/no/such/place.world"], ["/no/such/place.world", "node gazebo"]),
     (["m2wr_sim", "no_such.launch"], ["no_such.launch", "m2wr_sim"]),
     (["no_such_package", "sim.launch"], ["no_such_package"]),
@@ -41,32 +41,32 @@ LINE = re.compile(r"^(?:\x1b\[\d+m)?\[(?:ERROR|FATAL)\].*$", re.MULTILINE)
 
 
 def free_port():
-    """A port of the loopback interface that nobody uses at the moment.
+    """A port of the loopback interface that is not in use.
 
-    It is below those that systems hand out by themselves, so that no node of a test beside this one gets it meanwhile.
+    It is below the ephemeral ports, so that no node of a concurrent test gets it meanwhile.
     """
     for port in random.sample(range(20000, 32000), 100):
         with socket.socket() as probe:
             try:
                 probe.bind(("127.0.0.1", port))
-            except OSError:     # somebody's
+            except OSError:     # in use
                 continue
             return port
     raise AssertionError("none of 100 ports between 20000 and 32000 is free")
 
 
 class LaunchErrors(unittest.TestCase):
-    """Nothing runs but the master and what a case starts."""
+    """Only the master runs, and what a case starts."""
 
     def assert_said(self, done, words, case):
         said = done.stdout + done.stderr
         self.assertNotEqual(done.returncode, 0, "%s: %s" % (case, said))
-        self.assertGreater(done.returncode, 0, "%s died of a signal: %s" % (case, said))
+        self.assertGreater(done.returncode, 0, "%s was ended by a signal: %s" % (case, said))
         self.assertNotIn("Traceback", said, case)
         for word in words:
             self.assertIn(word, said, "%s: %s" % (case, said))
 
-    def test_simulation_names_what_it_cannot_use_and_ends_with_1(self):
+    def test_simulation_names_the_unusable_input_and_exits_with_1(self):
         command = program("m2wr_sim", "m2wr_sim_node")
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             results = pool.map(lambda entry: run_program([command, "__name:=bad_%d" % entry[0]] + entry[1][0]),

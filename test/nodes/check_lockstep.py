@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lockstep: who is waited for, and what happens when one is silent, dies, comes back, ends the run or time is reset."""
+"""Lockstep: which nodes time waits for; nodes that are silent, die, return or end the run; resets of time."""
 import os
 import shutil
 import signal
@@ -23,9 +23,9 @@ class Lockstep(unittest.TestCase):
     """Every case has a simulation and puppets of its own, at full speed."""
 
     def start(self, *parameters, patience=5.0):
-        """Start a simulation and put the robot into it; returns the running node."""
+        """Start a simulation and spawn the robot; returns the running node."""
         if rospy.has_param("/gazebo"):
-            rospy.delete_param("/gazebo")           # of the case before
+            rospy.delete_param("/gazebo")           # of the previous case
         node = Running([program(*NODE), "_lockstep:=true", "_real_time_factor:=0", "_lockstep_patience:=%g" % patience,
                         "_wheel_convention:=kinetic"] + list(parameters))
         self.addCleanup(node.__exit__)
@@ -47,14 +47,14 @@ class Lockstep(unittest.TestCase):
         self.assertNotIn("Traceback", node.text)
 
     def end(self, node):
-        """End a node that is well."""
+        """End a node that works."""
         code, _ = node.end(signal.SIGINT)
         self.assertEqual(code, 0, node.text)
         self.assertNotIn("Traceback", node.text)
 
     # ---- the rule ----------------------------------------------------------------------------------------------
 
-    def test_every_scan_is_a_turn_and_the_end_of_the_run_stops_time(self):
+    def test_every_scan_is_a_tick_and_the_end_of_the_run_stops_time(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         puppet = self.puppet("puppet", "end", "41")
         self.assertEqual(puppet.wait(), 0, puppet.text)
@@ -65,22 +65,22 @@ class Lockstep(unittest.TestCase):
         self.assertAlmostEqual(self.simulation.call("get_model_state", "m2wr", "").pose.position.x, 0.58, delta=0.03)
         self.end(node)
 
-    def test_time_stands_still_until_everybody_is_there_and_says_why(self):
+    def test_time_waits_for_all_nodes_and_missing_ones_are_named(self):
         node = self.start("_lockstep_controllers:=[early, late]", "_lockstep_listeners:=['/ear: /odom']")
         self.puppet("early", "drive")
-        node.wait_for_text("time stands still at 0.000 s until there is")
+        node.wait_for_text("at 0.000 s until there is")
         wait_until(lambda: "until there is /late to serve /late/lockstep_turn; /ear to subscribe to /odom"
-                   in node.text, "the node to name who is missing")
+                   in node.text, "the node to name the missing nodes")
         self.puppet("late", "drive")
-        wait_until(lambda: "until there is /ear to subscribe to /odom" in node.text, "the listener alone to be missing")
+        wait_until(lambda: "until there is /ear to subscribe to /odom" in node.text, "only one missing node")
         self.assertEqual(self.simulation.time(), 0.0)
         ear = Running([shutil.which("rostopic"), "echo", "/odom/header", "__name:=ear"])
         self.addCleanup(ear.__exit__)
         self.simulation.wait_for_time(0.5)
-        ear.wait_for_text("seq: 1\n")              # not one message was lost
+        ear.wait_for_text("seq: 1\n")              # no message was lost
         self.end(node)
 
-    def test_controllers_take_turns_together(self):
+    def test_two_controllers_share_the_ticks(self):
         node = self.start("_lockstep_controllers:=[first, second]")
         first, second = self.puppet("first", "end", "30"), self.puppet("second", "drive")
         self.assertEqual(first.wait(), 0, first.text)
@@ -89,13 +89,13 @@ class Lockstep(unittest.TestCase):
         self.assertIsNone(second.process.poll())
         self.end(node)
 
-    def test_a_pause_is_no_silence_and_a_reset_of_time_is_told(self):
+    def test_a_pause_is_no_timeout_and_a_time_reset_is_reported(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         puppet = self.puppet("puppet", "drive")
         self.simulation.wait_for_time(1.0)
         self.simulation.call("pause_physics")
         paused = self.simulation.time()
-        rospy.rostime.wallsleep(5.5)                # longer than the patience: that is what is tested
+        rospy.rostime.wallsleep(5.5)                # longer than the timeout: the test needs this time
         self.assertEqual(self.simulation.time(), paused)
         self.simulation.call("reset_simulation")
         self.simulation.call("unpause_physics")
@@ -103,7 +103,7 @@ class Lockstep(unittest.TestCase):
         self.simulation.wait_for_time(0.5)
         self.end(node)
 
-    def test_a_command_from_before_the_first_turn_does_no_harm(self):
+    def test_a_command_sent_before_the_first_tick_is_harmless(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         puppet = self.puppet("puppet", "early", "21")
         self.assertEqual(puppet.wait(), 0, puppet.text)
@@ -119,23 +119,23 @@ class Lockstep(unittest.TestCase):
         node.wait_for_text("/puppet ended the run at 1.001 s (tick 21)")
         self.end(node)
 
-    def test_time_stands_still_without_a_robot(self):
+    def test_time_stops_without_a_robot(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         self.puppet("puppet", "drive")
         self.simulation.wait_for_time(0.5)
         self.assertTrue(self.simulation.call("delete_model", "m2wr").success)
         stood = self.simulation.time()
-        node.wait_for_text("time stands still at %.3f s until there is a robot with a sensor that makes ticks" % stood)
+        node.wait_for_text("at %.3f s until there is a robot with a sensor that makes ticks" % stood)
         self.assertEqual(self.simulation.time(), stood)         # seconds later
         self.assertTrue(self.simulation.spawn("m2wr", rospy.get_param("/robot_description")).success)
         self.simulation.wait_for_time(stood + 0.5)
         self.end(node)
 
-    def test_a_controller_that_nobody_asks_says_so(self):
+    def test_a_controller_that_gets_no_request_warns(self):
         puppet = self.puppet("puppet", "drive")
         puppet.wait_for_text("/puppet: waiting for the simulator's first lockstep request (5 s)")
 
-    def test_the_node_ends_while_a_listener_does_not_read(self):
+    def test_the_node_ends_while_a_subscriber_does_not_read(self):
         node = self.start("_lockstep_controllers:=[puppet]", "_lockstep_listeners:=['/deaf: /odom']", patience=300.0)
         self.puppet("puppet", "drive")
         ear = Running([shutil.which("rostopic"), "echo", "/odom/header", "__name:=deaf"])
@@ -146,15 +146,15 @@ class Lockstep(unittest.TestCase):
         before = [None]
 
         def stands():
-            """Tell whether time has stood still since the look before; it is asked of the node that waits."""
+            """Return whether time has not advanced since the previous call; asks the node that waits."""
             before.append(self.simulation.time())
             rospy.rostime.wallsleep(0.5)
             return before[-1] == before[-2]
 
-        wait_until(stands, "time to stand still for the listener")
+        wait_until(stands, "time to stop for the subscriber")
         self.end(node)
 
-    def test_an_answer_on_a_topic_is_enough_for_who_knows_nothing_of_turns(self):
+    def test_a_reply_topic_is_enough_for_unmodified_code(self):
         node = self.start("_lockstep_replies:=['/m2wr/laser/scan -> /cmd_vel by /script']")
         self.puppet("script", "answer")
         self.simulation.wait_for_time(2.0)
@@ -162,29 +162,29 @@ class Lockstep(unittest.TestCase):
         self.assertGreater(self.simulation.call("get_model_state", "m2wr", "").pose.position.x, 0.4)
         self.end(node)
 
-    # ---- who does not answer -----------------------------------------------------------------------------------
+    # ---- controllers that do not answer ------------------------------------------------------------------------
 
-    def test_one_that_does_not_answer_is_named_with_its_last_words(self):
+    def test_an_unresponsive_controller_is_named_with_its_answer(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         self.puppet("puppet", "block", "21")
         self.assert_ends_with_error(
             node, "lockstep: controller /puppet has not answered tick 21 at 1.001 s within 5 s of wall time; "
             "its last answer was to tick 20 at 0.951 s, saying \"driving\"")
 
-    def test_one_that_fails_is_named_with_its_error(self):
+    def test_a_failing_controller_is_named_with_its_error(self):
         node = self.start("_lockstep_controllers:=[puppet]")
         puppet = self.puppet("puppet", "fail", "21")
         self.assert_ends_with_error(node, "controller /puppet failed in tick 21 at 1.001 s",
-                                    "the puppet lost its strings", "its last answer was to tick 20")
+                                    "the puppet failed", "its last answer was to tick 20")
         self.assertEqual(puppet.wait(), 1)
 
-    def test_one_that_dies_is_named(self):
+    def test_a_controller_that_dies_is_named(self):
         node = self.start("_lockstep_controllers:=[puppet]", patience=60.0)
         puppet = self.puppet("puppet", "die", "21")
         self.assertEqual(puppet.wait(), 3)
         self.assert_ends_with_error(node, "controller /puppet failed in tick 21 at 1.001 s")
 
-    def test_an_answer_that_stays_away_is_named(self):
+    def test_a_missing_reply_is_named(self):
         node = self.start("_lockstep_replies:=['/m2wr/laser/scan -> /cmd_vel']")
         script = self.puppet("script", "answer")
         self.simulation.wait_for_time(1.0)
@@ -194,30 +194,30 @@ class Lockstep(unittest.TestCase):
         finally:
             script.process.send_signal(signal.SIGCONT)
 
-    def test_time_goes_on_without_the_dead_and_the_restarted_takes_part_again(self):
+    def test_time_advances_without_a_dead_controller(self):
         node = self.start("_lockstep_controllers:=[first, second]", "_lockstep_on_silence:=go_on")
         first, _ = self.puppet("first", "drive"), self.puppet("second", "drive")
         self.simulation.wait_for_time(0.5)
         first.end(signal.SIGKILL)
-        node.wait_for_text("Time goes on without it.")
+        node.wait_for_text("without it.")
         self.assertIn("controller /first failed in tick", node.text)
         self.simulation.run_for(1.0)
-        self.assertNotIn("/first takes part from", node.text)       # the dead are not
+        self.assertNotIn("/first takes part from", node.text)       # a dead one does not
         again = self.puppet("first", "drive")
         again.wait_for_text("puppet: first turn")
         self.assertEqual(node.text.count("/first takes part from"), 1)
         self.simulation.run_for(1.0)
         self.end(node)
 
-    def test_nobody_named_is_refused(self):
+    def test_an_empty_list_of_controllers_is_refused(self):
         if rospy.has_param("/gazebo"):
             rospy.delete_param("/gazebo")
         with Running([program(*NODE), "_lockstep:=true"]) as node:
-            self.assert_ends_with_error(node, "~lockstep is true", "~lockstep_controllers", "nobody")
+            self.assert_ends_with_error(node, "~lockstep is true", "~lockstep_controllers", "expected the names")
 
     # ---- a whole run -------------------------------------------------------------------------------------------
 
-    def test_a_run_with_a_silent_node_ends_with_its_code_and_a_closed_bag(self):
+    def test_a_run_with_an_unresponsive_node_ends_and_closes_its_bag(self):
         folder = tempfile.mkdtemp()
         self.addCleanup(shutil.rmtree, folder)
         bag, port = os.path.join(folder, "run.bag"), free_port()
@@ -228,7 +228,7 @@ class Lockstep(unittest.TestCase):
         follower, = [pid for pid, command in marked(run.mark).items() if "wall_follower.py" in command]
         os.kill(follower, signal.SIGSTOP)
         self.assertEqual(run.wait(PATIENCE), 1, run.text)
-        # bug2 is named in its place when it was just switching it and waits for it as well
+        # bug2 is named instead if it was waiting for a switch of wall_follower
         self.assertRegex(run.text, "controller /(wall_follower|bug2) has not answered tick")
         self.assertIn("node gazebo", run.text)
         self.assertEqual(os.listdir(folder), ["run.bag"])

@@ -15,13 +15,13 @@ from bag_bytes import first_difference, messages_of, read_order  # noqa: E402
 from check_launch_errors import free_port  # noqa: E402
 from sim_probe import program, run_checks, run_program  # noqa: E402
 
-#: Messages that must be there at least: past the second wall of world02, from 2 m before it.
+#: Least number of messages: from 2 m before the second wall of world02 to the goal behind it.
 EXPECTED = {"/clock": 1000, "/odom": 200, "/m2wr/laser/scan": 200, "/cmd_vel": 200, "/tf": 700, "/tf_static": 1,
             "/joint_states": 500, "/bug2/state": 3, "/bug2/status": 20, "/bug2/hit_point": 1, "/bug2/leave_point": 1,
             "/bug2/m_line": 1, "/bug2/markers": 1, "/gazebo/world_markers": 1, "/gazebo/robot_states": 200,
             "/robot_description": 1}
 SEVERAL_PUBLISHERS = {"/cmd_vel": {"/go_to_point", "/wall_follower"}, "/tf": {"/gazebo", "/robot_state_publisher"}}
-#: In wall time by their nature.
+#: Topics stamped with wall time.
 WALL_TIME = {"/diagnostics", "/rosout"}
 LIMIT = 200.0       # s of wall time for a run; it takes ten
 

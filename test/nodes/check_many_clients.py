@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Twenty clients call services at once, at cross purposes: every call is answered, and the simulation goes on."""
+"""Twenty clients call conflicting services at once: every call is answered, and the simulation continues."""
 import os
 import sys
 import threading
@@ -18,7 +18,7 @@ CLIENTS, ROUNDS = 20, 10
 
 
 class Client(threading.Thread):
-    """Calls one after another of the services with connections of its own, and keeps what came back."""
+    """Calls the services one after another over connections of its own, and keeps the answers."""
 
     def __init__(self, number, start):
         super().__init__(daemon=True)
@@ -27,7 +27,7 @@ class Client(threading.Thread):
         self._proxies = {}
 
     def call(self, name, *arguments):
-        """Call a service; any answer will do, an exception will not."""
+        """Call a service; any answer is fine, an exception is not."""
         if name not in self._proxies:
             self._proxies[name] = rospy.ServiceProxy("/gazebo/" + name, SERVICES[name], persistent=True)
         self.waiting = name
@@ -61,9 +61,9 @@ class Client(threading.Thread):
 
 
 class ManyClients(unittest.TestCase):
-    """One crowd of clients against one simulation."""
+    """Many clients of one simulation."""
 
-    def test_every_call_is_answered_and_time_goes_on(self):
+    def test_every_call_is_answered_and_time_advances(self):
         simulation = Simulation()
         simulation.wait_for_model("ground_plane")
         start = threading.Barrier(CLIENTS + 1)
@@ -81,7 +81,7 @@ class ManyClients(unittest.TestCase):
         self.assertEqual(simulation.models(), ["ground_plane"])
         simulation.call("unpause_physics")
         before = simulation.time()
-        wait_until(lambda: simulation.time() > before + 0.1, "time to go on")
+        wait_until(lambda: simulation.time() > before + 0.1, "time to advance")
 
 
 if __name__ == "__main__":

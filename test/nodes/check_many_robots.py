@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Several robots in one world: topics and frames of their own, no fights on /tf, seeing and touching one another."""
+"""Several robots in one world: topics and frames of their own, no conflicts on /tf, mutual detection and contact."""
 import math
 import os
 import sys
@@ -27,17 +27,17 @@ REAR = 0.25             # m from the chassis frame to the flat back
 
 
 class ManyRobots(unittest.TestCase):
-    """The cases run in the order of their names; the first looks at what launching has made."""
+    """The cases run in the order of their names; the first examines the state after the launch."""
 
     @classmethod
     def setUpClass(cls):
         cls.simulation = Simulation()
         for name in NAMES:
             cls.simulation.wait_for_model(name)
-        wait_until(lambda: cls.simulation.time() > 0.3, "time to go on after the last robot was spawned")
+        wait_until(lambda: cls.simulation.time() > 0.3, "time to advance after the last robot was spawned")
         cls.commands = {name: rospy.Publisher("/%s/cmd_vel" % name, Twist, queue_size=1) for name in NAMES}
         for name, publisher in cls.commands.items():
-            wait_until(lambda p=publisher: p.get_num_connections() > 0, "the simulation to listen on %s/cmd_vel" % name)
+            wait_until(lambda p=publisher: p.get_num_connections() > 0, "a subscriber to %s/cmd_vel" % name)
 
     def position(self, name):
         """x, y of a robot in the world."""
@@ -57,16 +57,16 @@ class ManyRobots(unittest.TestCase):
         self.commands[name].publish(command)
 
     def stop(self, name):
-        """Stop a robot and wait until it stands: a command may come late."""
+        """Stop a robot and wait until it rests: a command may arrive late."""
         def stands():
             twist = self.simulation.call("get_model_state", name, "").twist
             return abs(twist.linear.x) + abs(twist.linear.y) + abs(twist.angular.z) < 1e-3
 
         self.drive(name, 0.0)
-        wait_until(stands, "%s to stand" % name)
+        wait_until(stands, "%s to stop" % name)
 
     def collisions(self):
-        """The simulation's counts of touches up to now, by robot."""
+        """The simulation's counts of contact events until now, by robot."""
         recorder, since = Recorder("/diagnostics", DiagnosticArray).connected(), self.simulation.time()
         message = recorder.wait(lambda messages: seconds_of(messages)[-1] >= since and messages[-1], "a count from now")
         recorder.close()
@@ -74,7 +74,7 @@ class ManyRobots(unittest.TestCase):
                   if pair.key.startswith("touches of ")}
         return {name: counts.get("touches of " + name, 0) for name in NAMES}
 
-    def test_1_all_stand_apart_and_touch_nothing(self):
+    def test_1_all_are_separate_and_without_contact(self):
         places = [self.position(name) for name in NAMES]
         for k, place in enumerate(places):
             for other in places[k + 1:]:
@@ -108,7 +108,7 @@ class ManyRobots(unittest.TestCase):
                 else:
                     self.assertEqual(message.header.frame_id, name + "/sensor_laser")
 
-    def test_4_frames_form_one_tree_and_nobody_fights_over_them(self):
+    def test_4_frames_form_one_tree_with_one_publisher_each(self):
         moving, still = Recorder("/tf", TFMessage).connected(), Recorder("/tf_static", TFMessage)
         expected = {"%s/%s" % (name, link): "%s/%s" % (name, parent) for name in NAMES for link, parent in (
             ("link_chassis", "odom"), ("link_left_wheel", "link_chassis"), ("link_right_wheel", "link_chassis"),
@@ -154,12 +154,12 @@ class ManyRobots(unittest.TestCase):
         # both lasers are 0.15 m ahead of their chassis, their housings of radius 0.05 m stand in the plane of the scan
         ahead = min(scan.ranges[355:365])
         self.assertAlmostEqual(ahead, 2.0 - 0.05, delta=0.06)                   # noise: 0.01 m
-        # robot 3 shows its right wheel first, 0.2 m from its axis: 0.4 m wide with its other parts behind
+        # robot 3 is seen from its right: first its right wheel, 0.2 m from its axis; the other parts are within 0.4 m
         beside = min(scan.ranges[-30:])
         self.assertAlmostEqual(beside, 3.0 - 0.22, delta=0.08)
         self.assertEqual(min(scan.ranges[60:300]), math.inf)                    # nothing to the right
 
-    def test_7_they_touch_one_another(self):
+    def test_7_they_collide(self):
         self.put("robot1", 0.0, 0.0, math.pi)       # back to back
         self.put("robot2", 1.2, 0.0)
         self.put("robot3", 0.0, 5.0)
@@ -171,7 +171,7 @@ class ManyRobots(unittest.TestCase):
         states = self.simulation.call("get_model_state", "robot2", "robot1").pose.position     # of one instant
         self.stop("robot1")
         after = self.collisions()
-        self.assertGreater(math.hypot(states.x, states.y), 2.0 * REAR - 0.01)   # it went no way into the other
+        self.assertGreater(math.hypot(states.x, states.y), 2.0 * REAR - 0.01)   # no penetration
         for name in ("robot1", "robot2"):
             self.assertGreater(after[name], before[name], name)
         self.assertEqual(after["robot3"], before["robot3"])

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pause, unpause, reset_world and reset_simulation, seen from topics and from nodes that go on working."""
+"""Pause, unpause, reset_world and reset_simulation, seen from topics and from nodes that continue to work."""
 import os
 import subprocess
 import sys
@@ -17,8 +17,8 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, run_checks, xyz, yaw_of  # noqa: E402
 
-SILENCE = 0.5       # s of wall time in which nothing may come: ten scans and odometries would have
-FIRST_STAMPS = (    # topic, child frame, latest first stamp [s] after the reset: one period, or the second at most
+SILENCE = 0.5       # s of wall time without a message; unpaused there would be ten scans and odometry messages
+FIRST_STAMPS = (    # topic, child frame, latest first stamp [s] after the reset: one or two periods
     ("/clock", None, 0.011), ("/odom", None, 0.101), ("/m2wr/laser/scan", None, 0.051), ("/joint_states", None, 0.041),
     ("/tf", "link_chassis", 0.101), ("/tf", "link_left_wheel", 0.5))
 
@@ -39,7 +39,7 @@ class PauseReset(unittest.TestCase):
         self.wait_for_driving()
 
     def wait_for_driving(self):
-        """Wait until the robot is on its way and everything publishes."""
+        """Wait until the robot drives and everything publishes."""
         self.topics["/odom"].wait(lambda messages: messages[-1].twist.twist.linear.x > 0.2, "a robot that drives")
         for recorder in self.topics.values():
             recorder.next()
@@ -55,7 +55,7 @@ class PauseReset(unittest.TestCase):
         answer = self.simulation.call("get_model_state", "m2wr", "")
         return xyz(answer.pose.position) + (yaw_of(answer.pose.orientation),), xyz(answer.twist.linear)
 
-    def test_a_paused_simulation_goes_on_step_by_step_by_command(self):
+    def test_a_paused_simulation_advances_step_by_step_by_command(self):
         def command(*words):
             return subprocess.run(["rosrun", "m2wr_sim"] + list(words), text=True, capture_output=True, timeout=120)
         refused = command("step")
@@ -72,19 +72,19 @@ class PauseReset(unittest.TestCase):
         self.assertEqual(command("unpause").returncode, 0)
         self.wait_for_driving()
 
-    def test_pause_stops_time_and_all_that_hangs_on_it_but_not_the_services(self):
+    def test_pause_stops_time_and_topics_but_not_the_services(self):
         self.simulation.call("pause_physics")
-        self.simulation.call("pause_physics")       # twice is as good as once
+        self.simulation.call("pause_physics")       # a second call changes nothing
         paused_at = self.simulation.time()
         for recorder in self.topics.values():
             recorder.clear()
-        end = time.monotonic() + SILENCE            # that nothing comes can only be watched for a while
+        end = time.monotonic() + SILENCE            # the absence of messages can only be observed for a limited time
         while time.monotonic() < end:
             self.assertEqual(self.simulation.time(), paused_at)
         for name in ("/odom", "/m2wr/laser/scan", "/joint_states", "/clock"):
             late = [stamp for stamp in self.stamps(self.topics[name].messages) if stamp > paused_at + 1e-9]
             self.assertEqual(late, [], name)
-            # what was on its way when the pause came is at most a few messages
+            # at most a few messages were in transit when the pause began
             self.assertLess(len(self.topics[name].messages), 5, name)
         self.assertTrue(self.simulation.call("get_model_state", "m2wr", "").success)
         self.assertTrue(self.simulation.spawn("ghost", rospy.get_param("/robot_description"), (0.0, 30.0, 0.1, 0.0),
@@ -95,7 +95,7 @@ class PauseReset(unittest.TestCase):
             self.topics[name].wait(lambda messages: any(stamp > paused_at for stamp in self.stamps(messages)),
                                    "messages after the pause")
             first = min(stamp for stamp in self.stamps(self.topics[name].messages) if stamp > paused_at)
-            self.assertLess(first - paused_at, 0.15, "%s did not go on where it stopped" % name)
+            self.assertLess(first - paused_at, 0.15, "%s did not continue where it stopped" % name)
 
     def test_reset_world_keeps_time_and_puts_the_robot_back(self):
         self.topics["/odom"].wait(lambda messages: messages[-1].pose.pose.position.x > 0.5, "the robot beyond x = 0.5")
@@ -109,13 +109,13 @@ class PauseReset(unittest.TestCase):
         self.assertEqual(velocity, (0.0, 0.0, 0.0))
         self.topics["/odom"].clear()
         self.simulation.call("unpause_physics")
-        # messages from before the pause may still be on their way
+        # messages from before the pause may still be in transit
         first = self.topics["/odom"].wait(lambda messages: [m for m in messages if m.header.stamp.to_sec() > before],
                                           "odometry after the reset")[0]
         self.assertLess(abs(first.pose.pose.position.x), 0.1)
         self.wait_for_driving()
 
-    def test_reset_simulation_rewinds_and_everything_goes_on_from_zero(self):
+    def test_reset_simulation_restarts_all_topics_at_time_zero(self):
         self.topics["/odom"].wait(lambda messages: messages[-1].pose.pose.position.x > 0.5, "the robot beyond x = 0.5")
         before = self.simulation.time()
         self.assertGreater(before, 1.0)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures show what is there, follow moves and deletions, and need no folder; a run whose simulator dies is kept."""
+"""Pictures show the models, follow moves and deletions, and need no folder; a run whose simulator dies is kept."""
 import os
 import shutil
 import signal
@@ -59,7 +59,7 @@ class Pictures(unittest.TestCase):
         return self.images.wait(lambda messages: condition(pixels_of(messages[-1])), what)
 
     def centre(self, pixels):
-        """Return where the middle of all grey is, in shares of the picture; the legend's patch counts little."""
+        """Return the centre of all grey pixels as fractions of the picture; the legend's patch has little weight."""
         rows, columns = np.nonzero(marked(pixels[:650], OBSTACLE))
         return (columns.mean() / 800.0, rows.mean() / 800.0) if len(rows) > 1000 else None
 
@@ -79,10 +79,10 @@ class Pictures(unittest.TestCase):
         self.simulation.call("delete_model", "crate")
         self.until(lambda pixels: self.centre(pixels) is None, "a picture without the crate")
 
-    def test_late_listeners_get_all_markers_at_once(self):
+    def test_late_subscribers_get_all_markers_at_once(self):
         self.simulation.spawn("late", CRATE, (-3.0, -3.0, 0.5, 0.0), kind="sdf")
         self.addCleanup(self.simulation.call, "delete_model", "late")
-        for _ in range(2):          # the second one comes when nothing changes any more
+        for _ in range(2):          # the second one subscribes when nothing changes any more
             markers = Recorder("/gazebo/world_markers", MarkerArray)
             found = markers.wait(lambda messages: [marker for marker in messages[-1].markers if marker.ns == "late"],
                                  "the marker of the new model")
@@ -90,7 +90,7 @@ class Pictures(unittest.TestCase):
             self.assertEqual([(marker.type, marker.scale.x, marker.pose.position.x, marker.header.frame_id)
                               for marker in found], [(Marker.CUBE, 2.0, -3.0, "odom")])
 
-    def test_a_run_whose_simulator_is_killed_is_kept_whole(self):
+    def test_the_bag_of_a_killed_simulator_is_complete(self):
         folder, port = tempfile.mkdtemp(), free_port()
         self.addCleanup(shutil.rmtree, folder)
         bag, pictures = os.path.join(folder, "run.bag"), os.path.join(folder, "pictures")
@@ -103,7 +103,7 @@ class Pictures(unittest.TestCase):
             address = rosgraph.Master("/check", "http://127.0.0.1:%d" % port).lookupNode("/gazebo")
             os.kill(ServerProxy(address).getPid("/check")[2], signal.SIGKILL)
             run.wait()
-        with rosbag.Bag(bag) as recorded:               # has an index, so it was closed
+        with rosbag.Bag(bag) as recorded:               # it has an index, so it was closed
             topics = recorded.get_type_and_topic_info().topics
         for topic in ("/gazebo/world_markers", "/robot_description", "/gazebo/robot_states", "/odom"):
             self.assertIn(topic, topics)

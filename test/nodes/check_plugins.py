@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The plugins over the wire: topics, types, frames, first values, a service while paused, a collision with a wall."""
+"""The plugins over ROS: topics, types, frames, first values, a service while paused, a collision with a wall."""
 import math
 import os
 import sys
@@ -30,7 +30,7 @@ WEIGHT = 9.8 * 12.1     # N, of the rover
 
 
 class Plugins(unittest.TestCase):
-    """The cases run by name: first what holds at rest, last the collision."""
+    """The cases run in the order of their names: first the robot at rest, last the collision."""
 
     @classmethod
     def setUpClass(cls):
@@ -44,7 +44,7 @@ class Plugins(unittest.TestCase):
     def next(self, topic, kind, count=1):
         recorder = Recorder(topic, kind).connected()
         try:
-            return recorder.next(count)[:count]        # on a busy machine more may have come
+            return recorder.next(count)[:count]        # on a busy machine there may be more
         finally:
             recorder.close()
 
@@ -69,10 +69,10 @@ class Plugins(unittest.TestCase):
             self.assertAlmostEqual((stamps[-1] - stamps[0]) / 19.0, 0.02, delta=1e-6)
         self.assertEqual((sensor[0].header.frame_id, body[0].header.frame_id), ("base_link", "base_footprint"))
 
-    def test_2_a_wheel_is_pressed_down_by_its_share_of_the_load(self):
+    def test_2_the_wheel_force_is_its_share_of_the_load(self):
         message, = self.next("/wheel_load", WrenchStamped)
         force = message.wrench.force
-        # the ground carries the wheel itself: the joint feels the rest of a quarter, in axes that turn with the wheel
+        # the ground carries the wheel itself: the joint measures the rest of a quarter, in axes rotating with the wheel
         self.assertAlmostEqual(math.hypot(force.x, force.z), WEIGHT / 4.0 - 0.5 * 9.8, delta=0.5)
         self.assertEqual(message.header.frame_id, "left_front_wheel")
 
@@ -82,12 +82,12 @@ class Plugins(unittest.TestCase):
         self.assertEqual((message.header.frame_id, message.radiation_type), ("scanner", Range.ULTRASOUND))
         self.assertAlmostEqual(message.field_of_view, 0.2, places=6)
 
-    def test_2_nothing_touches(self):
+    def test_2_there_is_no_contact(self):
         messages = self.next("/bumper", ContactsState, 5)
         self.assertEqual([len(message.states) for message in messages], [0] * 5)
         self.assertEqual(messages[0].header.frame_id, "base_footprint")
 
-    def test_2_frames_hang_together(self):
+    def test_2_frames_are_connected(self):
         tree = tf2_ros.Buffer()
         listener = tf2_ros.TransformListener(tree)
         for frame, height in (("base_footprint", 0.0), ("scanner", 0.25), ("right_rear_wheel", 0.1)):
@@ -95,7 +95,7 @@ class Plugins(unittest.TestCase):
             self.assertAlmostEqual(found.transform.translation.z, height, delta=0.01, msg=frame)
         listener.unregister()
 
-    def test_3_the_calibration_service_answers_also_while_paused(self):
+    def test_3_the_calibration_service_answers_while_paused(self):
         rospy.wait_for_service("/imu/calibrate", timeout=PATIENCE)
         calibrate = rospy.ServiceProxy("/imu/calibrate", Empty)
         calibrate()
@@ -105,7 +105,7 @@ class Plugins(unittest.TestCase):
         finally:
             self.simulation.call("unpause_physics")
 
-    def test_4_a_push_tips_the_balance(self):
+    def test_4_a_force_shifts_the_load(self):
         topic = rospy.Publisher("/push", Wrench, queue_size=1)
         wait_until(lambda: topic.get_num_connections() > 0, "the rover on /push")
         topic.publish(Wrench(force=Vector3(0.0, 0.0, 0.5 * WEIGHT)))
@@ -118,19 +118,19 @@ class Plugins(unittest.TestCase):
                       > pressed + 10.0, "the whole load on the wheel")
         recorder.close()
 
-    def test_5_it_runs_into_the_wall(self):
+    def test_5_a_collision_with_the_wall_is_published(self):
         bumper, speeds = Recorder("/bumper", ContactsState).connected(), Recorder("/truth", Odometry).connected()
         self.topic.publish(Twist(Vector3(0.5, 0.0, 0.0), Vector3()))
         speeds.wait(lambda messages: abs(messages[-1].twist.twist.linear.x - 0.5) < 0.01, "half a metre a second")
-        bumper.wait(lambda messages: any(message.states for message in messages), "a touch")
+        bumper.wait(lambda messages: any(message.states for message in messages), "a contact")
         state = bumper.wait(lambda messages: next((state for state in messages[-1].states
-                                                   if state.total_wrench.force.x < -5.0), None), "a push by the wall")
+                                                   if state.total_wrench.force.x < -5.0), None), "a force of the wall")
         self.assertEqual((state.collision1_name.split("::")[0], state.collision2_name), ("rover", "wall::link::brick"))
         self.assertEqual(len(state.contact_positions), len(state.wrenches))
         self.assertAlmostEqual(state.contact_positions[0].x, FACE, delta=0.01)
         self.assertAlmostEqual(state.contact_normals[0].x, -1.0, delta=0.01)
         self.topic.publish(Twist(Vector3(-0.3, 0.0, 0.0), Vector3()))
-        bumper.wait(lambda messages: not messages[-1].states, "the way back")
+        bumper.wait(lambda messages: not messages[-1].states, "the robot to drive back")
         bumper.close()
         speeds.close()
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whatever ends a recording, what was recorded can be read, one line tells, and the keeper stays until the run ends."""
+"""However a recording ends: the bag can be read, one line reports it, and the supervisor stays until the run ends."""
 import os
 import re
 import shutil
@@ -55,10 +55,10 @@ class RecordRun(unittest.TestCase):
         self.folder = tempfile.mkdtemp()
         self.addCleanup(shutil.rmtree, self.folder)
         self.bag = os.path.join(self.folder, "run.bag")
-        wait_until(lambda: self.talker.listeners() == 0, "an earlier recorder to leave")
+        wait_until(lambda: self.talker.listeners() == 0, "an earlier recorder to end")
 
-    def keeper(self, *words, limit=None):
-        """Start the keeper of a recorder, whose files may have so many bytes."""
+    def supervisor(self, *words, limit=None):
+        """Start the supervisor of a recorder; ``limit`` is the largest size of its files [bytes]."""
         command = [program("m2wr_sim", "record_run")] + list(words) + [TOPIC, "__name:=record"]
         if limit is not None:
             command = [shutil.which("prlimit"), "--fsize=%d:%d" % (limit, limit)] + command
@@ -79,28 +79,28 @@ class RecordRun(unittest.TestCase):
         self.assertEqual(numbers, list(range(numbers[0], numbers[0] + len(numbers))))
 
     def recorder_of(self, running):
-        """The process id of the recorder that a keeper has started."""
+        """The process id of the recorder that a supervisor has started."""
         with open("/proc/%d/task/%d/children" % (running.process.pid, running.process.pid)) as stream:
             return int(stream.read().split()[0])
 
     def test_ctrl_c_closes_the_bag(self):
-        with self.keeper("-O", self.bag) as running:
+        with self.supervisor("-O", self.bag) as running:
             self.recorded()
             self.assertEqual(running.end(signal.SIGINT)[0], 0, running.text)
         self.assert_in_a_row(self.numbers())
 
-    def test_a_killed_keeper_leaves_a_closed_bag(self):
-        with self.keeper("-O", self.bag) as running:
+    def test_a_killed_supervisor_leaves_a_closed_bag(self):
+        with self.supervisor("-O", self.bag) as running:
             self.recorded()
             running.process.send_signal(signal.SIGKILL)
             wait_until(lambda: os.path.exists(self.bag), "the recorder to close its bag")
         self.assert_in_a_row(self.numbers())
 
-    def test_a_killed_recorder_is_told_and_its_bag_is_rescued(self):
-        with self.keeper("-O", self.bag) as running:
+    def test_a_killed_recorder_is_reported_and_its_bag_repaired(self):
+        with self.supervisor("-O", self.bag) as running:
             self.recorded()
             os.kill(self.recorder_of(running), signal.SIGKILL)
-            running.wait_for_text("The run goes on without a recording.")
+            running.wait_for_text("without a recording.")
             self.assertIsNone(running.process.poll())
             told = int(re.search(r"(\d+) messages up to there are in", running.text).group(1))
             self.assertEqual(running.end(signal.SIGINT)[0], 1)
@@ -108,9 +108,9 @@ class RecordRun(unittest.TestCase):
         self.assertEqual(len(numbers), told)
         self.assert_in_a_row(numbers)
 
-    def test_without_space_the_run_goes_on_and_nothing_is_lost(self):
-        with self.keeper("-O", self.bag, limit=6 * CHUNK) as running:
-            running.wait_for_text("The run goes on without a recording.")
+    def test_without_disk_space_the_run_continues_without_loss(self):
+        with self.supervisor("-O", self.bag, limit=6 * CHUNK) as running:
+            running.wait_for_text("without a recording.")
             self.assertIn("is the disk full", running.text)
             self.assertIn("rosbag reindex %s.active" % self.bag, running.text)
             self.assertIsNone(running.process.poll())
@@ -121,10 +121,10 @@ class RecordRun(unittest.TestCase):
         os.rename(self.bag + ".active", self.bag)
         self.assert_in_a_row(self.numbers())
 
-    def test_without_a_place_a_listener_stands_in_for_lockstep(self):
-        with self.keeper("--lockstep", "true", "-O", os.path.join(self.folder, "nowhere", "run.bag")) as running:
+    def test_a_subscriber_replaces_a_recorder_that_cannot_write(self):
+        with self.supervisor("--lockstep", "true", "-O", os.path.join(self.folder, "nowhere", "run.bag")) as running:
             running.wait_for_text("there is no folder")
-            wait_until(lambda: self.talker.listeners() == 1, "a node that listens in place of the recorder")
+            wait_until(lambda: self.talker.listeners() == 1, "a subscriber in place of the recorder")
             self.assertEqual(running.end(signal.SIGINT)[0], 1)
 
 

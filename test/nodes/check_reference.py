@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Topics and services in docs/reference.md are those that the running nodes have, no more and no fewer."""
+"""Topics and services in docs/reference.md are exactly those of the running nodes."""
 import os
 import sys
 import unittest

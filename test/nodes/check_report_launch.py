@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The report's robot behind gazebo_ros: it settles upright, scans, turns left, obeys the keyboard."""
+"""The report's robot behind gazebo_ros: it settles upright, scans, turns left, follows the keyboard."""
 import math
 import os
 import pty
@@ -46,11 +46,11 @@ class Teleop:
                                         universal_newlines=True, start_new_session=True)
 
     def wait_for_text(self, words):
-        """Read its lines up to one with these words."""
+        """Read its output up to a line with these words."""
         for line in self.process.stdout:
             if words in line:
                 return
-        raise AssertionError('the keyboard ended without saying "%s"' % words)
+        raise AssertionError('the keyboard node ended without the output "%s"' % words)
 
     def press(self, key):
         os.write(self.typing, key.encode())
@@ -62,7 +62,7 @@ class Teleop:
         def heard():
             if not commands.messages:
                 self.press("k")
-                time.sleep(0.1)     # not a key each time round
+                time.sleep(0.1)     # not a key in each iteration
             return commands.messages
         wait_until(heard, "a command from the keyboard")
 
@@ -125,9 +125,9 @@ class ReportLaunch(unittest.TestCase):
                            and abs(messages[-1].twist.twist.linear.x) < 0.01, "a robot at rest")
 
     def keyboard_drives_and_stops(self, end):
-        """Drive by keys until ``end(teleop)`` ends the program; the robot must stop, the terminal be as before."""
+        """Drive by keys until ``end(teleop)`` ends the program; the robot must stop, the terminal be restored."""
         commands = Recorder("/cmd_vel", Twist)
-        with Teleop("_speed:=0.3", "_turn:=0.4", "_key_timeout:=0", "_repeat_rate:=0") as teleop:  # all: they stay set
+        with Teleop("_speed:=0.3", "_turn:=0.4", "_key_timeout:=0", "_repeat_rate:=0") as teleop:  # all: they persist
             teleop.wait_for_text("currently")
             teleop.press_until_heard(commands)
             teleop.press("u")

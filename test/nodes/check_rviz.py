@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of rviz show robot, scan, world, map and Bug 2's marks; goals and poses that are clicked are taken."""
+"""Pictures of rviz show robot, scan, world, map and Bug 2's markers; clicked goals and poses are accepted."""
 import contextlib
 import glob
 import math
@@ -37,7 +37,7 @@ from sim_probe import (  # noqa: E402
     xyz,
 )
 
-#: Colours as they come out: those of flat things are exact, the free and the unknown of a map are rviz's own.
+#: Colours as rendered: those of unlit markers are exact, free and unknown cells of a map have rviz's own colours.
 SCAN, LINE, WALL_TEXT, PATH = (214, 30, 30), (79, 79, 79), (214, 94, 0), (0, 114, 178)
 FREE, OCCUPIED, UNKNOWN = (255, 255, 255), (0, 0, 0), (112, 137, 134)
 WIDTH, HEIGHT = 1280, 720
@@ -52,13 +52,13 @@ def near(pixels, colour, tolerance=10):
 
 
 def chassis(pixels):
-    """Return where the chassis is: a dark blue that nothing else has."""
+    """Return where the chassis is: a dark blue of its own."""
     red, green, blue = pixels[:, :, 0], pixels[:, :, 1], pixels[:, :, 2]
     return (blue > red + 8) & (blue > green + 3) & (blue < 110) & (red < 80)
 
 
 def purple(pixels):
-    """Return where the crate is, in whatever light."""
+    """Return where the crate is, under any light."""
     red, green, blue = pixels[:, :, 0], pixels[:, :, 1], pixels[:, :, 2]
     return (np.minimum(red, blue) > green + 60) & (np.abs(red - blue) < 25)
 
@@ -70,7 +70,7 @@ def middle(mask):
 
 
 def grown(mask, pixels):
-    """Return a mask with all that is so near to it."""
+    """Return a mask grown by this number of pixels."""
     found = mask.copy()
     for step in range(1, pixels + 1):
         found[step:] |= mask[:-step]
@@ -83,7 +83,7 @@ def grown(mask, pixels):
 
 
 class Rviz(unittest.TestCase):
-    """One run with two virtual displays; in the order of the numbers, for the robot drives on."""
+    """One run with two virtual displays; the cases run in the order of their numbers: the robot keeps driving."""
 
     @classmethod
     def setUpClass(cls):
@@ -107,7 +107,7 @@ class Rviz(unittest.TestCase):
             return np.asarray(picture.convert("RGB")).astype(int)
 
     def shot_with(self, display, condition, what):
-        """Return the first picture for which a condition holds: rviz needs a moment to draw what is news."""
+        """Return the first picture for which a condition holds: rviz needs some time to draw new data."""
         found = []
 
         def fits():
@@ -117,8 +117,8 @@ class Rviz(unittest.TestCase):
         wait_until(fits, "%s in a picture of %s" % (what, display), 30.0)
         return found[0]
 
-    def told(self, text):
-        """Wait until somebody has logged a text."""
+    def wait_for_log(self, text):
+        """Wait until a node has logged a text."""
         self.log.wait(lambda messages: any(text in message.msg for message in messages), "\"%s\"" % text, 30.0)
 
     def position(self):
@@ -130,7 +130,7 @@ class Rviz(unittest.TestCase):
         column, row = middle(mask[260:460, 540:740])
         self.assertLess(math.hypot(column - 100, row - 100), 40.0)
 
-    def test_1_bug2_is_seen_at_work(self):
+    def test_1_the_picture_shows_bug2(self):
         self.states.wait(lambda messages: messages[-1].data == "wall_following", "the first wall")
         pixels = self.shot_with("bug2_display", lambda picture: near(picture, WALL_TEXT, 6).sum() > 150
                                 and near(picture, SCAN).sum() > 300 and chassis(picture)[260:460, 540:740].sum() > 300,
@@ -146,7 +146,7 @@ class Rviz(unittest.TestCase):
         path = os.path.join(rospy.get_param("/bug2_display/out"), "*_start.png")
         self.assertEqual(len(glob.glob(path)), 1, path)
 
-    def test_2_the_map_is_seen(self):
+    def test_2_the_picture_shows_the_map(self):
         grid = Recorder("/map", OccupancyGrid)
         grid.wait(lambda messages: np.count_nonzero(np.array(messages[-1].data) == 100) > 100, "walls in the map")
         grid.close()
@@ -162,7 +162,7 @@ class Rviz(unittest.TestCase):
         on_walls = scan & grown(near(pixels, OCCUPIED), 5)
         self.assertGreater(on_walls.sum(), 0.3 * scan.sum(), "the scan lies on the map's walls")
 
-    def test_3_the_world_follows_what_comes_moves_and_goes(self):
+    def test_3_the_picture_follows_added_moved_and_deleted_models(self):
         self.simulation.call("pause_physics")
         self.addCleanup(self.simulation.call, "unpause_physics")
         x, y, _ = self.position()
@@ -181,14 +181,14 @@ class Rviz(unittest.TestCase):
                                   (make_pose(math.nan, 1.0), "odom", "expected finite numbers")):
             self.log.clear()
             self.goals.publish(self.goal(pose, frame))
-            self.told(said)
+            self.wait_for_log(said)
         self.assertEqual(xyz(self.line.messages[-1].poses[1].pose.position)[:2], (0.0, -4.0))
         self.goals.publish(self.goal(make_pose(0.5, -4.0), "map"))
         # the map's frame is nearly that of the odometry
         self.line.wait(lambda messages: 0.0 < math.dist(xyz(messages[-1].poses[1].pose.position)[:2], (0.5, -4.0))
                        < 0.5, "an m-line to the goal", 20.0)
 
-    def test_5_the_robot_is_placed_where_one_points(self):
+    def test_5_the_robot_is_placed_at_the_clicked_pose(self):
         wait_until(lambda: self.poses.get_num_connections() > 0, "place_robot")
         message = PoseWithCovarianceStamped()
         message.header.frame_id, message.pose.pose = "odom", make_pose(-3.0, 7.5, 5.0, 1.0)
@@ -196,8 +196,8 @@ class Rviz(unittest.TestCase):
         self.poses.publish(message)
         self.odometry.wait(lambda messages: math.dist(xyz(messages[-1].pose.pose.position)[:2], (-3.0, 7.5)) < 0.15,
                            "the robot at its new place", 20.0)
-        self.assertAlmostEqual(self.position()[2], 0.1, delta=0.05)       # on the floor, whatever z was said
-        self.told("state changed: Go to point (the robot was put elsewhere)")
+        self.assertAlmostEqual(self.position()[2], 0.1, delta=0.05)       # on the floor, for any z of the request
+        self.wait_for_log("state changed: Go to point (the robot was put elsewhere)")
         self.states.wait(lambda messages: messages[0].data == "go_to_point", "the state")
         line = self.line.wait(lambda messages: math.dist(xyz(messages[-1].poses[0].pose.position)[:2], (-3.0, 7.5))
                               < 0.3 and messages[-1], "an m-line from there", 20.0)
@@ -209,22 +209,22 @@ class Rviz(unittest.TestCase):
         message.header.frame_id = frame
         return message
 
-    def test_6_the_robot_goes_where_one_points(self):
+    def test_6_the_robot_drives_to_the_clicked_goal(self):
         x, y, _ = self.position()
         where = (x + 1.5 * math.copysign(1.0, -x), y)     # towards the middle of the corridor
         self.states.clear()
         self.goals.publish(self.goal(make_pose(*where), "odom"))
-        self.states.wait(lambda messages: messages[-1].data == "goal_reached", "the end of the way", 60.0)
+        self.states.wait(lambda messages: messages[-1].data == "goal_reached", "the robot to reach its goal", 60.0)
         self.assertLess(math.dist(self.position()[:2], where), 0.35)
         self.assertEqual((rospy.get_param("/des_pos_x"), rospy.get_param("/des_pos_y")), where)
         wait_until(lambda: glob.glob(os.path.join(rospy.get_param("/bug2_display/out"), "*_goal_reached.png")),
                    "a picture of the state")
 
-    def test_7_an_rviz_that_is_killed_comes_back_and_the_run_goes_on(self):
+    def test_7_a_killed_rviz_is_restarted_and_the_run_continues(self):
         address = rosgraph.Master(rospy.get_name()).lookupNode("/bug2_display_rviz")
         self.log.clear()
         os.kill(ServerProxy(address).getPid(rospy.get_name())[2], signal.SIGKILL)
-        self.told("of 3 times), for it has ended with signal 9")
+        self.wait_for_log("of 3 times), for it has ended with signal 9")
         self.robot_in_the_middle(self.shot_with(
             "bug2_display", lambda picture: chassis(picture)[260:460, 540:740].sum() > 300, "the robot again"), 300)
         folder = tempfile.mkdtemp()
@@ -236,10 +236,10 @@ class Rviz(unittest.TestCase):
             self.assertEqual(picture.size, (WIDTH, HEIGHT))
         self.simulation.run_for(0.5)
 
-    def test_8_what_is_missing_is_said_and_ends_nothing(self):
+    def test_8_missing_programs_and_files_are_reported(self):
         config = rospy.get_param("/bug2_display/config")
         command = [sys.executable, program("m2wr_view", "virtual_display")]
-        # beside one another, for each takes seconds to start
+        # concurrently, because each takes seconds to start
         with Running(command + ["_config:=" + config, "_out:=/tmp", "__name:=third"],
                      {"PATH": "/nowhere"}) as poor, \
                 Running(command + ["_config:=/tmp/lost.rviz", "_out:=/tmp", "__name:=fourth"]) as lost, \
@@ -251,13 +251,13 @@ class Rviz(unittest.TestCase):
                 self.assertEqual(run.wait(), 0, run.text)
                 self.assertIn(said, run.text)
 
-    def test_9_the_end_is_in_a_picture(self):
+    def test_9_the_last_picture_is_taken_at_the_end(self):
         folders = [rospy.get_param("/%s/out" % name) for name in ("virtual_display", "bug2_display")]
         self.addCleanup(shutil.rmtree, os.path.dirname(folders[0]))
         for name, folder in zip(("/virtual_display", "/bug2_display"), folders):
             address = rosgraph.Master(rospy.get_name()).lookupNode(name)
-            with contextlib.suppress(OSError):      # it may be gone before it has answered
-                ServerProxy(address).shutdown(rospy.get_name(), "the check is over")
+            with contextlib.suppress(OSError):      # it may end before it has answered
+                ServerProxy(address).shutdown(rospy.get_name(), "the check has ended")
             wait_until(lambda: glob.glob(os.path.join(folder, "*_end.png")), "a last picture in " + folder)
         with Image.open(glob.glob(os.path.join(folders[0], "*_end.png"))[0]) as picture:
             pixels = np.asarray(picture.convert("RGB")).astype(int)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ctrl-C ends a whole run within five seconds and leaves nothing behind; signals end the node well."""
+"""Ctrl-C ends a whole run within five seconds and leaves nothing behind; signals end the node cleanly."""
 import os
 import shutil
 import signal
@@ -25,12 +25,12 @@ WITHIN = 5.0        # s, from Ctrl-C to the end of everything
 
 
 def limit():
-    """WITHIN where a processor is free, more in proportion to what waits for one."""
+    """WITHIN where a processor is free, more in proportion to the load of the machine."""
     return WITHIN * max(1.0, os.getloadavg()[0] / os.cpu_count())
 
 
 def recorded(master):
-    """Topics that the node /record has a connection to a publisher of."""
+    """Topics for which the node /record is connected to a publisher."""
     try:
         _, _, connections = ServerProxy(master.lookupNode("/record")).getBusInfo("/check")
     except (rosgraph.MasterException, OSError):     # not there yet
@@ -39,7 +39,7 @@ def recorded(master):
 
 
 class Shutdown(unittest.TestCase):
-    """Every run has a master of its own; the nodes alone use the test's."""
+    """Every run has a master of its own; nodes started alone use that of the test."""
 
     def setUp(self):
         self.folder = tempfile.mkdtemp()
@@ -57,7 +57,7 @@ class Shutdown(unittest.TestCase):
         master = rosgraph.Master(rospy.get_name(), master_uri="http://127.0.0.1:%d" % port)
         wait_until(lambda: RECORDED <= recorded(master), "rosbag to be connected to %s" % sorted(RECORDED))
         lines = run.text.count(PROGRESS)
-        # the first may be said in the very moment of the start, the second follows two seconds later
+        # the first may be logged at the start itself, the second follows two seconds later
         wait_until(lambda: run.text.count(PROGRESS) >= lines + 2, "the robot to report its progress twice more")
         return run, bag
 
@@ -81,13 +81,13 @@ class Shutdown(unittest.TestCase):
     def test_interrupt_ends_experiment_and_closes_the_bag(self):
         self.assert_clean_end(*self.start_run(program("m2wr_sim", "experiment"), "--port"))
 
-    def test_interrupt_ends_an_experiment_that_is_being_started(self):
+    def test_interrupt_ends_an_experiment_during_its_start(self):
         for words in ("started roslaunch server", "auto-starting new master", "process[gazebo-"):
             run = Running([program("m2wr_sim", "experiment"), "--port", str(free_port()), "m2wr_sim", "sim.launch"])
             self.addCleanup(run.__exit__)
             run.wait_for_text(words)
             code, seconds = run.end(signal.SIGINT)
-            self.assertIn(code, (0, 130), run.text)         # 0: by the time it heard of it, all was started
+            self.assertIn(code, (0, 130), run.text)         # 0: the start had ended when the signal arrived
             self.assertLess(seconds, limit(), run.text)
             self.assertEqual(marked(run.mark), {})
             self.assertNotIn("m2wr_tools/runs/experiment.py", run.text)        # no traceback
@@ -100,9 +100,9 @@ class Shutdown(unittest.TestCase):
         self.addCleanup(run.__exit__)
         wait_until(lambda: any(command in line for line in marked(run.mark).values()), "the launch file's command")
         run.process.send_signal(signal.SIGINT)
-        with self.assertRaises(subprocess.TimeoutExpired):      # it waits for its start to come to an end
+        with self.assertRaises(subprocess.TimeoutExpired):      # it waits for the end of its start
             run.process.wait(6.0)
-        for _ in range(5):                                      # a busy machine may have noted the first one late
+        for _ in range(5):                                      # a busy machine may have handled the first one late
             run.process.send_signal(signal.SIGINT)
             try:
                 run.process.wait(3.0)
@@ -119,11 +119,11 @@ class Shutdown(unittest.TestCase):
         node.wait_for_text("is ready")
         return node
 
-    def test_signals_end_the_node_well(self):
+    def test_signals_end_the_node_cleanly(self):
         for number in (signal.SIGINT, signal.SIGTERM):
             for arguments in ([], ["_paused:=true"], ["_real_time_factor:=0"]):
                 if rospy.has_param("/gazebo"):
-                    rospy.delete_param("/gazebo")       # of the node before
+                    rospy.delete_param("/gazebo")       # of the previous node
                 node = self.start_node(*arguments)
                 Simulation().models()
                 code, seconds = node.end(number)
@@ -132,7 +132,7 @@ class Shutdown(unittest.TestCase):
                 for words in ("Traceback", "Exception", "ERROR", "FATAL"):
                     self.assertNotIn(words, node.text)
 
-    def test_rosnode_kill_ends_the_node_well(self):
+    def test_rosnode_kill_ends_the_node_cleanly(self):
         node = self.start_node("_real_time_factor:=5", "_pub_clock_frequency:=0")
         clock = Recorder("/clock", Clock).connected()
         clock.next(10)
@@ -143,7 +143,7 @@ class Shutdown(unittest.TestCase):
             self.assertNotIn(words, node.text)
         clock.close()
 
-    def test_a_second_simulation_is_refused_and_the_first_goes_on(self):
+    def test_a_second_simulation_is_refused_and_the_first_continues(self):
         first = self.start_node()
         simulation = Simulation()
         done = run_program([program("m2wr_sim", "m2wr_sim_node")])
@@ -154,7 +154,7 @@ class Shutdown(unittest.TestCase):
         simulation.run_for(0.2)
         self.assertEqual(first.end(signal.SIGTERM)[0], 0, first.text)
 
-    def test_a_simulation_that_was_killed_does_not_stand_in_the_way_of_the_next(self):
+    def test_a_killed_simulation_does_not_block_the_next(self):
         first = self.start_node()
         first.end(signal.SIGKILL)
         second = self.start_node()

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""slam_gmapping's names, latching, timing and manners, and its maps against the world they were made in."""
+"""slam_gmapping: names, latching, timing, error handling, and its maps compared with the true world."""
 import json
 import math
 import os
@@ -34,7 +34,7 @@ TOUR = [(0.05 * k, 0.0, 0.0) for k in range(16)] + [(0.75, 0.0, 0.1 * k) for k i
 
 
 class SlamGmapping(unittest.TestCase):
-    """Every test starts a node of its own; time goes on from one to the next."""
+    """Every test starts a node of its own; time continues from one to the next."""
 
     @classmethod
     def setUpClass(cls):
@@ -42,13 +42,13 @@ class SlamGmapping(unittest.TestCase):
         cls.robot.mount()
 
     def setUp(self):
-        self.robot.now += 100.0             # nothing of one test reaches into the next
+        self.robot.now += 100.0             # separates the tests
         if rospy.has_param("/slam_gmapping"):
             rospy.delete_param("/slam_gmapping")
         self.robot.mount()
 
     def newest_map(self, condition=lambda _: True, what="a map"):
-        """Return the newest map once it fits."""
+        """Return the newest map that meets a condition."""
         recorder = Recorder("/map", OccupancyGrid)
         try:
             return recorder.wait(lambda messages: messages[-1] if condition(messages[-1]) else None, what)
@@ -57,7 +57,7 @@ class SlamGmapping(unittest.TestCase):
 
     # ---- names, latching, values
 
-    def test_before_the_first_scan_the_transform_is_the_identity_and_there_is_no_map(self):
+    def test_without_scans_the_transform_is_identity_and_no_map(self):
         with Mapping(self.robot, QUICK + ["_transform_publish_period:=0.1", "_tf_delay:=0.3"]):
             transforms = Recorder("/tf", TFMessage)
 
@@ -78,7 +78,7 @@ class SlamGmapping(unittest.TestCase):
             with self.assertRaisesRegex(rospy.ServiceException, "no map yet"):
                 rospy.ServiceProxy("/dynamic_map", GetMap)()
 
-    def test_a_drive_gives_the_map_of_its_world_on_all_topics(self):
+    def test_a_drive_gives_the_map_of_its_world(self):
         grids, infos = Recorder("/map", OccupancyGrid), Recorder("/map_metadata", MapMetaData)
         with Mapping(self.robot, QUICK + ["scan:=/scan"]) as node:
             answered = node.play("boxes_drive")
@@ -96,7 +96,7 @@ class SlamGmapping(unittest.TestCase):
             self.assertEqual(grid.info, infos.messages[-1])
             self.assertEqual((grid.info.width % 32, grid.info.height % 32), (0, 0))
             self.assertLessEqual(set(grid.data), {-1, 0, 100})
-            late = Recorder("/map", OccupancyGrid)      # latched: also for who comes afterwards
+            late = Recorder("/map", OccupancyGrid)      # latched: also for a later subscriber
             late.wait(lambda messages: messages[-1] == grid, "the latched map")
             late.close()
             apart = walls_apart(grid, plane_geometry.read_boxes(data_path("boxes.world")))
@@ -118,13 +118,13 @@ class SlamGmapping(unittest.TestCase):
         grids.close()
         infos.close()
 
-    def test_the_pose_follows_the_truth_where_the_odometry_does_not(self):
+    def test_the_estimated_pose_corrects_the_odometry(self):
         with Mapping(self.robot, QUICK) as node:
             robot = self.robot
             answer = None
             for x, y, yaw in TOUR:
                 robot.tell_time(robot.now + 0.1)
-                robot.stand((1.05 * x, y + 0.03 * x, 0.95 * yaw))       # wheels that are not what they should be
+                robot.stand((1.05 * x, y + 0.03 * x, 0.95 * yaw))       # wheels with wrong parameters
                 scan = robot.look((x, y, yaw))
                 answer = node.wait_for_pose(scan.header.stamp)
             error = xyt(answer) - TOUR[-1]
@@ -146,15 +146,15 @@ class SlamGmapping(unittest.TestCase):
             apart = walls_apart(grid, ROOM)
             self.assertGreater(np.mean(apart <= 1.5 * CELL), 0.99, np.sort(apart)[-10:])
 
-    def test_an_upside_down_laser_beside_the_middle_with_a_lopsided_scan(self):
-        # turned by pi about x: its axes y and z point the other way
+    def test_an_inverted_off_centre_laser_with_an_asymmetric_scan(self):
+        # rotated by pi about x: its axes y and z are reversed
         self.laser_gives_the_room(mount=(0.1, 0.2, 0.0), quaternion=(1.0, 0.0, 0.0, 0.0), upside_down=True,
                                   angle_min=-0.6, increment=math.pi / 120, count=200)
 
     def test_a_laser_that_looks_backwards_and_scans_clockwise(self):
         self.laser_gives_the_room(mount=(-0.2, 0.0, math.pi), angle_min=2.0, increment=-math.pi / 90, count=230)
 
-    def test_a_full_turn_of_four_thousand_beams(self):
+    def test_a_360_degree_scan_of_4000_beams(self):
         self.laser_gives_the_room(angle_min=-math.pi, increment=2.0 * math.pi / 4000, count=4000)
 
     # ---- what is missing or wrong
@@ -170,7 +170,7 @@ class SlamGmapping(unittest.TestCase):
             self.robot.tick((0.0, 0.0, 0.0))
             node.wait_for_text("the transform body -> sensor_laser")
 
-    def test_parameters_of_any_kind_are_taken_and_unknown_ones_named_once(self):
+    def test_parameters_of_any_type_work_and_unknown_ones_are_named(self):
         rospy.set_param("/slam_gmapping/speed_of_light", 3)
         rospy.set_param("/slam_gmapping/sigma", "wide")
         with Mapping(self.robot, QUICK + ["_particles:=12.4", "_maxUrange:=6", "_iterations:=5.0"]) as node:
@@ -188,7 +188,7 @@ class SlamGmapping(unittest.TestCase):
             self.assertEqual(done.returncode, 1, words)
             self.assertIn("expected", done.stdout + done.stderr, words)
 
-    def test_scans_that_make_no_sense_are_refused_and_the_node_goes_on(self):
+    def test_invalid_scans_are_refused_and_the_node_continues(self):
         with Mapping(self.robot, QUICK) as node:
             node.drive(TOUR[:8])
             robot, pose = self.robot, TOUR[7]
@@ -212,7 +212,7 @@ class SlamGmapping(unittest.TestCase):
             self.assertGreaterEqual(int(values["refused"]), 3)
             self.assertGreater(int(values["processed"]), 5)
 
-    def test_a_score_that_cannot_be_reached_is_told_once(self):
+    def test_an_unreachable_minimum_score_is_reported_once(self):
         with Mapping(self.robot, QUICK + ["_minimumScore:=200"]) as node:
             node.drive(TOUR[:10])
             self.assertEqual(node.text.count("minimumScore 200 can never be reached"), 1)
@@ -227,12 +227,12 @@ class SlamGmapping(unittest.TestCase):
             answer = node.drive(TOUR[:3])
             self.assertLess(np.abs(xyt(answer) - TOUR[2]).max(), 0.03)
             path = Recorder("/slam_gmapping/path", Path)
-            path.wait(lambda messages: len(messages[-1].poses) == 1, "a path that begins anew")
+            path.wait(lambda messages: len(messages[-1].poses) == 1, "a path that starts again")
             path.close()
             self.assertEqual(node.text.count("jumped back"), 1)
             robot.now += 60.0
 
-    def test_scans_are_left_out_while_the_robot_settles(self):
+    def test_scans_are_skipped_while_the_robot_settles(self):
         with Mapping(self.robot, QUICK + ["_settle_time:=0.45"]) as node:
             for _ in range(5):
                 self.robot.tick((0.3, 0.0, 0.0))
@@ -301,7 +301,7 @@ class SlamGmapping(unittest.TestCase):
         shown = np.frombuffer(picture[-cells.size:], np.uint8).reshape(cells.shape)
         np.testing.assert_array_equal(cells, np.select([shown == 254, shown == 0], [0, 100], -1))
 
-    def test_the_replay_is_a_node_where_its_map_is_asked_for(self):
+    def test_the_replay_publishes_its_map_as_a_node(self):
         rospy.set_param("/slam_gmapping/particles", 12)         # as a launch file sets it
         with tempfile.TemporaryDirectory() as folder:
             bag, saved, asked = (os.path.join(folder, name) for name in ("drive.bag", "saved", "asked"))

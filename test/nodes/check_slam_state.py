@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Saving, loading and beginning on maps with a live slam_gmapping, and frames with a prefix."""
+"""Saving and loading the state, starting on a saved map, and frames with a prefix, with a running slam_gmapping."""
 import os
 import signal
 import sys
@@ -44,7 +44,7 @@ def newest_map():
 
 
 def first_map():
-    """Wait for a map, which is made beside the scans, and return it as the service has it."""
+    """Wait for a map, which is made in a thread of its own, and return the service's copy."""
     found = []
 
     def answered():
@@ -58,7 +58,7 @@ def first_map():
 
 
 class SlamState(unittest.TestCase):
-    """Every test starts nodes of its own; time goes on from one to the next."""
+    """Every test starts nodes of its own; time continues from one to the next."""
 
     @classmethod
     def setUpClass(cls):
@@ -87,7 +87,7 @@ class SlamState(unittest.TestCase):
         with open(self.path(name + ".pgm"), "rb") as stream:
             return stream.read()
 
-    def test_going_on_from_a_state_gives_the_map_of_a_run_without_a_break(self):
+    def test_a_resumed_run_gives_the_map_of_an_uninterrupted_run(self):
         def words(name):
             return self.words + ["_save_on_exit:=" + self.path(name)]
         with Mapping(self.robot, words("a")) as node:
@@ -97,14 +97,14 @@ class SlamState(unittest.TestCase):
             self.assertIn(self.path("half.state"), answer.message)
             whole = xyt(node.drive(TOUR[HALF:]))
             picture = self.ended_map(node, "a")
-        # a node that begins with it
+        # a node that starts with it
         with Mapping(self.robot, words("b") + ["_state_file:=" + self.path("half.state")]) as node:
             grid = newest_map()                             # before there was any scan
             apart = walls_apart(grid, ROOM)
             self.assertGreater(np.mean(apart <= 1.5 * CELL), 0.99)
             np.testing.assert_array_equal(xyt(node.drive(TOUR[HALF:])), whole)
             self.assertEqual(self.ended_map(node, "b"), picture)
-        # a node that loads it on the way, and saves and loads once more
+        # a node that loads it during the run, and saves and loads again
         with Mapping(self.robot, words("c") + ["_state_file:=" + self.path("none.state")]) as node:
             self.assertIn("there is no state", node.text)
             node.drive(TOUR[3:9])
@@ -119,7 +119,7 @@ class SlamState(unittest.TestCase):
             path.close()
             self.assertEqual(self.ended_map(node, "c"), picture)
 
-    def test_an_odometry_that_begins_anew_goes_on_where_the_robot_stood(self):
+    def test_a_restarted_odometry_continues_from_the_last_pose(self):
         with Mapping(self.robot, self.words) as node:
             node.drive(TOUR[:HALF])
             self.assertTrue(state_service("save", self.path("half.state")).success)
@@ -131,9 +131,9 @@ class SlamState(unittest.TestCase):
                 robot.stand(tuple(np.array(pose) - begin))          # the heading is 0 at the break: a plain difference
                 answer = node.wait_for_pose(robot.look(pose).header.stamp)
             self.assertLess(np.abs(xyt(answer) - TOUR[-1]).max(), 0.03)
-            node.wait_for_text("begun anew")
+            node.wait_for_text("from that of the state")
 
-    def test_what_cannot_be_saved_or_loaded_is_told_and_changes_nothing(self):
+    def test_failed_saves_and_loads_are_reported_and_change_nothing(self):
         with open(self.path("text.state"), "w") as stream:
             stream.write("no state")
         with Mapping(self.robot, self.words) as node:
@@ -154,16 +154,16 @@ class SlamState(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn("expected a state", done.stdout + done.stderr)
 
-    def test_a_state_of_another_laser_is_refused_and_said(self):
+    def test_a_state_of_another_laser_is_refused_with_a_message(self):
         with Mapping(self.robot, self.words) as node:
             node.drive(TOUR[:3])
             self.assertTrue(state_service("save", self.path("a.state")).success)
         with Mapping(self.robot, self.words + ["_state_file:=" + self.path("a.state")]) as node:
             self.robot.tick(TOUR[3], count=91)
             node.wait_for_text("91 beams")
-            node.drive(TOUR[3:5])                           # the right one goes on
+            node.drive(TOUR[3:5])                           # the right laser continues
 
-    def test_beginning_on_a_saved_map(self):
+    def test_start_on_a_saved_map(self):
         with Mapping(self.robot, self.words + ["_save_on_exit:=" + self.path("plan")]) as node:
             node.drive(TOUR)
             self.ended_map(node, "plan")
@@ -184,7 +184,7 @@ class SlamState(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn("none.yaml: No such file", done.stdout + done.stderr)
 
-    def test_a_robot_that_is_far_away_at_once_leaves_a_map_of_bounded_size_and_is_told(self):
+    def test_a_jump_of_the_pose_leaves_a_map_of_bounded_size(self):
         with Mapping(self.robot, self.words) as node:
             node.drive(TOUR[:3])
             robot = self.robot
@@ -201,13 +201,13 @@ class SlamState(unittest.TestCase):
         self.robot.prefix = "r1/"
         self.robot.mount()
         with Mapping(self.robot, self.words) as node:
-            transforms = Recorder("/tf", TFMessage)     # not before: the robot takes the first listener for the node
+            transforms = Recorder("/tf", TFMessage)     # not earlier: the robot takes the first subscriber for the node
             answer = node.drive(TOUR[:3])
             self.assertEqual(answer.header.frame_id, "r1/map")
             self.assertEqual(first_map().header.frame_id, "r1/map")
 
             def sent():
-                self.robot.tell_time(self.robot.now + 0.02)     # it is sent as time goes on
+                self.robot.tell_time(self.robot.now + 0.02)     # it is sent as time advances
                 return any((entry.header.frame_id, entry.child_frame_id) == ("r1/map", "r1/odom")
                            for message in transforms.messages for entry in message.transforms)
             wait_until(sent, "the transform r1/map -> r1/odom")
@@ -216,7 +216,7 @@ class SlamState(unittest.TestCase):
         with Mapping(self.robot, self.words + ["_odom_frame:=r1/odom", "_map_frame:=/plan"]) as node:
             self.assertEqual(node.drive(TOUR[:3]).header.frame_id, "plan")
 
-    def test_diagnostics_tell_what_the_mapper_does_and_which_transform_is_missing(self):
+    def test_diagnostics_report_the_mapper_and_missing_transforms(self):
         def status(fits, what):
             recorder = Recorder("/diagnostics", DiagnosticArray)
             try:
@@ -227,7 +227,7 @@ class SlamState(unittest.TestCase):
                 recorder.close()
         with Mapping(self.robot, self.words) as node:
             self.robot.tell_time(self.robot.now + 0.1)
-            self.robot.look(TOUR[0])        # before the first transform, as where a laser begins before the odometry
+            self.robot.look(TOUR[0])        # before the first transform: a laser may start before the odometry
             node.drive(TOUR)
             found = status(lambda entry: any((value.key, value.value) == ("scans", str(len(TOUR) + 1))
                                              for value in entry.values), "diagnostics after the drive")

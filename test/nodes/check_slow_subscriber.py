@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A subscriber that does not read loses its own messages only: the simulation and everybody else go on."""
+"""A subscriber that does not read loses only its own messages: the simulation and all other nodes continue."""
 import os
 import shutil
 import signal
@@ -30,18 +30,18 @@ PERIOD_NS = 50000000
 
 
 def simulation_node():
-    """The node's slave interface."""
+    """The slave API of the node."""
     return ServerProxy(rosgraph.Master(rospy.get_name()).lookupNode(NODE))
 
 
 def subscribers(topic):
-    """Names of those whom the simulation has a connection to on a topic."""
+    """Names of the nodes to which the simulation is connected on a topic."""
     return {entry[1] for entry in simulation_node().getBusInfo("/check")[2]
             if entry[2] == "o" and entry[4] == topic and entry[5]}
 
 
 class Stuck:
-    """A subscriber that says who it is and then never reads, as a host does that has vanished from the net."""
+    """A subscriber that sends its header and then never reads, like a host that lost its network."""
 
     def __init__(self, name, topic, kind):
         _, _, (_, address, port) = simulation_node().requestTopic(name, topic, [["TCPROS"]])
@@ -49,7 +49,7 @@ class Stuck:
         rosgraph.network.write_ros_handshake_header(self.socket, {
             "callerid": name, "topic": topic, "type": kind._type, "md5sum": kind._md5sum,
             "message_definition": kind._full_text, "tcp_nodelay": "1"})
-        # byte by byte: what comes right behind the header is the first message
+        # byte by byte: right after the header comes the first message
         self.header = rosgraph.network.read_ros_handshake_header(self.socket, BytesIO(), 1)
 
 
@@ -75,7 +75,7 @@ class SlowSubscriber(unittest.TestCase):
         return program
 
     def dropped(self, peer):
-        """The newest count of messages dropped for a peer, 0 for none."""
+        """The newest number of messages dropped for a peer."""
         if not self.diagnostics.messages:
             return 0
         values = {value.key: value.value for value in self.diagnostics.messages[-1].status[0].values}
@@ -108,7 +108,7 @@ class SlowSubscriber(unittest.TestCase):
             children = stream.read().split()
         return int(children[0]) if children else recorder.process.pid
 
-    def test_who_comes_late_and_never_reads_on_gets_the_markers_and_stops_nothing(self):
+    def test_a_late_subscriber_that_does_not_read_blocks_nothing(self):
         late = [Stuck("/late_viewer_%d" % number, "/gazebo/world_markers", MarkerArray) for number in range(2)]
         for viewer in late:
             self.addCleanup(viewer.socket.close)
@@ -123,7 +123,7 @@ class SlowSubscriber(unittest.TestCase):
         self.scans.clear()
         self.scans.next()
 
-    def test_a_stopped_process_loses_messages_and_nobody_else_does(self):
+    def test_only_the_stopped_process_loses_messages(self):
         recorder, name, bag = self.start_recorder()
         process = self.record_process(recorder)
         self.scans.clear()
@@ -138,7 +138,7 @@ class SlowSubscriber(unittest.TestCase):
         last = self.scans.next()[-1].header.seq
         self.assertGreater(begun, 0)
         size = os.path.getsize(bag + ".active")
-        wait_until(lambda: os.path.getsize(bag + ".active") > size + 5000000, "the recorder to read on")
+        wait_until(lambda: os.path.getsize(bag + ".active") > size + 5000000, "the recorder to read again")
         self.scans.next(100)
         os.kill(process, signal.SIGINT)
         self.assertEqual(recorder.wait(), 0, recorder.text)
@@ -160,7 +160,7 @@ class SlowSubscriber(unittest.TestCase):
         wait_until(lambda: self.dropped("those that have left") > 0, "its losses among those that have left")
         self.assert_nothing_was_missed_here(self.scans.next(200))
 
-    def test_a_peer_that_vanished_holds_up_nobody(self):
+    def test_an_unreachable_peer_blocks_no_other(self):
         stuck = Stuck("/vanished", SCAN, LaserScan)
         self.addCleanup(stuck.socket.close)
         self.assertEqual(stuck.header["callerid"], NODE)
@@ -172,20 +172,20 @@ class SlowSubscriber(unittest.TestCase):
         wait_until(lambda: "/vanished" not in subscribers(SCAN), "the closed connection to go")
         self.assert_nothing_was_missed_here(self.scans.next(200))
 
-    def test_a_newcomer_that_does_not_say_who_it_is_keeps_nobody_out(self):
-        """rospy would wait for it for a minute, in the one thread that lets others in."""
+    def test_a_silent_peer_blocks_no_other_connection(self):
+        """rospy would wait for it for a minute, in the only thread that accepts connections."""
         _, _, (_, address, port) = simulation_node().requestTopic("/silent", SCAN, [["TCPROS"]])
         for begun in (b"", b"\xff\xff", struct.pack("<I", 1000) + b"callerid="):
-            newcomer = socket.create_connection((address, port), PATIENCE)
-            self.addCleanup(newcomer.close)
-            newcomer.sendall(begun)
+            silent = socket.create_connection((address, port), PATIENCE)
+            self.addCleanup(silent.close)
+            silent.sendall(begun)
         started = time.monotonic()
-        other = Stuck("/behind_the_silent", SCAN, LaserScan)
+        other = Stuck("/behind_silent", SCAN, LaserScan)
         self.addCleanup(other.socket.close)
         self.assertEqual(other.header["topic"], SCAN)
         self.assertLess(time.monotonic() - started, 20.0)
 
-    def test_the_node_ends_no_connection_of_a_healthy_subscriber_and_counts_for_it(self):
+    def test_connections_of_healthy_subscribers_stay_and_are_counted(self):
         before = time.monotonic()
         scans = self.scans.next(200)
         self.assertLess(time.monotonic() - before, PATIENCE)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""spawn_urdf_model, spawn_sdf_model and delete_model: texts, poses, namespaces, respawn, and what they refuse."""
+"""spawn_urdf_model, spawn_sdf_model and delete_model: texts, poses, namespaces, respawn, and refusals."""
 import math
 import os
 import sys
@@ -24,7 +24,7 @@ AT_ONCE = 5.0           # s; without simulated time to wait for, an answer takes
 
 
 class Spawn(unittest.TestCase):
-    """Every case begins with an empty world that runs."""
+    """Every case begins with an empty, unpaused world."""
 
     @classmethod
     def setUpClass(cls):
@@ -39,7 +39,7 @@ class Spawn(unittest.TestCase):
         self.simulation.delete_all()
 
     def refusal(self, *arguments, **options):
-        """Spawn what the service itself must fail at; returns the text of the failure."""
+        """Spawn a model for which the call itself must fail; returns the text of the failure."""
         with self.assertRaises(rospy.ServiceException) as caught:
             self.simulation.spawn(*arguments, **options)
         return str(caught.exception)
@@ -66,19 +66,19 @@ class Spawn(unittest.TestCase):
         self.assertEqual(self.simulation.models(), ["ground_plane", "m2wr", "crate"])
         answer = self.simulation.call("delete_model", "m2wr")
         self.assertEqual((answer.success, answer.status_message), (True, "DeleteModel: successfully deleted model"))
-        for name in ("m2wr", "nobody", ""):
+        for name in ("m2wr", "no_such_model", ""):
             answer = self.simulation.call("delete_model", name)
             self.assertEqual((answer.success, answer.status_message), (False, "DeleteModel: model does not exist"))
         self.assertEqual(self.simulation.models(), ["ground_plane", "crate"])
 
-    def test_text_that_is_no_robot_makes_the_call_fail(self):
+    def test_invalid_xml_makes_the_call_fail(self):
         for text in ("", "hello", self.crate):
             self.assertIn("SpawnModel: Failure - entity format is invalid.", self.refusal("m2wr", text))
         self.assertIn("urdf reference package name does not exist: no_such_package",
                       self.refusal("m2wr", data_text("bad", "unknown_package.urdf")))
         self.assertEqual(self.simulation.models(), ["ground_plane"])
 
-    def test_text_that_is_neither_is_answered_with_gazebos_bytes_and_the_log_has_the_reason(self):
+    def test_unreadable_xml_gives_gazebos_text_and_a_logged_reason(self):
         self.log.clear()
         for text in ("", "hello", "<html/>"):
             answer = self.simulation.spawn("bad", text, kind="sdf")
@@ -89,7 +89,7 @@ class Spawn(unittest.TestCase):
         self.assertEqual(self.simulation.spawn("m2wr", self.urdf, kind="sdf").status_message, SPAWNED)
         self.assertIn("/odom", self.topics())
 
-    def test_bad_descriptions_are_refused_with_element_and_expectation(self):
+    def test_bad_descriptions_are_refused_and_the_element_is_named(self):
         for name, words in (("no_links.urdf", ("robot", "at least one <link>")),
                             ("limit_without_effort.urdf", ("shoulder", "effort", "expected")),
                             ("negative_mass.urdf", ("base", "mass is -5", "expected a positive mass")),
@@ -103,7 +103,7 @@ class Spawn(unittest.TestCase):
             self.assertNotIn("Traceback", answer.status_message)
         self.assertEqual(self.simulation.models(), ["ground_plane"])
 
-    def test_plugin_of_a_missing_joint_is_named_and_the_rest_goes_on(self):
+    def test_a_plugin_without_its_joint_is_named_and_the_rest_runs(self):
         self.log.clear()
         answer = self.simulation.spawn("bad", data_text("bad", "missing_joint.urdf"))
         self.assertEqual((answer.success, answer.status_message), (True, SPAWNED))
@@ -128,7 +128,7 @@ class Spawn(unittest.TestCase):
         return answer.pose
 
     def assert_pose(self, name, expected):
-        """Compare x, y, z, yaw; what is spawned passes through text of six digits in Gazebo, hence 1e-5."""
+        """Compare x, y, z, yaw; Gazebo writes a spawned pose as text of six digits, hence 1e-5."""
         pose = self.pose_of(name)
         for found, wanted in zip(xyz(pose.position) + (yaw_of(pose.orientation),), expected):
             self.assertAlmostEqual(found, wanted, delta=1e-5)
@@ -163,7 +163,7 @@ class Spawn(unittest.TestCase):
                                        ("", self.urdf, "/m2wr"), ("robot1", tagged, "/own")):
             answer = self.simulation.spawn("m2wr", xml, namespace=namespace)
             self.assertTrue(answer.success, answer.status_message)
-            # joint states are no plugin of the description, so the tag of the drive does not move them
+            # joint states do not come from a plugin of the description, so the tag of the drive does not change them
             states = {"/own": "/robot1"}.get(prefix, prefix)
             self.assertEqual(self.topics(), sorted([prefix + "/cmd_vel", prefix + "/odom", states + "/joint_states",
                                                     "/m2wr/laser/scan"]), namespace)

@@ -36,7 +36,7 @@ MISUSE = (
     ROBOT + ["m", "-no_such_option"],
     ["-urdf", "-database", "can", "-model", "m"],
 )
-UNUSABLE = (        # arguments, standard input, what must be said
+UNUSABLE = (        # arguments, standard input, words of the message
     (["-urdf", "-file", "/no/such/robot.urdf", "-model", "bad"], None, ["/no/such/robot.urdf"]),
     (["-urdf", "-file", data_path("bad", "empty.urdf"), "-model", "bad"], None, ["empty.urdf", "is empty"]),
     (["-urdf", "-param", "no_such_parameter", "-model", "bad"], None, ["no_such_parameter", "not set"]),
@@ -58,7 +58,7 @@ UNUSABLE = (        # arguments, standard input, what must be said
 
 
 def turned(axis, angle):
-    """Return the quaternion (x, y, z, w) of a turn about x, y or z."""
+    """Return the quaternion (x, y, z, w) of a rotation about x, y or z."""
     parts = [0.0, 0.0, 0.0, math.cos(0.5 * angle)]
     parts["xyz".index(axis)] = math.sin(0.5 * angle)
     return parts
@@ -72,7 +72,7 @@ def product(a, b):
 
 
 class SpawnCommand(unittest.TestCase):
-    """Every case begins with an empty world that runs."""
+    """Every case begins with an empty, unpaused world."""
 
     @classmethod
     def setUpClass(cls):
@@ -97,7 +97,7 @@ class SpawnCommand(unittest.TestCase):
 
     # ---- exit codes --------------------------------------------------------------------------------------------
 
-    def test_misuse_ends_with_2_before_ros_is_asked(self):
+    def test_wrong_usage_exits_with_2_without_ros(self):
         nowhere = {"ROS_MASTER_URI": "http://127.0.0.1:1"}
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             results = pool.map(lambda words: self.run_command(words, environment=nowhere), MISUSE)
@@ -106,7 +106,7 @@ class SpawnCommand(unittest.TestCase):
                 self.assertIn("usage: spawn_model", done.stderr)
                 self.assertNotIn("Traceback", done.stderr)
 
-    def test_what_cannot_be_spawned_ends_with_1(self):
+    def test_unusable_models_exit_with_1(self):
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             results = pool.map(lambda case: self.run_command(case[0], case[1]), UNUSABLE)
             for (arguments, _, words), done in zip(UNUSABLE, results):
@@ -120,7 +120,7 @@ class SpawnCommand(unittest.TestCase):
 
     # ---- sources -----------------------------------------------------------------------------------------------
 
-    def test_parameter_with_pose_says_what_it_does_in_order(self):
+    def test_parameter_with_pose_logs_its_steps_in_order(self):
         self.simulation.call("pause_physics")
         done = self.run_command(ROBOT + ["m2wr"] + "-x 1 -y -2 -z 3 -R 0.1 -P -0.2 -Y 0.7".split())
         self.assert_success(done)
@@ -180,7 +180,7 @@ class SpawnCommand(unittest.TestCase):
             self.assertIn(topic, published)
 
     def test_joint_positions_frame_and_namespace_of_the_simulation(self):
-        self.simulation.call("pause_physics")       # else the wheel rolls away from where it was put
+        self.simulation.call("pause_physics")       # otherwise the wheel would roll
         done = self.run_command(ROBOT + ["m2wr", "-z", "0.1", "-J", "joint_left_wheel", "1.5",
                                          "-J", "joint_right_wheel", "-0.5", "-gazebo_namespace", "/gazebo",
                                          "-reference_frame", "ground_plane"])

@@ -30,7 +30,7 @@ DONE = "SetModelState: set model state done"
 
 
 class State(unittest.TestCase):
-    """Every case begins with m2wr at the origin and time standing still."""
+    """Every case begins paused, with m2wr at the origin."""
 
     @classmethod
     def setUpClass(cls):
@@ -56,7 +56,7 @@ class State(unittest.TestCase):
         return answer
 
     def assert_place(self, answer, expected):
-        """Compare x, y, z and yaw of an answer; double precision all the way, hence 1e-9."""
+        """Compare x, y, z and yaw of an answer; all computed in double precision, hence 1e-9."""
         found = xyz(answer.pose.position) + (yaw_of(answer.pose.orientation),)
         for have, want in zip(found, expected):
             self.assertAlmostEqual(have, want, delta=1e-9)
@@ -68,7 +68,7 @@ class State(unittest.TestCase):
     # ---- texts -------------------------------------------------------------------------------------------------
 
     def test_texts_of_failures(self):
-        answer = self.simulation.call("get_model_state", "nobody", "")
+        answer = self.simulation.call("get_model_state", "no_such_model", "")
         self.assertEqual((answer.success, answer.status_message), (False, "GetModelState: model does not exist"))
         for frame in ("nowhere", "odom", "default"):        # frames of tf and the world's own name are no entities
             answer = self.simulation.call("get_model_state", "m2wr", frame)
@@ -77,7 +77,8 @@ class State(unittest.TestCase):
                        "model name?"))
             self.assertEqual(self.put("m2wr", (0.0, 0.0, 0.1, 0.0), frame=frame),
                              (False, "SetModelState: specified reference frame entity does not exist"))
-        self.assertEqual(self.put("nobody", (0.0, 0.0, 0.1, 0.0)), (False, "SetModelState: model does not exist"))
+        self.assertEqual(self.put("no_such_model", (0.0, 0.0, 0.1, 0.0)),
+                         (False, "SetModelState: model does not exist"))
 
     def test_numbers_that_are_not_finite_are_refused(self):
         before = self.get("m2wr")
@@ -92,7 +93,7 @@ class State(unittest.TestCase):
         for name in ("counted", "apart"):
             self.assertTrue(self.simulation.spawn(name, data_text("crate.sdf"), kind="sdf").success)
         persistent = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState, persistent=True)
-        self.addCleanup(persistent.close)       # the same count whatever the connection
+        self.addCleanup(persistent.close)       # the count does not depend on the connection
         self.assertEqual([self.get("counted").header.seq for _ in range(3)], [1, 2, 3])
         self.assertEqual([persistent("apart", "").header.seq for _ in range(2)], [1, 2])
         self.assertEqual(persistent("counted", "nowhere").success, False)
@@ -156,12 +157,12 @@ class State(unittest.TestCase):
 
     # ---- topics ------------------------------------------------------------------------------------------------
 
-    def test_topic_sets_a_state_while_time_stands(self):
+    def test_a_topic_sets_a_state_while_paused(self):
         log = Recorder("/rosout", Log).connected()
         topic = rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=10)
         wait_until(lambda: topic.get_num_connections() > 0, "the simulation on /gazebo/set_model_state")
-        topic.publish(ModelState(model_name="nobody", pose=make_pose()))
-        log.wait(lambda messages: any("nobody" in m.msg and m.level >= Log.WARN for m in messages), "a line on nobody")
+        topic.publish(ModelState(model_name="no_such_model", pose=make_pose()))
+        log.wait(lambda messages: any("no_such_model" in m.msg and m.level >= Log.WARN for m in messages), "a warning")
         topic.publish(ModelState(model_name="m2wr", pose=make_pose(1.0, 1.0, 0.1, 1.0)))
         wait_until(lambda: abs(self.get("m2wr").pose.position.x - 1.0) < 1e-9, "m2wr at x = 1", 10.0)
         self.assert_place(self.get("m2wr"), (1.0, 1.0, 0.1, 1.0))
@@ -212,7 +213,7 @@ class State(unittest.TestCase):
         self.assertFalse(answer.is_static)
         answer = self.simulation.call("get_model_properties", "ground_plane")
         self.assertEqual((answer.body_names, answer.geom_names, answer.is_static), (["link"], ["collision"], True))
-        answer = self.simulation.call("get_model_properties", "nobody")
+        answer = self.simulation.call("get_model_properties", "no_such_model")
         self.assertEqual((answer.success, answer.status_message), (False, "GetModelProperties: model does not exist"))
 
     def configure(self, name, **positions):
@@ -220,14 +221,14 @@ class State(unittest.TestCase):
         return answer.success, answer.status_message
 
     def test_joint_positions(self):
-        self.assertEqual(self.configure("nobody"), (False, "SetModelConfiguration: model does not exist"))
+        self.assertEqual(self.configure("no_such_model"), (False, "SetModelConfiguration: model does not exist"))
         answer = self.simulation.call("set_model_configuration", "m2wr", "", ["joint_left_wheel"], [])
         self.assertEqual((answer.success, answer.status_message), (
             False, "SetModelConfiguration: joint name and position list have different lengths"))
         for position in (math.nan, 1e300):
             self.assertFalse(self.configure("m2wr", joint_left_wheel=position)[0])
         states = Recorder("/joint_states", JointState).connected()
-        # unknown joints are passed over; angles are cumulative, not wrapped
+        # unknown joints are ignored; angles are cumulative, not wrapped
         self.assertEqual(self.configure("m2wr", joint_left_wheel=7.5, joint_right_wheel=-0.25, no_such_joint=1.0),
                          (True, "SetModelConfiguration: success"))
         self.assert_place(self.get("m2wr"), (0.0, 0.0, 0.1, 0.0))

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Obstacles by command and by click are where the laser sees them; diagnostics and the doctor tell what is so."""
+"""Obstacles added by command and by click are seen by the laser; diagnostics and the doctor report the true state."""
 import contextlib
 import io
 import json
@@ -23,7 +23,7 @@ from m2wr_tools.obstacles.world import World
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sim_probe import Recorder, Simulation, program, run_checks, run_program, wait_until  # noqa: E402
 
-X, Y = 1.0, 2.0         # of the robot, which looks along x
+X, Y = 1.0, 2.0         # of the robot, which faces along x
 LASER = 0.15            # m from the robot's origin forward
 NOISE = 0.06            # m: six standard deviations of the report's laser
 
@@ -41,7 +41,7 @@ def process(name, *words):
 
 
 def tool(name, *words):
-    """Do what a tool does, in this process, which takes a tenth of the time."""
+    """Run a tool in this process, which takes a tenth of the time."""
     out, error, code = io.StringIO(), io.StringIO(), 0
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
         given = obstacle_commands.parse(name, [str(word) for word in words])
@@ -71,7 +71,7 @@ class Tools(unittest.TestCase):
         self.assertEqual(tool("delete_obstacle", "--all").returncode, 0)
 
     def sees(self, distance):
-        """Wait until the range ahead is that of something at a distance from the robot, inf for nothing."""
+        """Wait until the range ahead is that of an object at a distance from the robot, inf for no object."""
         def fits(messages):
             found = ahead(messages[-1])
             return found == distance if math.isinf(distance) else abs(found - (distance - LASER)) < NOISE
@@ -98,7 +98,7 @@ class Tools(unittest.TestCase):
         self.assertEqual(tool("add_obstacle", "wall", "--from", X + 4, Y - 3, "--to", X + 4, Y + 3).returncode, 0)
         self.sees(3.95)
 
-    def test_some_around_the_robot_and_again_the_same(self):
+    def test_random_obstacles_repeat_with_the_same_seed(self):
         words = ("random", "--near", "m2wr", "--count", 3, "--seed", 7, "--within", 3)
         first = tool("add_obstacle", *words)
         self.assertEqual(first.returncode, 0, first.stderr)
@@ -106,20 +106,20 @@ class Tools(unittest.TestCase):
         self.assertEqual(len(places), 3)
         for x, y in places:
             self.assertTrue(0.4 < math.hypot(x - X, y - Y) <= 3.01, places)
-        self.simulation.run_for(0.5)        # nothing is pushed
+        self.simulation.run_for(0.5)        # nothing moves
         pose = self.simulation.call("get_model_state", "m2wr", "").pose.position
         self.assertLess(math.hypot(pose.x - X, pose.y - Y), 0.01)
         tool("delete_obstacle", "--all")
         self.assertEqual(tool("add_obstacle", *words).stdout, first.stdout)
 
-    def test_what_cannot_be_is_refused(self):
+    def test_impossible_requests_are_refused(self):
         self.refused(tool("add_obstacle", "box", "--size", 1, -1, 1, "--at", 9, 9), "width", "-1")
-        self.refused(tool("add_obstacle", "box", "--near", "nobody"), '"nobody"', "m2wr")
+        self.refused(tool("add_obstacle", "box", "--near", "no_such_robot"), '"no_such_robot"', "m2wr")
         self.refused(tool("delete_obstacle", "m2wr"), "is a robot")
         self.refused(tool("move_obstacle", "nothing", "--at", 1, 1), '"nothing"')
         self.refused(tool("list_obstacles", "--gazebo-namespace", "/elsewhere"), "no simulation answers", "roslaunch")
 
-    def test_an_obstacle_inside_the_robot_is_warned_of(self):
+    def test_an_obstacle_inside_the_robot_gives_a_warning(self):
         done = tool("add_obstacle", "box", "--size", 0.1, 0.1, 0.02, "--at", X, Y)
         self.assertEqual(done.returncode, 0)
         self.assertIn("where the robot m2wr is", done.stderr)
@@ -134,20 +134,20 @@ class Tools(unittest.TestCase):
 
     def test_clicks_add_and_delete(self):
         self.clicks = rospy.Publisher("/clicked_point", PointStamped, queue_size=10)
-        wait_until(lambda: self.clicks.get_num_connections() > 0, "a listener for clicks")
-        self.clicked(math.nan, 0.0)         # is refused, and hurts nobody
-        self.clicked(X + 0.1, Y)            # in the robot: nothing
+        wait_until(lambda: self.clicks.get_num_connections() > 0, "a subscriber to clicks")
+        self.clicked(math.nan, 0.0)         # is refused, without further effect
+        self.clicked(X + 0.1, Y)            # in the robot: no effect
         self.clicked(X + 2.25, Y)
         wait_until(lambda: self.obstacles() == {"obstacle1"}, "an obstacle at the click, and only there")
         self.sees(2.0)
-        self.clicked(X + 2.1, Y + 0.05)     # on it
-        wait_until(lambda: not self.obstacles(), "its end")
+        self.clicked(X + 2.1, Y + 0.05)     # on the obstacle
+        wait_until(lambda: not self.obstacles(), "its deletion")
         self.clicked(3.25, 0.0, "link_chassis")
         wait_until(lambda: self.obstacles() == {"obstacle1"}, "an obstacle at a click in another frame")
         self.sees(3.0)
         self.clicks.unregister()
 
-    def test_diagnostics_tell_rates_and_no_faults(self):
+    def test_diagnostics_report_rates_and_no_faults(self):
         recorder = Recorder("/diagnostics", DiagnosticArray).connected()
 
         def told(messages):
@@ -166,7 +166,7 @@ class Tools(unittest.TestCase):
         self.assertGreater(int(simulation["steps"]), 1000)
         self.assertTrue(20 < float(simulation["memory [MB]"]) < 2000, simulation)
 
-    def test_reading_laser_ends_in_peace_when_nobody_reads_it(self):
+    def test_reading_laser_ends_cleanly_when_its_pipe_is_closed(self):
         with subprocess.Popen([sys.executable, program("motion_plan", "reading_laser.py")], stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE) as running:
             self.addCleanup(running.kill)
@@ -174,7 +174,7 @@ class Tools(unittest.TestCase):
             running.stdout.close()
             self.assertEqual((running.wait(30), running.stderr.read()), (0, b""))
 
-    def test_the_doctor_finds_a_healthy_robot_healthy_and_a_fault_faulty(self):
+    def test_the_doctor_passes_a_healthy_robot_and_finds_a_fault(self):
         done = process("doctor", "--json")
         told = json.loads(done.stdout)
         self.assertEqual(done.returncode, told["exit_code"])
@@ -184,7 +184,7 @@ class Tools(unittest.TestCase):
         for words in ("/m2wr/laser/scan", "sensor_laser hangs on odom", "all 4 links", "time: /clock of /gazebo"):
             self.assertIn(words, said)
 
-        scans = rospy.Publisher("/other_scan", LaserScan, queue_size=1)      # advertised, and nothing comes
+        scans = rospy.Publisher("/other_scan", LaserScan, queue_size=1)      # advertised, but no messages
         done = process("doctor", "--quiet")
         self.assertEqual(done.returncode, 2, done.stdout)
         self.assertIn("/other_scan is advertised, but no scan comes", done.stdout)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which way the robot turns under each wheel convention, and that it is told which."""
+"""The direction in which the robot turns with each wheel convention, and the message about it."""
 import math
 import os
 import sys
@@ -20,7 +20,7 @@ LEFT, RIGHT = 1, -1
 
 
 class Turning(unittest.TestCase):
-    """Robots that differ in nothing but name, convention and <legacyMode> side by side in one world."""
+    """Robots in one world that differ only in name, convention and <legacyMode>."""
 
     @classmethod
     def setUpClass(cls):
@@ -43,7 +43,7 @@ class Turning(unittest.TestCase):
             "<leftJoint>", "<wheelConvention>%s</wheelConvention><leftJoint>" % convention)
 
     def assert_turns(self, name, direction, xml=None):
-        """Spawn a robot, command RATE, and compare how far its yaw gets in one second with the closed form."""
+        """Spawn a robot, command RATE, and compare its change of yaw in one second with the closed form."""
         xml = xml or rospy.get_param("/robot_description")
         answer = self.simulation.spawn(name, xml, (0.0, 3.0 * next(self.places), 0.1, 0.0), name)
         self.assertTrue(answer.success, answer.status_message)
@@ -54,7 +54,7 @@ class Turning(unittest.TestCase):
         command.angular.z = RATE
         topic.publish(command)
         odometry.wait(lambda messages: abs(messages[-1].twist.twist.angular.z) > 0.9 * RATE, "a turning %s" % name)
-        first = odometry.next(10)[-1]       # half a second later the turn is steady
+        first = odometry.next(10)[-1]       # half a second later the rate is constant
         last = odometry.wait(lambda messages: (messages[-1].header.stamp - first.header.stamp).to_sec() >= 1.0
                              and messages[-1], "odometry one second later")
         seconds = (last.header.stamp - first.header.stamp).to_sec()
@@ -84,7 +84,7 @@ class Turning(unittest.TestCase):
         self.assert_turns("other", LEFT, self.as_described("kinetic"))
         self.assert_turns("m2wr", LEFT, self.as_described("noetic"))     # sim.launch has set the parameter
 
-    def test_any_other_name_has_noetics_mapping_and_turns_right(self):
+    def test_other_names_have_noetics_mapping_and_turn_right(self):
         self.assert_turns("other", RIGHT)
 
     def test_noetic_does_not_read_legacy_mode(self):
@@ -95,7 +95,7 @@ class Turning(unittest.TestCase):
         self.assert_turns("legacy_false", RIGHT, self.with_legacy_mode("false"))
         self.assert_turns("legacy_true", LEFT, self.with_legacy_mode("true"))
 
-    def test_rep103_goes_by_where_the_wheels_are(self):
+    def test_rep103_uses_the_positions_of_the_wheels(self):
         self.assert_turns("rep103", LEFT)
         self.assert_turns("rep103", LEFT, rospy.get_param("/swapped_description"))
 
@@ -103,7 +103,7 @@ class Turning(unittest.TestCase):
         self.assert_turns("other", LEFT, rospy.get_param("/swapped_description"))
 
     def test_one_line_at_spawn_names_sides_direction_and_setting(self):
-        # each line comes once in a process: wheels of another place make it another line
+        # each line is logged once in a process: other positions of the wheels make it another line
         xml = rospy.get_param("/robot_description").replace("0.20", "0.21")
         self.assertNotEqual(xml, rospy.get_param("/robot_description"))
         for name, level, words in (("m2wr", Log.INFO, ("kinetic", "counter-clockwise")),
@@ -118,7 +118,7 @@ class Turning(unittest.TestCase):
                 self.assertIn(word, lines[0].msg)
             self.simulation.call("delete_model", name)
 
-    def test_nothing_is_said_where_names_and_sides_agree(self):
+    def test_no_message_where_names_and_sides_agree(self):
         self.log.clear()
         xml = rospy.get_param("/swapped_description")
         self.assertTrue(self.simulation.spawn("other", xml, namespace="other").success)

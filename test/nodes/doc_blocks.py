@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Code blocks of Markdown documents, and the comments before them that say how a test runs them.
+"""Code blocks of Markdown documents, and the comments before them that set how a test runs them.
 
-A fenced block may have one line right before it::
+A code block may have one line right before it::
 
     <!-- run: background until "/odom" -->
 
 with one or more of these, separated by semicolons:
 
 ===========================  =========================================================================================
-(no comment)                 ``bash``: run to the end, exit code 0; ``python``: must compile; others: nothing
+(no comment)                 ``bash``: run to the end, exit code 0; ``python``: must compile; others: no check
 ``to the end``               run to the end, exit code 0
 ``expect "TEXT"``            the output holds this text
 ``code N``                   the exit code is N
 ``until "TEXT"``             press Ctrl-C when the output holds the text; ``/name``: when that topic has a message;
                              ``service /name``: when there is that service; ``file GLOB``: when there is such a file
-``background until "TEXT"``  go on with the next block when it does; what runs there is ended after the document
-``alone``                    press Ctrl-C first in every terminal where something runs
+``background until "TEXT"``  start the next block when it does; the program is ended after the document
+``alone``                    press Ctrl-C first in every terminal with a running program
 ``keys "TEXT"``              run in a terminal, and type this when ``until`` holds
 ``at most N s``              longer than the usual limit
 ``file NAME``                write the block into this file of the folder in which commands run
@@ -28,7 +28,7 @@ import re
 from dataclasses import dataclass, field
 from typing import List, Optional, Tuple
 
-FENCE = re.compile(r"^(```+)\s*([\w+-]*)\s*$")
+OPENING = re.compile(r"^(```+)\s*([\w+-]*)\s*$")
 COMMENT = re.compile(r"^<!-- run: (.*?) -->$")
 WORD = re.compile(r"""
     (?P<to_the_end>to[ ]the[ ]end) |
@@ -47,14 +47,14 @@ LIMIT = 300         # s of wall time a block may take; far above what is needed,
 
 
 class DocumentError(ValueError):
-    """A document that this module cannot make sense of; names file and line."""
+    """A document that this module cannot interpret; names file and line."""
 
 
 @dataclass
 class How:
-    """How a block is run; the names are those of the words in the comment."""
+    """How a block is run; the fields have the names of the words in the comment."""
 
-    checked: str = ""                   # the reason why it is only checked
+    checked: str = ""                   # why it is only checked
     until: Optional[str] = None
     background: bool = False
     expect: List[str] = field(default_factory=list)
@@ -69,7 +69,7 @@ class How:
 
 @dataclass
 class Block:
-    """One fenced block: where it begins, its language and text, and how it is run (None: nothing says)."""
+    """One code block: where it begins, its language and text, and how it is run (None: no comment)."""
 
     path: str
     line: int
@@ -79,7 +79,7 @@ class Block:
 
     @property
     def place(self):
-        """Where it stands, for messages."""
+        """File and line, for messages."""
         return "%s:%d" % (self.path, self.line)
 
     @property
@@ -91,7 +91,7 @@ class Block:
 
 
 def read_comment(text, place):
-    """Return the :class:`How` of the words of a comment; DocumentError if one is not known."""
+    """Return the :class:`How` of the words of a comment; DocumentError for an unknown word."""
     how = How()
     if text.startswith("only checked: "):
         how.checked = text[len("only checked: "):].strip()
@@ -114,49 +114,49 @@ def read_comment(text, place):
         how.gallery = how.gallery or "gallery" in found
         how.pictures += [tuple(found["picture"].split(" as "))] if "picture" in found else []
     if how.keys and not how.until:
-        raise DocumentError("%s: keys are typed when something holds; say until when" % place)
+        raise DocumentError("%s: keys need a condition; add an until" % place)
     return how
 
 
 def blocks_of(text, path):
-    """Return the fenced blocks of a Markdown text, in order.
+    """Return the code blocks of a Markdown text, in order.
 
     Parameters
     ----------
     text : str
     path : str
-        Where the text is from, for messages.
+        File of the text, for messages.
 
     Raises
     ------
     DocumentError
-        If a fence is never closed or names no language, if a comment is not understood, or stands before no block.
+        If a block is not closed or names no language, or if a comment is not understood or not followed by a block.
     """
     blocks, lines, number = [], text.splitlines(), 0
     how, how_line = None, 0
     while number < len(lines):
         line, number = lines[number], number + 1
-        comment, fence = COMMENT.match(line), FENCE.match(line)
-        if how is not None and fence is None:
-            raise DocumentError("%s:%d: a comment about running stands before no block" % (path, how_line))
+        comment, opening = COMMENT.match(line), OPENING.match(line)
+        if how is not None and opening is None:
+            raise DocumentError("%s:%d: a comment about running is not followed by a block" % (path, how_line))
         if comment:
             how, how_line = read_comment(comment.group(1), "%s:%d" % (path, number)), number
         elif line.startswith("<!-- run"):
             raise DocumentError("%s:%d: expected <!-- run: HOW -->, found %s" % (path, number, line))
-        elif fence:
-            if not fence.group(2):
-                raise DocumentError("%s:%d: a block names no language; text is one" % (path, number))
+        elif opening:
+            if not opening.group(2):
+                raise DocumentError("%s:%d: a block names no language; use text for plain text" % (path, number))
             start, body = number, []
-            while number < len(lines) and lines[number].rstrip() != fence.group(1):
+            while number < len(lines) and lines[number].rstrip() != opening.group(1):
                 body.append(lines[number])
                 number += 1
             if number == len(lines):
-                raise DocumentError("%s:%d: a block is never closed" % (path, start))
+                raise DocumentError("%s:%d: a block is not closed" % (path, start))
             number += 1
-            blocks.append(Block(path, start, fence.group(2), "".join(part + "\n" for part in body), how))
+            blocks.append(Block(path, start, opening.group(2), "".join(part + "\n" for part in body), how))
             how = None
         elif line.startswith("```"):
             raise DocumentError("%s:%d: expected ``` and a language, found %s" % (path, number, line))
     if how is not None:
-        raise DocumentError("%s:%d: a comment about running stands before no block" % (path, how_line))
+        raise DocumentError("%s:%d: a comment about running is not followed by a block" % (path, how_line))
     return blocks

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether what a documented command line names exists: packages, programs, launch files, their arguments, targets.
+"""Checks that everything a documented command names exists: packages, programs, launch files, arguments, targets.
 
-Nothing is run.  Words that only a run could judge (topics, files that an earlier command makes) are left alone.
+Nothing is run.  Words that only a run could check (topics, files that an earlier command makes) are ignored.
 """
 import functools
 import os
@@ -17,7 +17,7 @@ import roslib.packages
 import rospkg
 
 SHELL = {"cd", "export", "source", "echo", "test", "set", "true", "wait", "exit"}
-#: Programs that the documents may name although a machine that tests need not have them.
+#: Programs that the documents may name although a test machine need not have them.
 ELSEWHERE = {"sudo", "apt", "catkin_make", "ffmpeg"}
 _SEPARATORS = {"|", "||", "&&", ";", "&"}
 
@@ -56,7 +56,7 @@ def launch_file(package, name):
 
 
 def arguments_of(path):
-    """Return what a launch file declares and does not fix: ``{argument: has a default}``."""
+    """Return the arguments of a launch file that can be set: ``{argument: has a default}``."""
     return {tag.get("name"): tag.get("default") is not None for tag in ElementTree.parse(path).getroot().findall("arg")
             if tag.get("value") is None}
 
@@ -106,7 +106,7 @@ def loading_problem(path, arguments):
     Returns
     -------
     str or None
-        What roslaunch does not like, or the node whose program is not there.
+        The error of roslaunch, or the node whose program does not exist.
     """
     config = roslaunch.config.ROSLaunchConfig()
     try:
@@ -119,7 +119,7 @@ def loading_problem(path, arguments):
         except rospkg.ResourceNotFound:
             found = []
         if not found:
-            return "%s starts %s of %s, which is not there" % (os.path.basename(path), node.type, node.package)
+            return "%s starts %s of %s, which does not exist" % (os.path.basename(path), node.type, node.package)
     return None
 
 
@@ -147,7 +147,7 @@ def _options_problem(package, words, root):
         return None
     for option in (word.split("=")[0] for word in words if re.match(r"--[a-z]", word)):
         if not re.search(r"[\"']%s[\"']" % option, _sources(root)):
-            return "%s: nothing knows the option %s" % (package, option)
+            return "%s: no program has the option %s" % (package, option)
     return None
 
 
@@ -182,7 +182,7 @@ def problem_of(words, root):
     ----------
     words : list of str
     root : str
-        The workspace: relative names of programs and scripts count from here.
+        The workspace: relative names of programs and scripts start here.
     """
     name, rest = words[0], words[1:]
     if name in ("sudo", "time"):
@@ -211,6 +211,6 @@ def _module_problem(name):
 
 
 def problems_of(text, root):
-    """Return a list of what is wrong with a shell text, each with the command."""
+    """Return a list of the faults of a shell text, each with its command."""
     found = [(words, problem_of(words, root)) for words in commands_of(text)]
     return ["%s: %s" % (" ".join(words), problem) for words, problem in found if problem]

@@ -19,7 +19,7 @@ FIRST_LINES = "set -eo pipefail\n"
 
 
 class Terminal:
-    """One block, running; its output is kept.
+    """One running block; its output is kept.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Terminal:
             self.text += line.decode(errors="replace")
 
     def _fail(self, problem):
-        raise AssertionError("%s: %s\n%s\nit said:\n%s" % (self.block.place, problem, self.block.text, self.text))
+        raise AssertionError("%s: %s\n%s\noutput:\n%s" % (self.block.place, problem, self.block.text, self.text))
 
     def wait_for(self, what):
         """Wait for a text in the output, a message on ``/NAME``, ``service /NAME``, or ``file GLOB``."""
@@ -104,22 +104,22 @@ class Terminal:
         wait_until(there, "a service " + name, self.block.how.limit)
 
     def type(self, keys):
-        """Type some keys, with a moment between two."""
+        """Type some keys, with a pause between two."""
         for key in keys:
             os.write(self._keyboard, key.encode())
             time.sleep(0.2)
 
     def interrupt(self):
-        """Press Ctrl-C, once more if nothing comes of it, and wait for the end.
+        """Press Ctrl-C, again if it has no effect, and wait for the end.
 
-        A shell goes on when the command that just ran has ended by itself in the moment of the key.
+        A shell continues if its command ends by itself just when the key is pressed.
         """
         for _ in range(2):
             if self.process.poll() is None:
                 try:
                     os.killpg(self.process.pid, signal.SIGINT)
                     self.process.wait(ENDING)
-                except ProcessLookupError:          # ended in this very moment
+                except ProcessLookupError:          # ended just now
                     self.process.wait()
                 except subprocess.TimeoutExpired:
                     continue
@@ -128,7 +128,7 @@ class Terminal:
         self._reader.join(ENDING)
 
     def finish(self):
-        """Wait for the end and look at the exit code."""
+        """Wait for the end and check the exit code."""
         how = self.block.how
         limit, code = (how.limit, how.code) if how else (LIMIT, 0)
         try:
@@ -140,13 +140,13 @@ class Terminal:
             self._fail("ended with code %d, expected %d" % (self.process.returncode, code))
 
     def check_output(self):
-        """Fail if the output lacks a text that is expected."""
+        """Fail if the output lacks an expected text."""
         for words in self.block.how.expect if self.block.how else ():
             if words not in self.text:
                 self._fail('"%s" was expected' % words)
 
     def close(self):
-        """End all that was started here, whatever it does."""
+        """End all processes started here, by SIGKILL if needed."""
         end_marked(self._mark)
         self.process.wait()
         self._reader.join(ENDING)
@@ -187,7 +187,7 @@ def run_block(block, folder, environment, running):
 
 
 def pictures_of(block, folder):
-    """Return {name in docs/images: path} of what a block has drawn; AssertionError if it is not there."""
+    """Return {name in docs/images: path} of the pictures of a block; AssertionError if one is missing."""
     found = {}
     for pattern, name in block.how.pictures if block.how else ():
         paths = glob.glob(os.path.join(folder, pattern))
@@ -198,28 +198,28 @@ def pictures_of(block, folder):
 
 
 def run_document(blocks, folder, environment, keep=None):
-    """Run all blocks of a document that are to be run, in order.
+    """Run all blocks of a document that tests run, in order.
 
     Parameters
     ----------
     blocks : list of Block
     folder : str
-        An empty one; what the commands write is found there.
+        An empty one; the commands write into it.
     environment : dict
-        What the shells have.
+        Of the shells.
     keep : callable, optional
         Called with the name and the path of each picture.  With it the blocks for the gallery are run too, and those
-        behind the last picture are not.
+        after the last picture are not.
 
     Returns
     -------
     list of (str, float)
-        Where each block stands, and the wall time it took [s].
+        File and line of each block, and the wall time it took [s].
 
     Raises
     ------
     AssertionError
-        With the place of the block, what was expected, and all it said.
+        With the place of the block, what was expected, and its output.
     """
     running, times = [], []
     if keep is not None:

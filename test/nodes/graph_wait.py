@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Waiting, with a deadline and a name for what is waited for; connections between this process and a node."""
+"""Waiting with a deadline and a description of the condition; connections between this process and a node."""
 import time
 from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
 
-#: Wall seconds that anything may take which should come at once, and that a node may take to start.
+#: Wall seconds allowed for an immediate answer, and for the start of a node.
 ANSWER_TIME, START_TIME = 20.0, 60.0
 
 
 def wait_until(condition, what, seconds=ANSWER_TIME, pause=0.001):
     """Wait until ``condition()`` holds; AssertionError with ``what`` (a text or a function) when time is up.
 
-    ``pause`` is the wall time [s] between two looks.
+    ``pause`` is the wall time [s] between two checks.
     """
     end = time.monotonic() + seconds
     while not condition():
@@ -30,7 +30,7 @@ def wait_until(condition, what, seconds=ANSWER_TIME, pause=0.001):
 def connections(node):
     """Return the connections between this process and a node: {("o" to it or "i" from it, topic)}.
 
-    The bare number of connections does not tell: a test hears its own clock and log as well.
+    The number of connections is not enough: a test also receives its own clock and log.
     """
     try:
         address = rosgraph.Master(rospy.get_name()).lookupNode(node)
@@ -41,6 +41,6 @@ def connections(node):
 
 
 def wait_for_connection(node, direction, topic):
-    """Wait until a node listens to this process ("o") or speaks to it ("i") on a topic."""
+    """Wait until a node subscribes to this process ("o") or publishes to it ("i") on a topic."""
     wait_until(lambda: (direction, topic) in connections(node), "%s to %s %s" % (
-        node, {"o": "listen to", "i": "speak on"}[direction], topic), START_TIME, pause=0.02)
+        node, {"o": "subscribe to", "i": "publish"}[direction], topic), START_TIME, pause=0.02)

@@ -26,7 +26,7 @@ def names_of_nodes():
 
 
 class Launched(Running):
-    """roslaunch with some words; ends it at exit and waits until its simulation has left the master."""
+    """roslaunch with some arguments; ends it at exit and waits until its simulation has left the master."""
 
     def __init__(self, words, environment=None, simulation="/gazebo"):
         self._simulation = simulation
@@ -43,11 +43,11 @@ class Launched(Running):
 
         def there():
             if self.process.poll() is not None:
-                raise AssertionError("%s ended; it said\n%s" % (self.arguments, self.text))
+                raise AssertionError("%s ended; its output:\n%s" % (self.arguments, self.text))
             try:
                 models = simulation.models()
-            except rospy.ROSException as error:         # what runs there should say why
-                raise AssertionError("%s: %s; it said\n%s" % (self.arguments, error, self.text)) from error
+            except rospy.ROSException as error:         # the program's output should give the reason
+                raise AssertionError("%s: %s; its output:\n%s" % (self.arguments, error, self.text)) from error
             return models if set(names) <= set(models) else None
 
         return wait_until(there, "models %s from %s" % (", ".join(names), self.arguments))

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A controller for the tests of lockstep: ``lockstep_puppet.py NAME BEHAVIOUR [TURN]``.
 
-From turn TURN on it drives (forward, always), blocks (never answers), fails (raises), dies (without a word) or ends the
-run; what it does before is driving.  As ``early`` it ends the run and has sent a command before its first turn; as
-``shy`` it ends the run and has refused the first who wanted to hear its commands.  As ``answer`` it knows nothing of
-lockstep and sends one command for each scan.
+From turn TURN on it drives (forward, always), blocks (never answers), fails (raises), dies (without output) or ends the
+run; before that turn it drives.  As ``early`` it ends the run and has sent a command before its first turn; as
+``shy`` it ends the run and has refused the first subscriber to its commands.  As ``answer`` it does not use lockstep
+and sends one command for each scan.
 """
 import os
 import sys
@@ -21,7 +21,7 @@ from m2wr_lockstep.controller import Controller
 
 
 class Puppet:
-    """Counts turns and messages; misbehaves when told."""
+    """Counts turns and messages, and fails as requested."""
 
     def __init__(self, behaviour, at):
         self.behaviour, self.at, self.turns, self.scans, self.odometries = behaviour, at, 0, 0, 0
@@ -36,12 +36,12 @@ class Puppet:
         self.odometries += 1
 
     def on_scan(self, message):
-        """Count; the newest scan must be of this very turn."""
+        """Count; the newest scan must belong to this turn."""
         self.scans += 1
         self.newest = message.header.stamp
 
     def turn(self, now):
-        """Drive on."""
+        """Count the turn and behave as requested."""
         self.turns += 1
         if self.turns == 1:
             print("puppet: first turn", flush=True)
@@ -52,7 +52,7 @@ class Puppet:
             if self.behaviour == "block":
                 threading.Event().wait()
             if self.behaviour == "fail":
-                raise RuntimeError("the puppet lost its strings")
+                raise RuntimeError("the puppet failed")
             if self.behaviour == "die":
                 os._exit(3)
             if self.behaviour in ("end", "early", "shy"):
@@ -83,7 +83,7 @@ def answer_scans():
 
 
 def refuse_once(topic):
-    """Refuse the first request for a topic, as a node does that is not ready yet: a rospy subscriber then gives up."""
+    """Refuse the first request for a topic, like a node that is not ready yet: a rospy subscriber then gives up."""
     wanted = ROSHandler.requestTopic
 
     def request(handler, caller, name, protocols):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rest of the world for a mapping node: time, transforms and scans, from a bag or from plane geometry."""
+"""The environment of a mapping node: time, transforms and scans, from a bag or from plane geometry."""
 import math
 import os
 import sys
@@ -18,7 +18,7 @@ from sim_probe import Recorder, Running, data_path, program, wait_until, yaw_of 
 
 #: The laser of m2wr in the frame link_chassis [m].
 LASER_X = plane_geometry.LASER_X
-#: A room of 8 x 6 m with two boxes in it, for scans made here: nothing in it looks like anything else.
+#: A room of 8 x 6 m with two boxes in it, for scans made here: no symmetry, so every pose has a distinct scan.
 ROOM = [plane_geometry.Rectangle(*row) for row in (
     (0.0, 3.1, 0.0, 8.4, 0.2), (0.0, -3.1, 0.0, 8.4, 0.2), (4.1, 0.0, 0.0, 0.2, 6.4), (-4.1, 0.0, 0.0, 0.2, 6.4),
     (2.0, 1.5, 0.4, 1.0, 0.6), (-2.2, -1.2, -0.3, 0.8, 1.2))]
@@ -35,12 +35,12 @@ def transform(parent, child, stamp, x=0.0, y=0.0, z=0.0, quaternion=(0.0, 0.0, 0
 
 
 def about_z(angle):
-    """Return the quaternion x, y, z, w of a turn about z."""
+    """Return the quaternion x, y, z, w of a rotation about z."""
     return (0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle))
 
 
 def whole_bag(name, path):
-    """Write a bag of test/data with the laser's mount before all else, which it leaves to others."""
+    """Write a bag of test/data, preceded by the transform of the laser's mount, which it lacks."""
     with rosbag.Bag(data_path(name + ".bag")) as bag, rosbag.Bag(path, "w") as made:
         for index, (topic, message, stamp) in enumerate(bag.read_messages()):
             if not index:
@@ -59,12 +59,12 @@ class Robot:
         self.scans = rospy.Publisher(scan_topic, LaserScan, queue_size=1000)
 
     def tell_time(self, now=None):
-        """Publish the time, another one if given."""
+        """Publish the time; set it first if one is given."""
         self.now = self.now if now is None else now
         self.clock.publish(Clock(rospy.Time.from_sec(self.now)))
 
     def mount(self, quaternion=(0.0, 0.0, 0.0, 1.0), x=LASER_X, y=0.0, frame="sensor_laser"):
-        """Say how the laser sits on link_chassis."""
+        """Publish the transform from link_chassis to the laser."""
         self.static.publish(TFMessage([transform(self.prefix + "link_chassis", self.prefix + frame, rospy.Time(0),
                                                  x, y, 0.05, quaternion)]))
 
@@ -93,14 +93,14 @@ class Robot:
         return self.scan(plane_geometry.ray_distances(origin, directions, ROOM), angle_min, increment)
 
     def tick(self, pose, seconds=0.1, **laser):
-        """Let time pass, then stand at a pose and look; returns the scan."""
+        """Advance time, then publish the transform and the scan of a pose; returns the scan."""
         self.tell_time(self.now + seconds)
         self.stand(pose)
         return self.look(pose, **laser)
 
 
 class Mapping(Running):
-    """A mapping node in a process of its own, in step with a :class:`Robot`.
+    """A mapping node in a process of its own, synchronised with a :class:`Robot`.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class Mapping(Running):
         robot = self.robot
         for publisher, topic in ((robot.tf, "tf"), (robot.static, "tf_static"), (robot.scans, "scans"),
                                  (robot.clock, "the clock")):
-            wait_until(lambda publisher=publisher: publisher.get_num_connections() > 0, "a listener to %s" % topic)
+            wait_until(lambda publisher=publisher: publisher.get_num_connections() > 0, "a subscriber to %s" % topic)
         self.poses.connected()
         robot.tell_time()
         return self
@@ -140,14 +140,14 @@ class Mapping(Running):
         return self.poses.wait(found, "the pose for the scan at %.3f" % stamp.to_sec())
 
     def drive(self, poses, **laser):
-        """Let the robot look around at each pose; returns the last pose message."""
+        """Publish the robot's scan at each pose; returns the last pose message."""
         answer = None
         for pose in poses:
             answer = self.wait_for_pose(self.robot.tick(pose, **laser).header.stamp)
         return answer
 
     def play(self, name):
-        """Play a bag of test/data in step with the node; returns the scans' stamps that were answered [s]."""
+        """Play a bag of test/data, waiting for the node; returns the stamps [s] of the scans that were answered."""
         robot, waiting, answered = self.robot, None, []
         with rosbag.Bag(data_path(name + ".bag")) as bag:
             messages = list(bag.read_messages(["/tf", "/m2wr/laser/scan"]))

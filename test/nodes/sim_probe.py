@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the checks share: waiting with a deadline, recording topics, calling the simulation, running programs."""
+"""Shared by the checks: waiting with a deadline, recording topics, calling the simulation, running programs."""
 import glob
 import math
 import os
@@ -40,8 +40,8 @@ SERVICES = {
 def run_checks(name, cases):
     """Run a TestCase as the test ``name`` of a .test file.
 
-    When a required node dies, roslaunch ends this program as well, and rostest takes the empty file of results that is
-    left for success.  So such an end removes the file, which rostest does call a failure.
+    When a required node dies, roslaunch ends this program as well, and rostest would count the empty result file as
+    success.  So the file is removed in this case, which rostest reports as a failure.
     """
     done = threading.Event()
     cases.addClassCleanup(done.set)
@@ -49,11 +49,11 @@ def run_checks(name, cases):
     def leave():
         if done.is_set():
             return
-        sys.stderr.write("%s: ended from outside before all was checked\n" % name)
+        sys.stderr.write("%s: ended by another process before all checks were done\n" % name)
         for argument in sys.argv:
             if argument.startswith("--gtest_output=xml:"):
                 os.remove(argument.split(":", 1)[1])
-        os._exit(1)     # the cases still wait for what cannot come any more
+        os._exit(1)     # the cases still wait for events that cannot occur any more
 
     rospy.on_shutdown(leave)
     rostest.rosrun("m2wr_test", name, cases)
@@ -90,7 +90,7 @@ class Recorder:
         return self
 
     def wait(self, condition, what, patience=PATIENCE):
-        """Wait until ``condition(messages)`` is true and return its value; not asked while there is no message."""
+        """Wait until ``condition(messages)`` is true and return its value; not called while there is no message."""
         deadline = time.monotonic() + patience
         with self._changed:
             while True:
@@ -104,22 +104,22 @@ class Recorder:
                 self._changed.wait(left)
 
     def next(self, count=1):
-        """Forget what came, wait for ``count`` further messages and return them."""
+        """Discard stored messages, wait for ``count`` further ones and return them."""
         self.clear()
         return self.wait(lambda messages: len(messages) >= count and list(messages), "%d more messages" % count)
 
     def clear(self):
-        """Forget what came."""
+        """Discard stored messages."""
         with self._changed:
             del self.messages[:]
 
     def close(self):
-        """Stop listening."""
+        """Unsubscribe."""
         self._subscriber.unregister()
 
 
 class Simulation:
-    """The services of the running simulation by name, and what the checks do with them most."""
+    """The services of the running simulation by name, and frequent uses of them."""
 
     def call(self, name, *arguments, **fields):
         """Call ``/gazebo/NAME``; waits for the service first."""
@@ -198,7 +198,7 @@ def program(package, name):
 
 
 def marked_environment(more=None):
-    """Return an environment with a new mark, and the mark; Python programs in it say at once what they say."""
+    """Return an environment with a new mark, and the mark; Python programs in it do not buffer their output."""
     mark = uuid.uuid4().hex
     return dict(os.environ, **dict({"PYTHONUNBUFFERED": "1"}, **dict(more or {}, **{MARK: mark}))), mark
 
@@ -236,16 +236,16 @@ def run_program(arguments, text=None, environment=None, patience=PATIENCE):
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=patience,
                               env=environment)
     except subprocess.TimeoutExpired as error:
-        raise AssertionError("%s did not end within %g s; it said\n%s\n%s"
+        raise AssertionError("%s did not end within %g s; its output:\n%s\n%s"
                              % (" ".join(arguments), patience, error.stdout, error.stderr)) from error
     finally:
         end_marked(mark)
 
 
 class Running:
-    """A program that runs beside the check; what it says is kept.
+    """A program that runs beside the check; its output is kept.
 
-    Use as a context manager: whatever happens, the program and all it has started are ended.
+    Use it as a context manager: the program and all processes it has started are always ended.
     """
 
     def __init__(self, arguments, environment=None):
@@ -264,13 +264,13 @@ class Running:
                 self.text += line
 
     def wait_for_text(self, words):
-        """Wait until the program has said ``words``."""
+        """Wait until the program has printed ``words``."""
         wait_until(lambda: words in self.text or self.process.poll() is not None,
                    '"%s" from %s' % (words, self.arguments))
-        if words not in self.text:      # the last lines may still be on their way
+        if words not in self.text:      # the last lines may not have been read yet
             self._reader.join(PATIENCE)
         if words not in self.text:
-            raise AssertionError('%s ended without saying "%s"; it said\n%s' % (self.arguments, words, self.text))
+            raise AssertionError('%s ended without printing "%s"; its output:\n%s' % (self.arguments, words, self.text))
 
     def end(self, number, patience=PATIENCE):
         """Send a signal and wait for the end; returns ``(exit code, seconds it took)``."""
@@ -283,7 +283,7 @@ class Running:
         try:
             self.process.wait(patience)
         except subprocess.TimeoutExpired:
-            raise AssertionError("%s did not end within %g s; it said\n%s" % (
+            raise AssertionError("%s did not end within %g s; its output:\n%s" % (
                 self.arguments, patience, self.text)) from None
         self._reader.join(PATIENCE)
         return self.process.returncode

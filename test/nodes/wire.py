@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Subscribers over plain TCPROS sockets: cheap enough that ten of them can listen to a simulation at full speed."""
+"""Subscribers over plain TCPROS sockets: cheap enough for ten of them to subscribe to a simulation at full speed."""
 import socket
 import struct
 import threading
@@ -8,11 +8,11 @@ import xmlrpc.client
 
 _PATIENCE = 20.0            # s of wall time for the other side to answer
 _PAUSE = 0.2                # s of wall time between two attempts to reach a publisher
-_LARGEST = 1 << 26          # bytes of a message; a longer one is a length that is wrong
+_LARGEST = 1 << 26          # bytes of a message; a larger length is wrong
 
 
 class WireError(Exception):
-    """A publisher cannot be reached, or speaks otherwise than expected."""
+    """A publisher cannot be reached, or does not follow the protocol."""
 
 
 def header(**fields):
@@ -23,7 +23,7 @@ def header(**fields):
 
 
 def read_exactly(stream, size):
-    """Return ``size`` bytes of a socket; WireError where it ends before."""
+    """Return ``size`` bytes of a socket; WireError if it ends earlier."""
     pieces, left = [], size
     while left:
         piece = stream.recv(min(left, 1 << 16))
@@ -35,7 +35,7 @@ def read_exactly(stream, size):
 
 
 def read_framed(stream):
-    """Return the bytes after a length."""
+    """Read a length and return that many bytes."""
     size = struct.unpack("<I", read_exactly(stream, 4))[0]
     if size > _LARGEST:
         raise WireError("a length of %d bytes" % size)
@@ -43,7 +43,7 @@ def read_framed(stream):
 
 
 def connect(master, topic, publisher, caller="/soak", kind="*", md5="*"):
-    """Return a socket on which the messages of ``topic`` of the node ``publisher`` come."""
+    """Return a socket that receives the messages of ``topic`` from the node ``publisher``."""
     code, text, uri = xmlrpc.client.ServerProxy(master).lookupNode(caller, publisher)
     if code != 1:
         raise WireError("%s: %s" % (publisher, text))
@@ -63,7 +63,7 @@ def connect(master, topic, publisher, caller="/soak", kind="*", md5="*"):
 
 
 class Listener(threading.Thread):
-    """Hands each message of a topic, as bytes, to ``take`` until it is closed; connects again where told to."""
+    """Hands each message of a topic, as bytes, to ``take`` until it is closed; can reconnect."""
 
     def __init__(self, master, topic, publisher, take, caller):
         super().__init__(daemon=True, name=topic)
@@ -89,7 +89,7 @@ class Listener(threading.Thread):
                     self._stream = None
 
     def hang_up(self):
-        """Close the connection; it is made anew."""
+        """Close the connection; the thread reconnects."""
         stream = self._stream
         if stream is not None:
             try:

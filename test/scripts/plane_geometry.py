@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a laser must read among upright boxes, by plane geometry alone; shares no code with the simulator.
+"""Expected laser ranges among upright boxes, from plane geometry; shares no code with the simulator.
 
-Boxes stand on the floor and are higher than the laser, so the world is a plane of rectangles.
+Boxes stand on the floor and are taller than the laser's height, so the world is a plane of rectangles.
 """
 import math
 import xml.etree.ElementTree as ElementTree
@@ -26,7 +26,7 @@ def read_boxes(path):
     Raises
     ------
     ValueError
-        If the file holds no box, so that nothing is judged against an empty plane by mistake.
+        If the file holds no box, so that no test compares with an empty plane by mistake.
     """
     found = []
     for model in ElementTree.parse(path).getroot().iter("model"):
@@ -122,12 +122,12 @@ def clearance(pose, rectangles):
 
 
 def axle(pose):
-    """Return the (x, y) [m] of the middle of the wheels' axle, about which the robot turns."""
+    """Return the (x, y) [m] of the middle of the wheels' axle, about which the robot rotates."""
     return pose[0] + AXLE_X * math.cos(pose[2]), pose[1] + AXLE_X * math.sin(pose[2])
 
 
 def drive(pose, linear_x, angular_z, seconds):
-    """Return the pose after a command has been held; exact: the axle goes along a straight line or an arc."""
+    """Return the pose after a command has been held; exact: the axle follows a straight line or an arc."""
     x, y = axle(pose)
     turn = angular_z * seconds
     chord = linear_x * seconds * (math.sin(turn / 2) / (turn / 2) if turn else 1.0)

@@ -3,8 +3,8 @@
 """Make the bags in test/data again, each with the YAML beside it, from the simulator in this process.
 
 No master is needed: the simulation runs in simulated time only, so the same sources give the same bag, byte for byte.
-A bag holds what the robot measured on a scripted drive; the YAML holds where it comes from and what a node must make
-of it, computed from the world's geometry and the report's tables (`plane_geometry`, `report_rules`).
+A bag holds the measurements of a scripted drive; the YAML holds its origin and the expected output of a node,
+computed from the world's geometry and the report's tables (`plane_geometry`, `report_rules`).
 
     rosrun m2wr_test record_fixture.py [NAME ...] [--output FOLDER]     (no NAME: all of them)
 """
@@ -35,7 +35,7 @@ from m2wr_sim.runtime.ports import LocalPorts
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.scene import Scene
 
-# run as a file of an uninstalled test package: the modules beside it are on no path by themselves
+# run as a file of a test package that is not installed: the modules beside it are not on the path
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import plane_geometry  # noqa: E402
 import report_rules  # noqa: E402
@@ -51,25 +51,25 @@ RANGE_TOLERANCE = 4.5 * NOISE
 RANGE_TOLERANCE_WHY = ("4.5 standard deviations of the laser's noise (0.01 m): a bag holds up to 70000 readings, of "
                        "which the largest error is expected between 4.1 and 4.4")
 #: A sector whose minimum changes by more than this [m] under a millimetre, a twentieth of a degree or a quarter of the
-#: report's beam spacing at its borders is not judged.
+#: report's beam spacing at its borders is not compared.
 EDGE_CHANGE = 0.02
 EDGE_MARGINS = (1e-4, 1.2e-3)
 JITTERS = ((0.0, 0.0, 0.0), (0.001, 0.0, 0.0), (-0.001, 0.0, 0.0), (0.0, 0.001, 0.0), (0.0, -0.001, 0.0),
            (0.0, 0.0, 0.001), (0.0, 0.0, -0.001))
-#: Rows of the go_to_point table may be this much apart in time [s]: two turns of its loop.
+#: Rows of the go_to_point table may differ by this time [s]: two periods of its loop.
 EDGE_TIME = 0.1
 
 
 @dataclass(frozen=True)
 class Fixture:
-    """One recording: where the robot starts, how it is driven, and what is kept."""
+    """One recording: start pose, drive, and recorded topics."""
 
     name: str
     about: str
     world: str
     start: tuple                    # x, y [m], yaw [rad]
-    drive: tuple                    # (until [s], linear_x [m/s], angular_z [rad/s]), one after the other
-    keep: dict                      # topic -> every how many messages one is kept
+    drive: tuple                    # (end [s], linear_x [m/s], angular_z [rad/s]), one after the other
+    keep: dict                      # topic -> n: every n-th message is kept
     expect: object                  # function(fixture, recording) -> dict
     seed: int = 1
     laser: tuple = ()               # (old, new) texts replaced in the robot's description
@@ -78,7 +78,7 @@ class Fixture:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a simulated drive gave: (topic, message, stamp [ns]) in order of time, and the robot's true poses."""
+    """Result of a simulated drive: (topic, message, stamp [ns]) in order of time, and the robot's true poses."""
 
     messages: list
     poses: dict                     # stamp [ns] of a kept scan -> (x, y, yaw)
@@ -132,7 +132,7 @@ def simulate(fixture):
                     scans_seen = len(scans)
                     poses[scans[-1].header.stamp] = planar(simulator.model_state("m2wr"))
         if simulator.touch_counts:
-            raise RuntimeError("%s: the robot touches %s; expected a free drive" % (fixture.name, simulator.touches[0]))
+            raise RuntimeError("%s: contact of the robot: %s; expected none" % (fixture.name, simulator.touches[0]))
         messages = [(topic, message, stamp_of(message)) for topic, every in sorted(fixture.keep.items())
                     for message in (transforms(ports) if topic == TF else ports.topics[topic].messages)[::every]]
     finally:
@@ -149,7 +149,7 @@ def planar(state):
 
 
 def transforms(ports):
-    """Return what went to /tf as messages; stamps are still whole nanoseconds."""
+    """Return the transforms on /tf as messages; stamps are still integer nanoseconds."""
     found = []
     for stamp, parent, child, position, orientation in ports.transforms:
         transform = TransformStamped()
@@ -249,7 +249,7 @@ FIXTURES = {fixture.name: fixture for fixture in (
 
 
 def origin(fixture, recording, bag_path):
-    """Return what the YAML says of where the bag comes from and what is in it."""
+    """Return the origin and the contents of the bag, for the YAML."""
     topics = {}
     for topic, message, _ in recording.messages:
         entry = topics.setdefault(topic, {"type": message._type, "count": 0})

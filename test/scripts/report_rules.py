@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rules of the report's nodes, written down a second time, straight from their tables.
+"""An independent implementation of the rules of the report's nodes, from the report's tables.
 
-The fixtures' expectations come from here and never from the nodes that are tested with them.
+The expectations of the fixtures come from here, not from the nodes under test.
 """
 import math
 
@@ -13,7 +13,7 @@ READING_LASER_BEAMS = ((0, 142), (144, 286), (288, 430), (432, 574), (576, 712))
 SWITCHED_NODES_BEAMS = ((0, 142), (144, 286), (288, 430), (432, 574), (576, 718))
 REPORT_INCREMENT = 2 * 1.570796 / 719
 CAP = 10.0
-#: Distance below which the wall follower takes a sector for occupied [m].
+#: Distance below which the wall follower regards a sector as occupied [m].
 WALL = 1.5
 WALL_COMMANDS = {0: (0.2, -0.3), 1: (0.0, 0.3), 2: (0.5, 0.0)}
 #: (front, fleft, fright) occupied -> state of the wall follower.
@@ -31,7 +31,7 @@ def sector_minima(ranges, angles, beams, margin=1e-4):
         One of the two tables above. For another scan than the report's a sector is the range of angles between its
         first and its last beam.
     margin : float
-        How far beyond its sector a beam may lie and still belong to it [rad].
+        Angle beyond its sector within which a beam still belongs to it [rad].
 
     Returns
     -------
@@ -67,7 +67,7 @@ class GoToPointRule:
         self.goal, self.state = goal, 0
 
     def turn(self, pose):
-        """Return (command, states entered in this turn) for the pose (x, y, yaw) of one turn of the 20 Hz loop."""
+        """Return (command, states entered in this period) for the pose (x, y, yaw) of one period of the 20 Hz loop."""
         east, north = self.goal[0] - pose[0], self.goal[1] - pose[1]
         error = math.remainder(math.atan2(north, east) - pose[2], 2 * math.pi)
         off = abs(error) > self.YAW_PRECISION

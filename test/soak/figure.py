@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The picture of a soak run."""
+"""The figure of a soak run."""
 import matplotlib
 
 matplotlib.use("Agg")
@@ -17,7 +17,7 @@ def _levels_label(slope, unit):
 
 
 def draw(path, title, runs, shift_seconds, told):
-    """Draw a picture.
+    """Draw the figure.
 
     Parameters
     ----------

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How fast a process grows, told apart from what comes and goes.
+"""How fast a process grows, separated from periodic use.
 
-A mapper grows within a shift, because its map and path do, and begins anew when the clock does.  So like is compared
-with like: of each shift one number, the median of the samples of its last third, when the map is as large as it gets.
-The slope through these numbers is Theil and Sen's, the median of the slopes of all pairs: single odd shifts do not move
-it.  The shifts of the warm-up are left out.
+A mapper grows within a shift with its map and path, and starts again when the clock does.  So each shift gives one
+number: the median of the samples of its last third, when the map has its full size.  The slope through these numbers
+is that of Theil and Sen, the median of the slopes of all pairs, which single outliers do not change.  The shifts of
+the warm-up are left out.
 """
 import numpy as np
 
 WARM_UP = 0.15          # share of the run
-LAST = 0.67             # of a shift's age, from where on its samples count
+LAST = 0.67             # of a shift's length; samples after it count
 LEAST_SHIFTS = 6
 
 
 def levels(samples, name, shift_seconds):
-    """Return hours (n,) and values (n,), one of each whole shift after the warm-up.
+    """Return hours (n,) and values (n,), one for each complete shift after the warm-up.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def slope(hours, values):
     Raises
     ------
     ValueError
-        For fewer than ``LEAST_SHIFTS`` points: nothing can be said then.
+        For fewer than ``LEAST_SHIFTS`` points, too few for a slope.
     """
     if len(hours) < LEAST_SHIFTS:
         raise ValueError("%d shifts; expected at least %d for a slope" % (len(hours), LEAST_SHIFTS))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command ``soak``: simulated hours of mapping, spawning, resetting and asking; what grows meanwhile."""
+"""The command ``soak``: simulated hours of mapping, spawning, resetting and service calls; growth of the processes."""
 import argparse
 import json
 import os
@@ -33,23 +33,23 @@ LISTENED = (("/clock", "/gazebo"), ("/scan", "/gazebo"), ("/odom", "/gazebo"), (
             ("/joint_states", "/gazebo"), ("/gazebo/model_states", "/gazebo"), ("/gazebo/link_states", "/gazebo"),
             ("/tf", "/slam_gmapping"), ("/map", "/slam_gmapping"), ("/cmd_vel", "/wander"))
 WATCHED = OrderedDict((("simulator", "/gazebo"), ("mapper", "/slam_gmapping")))
-# topic: the longest step of its stamps [s], where they stand; a reset of the world begins the period of a drive anew
+# topic: the longest step of its stamps [s], their offset; a reset of the world restarts the period of a drive
 STAMPED = {"/clock": (0.1, 0), "/scan": (0.4, 4), "/odom": (0.41, 4)}
 
 
 class SoakError(Exception):
-    """The run cannot go on; says what was waited for or has ended."""
+    """The run cannot continue; names what is missing or has ended."""
 
 
 def free_port():
-    """Return a port that nobody listens on."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
 
 
 def wait_for(condition, what, seconds=PATIENCE):
-    """Return the first true value of ``condition()``; SoakError after so many seconds."""
+    """Return the first true value of ``condition()``; SoakError after ``seconds``."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         try:
@@ -89,7 +89,7 @@ class Nodes:
             self._process.wait()
 
     def alive(self):
-        """Tell whether roslaunch, and with it what it requires, still runs."""
+        """Return whether roslaunch, and with it its required nodes, still runs."""
         return self._process.poll() is None
 
     def pid(self, name):
@@ -142,18 +142,18 @@ class Run:
                 ("reset_world", work.reset_world, count["resets"] - count["shifts"]), ("ask", work.ask, count["ask"]),
                 ("push", work.push, count["push"]), ("move", work.move, count["move"]),
                 ("pause", work.pause, count["pause"]), ("map", work.get_map, count["map"]),
-                ("connect anew", self._reconnect, count["reconnect"]))
+                ("reconnect", self._reconnect, count["reconnect"]))
         self.tasks = [Task(name, act, number, self._seconds, self.clock, self._stopping) for name, act, number in acts]
         for task in self.tasks:
             task.start()
 
     def go(self, tell, on_progress):
-        """Run; ``tell(text)`` hears of progress, and ``on_progress()`` is called then.
+        """Run; progress is reported by ``tell(text)`` and ``on_progress()``.
 
         Raises
         ------
         SoakError
-            Where a node ends or the clock stands.
+            If a node ends or the clock stops.
         """
         wait_for(lambda: rosgraph.Master("/soak").lookupService("/gazebo/get_world_properties"), "the simulation")
         wait_for(lambda: "wanderer" in call("get_world_properties").model_names, "the robot to be spawned")
@@ -185,7 +185,7 @@ class Run:
             if clock.total != at:
                 moved, at = time.monotonic(), clock.total
             elif time.monotonic() - moved > PATIENCE:
-                raise SoakError("the clock stands at %.3f s for %g s" % (clock.now, PATIENCE))
+                raise SoakError("the clock stopped at %.3f s for %g s" % (clock.now, PATIENCE))
             if clock.total >= due:
                 due = clock.total + interval
                 for name, pid in pids.items():
@@ -208,7 +208,7 @@ class Run:
                 on_progress()
 
     def failures(self, bounds):
-        """Return what was not as it must be, as sentences; and texts for the figure by (process, quantity)."""
+        """Return the violated limits as sentences, and texts for the figure by (process, quantity)."""
         found, told = [], {}
         for task in self.tasks:
             if task.done < task.count or task.failed:
@@ -253,13 +253,13 @@ class Run:
 
 
 def main(argv=None):
-    """Entry point; returns 0 where all was as it must be."""
-    parser = argparse.ArgumentParser(prog="soak", description="Let simulation and mapper run for long; what grows?",
+    """Entry point; returns 0 if all limits were kept."""
+    parser = argparse.ArgumentParser(prog="soak", description="Run simulation and mapper for a long time; what grows?",
                                      formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    parser.add_argument("--hours", type=float, default=24.0, metavar="H", help="simulated; all counts go with them")
-    parser.add_argument("--factor", type=float, default=0.0, metavar="F", help="real-time factor; 0: as fast as it can")
+    parser.add_argument("--hours", type=float, default=24.0, metavar="H", help="simulated; all counts are proportional")
+    parser.add_argument("--factor", type=float, default=0.0, metavar="F", help="real-time factor; 0: full speed")
     parser.add_argument("--out", default=os.path.join(ROOT, "demo_output"), metavar="DIR", help="for the figure")
-    parser.add_argument("--no-bounds", action="store_true", help="slopes are told and not judged, for short runs")
+    parser.add_argument("--no-bounds", action="store_true", help="slopes are printed but not checked, for short runs")
     arguments = parser.parse_args(argv)
 
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -277,7 +277,7 @@ def main(argv=None):
                 rospy.init_node("soak", disable_rostime=True, disable_signals=True, log_level=rospy.ERROR)
                 run.go(tell, lambda: run.write(arguments.out, run.failures(False)[1]))
             except KeyboardInterrupt:
-                tell("soak: interrupted; what has been seen until now:")
+                tell("soak: interrupted; results until now:")
             except SoakError as error:
                 with open(nodes.log) as stream:
                     tell(stream.read()[-3000:])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The watch of a soak run sees what it is there to see; a short run works from start to figure."""
+"""The measurements of a soak run detect faults; a short run works from start to figure."""
 import json
 import os
 import struct
@@ -19,7 +19,7 @@ SHIFT = 900.0
 
 
 def samples_of(hours, leak, noise=0.3, per_shift=40):
-    """Samples of a process that grows by 30 MB in each shift and leaks so much [MB/h] over all of them."""
+    """Samples of a process that grows by 30 MB in each shift and leaks ``leak`` [MB/h] over all shifts."""
     rng, found = np.random.default_rng(1), []
     for shift in range(int(hours * 3600.0 / SHIFT)):
         for k in range(per_shift):
@@ -32,7 +32,7 @@ def samples_of(hours, leak, noise=0.3, per_shift=40):
 
 
 @pytest.mark.parametrize("leak", [0.0, 0.2, 1.0, -0.5])
-def test_a_leak_is_told_from_what_comes_and_goes_in_every_shift(leak):
+def test_a_leak_is_separated_from_periodic_use(leak):
     hours, values = slopes.levels(samples_of(24.0, leak), "memory", SHIFT)
     slope, low, high = slopes.slope(hours, values)
     assert len(hours) > 75 and low <= slope <= high
@@ -41,7 +41,7 @@ def test_a_leak_is_told_from_what_comes_and_goes_in_every_shift(leak):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("leak", [0.0, 0.4])
-def test_maps_that_differ_by_megabytes_neither_hide_a_leak_nor_make_one_up(leak, seed):
+def test_large_maps_neither_hide_nor_imitate_a_leak(leak, seed):
     """Of one map to the next the measured levels differ by 2.5 MB (standard deviation); the limit is 0.2 MB/h."""
     differing = np.random.default_rng(seed).normal(0.0, 2.5, 100)
     samples = [sample._replace(memory=sample.memory + differing[sample.shift]) for sample in samples_of(24.0, leak)]
@@ -49,7 +49,7 @@ def test_maps_that_differ_by_megabytes_neither_hide_a_leak_nor_make_one_up(leak,
     assert (slope > 0.2) == (leak > 0.2)
 
 
-def test_descriptors_and_threads_that_change_to_and_fro_have_no_slope():
+def test_alternating_descriptors_and_threads_have_no_slope():
     samples = samples_of(24.0, 0.0)
     for name in ("descriptors", "threads"):
         assert slopes.slope(*slopes.levels(samples, name, SHIFT))[0] == 0.0
@@ -64,7 +64,7 @@ def stamp(seconds):
     return struct.pack("<III", 7, int(seconds), int(round(seconds % 1.0 * 1e9)))
 
 
-def test_gaps_repeats_and_beginnings_of_stamps_are_counted():
+def test_gaps_repeats_and_restarts_of_stamps_are_counted():
     stamps = Stamps(0.4, 4)
     for seconds in (0.4, 0.8, 1.2, 2.0, 2.0, 2.4, 0.0, 0.4):
         stamps.take(stamp(seconds))
@@ -79,7 +79,7 @@ def test_the_clock_adds_up_over_resets_of_time():
     assert (clock.total, clock.now, clock.shift) == (6.5, 1.5, 1)
 
 
-def test_a_process_is_looked_at_and_one_that_is_gone_is_told():
+def test_a_process_is_measured_and_a_missing_one_reported():
     memory, descriptors, threads = look_at(os.getpid())
     assert 1.0 < memory < 4000.0 and descriptors >= 3 and threads >= 1
     child = subprocess.Popen(["true"])

@@ -11,13 +11,13 @@ Sample = namedtuple("Sample", "hours shift age memory descriptors threads")
 
 
 def look_at(pid):
-    """Return memory [MB], descriptors and threads of a process; ProcessLookupError if it is gone."""
+    """Return memory [MB], descriptors and threads of a process; ProcessLookupError if it has ended."""
     try:
         with open("/proc/%d/statm" % pid) as stream:
             memory = int(stream.read().split()[1]) * _PAGE / 2.0 ** 20
         return memory, len(os.listdir("/proc/%d/fd" % pid)), len(os.listdir("/proc/%d/task" % pid))
     except (FileNotFoundError, IndexError):
-        raise ProcessLookupError("process %d is gone" % pid) from None
+        raise ProcessLookupError("process %d has ended" % pid) from None
 
 
 class Clock:
@@ -26,9 +26,9 @@ class Clock:
     Attributes
     ----------
     total : float
-        Simulated time [s], of all shifts together.
+        Simulated time [s] of all shifts together.
     now : float
-        What the clock shows [s].
+        Present time of the clock [s].
     shift : int
         How often it has gone back to its beginning.
     """
@@ -38,7 +38,7 @@ class Clock:
         self.shift = 0
 
     def take(self, data):
-        """Take the bytes of a rosgraph_msgs/Clock."""
+        """Process the bytes of a rosgraph_msgs/Clock."""
         secs, nsecs = struct.unpack_from("<II", data)
         now = secs + 1e-9 * nsecs
         if now < self.now:
@@ -55,7 +55,7 @@ class Stamps:
     Attributes
     ----------
     count, beginnings, repeats, gaps : int
-        Messages; stamps below the one before, as at the beginning of a shift; equal ones; steps that are too long.
+        Messages; stamps below the previous one, as at the beginning of a shift; equal ones; steps that are too long.
     widest : float
         The longest step [s].
     """
@@ -67,11 +67,11 @@ class Stamps:
         self.widest = 0.0
 
     def forget(self):
-        """The next stamp follows none: the connection is a new one."""
+        """Forget the previous stamp: the connection is new."""
         self._last = None
 
     def take(self, data):
-        """Take the bytes of a message with a stamp at ``offset``."""
+        """Process the bytes of a message with a stamp at ``offset``."""
         secs, nsecs = struct.unpack_from("<II", data, self._offset)
         stamp, last = secs + 1e-9 * nsecs, self._last
         self._last = stamp

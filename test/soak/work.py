@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What ten clients do to the simulation during a soak run, paced by simulated time."""
+"""The tasks of ten clients during a soak run, paced by simulated time."""
 import random
 import threading
 import time
@@ -12,7 +12,7 @@ from std_srvs.srv import Empty
 from gazebo_msgs import srv
 from gazebo_msgs.msg import LinkState, ModelState
 
-_POLL = 0.02                # s of wall time between two looks at the clock
+_POLL = 0.02                # s of wall time between two readings of the clock
 _CRATE = """<sdf version="1.6"><model name="crate"><link name="link"><inertial><mass>1</mass></inertial><collision
 name="c"><geometry><box><size>0.3 0.3 0.3</size></box></geometry></collision></link></model></sdf>"""
 _TYPES = {
@@ -40,7 +40,7 @@ class Task(threading.Thread):
     done : int
         Turns that were made.
     failures : list of str
-        What went wrong, the first ones.
+        The first errors.
     """
 
     def __init__(self, name, act, count, seconds, clock, stopping):
@@ -68,7 +68,7 @@ class Task(threading.Thread):
 
 
 class Work:
-    """The acts of the clients.
+    """The actions of the clients.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Work:
         self._urdf = urdf
 
     def spawn_and_delete(self, turn):
-        """Put a crate, or every fifth time a robot with a laser and a drive, outside the arena; take it away again."""
+        """Spawn a crate, or every fifth time a robot with a laser and a drive, outside the arena; delete it again."""
         rng = random.Random(turn)
         name, robot = "guest%d" % (turn % 7), turn % 5 == 4
         pose = Pose(Point(rng.uniform(30.0, 60.0), rng.uniform(-30.0, 30.0), 0.3), Quaternion(0.0, 0.0, 0.0, 1.0))
@@ -92,12 +92,12 @@ class Work:
 
     @staticmethod
     def reset_world(_):
-        """Put the robot back to where it began."""
+        """Reset the robot to its initial pose."""
         call("reset_world")
 
     @staticmethod
     def ask(turn):
-        """Ask for one thing after the other."""
+        """Call the query services one after the other."""
         asked = (("get_world_properties",), ("get_model_state", "wanderer", "world"),
                  ("get_link_state", "wanderer::base_link", "world"), ("get_model_properties", "wanderer"),
                  ("get_link_properties", "wanderer::left_wheel"), ("get_joint_properties", "left_joint"),
@@ -107,7 +107,7 @@ class Work:
 
     @staticmethod
     def push(turn):
-        """Push the robot, and stop pushing."""
+        """Apply a force to the robot, and clear it."""
         call("apply_body_wrench", "wanderer::base_link", "", Point(), Wrench(Vector3(1.0, 0.0, 0.0), Vector3()),
              rospy.Time(), rospy.Duration(0, 500000000))
         call("clear_body_wrenches", "wanderer::base_link")
@@ -115,7 +115,7 @@ class Work:
 
     @staticmethod
     def move(turn):
-        """Turn the robot on the spot, as a person with a mouse does."""
+        """Rotate the robot on the spot."""
         state = call("get_model_state", "wanderer", "world")
         state.pose.position.z = 0.1
         answer = call("set_model_state", ModelState("wanderer", state.pose, Twist(), "world"))
@@ -124,7 +124,7 @@ class Work:
 
     @staticmethod
     def pause(_):
-        """Stop time for a moment."""
+        """Pause briefly."""
         call("pause_physics")
         call("unpause_physics")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Input that cannot be used is refused with one line that names file, element and what was expected."""
+"""Unusable input is refused with one line that names file, element and the expected value."""
 import os
 
 import pytest
@@ -25,7 +25,7 @@ BAD_PARTS = ("model://ground_plane", "etc/passwd", 'unknown geometry "pyramid"',
 
 
 def refusal(name):
-    """The message of what reading a file of data/bad raises."""
+    """The message of the exception raised when a file of data/bad is read."""
     path = os.path.join(FOLDER, name)
     if name.endswith(".world"):
         with pytest.raises(WorldError) as caught:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every program ends in peace when it is interrupted, and when nobody reads it any more (``... | head``)."""
+"""Every program ends without a traceback when it is interrupted, and when its pipe is closed (``... | head``)."""
 import glob
 import os
 import re
@@ -13,7 +13,7 @@ import workspace_tree as tree
 IMPORT = re.compile(r"^ *(?:import|from) (\S+)", re.M)
 PROGRAMS = sorted(path for place in (("nodes", "*"), ("scripts", "*"), ("scripts", "*", "*"))
                   for path in glob.glob(os.path.join(tree.ROOT, "src", "*", *place)) if os.path.isfile(path))
-#: Programs with words with which each soon prints a lot, and their exit codes.
+#: Programs with arguments for a long output, and their exit codes.
 PRINTING = (("m2wr_tools/scripts/m2wr_sim/doctor", ("-h",), 0),
             ("m2wr_tools/scripts/m2wr_sim/bag_report", ("test/data/turn_and_go.bag",) * 2, 0),
             ("m2wr_course/scripts/exercise", ("5", "test/data/boxes.world"), 1),
@@ -21,21 +21,21 @@ PRINTING = (("m2wr_tools/scripts/m2wr_sim/doctor", ("-h",), 0),
 
 
 @pytest.mark.parametrize("path", PROGRAMS, ids=tree.relative)
-def test_a_program_outlives_its_readers(path):
+def test_a_program_ends_cleanly_without_a_reader(path):
     with open(path, encoding="utf-8") as stream:
         text = stream.read()
-    nodes = "motion_plan.ros" in text                       # run_node does it for them
-    assert nodes or "\n    go_on_unread(" in text
+    nodes = "motion_plan.ros" in text                       # run_node does it
+    assert nodes or "\n    ignore_closed_pipes(" in text
 
 
 STAND_INS = sorted(glob.glob(os.path.join(tree.ROOT, "dropin", "*", "scripts", "*")))
 
 
 @pytest.mark.parametrize("path", PROGRAMS + STAND_INS, ids=tree.relative)
-def test_an_interruption_of_the_imports_says_nothing(path):
-    quick = {"os", "sys"}                                   # there since Python has started
+def test_an_interrupt_of_the_imports_prints_nothing(path):
+    quick = {"os", "sys"}                                   # already imported by Python
     imports = [name for name in IMPORT.findall(tree.read(path)) if name not in quick]
-    assert imports[0] == "m2wr_node.interrupts", "%s comes before what lets Ctrl-C end the imports" % imports[0]
+    assert imports[0] == "m2wr_node.interrupts", "%s is imported before the handler of Ctrl-C" % imports[0]
 
 
 def test_programs_are_found():
@@ -43,9 +43,9 @@ def test_programs_are_found():
 
 
 @pytest.mark.parametrize("name, words, code", PRINTING, ids=[row[0] for row in PRINTING])
-def test_nothing_is_said_of_a_closed_pipe(name, words, code):
+def test_no_message_about_a_closed_pipe(name, words, code):
     reading, writing = os.pipe()
-    os.close(reading)                                       # closed before the first word
+    os.close(reading)                                       # closed before the first output
     try:
         done = subprocess.run([sys.executable, os.path.join(tree.ROOT, "src", name)] + list(words), stdout=writing,
                               stderr=subprocess.PIPE, cwd=tree.ROOT, timeout=120)

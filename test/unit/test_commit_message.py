@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""tools/hooks/commit-msg: which commit messages it takes."""
+"""tools/hooks/commit-msg: which commit messages it accepts."""
 import os
 import subprocess
 
@@ -11,7 +11,7 @@ HOOK = os.path.join(tree.ROOT, "tools", "hooks", "commit-msg")
 
 
 def judge(tmp_path, message):
-    """Return (exit code, what the hook says) for a message."""
+    """Return (exit code, output of the hook) for a message."""
     file = tmp_path / "COMMIT_EDITMSG"
     file.write_text(message, encoding="utf-8")
     result = subprocess.run([HOOK, str(file)], stderr=subprocess.PIPE, universal_newlines=True, timeout=20,
@@ -22,7 +22,7 @@ def judge(tmp_path, message):
 @pytest.mark.parametrize("message", [
     "[m2wr_sim] laser: clip returns", "a" * 72, "subject\n\nbody that may be as long as it likes " + "b" * 100,
     "subject\n# a comment of git\n\nbody\n"])
-def test_good_messages_are_taken(tmp_path, message):
+def test_good_messages_are_accepted(tmp_path, message):
     assert judge(tmp_path, message) == (0, "")
 
 

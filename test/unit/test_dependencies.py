@@ -23,13 +23,13 @@ DECLARED = ("depend", "exec_depend", "build_depend", "build_export_depend")
 
 
 def declared(package):
-    """Names in package.xml on which the package itself depends; those of its tests alone are left out."""
+    """Names in package.xml on which the package itself depends; without those of its tests only."""
     root = ElementTree.parse(os.path.join(package.folder, "package.xml")).getroot()
     return {element.text.strip() for tag in DECLARED for element in root.findall(tag)}
 
 
 def python_files(package):
-    """(absolute path, path below its Python root or file name) of the sources that are no tests and no examples."""
+    """(absolute path, path below its Python root or file name) of the sources except tests and examples."""
     found = []
     for path in tree.files_below(package.folder):
         inside = os.path.relpath(path, package.folder).split(os.sep)

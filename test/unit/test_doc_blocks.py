@@ -16,13 +16,13 @@ def only(text):
     return block
 
 
-def test_a_block_knows_its_place_language_and_text():
+def test_a_block_has_its_place_language_and_text():
     block = only("Words.\n\n```bash\nls   # all\n\nls b\n```\nmore\n")
     assert (block.place, block.language, block.text, block.how) == ("a.md:3", "bash", "ls   # all\n\nls b\n", None)
     assert block.runs
 
 
-def test_only_shell_runs_by_itself():
+def test_only_shell_runs_without_a_comment():
     assert not only("```xml\n<a/>\n```\n").runs
     assert only("<!-- run: to the end -->\n```python\npass\n```\n").runs
 
@@ -46,22 +46,22 @@ def test_a_file_is_written_and_not_run():
 
 @pytest.mark.parametrize("text, words", [
     ("<!-- run: sometimes -->\n```bash\nls\n```\n", ["a.md:1", "sometimes"]),
-    ("<!-- run: to the end -->\n\n```bash\nls\n```\n", ["a.md:1", "before no block"]),
-    ("<!-- run: to the end -->\n", ["a.md:1", "before no block"]),
+    ("<!-- run: to the end -->\n\n```bash\nls\n```\n", ["a.md:1", "not followed by a block"]),
+    ("<!-- run: to the end -->\n", ["a.md:1", "not followed by a block"]),
     ("<!-- run to the end -->\n```bash\nls\n```\n", ["a.md:1", "expected <!-- run: HOW -->"]),
-    ('<!-- run: keys "i" -->\n```bash\nls\n```\n', ["a.md:1", "until when"]),
+    ('<!-- run: keys "i" -->\n```bash\nls\n```\n', ["a.md:1", "add an until"]),
     ("```\nls\n```\n", ["a.md:1", "names no language"]),
-    ("a\n```bash\nls\n", ["a.md:2", "never closed"]),
+    ("a\n```bash\nls\n", ["a.md:2", "is not closed"]),
     ("```bash title\nls\n```\n", ["a.md:1", "expected ```"]),
 ])
-def test_what_is_not_understood_is_named_with_its_line(text, words):
+def test_unknown_words_are_named_with_their_line(text, words):
     with pytest.raises(DocumentError) as caught:
         blocks_of(text, "a.md")
     for word in words:
         assert word in str(caught.value)
 
 
-def test_commands_are_taken_apart():
+def test_commands_are_split_into_words():
     text = "A=1 rosrun a b --c 'd e' \\\n  f   # more\nls | wc > out.txt && echo \"x;y\"\n"
     assert doc_commands.commands_of(text) == [
         ["rosrun", "a", "b", "--c", "d e", "f"], ["ls"], ["wc"], ["echo", "x;y"]]
@@ -74,7 +74,7 @@ def test_commands_are_taken_apart():
     ("roslaunch motion_plan behaviors.launch", ["needs the argument des_x"]),
     ("rosrun m2wr_sim no_such_tool", ["m2wr_sim", "no program no_such_tool"]),
     ("rosrun no_such_package tool", ["no package no_such_package"]),
-    ("rosrun m2wr_sim bag_report --no-such-option run.bag", ["nothing knows the option --no-such-option"]),
+    ("rosrun m2wr_sim bag_report --no-such-option run.bag", ["no program has the option --no-such-option"]),
     ("rosrun m2wr_sim experiment --port 5 m2wr_sim bug2.launch sped:=3", ["no argument sped"]),
     ("make no-such-target", ["no target no-such-target"]),
     ("source devel/no_such.bash", ["no file devel/no_such.bash"]),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Blocks are run as a reader runs them: in order, in one folder, each until what the document says has happened."""
+"""Blocks are run as a reader runs them: in order, in one folder, each until the condition of its comment holds."""
 import os
 import sys
 import time
@@ -30,7 +30,7 @@ def test_commands_share_a_folder_and_run_in_order(tmp_path):
     ('<!-- run: at most 1 s -->\n```bash\nsleep 30\n```\n', ["did not end within 1 s"]),
     ('<!-- run: picture a*.png as b.png -->\n```bash\ntrue\n```\n', ["a.md:2", "made no a*.png"]),
 ])
-def test_what_does_not_happen_is_told_with_what_was_said(tmp_path, text, words):
+def test_a_failure_is_reported_with_the_output(tmp_path, text, words):
     with pytest.raises(AssertionError) as caught:
         run(text, tmp_path)
     for word in words:
@@ -44,8 +44,8 @@ def test_a_block_in_the_background_ends_with_the_document(tmp_path):
     assert (tmp_path / "end.txt").read_text() == "bye\n"
 
 
-def test_alone_ends_what_runs_before(tmp_path):
-    text = ("<!-- run: background until \"ready\" -->\n```bash\ntrap 'touch end.txt; exit' INT\necho ready\n"
+def test_alone_ends_the_running_blocks(tmp_path):
+    text = ("<!-- run: background until \"ready\" -->\n```bash\ntrap 'echo > end.txt; exit' INT\necho ready\n"
             "while true; do sleep 0.1; done\n```\n<!-- run: alone -->\n```bash\ntest -e end.txt\n```\n")
     run(text, tmp_path)
 
@@ -61,9 +61,9 @@ def test_keys_reach_a_terminal(tmp_path):
         'test -t 0\necho "hello $name"\n```\n', tmp_path)
 
 
-def test_pictures_are_kept_and_what_comes_after_them_is_left_out(tmp_path):
-    text = ("<!-- run: only for the gallery; picture a*.png as b.png -->\n```bash\ntouch a1.png a2.png\n```\n"
-            "```bash\ntouch later\n```\n")
+def test_pictures_are_kept_and_later_blocks_are_skipped(tmp_path):
+    text = ("<!-- run: only for the gallery; picture a*.png as b.png -->\n```bash\necho > a1.png; echo > a2.png\n```\n"
+            "```bash\necho > later\n```\n")
     kept = {}
     run(text, tmp_path, kept.__setitem__)
     assert os.path.basename(kept["b.png"]) == "a2.png" and not (tmp_path / "later").exists()
@@ -73,12 +73,12 @@ def test_pictures_are_kept_and_what_comes_after_them_is_left_out(tmp_path):
 
 
 def test_only_checked_blocks_do_not_run(tmp_path):
-    assert run("<!-- run: only checked: it would -->\n```bash\ntouch x\n```\n", tmp_path) == []
+    assert run("<!-- run: only checked: it would -->\n```bash\necho > x\n```\n", tmp_path) == []
     assert not (tmp_path / "x").exists()
 
 
 def test_until_a_file_is_there(tmp_path):
-    run('<!-- run: until "file made.*" -->\n```bash\nsleep 0.2; exec sh -c "touch made.txt; exec sleep 60"\n```\n',
+    run('<!-- run: until "file made.*" -->\n```bash\nsleep 0.2; exec sh -c "echo > made.txt; exec sleep 60"\n```\n',
         tmp_path)
     with pytest.raises(AssertionError):
         run('<!-- run: at most 1 s; until "file never.*" -->\n```bash\nsleep 60\n```\n', tmp_path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The documents: every block is understood, what it names exists, links and pictures lead somewhere."""
+"""The documents: every block is understood, all that it names exists, links and pictures have a target."""
 import os
 import re
 import sys
@@ -19,7 +19,7 @@ def text_of(path):
 
 
 def of_the_reader(arguments):
-    """Whether an argument names a robot of the reader's own, which loading would expand."""
+    """Whether an argument names a robot of the reader, which loading would expand."""
     return any(word.startswith("model:=") for word in arguments)
 
 
@@ -61,7 +61,7 @@ def test_commands_in_the_text_name_only_what_exists(path):
 
 
 @pytest.mark.parametrize("path", documents())
-def test_links_and_pictures_lead_somewhere(path):
+def test_links_and_pictures_have_a_target(path):
     for target in LINK.findall(re.sub(r"^```.*?^```", "", text_of(path), flags=re.M | re.S)):
         if re.match(r"\w+:", target):
             continue

@@ -14,7 +14,7 @@ OWN = '<package><name>%s</name><maintainer email="maintainers@m2wr.example">m</m
 
 @pytest.fixture
 def workspace(tmp_path):
-    """A workspace of two stand-ins beside an empty system and an empty ROS."""
+    """A workspace with two stand-ins, an empty system and an empty ROS."""
     (tmp_path / "ws" / "tools").mkdir(parents=True)
     shutil.copy(os.path.join(tree.ROOT, "tools", "dropins.sh"), str(tmp_path / "ws" / "tools"))
     for name in ("xacro", "gazebo_ros"):
@@ -23,7 +23,7 @@ def workspace(tmp_path):
 
 
 def arrange(workspace, **environment):
-    """Run the script; returns the stand-ins that are left out, and what it said."""
+    """Run the script; returns the stand-ins that are left out, and its output."""
     environment = dict(os.environ, M2WR_SYSTEM_PREFIX=str(workspace / "usr"), CMAKE_PREFIX_PATH=environment.pop(
         "prefixes", ""), M2WR_NOETIC_PREFIX=str(workspace / "noetic"), **environment)
     done = subprocess.run(["bash", str(workspace / "ws" / "tools" / "dropins.sh")], env=environment, timeout=60,
@@ -39,12 +39,12 @@ def install(workspace, prefix, name, text=REAL):
     (folder / "package.xml").write_text(text % name)
 
 
-def test_where_nothing_is_found_all_are_built_in_silence(workspace):
+def test_without_real_packages_all_are_built_silently(workspace):
     assert arrange(workspace) == ([], "")
 
 
 @pytest.mark.parametrize("prefix", ["usr", "noetic"])
-def test_one_steps_aside_for_the_real_package_and_comes_back_when_that_goes(workspace, prefix):
+def test_a_stand_in_is_built_only_without_the_real_package(workspace, prefix):
     install(workspace, prefix, "xacro")
     left_out, said = arrange(workspace)
     assert left_out == ["xacro"] and "dropin/xacro steps aside" in said
@@ -66,7 +66,7 @@ def test_a_sourced_workspace_counts_whether_installed_or_built(workspace):
     assert arrange(workspace, prefixes=prefixes)[0] == ["gazebo_ros", "xacro"]
 
 
-def test_our_own_package_installed_elsewhere_is_no_real_one(workspace):
+def test_our_own_installed_package_is_not_a_real_one(workspace):
     install(workspace, "usr", "gazebo_ros", OWN)
     assert arrange(workspace)[0] == []
 

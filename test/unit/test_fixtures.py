@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The recorded bags: what their YAMLs say of them, what the geometry asks of them, and that they can be made again."""
+"""The recorded bags agree with their YAMLs and with the geometry, and can be made again."""
 import dataclasses
 import hashlib
 import io
@@ -24,11 +24,11 @@ SCAN, ODOM, TF = record_fixture.SCAN, record_fixture.ODOM, record_fixture.TF
 FIXTURES = record_fixture.FIXTURES
 STORE = get_typestore(Stores.ROS1_NOETIC)
 LARGEST_BAG = 600000
-#: Largest difference between a number in a bag and the same one made anew: the last digits depend on the machine.
+#: Largest difference between a number in a bag and the same one made again: the last digits depend on the machine.
 REMAKE_TOLERANCE = 1e-5
-#: Share of beams that may graze an edge and read something else than the geometry says.
+#: Share of beams that may graze an edge and differ from the geometry.
 GRAZING = 0.005
-#: Beams farther back than this see the robot's own wheels, which stand out above the laser's plane [rad].
+#: Beams beyond this angle see the robot's own wheels, which extend above the laser's plane [rad].
 OWN_WHEELS = math.radians(100.0)
 
 
@@ -44,7 +44,7 @@ def read_bag(name):
         for connection in reader.connections:
             try:
                 STORE.get_msgdef(connection.msgtype)
-            except KeyError:        # not one of the common types: the bag itself tells what is in a message
+            except KeyError:        # not one of the common types: the bag contains the definition
                 STORE.register(get_types_from_msg(connection.msgdef, connection.msgtype))
         return [(connection.topic, connection.msgtype, stamp, bytes(raw))
                 for connection, stamp, raw in reader.messages()]
@@ -64,7 +64,7 @@ def planar(message):
 
 
 def flat(value):
-    """Return (texts, numbers) of all that is in a message."""
+    """Return all (texts, numbers) of a message."""
     if isinstance(value, str):
         return [value], []
     if dataclasses.is_dataclass(value):
@@ -85,7 +85,7 @@ def beam_angles(scan):
 
 @pytest.fixture(scope="module")
 def recordings():
-    """Every fixture simulated anew."""
+    """Every fixture, simulated again."""
     return {name: record_fixture.simulate(fixture) for name, fixture in FIXTURES.items()}
 
 
@@ -96,7 +96,7 @@ def test_every_bag_has_its_yaml_and_its_recipe():
 
 
 @pytest.mark.parametrize("name", FIXTURES)
-def test_bag_is_what_the_yaml_says(name):
+def test_bag_agrees_with_the_yaml(name):
     info, path = read_info(name), os.path.join(DATA, name + ".bag")
     with open(path, "rb") as stream:
         content = stream.read()
@@ -116,7 +116,7 @@ def test_bag_is_what_the_yaml_says(name):
 
 
 @pytest.mark.parametrize("name", FIXTURES)
-def test_yaml_is_what_the_recipe_says(name):
+def test_yaml_agrees_with_the_recipe(name):
     info, fixture = read_info(name), FIXTURES[name]
     assert info["seed"] == fixture.seed
     assert info["world"] == fixture.world
@@ -128,7 +128,7 @@ def test_yaml_is_what_the_recipe_says(name):
 @pytest.mark.parametrize("name", FIXTURES)
 def test_simulator_makes_the_same_messages_again(name, recordings):
     old, new = read_bag(name), recordings[name].messages
-    advice = "%s.bag is no longer what the simulator makes; if that is meant, run test/scripts/record_fixture.py" % name
+    advice = "%s.bag differs from the simulator's output; if intended, run test/scripts/record_fixture.py" % name
     assert [(topic, stamp) for topic, _, stamp, _ in old] == [(topic, stamp) for topic, _, stamp in new], advice
     for (topic, kind, stamp, raw), (_, message, _) in zip(old, new):
         buffer = io.BytesIO()
@@ -142,7 +142,7 @@ def test_simulator_makes_the_same_messages_again(name, recordings):
 
 
 @pytest.mark.parametrize("name", FIXTURES)
-def test_expectations_are_the_ones_of_the_recipe(name, recordings):
+def test_expectations_agree_with_the_recipe(name, recordings):
     expected = FIXTURES[name].expect(FIXTURES[name], recordings[name])
     stored = read_info(name)["expected"]
     assert set(stored) == set(expected)
@@ -185,7 +185,7 @@ def test_sectors_of_the_scans_are_those_of_the_geometry(name):
 
 
 @pytest.mark.parametrize("name", ["boxes_drive", "yard_360"])
-def test_readings_are_the_geometry_and_the_noise_of_the_description(name):
+def test_readings_match_geometry_and_noise_of_the_description(name):
     boxes = plane_geometry.read_boxes(os.path.join(DATA, FIXTURES[name].world))
     rows = read_info(name)["expected"]["sectors"]["rows"]
     errors = []
@@ -195,7 +195,7 @@ def test_readings_are_the_geometry_and_the_noise_of_the_description(name):
         wanted = plane_geometry.scan(row[1:4], angles, boxes)[forward]
         read = scan.ranges[forward].astype(float)
         with np.errstate(invalid="ignore"):
-            errors.append(read - wanted)        # endless where only one of them is, not a number where both are
+            errors.append(read - wanted)        # infinite if only one of them is, nan if both are
     errors = np.concatenate(errors)
     errors = errors[~np.isnan(errors)]
     plain = np.abs(errors) < 6 * record_fixture.NOISE
@@ -207,7 +207,7 @@ def test_readings_are_the_geometry_and_the_noise_of_the_description(name):
     assert abs(np.std(noise) / record_fixture.NOISE - 1.0) < 5 / math.sqrt(2 * len(noise)) + 0.005
 
 
-def test_boxes_stand_where_the_world_file_has_them():
+def test_boxes_are_where_the_world_file_has_them():
     rows = {row[0]: row for row in read_info("boxes_drive")["expected"]["sectors"]["rows"]}
     # at rest at the origin the nearest corner on the right is (2.2, -0.7), seen from the laser at x = 0.15
     assert rows[0.201][5] == pytest.approx(math.hypot(2.05, 0.7), abs=0.005)
@@ -217,14 +217,14 @@ def test_boxes_stand_where_the_world_file_has_them():
     assert rows[15.001][6] == pytest.approx(9.0 - (rows[15.001][1] + 0.15), abs=0.002)
 
 
-def test_robot_goes_at_the_speeds_of_the_script():
+def test_robot_has_the_speeds_of_the_script():
     poses = {stamp: planar(message) for stamp, message in read_messages("boxes_drive", ODOM)}
     first, second = poses[5051000000], poses[15051000000]
     assert second[0] - first[0] == pytest.approx(0.5 * 10.0, rel=1e-3)
     assert abs(second[1] - first[1]) < 1e-3
     first, second = poses[17051000000], poses[19051000000]
     assert second[2] - first[2] == pytest.approx(0.5 * 2.0, rel=1e-3)
-    # the axle is what it turns about
+    # it rotates about the axle
     assert np.hypot(*np.subtract(plane_geometry.axle(first), plane_geometry.axle(second))) < 1e-3
 
 
@@ -238,7 +238,7 @@ def test_tf_is_the_odometry():
         assert transform.transform.rotation.z == message.pose.pose.orientation.z
 
 
-def test_turn_of_go_to_point_ends_when_the_closed_form_says():
+def test_rotation_of_go_to_point_ends_at_the_closed_form_time():
     info = read_info("turn_and_go")
     expected, (x, y, yaw) = info["expected"], info["start"]
     goal = expected["goal"]
@@ -247,12 +247,12 @@ def test_turn_of_go_to_point_ends_when_the_closed_form_says():
     state, stamp = expected["go_to_point"]["entered"][0][::-1]
     assert state == 1
     assert stamp == pytest.approx(turned, abs=0.1)
-    # the way to the goal crosses the heading of 180 degrees, where an error that is not wrapped turns the wrong way
+    # the rotation to the goal crosses the heading of 180 degrees: an error without wrapping would turn the other way
     assert math.atan2(goal[1] - y, goal[0] - x) - yaw < -math.pi
     assert [state for _, state in expected["go_to_point"]["entered"]] == [1, 0, 1, 2, 0, 1, 2]
 
 
-def test_rays_and_clearances_have_their_closed_forms():
+def test_rays_and_clearances_equal_their_closed_forms():
     ahead = plane_geometry.Rectangle(3.0, 0.0, 0.0, 2.0, 2.0)
     turned = plane_geometry.Rectangle(3.0, 0.0, math.pi / 4, 2.0, 2.0)
     angles = np.array((0.0, math.atan2(0.9, 2.0), math.pi / 2, math.pi))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What .ci/run does around its fresh root, as far as that needs no root: settings handed in, exit code, last line."""
+"""The parts of .ci/run that need no root: settings passed in, exit code, last line."""
 import os
 import subprocess
 
@@ -9,14 +9,14 @@ SOURCE = 'source "$1/tools/common.sh"; source "$1/tools/fresh_root.sh"; shift; '
 
 
 def bash(script, *arguments, text="", **variables):
-    """Run a script that has the functions; returns what it prints."""
+    """Run a script with the functions of the tools; returns its output."""
     done = subprocess.run(["bash", "-c", SOURCE + script, "bash", tree.ROOT] + list(arguments), input=text, check=True,
                           env=dict(os.environ, **variables), stdout=subprocess.PIPE,
                           universal_newlines=True, timeout=60)
     return done.stdout
 
 
-def test_paths_in_settings_are_those_that_are_there(tmp_path):
+def test_only_existing_paths_in_settings_are_used(tmp_path):
     index, wheels = tmp_path / "simple", tmp_path / "wheels"
     index.mkdir()
     wheels.mkdir()
@@ -24,13 +24,13 @@ def test_paths_in_settings_are_those_that_are_there(tmp_path):
     assert bash("named_paths", text=text).split() == [str(index), str(wheels)]
 
 
-def test_settings_files_become_one_in_which_the_last_value_counts():
+def test_settings_files_are_merged_and_the_last_value_counts():
     text = "[global]\ncert = /a\nextra-index-url =\n    x\n    y\n# c\n[install]\nno-deps = 1\n\n[global]\ncert = /b\n"
     assert bash("merge_sections", text=text).splitlines() == [
         "[global]", "cert = /b", "extra-index-url =", "    x", "    y", "[install]", "no-deps = 1"]
 
 
-def test_variables_of_pip_proxies_and_make_are_handed_in_and_no_others(tmp_path):
+def test_only_variables_of_pip_proxies_and_make_are_passed(tmp_path):
     bundle = tmp_path / "ca.pem"
     bundle.write_text("")
     lines = bash("handed_variables", PIP_EXTRA_INDEX_URL="https://a/simple", PIP_CERT=str(bundle),
@@ -65,7 +65,7 @@ def run(command, **variables):
                           stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
 
 
-def test_on_the_host_a_warning_says_why_and_the_summary_is_the_last_line(tmp_path):
+def test_on_the_host_a_warning_gives_the_reason(tmp_path):
     command = workspace(tmp_path, {
         "setup": "true", "lint": "true", "demo": "true",
         "test": "mkdir -p test_results; echo 7 passed, 0 failed, 0 skipped > test_results/summary.txt"})
@@ -75,10 +75,10 @@ def test_on_the_host_a_warning_says_why_and_the_summary_is_the_last_line(tmp_pat
     assert done.stdout.splitlines()[-1] == "7 passed, 0 failed, 0 skipped"
 
 
-def test_the_exit_code_is_that_of_the_step_that_failed_and_no_old_summary_is_shown(tmp_path):
-    command = workspace(tmp_path, {"setup": "true", "lint": "exit 3", "test": "touch tested", "demo": "true"})
+def test_the_exit_code_is_that_of_the_failed_step(tmp_path):
+    command = workspace(tmp_path, {"setup": "true", "lint": "exit 3", "test": "echo > tested", "demo": "true"})
     (tmp_path / "test_results").mkdir()
     (tmp_path / "test_results/summary.txt").write_text("9 passed, 0 failed, 0 skipped\n")
     done = run(command, CI_ROOT="host")
-    assert done.returncode == 2 and "make lint: FAILED" in done.stdout      # what make makes of a recipe's 3
+    assert done.returncode == 2 and "make lint: FAILED" in done.stdout      # make's own exit code
     assert done.stdout.splitlines()[-1] == "the tests did not run" and not (tmp_path / "tested").exists()

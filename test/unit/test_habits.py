@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every habit of Gazebo that the README of this package lists is held by a test that exists."""
+"""Every habit of Gazebo that the README of this package lists has an existing test."""
 import os
 import re
 

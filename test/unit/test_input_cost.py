@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What files and parameters cost to read grows with their length and no faster; src/m2wr_sim's test_text_cost has XML.
+"""The cost of reading files and parameters grows at most linearly; src/m2wr_sim's test_text_cost covers XML.
 
-Cost is counted, calls that Python makes, and measured, the least CPU time of several tries, so that a busy machine
-changes nothing.  An input four times as long may cost 2.2 times 2.2 as much; one that compares each part with every
-other would cost sixteen times as much.
+Cost is the number of Python calls and the least CPU time of several tries, so that a busy machine changes nothing.
+An input four times as long may cost 2.2 times 2.2 as much; quadratic cost would be sixteen times as much.
 """
 import io
 import math
@@ -28,10 +27,10 @@ from m2wr_tools.runs import bag_report
 from m2wr_view.errors import ViewError
 from motion_plan.tour import Tour, TourError
 
-TIMES = 4               # how much longer the second input is
-GROWTH = 2.2 ** 2       # of the cost then: 4 for what is linear
-FLOOR = 500             # calls that do not depend on the length: opening, checking, refusing
-LEAST = 0.02            # CPU time [s] below which a ratio says nothing
+TIMES = 4               # length of the second input relative to the first
+GROWTH = 2.2 ** 2       # largest growth of the cost: linear cost gives 4
+FLOOR = 500             # calls independent of the length: opening, checking, refusing
+LEAST = 0.02            # CPU time [s] below which a ratio is not meaningful
 TRIES = 12
 FORESEEN = (SimError, ViewError, TourError, ConfigError, map_reading.MapReadingError, state_file.StateError,
             bag_file.BagError)
@@ -45,7 +44,7 @@ def run(read, given):
 
 
 def calls(read, given):
-    """Return how many calls of functions reading makes."""
+    """Return the number of function calls of a reader."""
     counted = [0]
 
     def count(_, event, __):
@@ -68,9 +67,9 @@ def cpu(read, given):
 
 
 def check_growth(read, make, length):
-    """Hold what reading ``make(length)`` costs against an input TIMES as long."""
+    """Compare the cost of reading ``make(length)`` with that of an input TIMES as long."""
     short, long = make(length), make(TIMES * length)
-    run(read, short)                    # imports and compiled kernels are no part of the cost
+    run(read, short)                    # excludes imports and the compilation of kernels
     few, many = calls(read, short), calls(read, long)
     assert many < GROWTH * few + FLOOR, "%d calls, and %d for %d times the length" % (few, many, TIMES)
     least, most = math.inf, math.inf
@@ -81,8 +80,8 @@ def check_growth(read, make, length):
     raise AssertionError("%.4f s, and %.4f s for %d times the length" % (least, most, TIMES))
 
 
-def test_a_reader_that_compares_all_with_all_is_found():
-    with pytest.raises(AssertionError, match=r"\d s, and"):          # what runs in C is found by its time
+def test_quadratic_cost_is_found():
+    with pytest.raises(AssertionError, match=r"\d s, and"):          # C code is found by its time
         check_growth(lambda items: [item for item in items if items.count(item) > 1], lambda n: list(range(n)), 3000)
     with pytest.raises(AssertionError, match="calls"):
         check_growth(lambda n: [abs(other) for _ in range(n) for other in range(n)], lambda n: n, 50)
@@ -126,7 +125,7 @@ try:
 except ImportError:                     # the real map_server is installed
     pass
 GOOD = "image: room.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-TEXTS = {                               # 64 kB is the most that is read
+TEXTS = {                               # at most 64 kB are read
     "values": lambda n: GOOD + "".join("k%d: 1\n" % k for k in range(n // 9)),
     "comments": lambda n: GOOD + "#x\n" * (n // 3), "blanks": lambda n: GOOD + "a: 1" + " " * n,
     "list": lambda n: GOOD + "a: [" + "1," * (n // 2) + "1]", "open": lambda n: "[" * n,

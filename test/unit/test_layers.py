@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every module imports only what its room may: kernels arrays alone, ROS at the edges alone, one importer of ODE.
+"""Every module imports only what its layer may: kernels only arrays, ROS only at the edges, one importer of ODE.
 
-A room is the folder of a module below its package's Python root, or a name pattern. The table below is the rule;
-a folder that is in no row fails too, so a new room states what it may import.
+A layer is the folder of a module below its package's Python root, or a name pattern. The table below is the rule;
+a folder without a row fails too, so a new layer declares its imports.
 """
 import ast
 import fnmatch
@@ -24,7 +24,7 @@ SHAPES = {"PIL", "collada", "trimesh"}      # mesh files and pictures with heigh
 ANYTHING = None
 
 # First match wins. third_party: importable besides the standard library (ANYTHING: no limit). messages: *_msgs and
-# genpy allowed. deterministic: no wall clock, no unseeded randomness. not_ours: our own modules that stay out.
+# genpy allowed. deterministic: no wall clock, no unseeded randomness. not_ours: our own forbidden modules.
 EDGES = ("m2wr_sim.ros", "m2wr_sim.plugins")
 RULES = (
     Rule("*/*kernels.py", {"numpy", "numba"}, False, True, ("*",)),
@@ -68,7 +68,7 @@ RULES = (
 )
 KERNEL_STANDARD = {"math", "__future__"}
 KERNEL_NEIGHBOURS = ("kernels", "_layout")      # of our own modules, kernels import only each other and plain numbers
-ODE_ROOM = "m2wr_sim/physics/"
+ODE_LAYER = "m2wr_sim/physics/"
 SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}
 WALL_CLOCK = {"time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns", "time.perf_counter",
               "time.perf_counter_ns", "time.sleep", "time.process_time", "datetime.datetime.now",
@@ -76,7 +76,7 @@ WALL_CLOCK = {"time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns"
 
 
 def is_standard(top):
-    """Whether a top-level module belongs to Python itself; by a list since 3.10, before that by where it lies."""
+    """Whether a top-level module belongs to Python itself; by a list since 3.10, before that by its location."""
     if top in sys.builtin_module_names:
         return True
     if hasattr(sys, "stdlib_module_names"):
@@ -101,7 +101,7 @@ def modules():
 
 
 def rule_of(inside):
-    """The first rule whose pattern fits; folders must be as many as in the pattern, only a leading ``*/`` is free."""
+    """The first rule whose pattern fits; the number of folders must be equal, except for a leading ``*/``."""
     for rule in RULES:
         same_depth = rule.pattern.startswith("*/") or rule.pattern.count("/") == inside.count("/")
         if same_depth and fnmatch.fnmatchcase(inside, rule.pattern):
@@ -149,7 +149,7 @@ def within(name, pattern):
 
 
 def import_breaches(rule, inside, syntax, own):
-    """One sentence for each import that the module's room may not have."""
+    """One sentence for each import that the module's layer may not have."""
     kernel = rule.pattern == "*/*kernels.py"
     for line, name in imports_of(syntax, inside):
         top = name.split(".")[0]
@@ -157,20 +157,20 @@ def import_breaches(rule, inside, syntax, own):
             if kernel and any(part.endswith(KERNEL_NEIGHBOURS) for part in name.split(".")):
                 continue
             if any(within(name, pattern) for pattern in rule.not_ours):
-                yield "line {}: imports {}, which is above this room".format(line, name)
-        elif top == "ode" and not inside.startswith(ODE_ROOM):
-            yield "line {}: imports ode, which only {} may".format(line, ODE_ROOM)
+                yield "line {}: imports {}, which is above this layer".format(line, name)
+        elif top == "ode" and not inside.startswith(ODE_LAYER):
+            yield "line {}: imports ode, which only {} may".format(line, ODE_LAYER)
         elif rule.third_party is ANYTHING or top in rule.third_party or (rule.messages and is_message(name)):
             continue
         elif not is_standard(top) or (kernel and top not in KERNEL_STANDARD):
-            yield "line {}: imports {}; this room has the standard library{} and {}".format(
+            yield "line {}: imports {}; this layer has the standard library{} and {}".format(
                 line, name, " (of it only math)" if kernel else "", ", ".join(sorted(rule.third_party)) or "no more")
         elif rule.deterministic and top in ("random", "secrets", "uuid"):
-            yield "line {}: imports {}; randomness is handed in".format(line, name)
+            yield "line {}: imports {}; randomness must be an argument".format(line, name)
 
 
 def aliases_of(syntax):
-    """Local name -> dotted name it stands for, from the import statements of a module."""
+    """Local name -> dotted name, from the import statements of a module."""
     names = {}
     for node in ast.walk(syntax):
         if isinstance(node, ast.Import):
@@ -195,10 +195,10 @@ def fetched_state(syntax):
         first, _, rest = used.partition(".")
         full = names.get(first, first) + ("." + rest if rest else "")
         if full in WALL_CLOCK:
-            yield "line {}: uses {}; time is handed in".format(node.lineno, full)
+            yield "line {}: uses {}; time must be an argument".format(node.lineno, full)
         drawn = full.split(".")
         if drawn[:2] == ["numpy", "random"] and len(drawn) > 2 and drawn[2] not in SEEDED:
-            yield "line {}: uses {}; draw from a Generator that is handed in".format(node.lineno, full)
+            yield "line {}: uses {}; use a Generator passed as an argument".format(node.lineno, full)
 
 
 def breaches(inside, text, own):
@@ -215,7 +215,7 @@ def breaches(inside, text, own):
     """
     rule = rule_of(inside)
     if rule is None:
-        return ["is in no room of the table in test_layers.py; add a row that says what it may import"]
+        return ["is in no layer of the table in test_layers.py; add a row with its imports"]
     syntax = ast.parse(text)
     found = list(import_breaches(rule, inside, syntax, own))
     if rule.deterministic:
@@ -235,7 +235,7 @@ def test_there_are_modules_to_check():
 
 
 @pytest.mark.parametrize("path, inside", MODULES, ids=[inside for _, inside in MODULES])
-def test_module_keeps_to_its_room(path, inside):
+def test_module_keeps_to_its_layer(path, inside):
     found = breaches(inside, tree.read(path), OWN)
     assert not found, "\n".join("{}: {}".format(tree.relative(path), sentence) for sentence in found)
 
@@ -261,7 +261,7 @@ def test_module_keeps_to_its_room(path, inside):
     ("m2wr_sim/control/noise.py", "from numpy import random as r\nr.seed(1)"),
     ("motion_plan/bug2.py", "import rospy"),
     ("motion_plan/bug2.py", "from motion_plan.ros_nodes import Bug2Node"),
-    ("m2wr_sim/newroom/thing.py", "import math"),
+    ("m2wr_sim/newlayer/thing.py", "import math"),
 ])
 def test_a_breach_is_found(inside, text):
     assert breaches(inside, text, {"m2wr_sim", "motion_plan"})

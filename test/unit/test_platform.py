@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The set-up starts only on a platform it knows, and its refusal names what it found and what it supports."""
+"""The set-up starts only on a known platform; its refusal names the platform found and the supported ones."""
 import os
 import subprocess
 
@@ -34,7 +34,7 @@ def test_focal_with_noetic_is_known(tmp_path):
     assert (done.returncode, done.stdout.strip()) == (0, "platform=noetic")
 
 
-def test_focal_without_noetic_is_told_what_to_install(tmp_path):
+def test_focal_without_noetic_gets_installation_advice(tmp_path):
     done = detect(tmp_path, 'ID=ubuntu\nVERSION_ID="20.04"\n')
     assert done.returncode == 1
     assert "ros-noetic-ros-base" in done.stderr and len(done.stderr.strip().splitlines()) == 1

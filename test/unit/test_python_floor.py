@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every Python file runs on Python 3.8 (Noetic on Ubuntu 20.04) and uses nothing that 3.11 or numpy 1.24 dropped.
+"""Every Python file runs on Python 3.8 (Noetic on Ubuntu 20.04) and uses nothing removed in 3.11 or numpy 1.24.
 
-Syntax is judged by the parser itself; library calls and run-time annotations, which the parser cannot see, by a list
-of names. The list cannot be complete: it holds what is easily written by habit.
+The parser checks the syntax; a list of names covers library calls and run-time annotations, which the parser cannot
+check. The list is not complete: it contains frequent cases.
 """
 import ast
 import os
@@ -25,7 +25,7 @@ FORBIDDEN = {
     "typing.Annotated": "new in 3.9", "typing.TypeAlias": "new in 3.10", "typing.ParamSpec": "new in 3.10",
     "typing.Self": "new in 3.11", "typing.TypeGuard": "new in 3.10", "typing.override": "new in 3.12",
     "contextlib.chdir": "new in 3.11", "contextlib.aclosing": "new in 3.10",
-    "datetime.UTC": "new in 3.11", "time.clock": "gone since 3.3",
+    "datetime.UTC": "new in 3.11", "time.clock": "removed in 3.8",
     "inspect.getargspec": "gone by 3.11", "collections.Sequence": "gone by 3.10; collections.abc",
     "collections.Mapping": "gone by 3.10; collections.abc", "collections.Iterable": "gone by 3.10; collections.abc",
     "collections.Callable": "gone by 3.10; collections.abc",
@@ -34,7 +34,7 @@ FORBIDDEN = {
 }
 FORBIDDEN_MODULES = {"tomllib": "new in 3.11", "zoneinfo": "new in 3.9", "graphlib": "new in 3.9",
                      "distutils": "deprecated; setuptools", "imp": "deprecated; importlib", "nose": "gone on Debian 12"}
-# method or function name -> keyword argument that is newer than the floor
+# method or function name -> keyword argument that is newer than Python 3.8
 NEW_KEYWORDS = {"zip": {"strict"}, "dataclass": {"slots", "kw_only", "match_args"}, "field": {"kw_only"}}
 NEW_METHODS = {"removeprefix": "str, new in 3.9", "removesuffix": "str, new in 3.9", "bit_count": "int, new in 3.10",
                "is_relative_to": "pathlib, new in 3.9", "with_stem": "pathlib, new in 3.9",
@@ -138,7 +138,7 @@ class _Newer(ast.NodeVisitor):
 
 
 def faults(text, name="<text>"):
-    """(line, sentence) of everything in a source text that leaves the range 3.8 to 3.11; line-ordered."""
+    """(line, sentence) of everything in a source text that is outside the range 3.8 to 3.11; line-ordered."""
     try:
         syntax = ast.parse(text, filename=name, feature_version=FLOOR)
     except SyntaxError as error:
@@ -157,7 +157,7 @@ def test_there_are_files_to_check():
 
 
 @pytest.mark.parametrize("path", FILES, ids=[tree.relative(path) for path in FILES])
-def test_file_keeps_to_the_floor(path):
+def test_file_runs_on_python_38(path):
     found = faults(tree.read(path), path)
     assert not found, "\n".join("{}:{}: {}".format(tree.relative(path), line, text) for line, text in found)
 
@@ -182,7 +182,7 @@ def test_file_keeps_to_the_floor(path):
     "from distutils.core import setup",
     "import math\nmath.nextafter(0, 1)",
 ])
-def test_what_is_too_new_or_gone_is_found(text):
+def test_too_new_or_removed_names_are_found(text):
     assert faults(text)
 
 
@@ -193,5 +193,5 @@ def test_what_is_too_new_or_gone_is_found(text):
     "if (n := 3) > 2:\n    print(f'{n=}')",
     "from dataclasses import dataclass\n@dataclass(frozen=True)\nclass A:\n    x: int",
 ])
-def test_what_38_knows_passes(text):
+def test_features_of_38_pass(text):
     assert not faults(text)

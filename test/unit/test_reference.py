@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The reference says what the code says; nothing that a launch file or a program offers is left out."""
+"""The reference agrees with the code and covers all launch files and programs."""
 import os
 import subprocess
 import sys
@@ -26,7 +26,7 @@ def test_the_graph_holds_the_nodes_that_are_started():
     assert graph["gazebo"]["serves"]["/gazebo/spawn_urdf_model"] == "gazebo_msgs/SpawnModel"
 
 
-def test_every_argument_of_a_launch_file_says_what_it_means():
+def test_every_argument_of_a_launch_file_is_documented():
     for name, folder in reference.packages():
         for file, comment, arguments in reference.launch_files(folder):
             assert comment, "%s %s: no comment says what it does" % (name, file)
@@ -34,7 +34,7 @@ def test_every_argument_of_a_launch_file_says_what_it_means():
                 assert meaning, "%s %s: argument %s has no doc" % (name, file, argument)
 
 
-def test_every_program_says_what_it_does():
+def test_every_program_has_a_docstring():
     for name, folder in reference.packages():
         for _, program, what in reference.programs(name, folder):
             assert what, "%s %s: no docstring" % (name, program)

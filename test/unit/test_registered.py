@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every test in the tree is registered with the build, and every registration names a test that is there.
+"""Every test in the tree is registered with the build, and every registration names an existing test.
 
-A test that no CMakeLists.txt names never runs, and nothing else would notice.
+A test that no CMakeLists.txt names never runs, and no other check would detect it.
 """
 import os
 import re
@@ -24,7 +24,7 @@ def cmake_text(folder):
 
 
 def registered_rostests(folder):
-    """Paths, relative to the package, that its CMakeLists.txt hands to add_rostest (or add_rostest_gtest)."""
+    """Paths, relative to the package, that its CMakeLists.txt passes to add_rostest (or add_rostest_gtest)."""
     found = []
     for arguments in ROSTEST.findall(cmake_text(folder)):
         found.extend(word for word in arguments.split() if word.endswith((".test", ".launch")))
@@ -32,7 +32,7 @@ def registered_rostests(folder):
 
 
 def registered_unit_paths(folder):
-    """Folders and files, relative to the package, that its CMakeLists.txt hands to pytest."""
+    """Folders and files, relative to the package, that its CMakeLists.txt passes to pytest."""
     found = []
     for arguments in PYTEST.findall(cmake_text(folder)):
         if "pytest" in arguments:
@@ -129,7 +129,7 @@ def test_every_started_check_exists_and_is_executable(package):
         if pkg != package.name:
             continue
         found = [other for other in tree.files_below(package.folder) if os.path.basename(other) == kind]
-        assert found, "{}: {} starts {}/{}, which is not there".format(package.name, path, pkg, kind)
+        assert found, "{}: {} starts {}/{}, which does not exist".format(package.name, path, pkg, kind)
         assert os.access(found[0], os.X_OK), "{} is not executable".format(tree.relative(found[0]))
 
 
@@ -141,7 +141,7 @@ def test_checks_do_not_skip(package):
             for path in tree.files_below(package.folder):
                 if os.path.basename(path) == kind and tree.is_python(path):
                     skips = re.findall(r"\bskip(?:Test|If|Unless)?\b\s*\(", tree.read(path))
-                    assert not skips, "{} skips; rostest would call that passed".format(tree.relative(path))
+                    assert not skips, "{} skips; rostest would report that as passed".format(tree.relative(path))
 
 
 def write(folder, **files):

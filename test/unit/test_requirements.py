@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""PyPI packages are pinned to versions and to the hashes of their files, and set-up takes no others."""
+"""PyPI packages are pinned to versions and to the hashes of their files, and set-up installs no others."""
 import glob
 import os
 import re
@@ -51,7 +51,7 @@ def test_the_same_version_has_the_same_hashes_in_all_files():
 
 
 def pins(path):
-    """Return what the scripts read out of a file."""
+    """Return the pins that the scripts read from a file."""
     done = subprocess.run(["bash", "-c", 'source "$1/common.sh"; pins "$2"', "bash", TOOLS, path], check=True,
                           stdout=subprocess.PIPE, universal_newlines=True, timeout=30)
     return done.stdout.split()

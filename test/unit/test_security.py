@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""SECURITY.md says what the code does: every limit in its table is the one that holds."""
+"""SECURITY.md agrees with the code: every limit in its table is the actual one."""
 import os
 import re
 
@@ -16,7 +16,7 @@ LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xm
           map_input.MOST_YAML, map_input.MOST_DEPTH, map_input.MOST_PICTURE, map_input.MOST_PIXELS,
           state_file.MOST_FILE,
           state_file.MOST_UNPACKED, state_file.MOST_JSON, state_file.MOST_DEPTH, state_kinds.MOST_ITEMS]
-#: What evaluates text, and the files that may: what they evaluate is the program's own, or the user's command line.
+#: Calls that evaluate text, and the files that may use them: on the program's own text, or the user's command line.
 EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
 ALLOWED = {"m2wr_sim/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
@@ -28,7 +28,7 @@ def test_the_tables_limits_are_those_of_the_code():
     assert shown == LIMITS
 
 
-def test_nothing_but_what_is_listed_evaluates_text():
+def test_only_the_listed_files_evaluate_text():
     found = {}
     for folder in ("src", "dropin"):
         for path in tree.files_below(os.path.join(tree.ROOT, folder)):
@@ -38,6 +38,6 @@ def test_nothing_but_what_is_listed_evaluates_text():
     assert found == {path: {word} for path, word in ALLOWED.items()}
 
 
-def test_the_yaml_loader_of_maps_makes_words_only():
+def test_the_yaml_loader_of_maps_makes_strings_only():
     source = tree.read(map_input.__file__)
     assert source.count("Loader=yaml.BaseLoader") == 2 and source.count("yaml.load(") == 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`make test` runs as many tests of a package side by side as TEST_JOBS says, by default two where there is room."""
+"""`make test` runs TEST_JOBS tests of a package concurrently, by default two on more than one processor."""
 import os
 import shutil
 import subprocess
@@ -8,9 +8,9 @@ import pytest
 
 import workspace_tree as tree
 
-#: As catkin does it: nothing of its own command line reaches make.
+#: Like catkin: its own command line does not reach make.
 CATKIN = '#!/bin/sh\nexec make -f "{0}/tests.mk" run_tests\n'
-#: Two tests; each waits, for some seconds at most, until as many have begun as shall run together.
+#: Two tests; each waits some seconds at most until the expected number has started.
 MAKEFILE = """
 run_tests: one two
 one two:
@@ -27,7 +27,7 @@ def program(path, text):
 
 
 def begun_and_ended(folder, together, processors, jobs=None):
-    """Run tools/test.sh in a workspace made up; returns the lines of what its two tests did, in order."""
+    """Run tools/test.sh in a temporary workspace; returns the log lines of its two tests, in order."""
     for name in ("bin", "tools", "catkin_build", "src", "dropin", "test"):
         (folder / name).mkdir()
     for name in ("common.sh", "test.sh", "test_summary.py"):

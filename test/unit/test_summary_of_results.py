@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The summary of `make test` counts right and believes no result that is missing, stale, empty or overwritten."""
+"""The summary of `make test` counts correctly and accepts no missing, stale, empty or overwritten result."""
 import importlib.util
 import io
 import os
@@ -21,7 +21,7 @@ WRAPPER = '<testcase classname="rostest.runner.RosTest" name="testdrive"/>'
 
 @pytest.fixture(name="workspace")
 def _workspace(tmp_path):
-    """A workspace with one package ``alpha`` that promises one result file."""
+    """A workspace with one package ``alpha`` that declares one result file."""
     add_package(tmp_path, "alpha", ["pytest-unit.xml"])
     return tmp_path
 
@@ -56,7 +56,7 @@ def test_counts_and_last_line(workspace):
     assert run(workspace)[::2] == (0, "2 passed, 0 failed, 1 skipped")
 
 
-def test_failures_and_errors_fail_and_are_told(workspace):
+def test_failures_and_errors_fail_and_are_reported(workspace):
     result(workspace, "pytest-unit.xml", PASS, FAIL, ERROR)
     code, text, last = run(workspace)
     assert (code, last) == (1, "1 passed, 2 failed, 0 skipped")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the user stands is asked in one place: PWD in the environment says what some shell once wrote there."""
+"""Only one module determines the user's folder: the variable PWD may be outdated."""
 import os
 
 import pytest

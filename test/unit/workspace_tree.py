@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the packages of this workspace are and which files are theirs; shared by the tests of its structure."""
+"""The packages of this workspace and their files; shared by the tests of its structure."""
 import os
 import re
 from collections import namedtuple
@@ -22,7 +22,7 @@ def packages(root=ROOT):
     Raises
     ------
     LookupError
-        If there is none, so that no test passes for want of something to look at.
+        If there is none, so that no test passes without packages.
     """
     found = []
     for top in PACKAGE_TOPS:
@@ -63,5 +63,5 @@ def read(path):
 
 
 def relative(path, root=ROOT):
-    """Path as seen from the root of the workspace, for messages."""
+    """Path relative to the root of the workspace, for messages."""
     return os.path.relpath(path, root)

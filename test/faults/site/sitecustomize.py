@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What every Python program of a run with a fault does first, if it finds this file; without M2WR_FAULT_STDERR nothing.
+"""Start-up code of every Python program in a run with a fault; without M2WR_FAULT_STDERR it does nothing.
 
-What it writes on stderr goes to a file of its own, so that tracebacks of programs that end together are not mixed up.
-roslaunch also notes where it is at an interrupt, as long as it has no handler of its own.
+Each program writes its stderr to its own file, so that tracebacks of programs that end together are not mixed up.
+roslaunch also records its stack at an interrupt, as long as it has no handler of its own.
 
-With M2WR_FAULT_JUMP the wall clock is wrong by as many seconds as the file ``clock`` beside that folder says, from the
-moment on at which it says so.  Not in roslaunch itself, which takes the time of its nodes' ends by that clock and kills
-them at a jump.
+With M2WR_FAULT_JUMP the wall clock is wrong by the number of seconds in the file ``clock`` beside that folder, from the
+time at which it is written.  This excludes roslaunch, which measures the end of its nodes by that clock and kills them
+at a jump.
 """
 import os
 import signal
 import time
 
-LOOK = 0.1              # between two looks into the file [s], monotonic
+LOOK = 0.1              # between two readings of the file [s], monotonic
 
 
 def _write_apart(folder, words):
@@ -32,18 +32,18 @@ def _note_interrupts():
         lines, inner = ["Stack (most recent call first):"], frame
         while inner is not None:
             lines.append('  File "%s", line %d in %s' % (
-                inner.f_code.co_filename, inner.f_lineno or 0, inner.f_code.co_name))    # None where none is known
+                inner.f_code.co_filename, inner.f_lineno or 0, inner.f_code.co_name))    # None where it is unknown
             inner = inner.f_back
         os.write(2, ("\n".join(lines) + "\n").encode())
         signal.default_int_handler(number, frame)
 
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:       # else ignored
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:       # otherwise it is ignored
         signal.signal(signal.SIGINT, note)
 
 
 def _jump(path):
     clock, clock_ns, monotonic = time.time, time.time_ns, time.monotonic
-    known = [0, 0.0]            # seconds that the clock is wrong; when to look again
+    known = [0, 0.0]            # error of the clock [s]; time of the next reading
 
     def wrong():
         if monotonic() >= known[1]:

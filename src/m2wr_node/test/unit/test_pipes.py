@@ -8,8 +8,8 @@ import pytest
 
 PROGRAM = """
 import sys
-from m2wr_node.pipes import go_on_unread
-go_on_unread(%s)
+from m2wr_node.pipes import ignore_closed_pipes
+ignore_closed_pipes(%s)
 for number in range(20000):
     print("a line of words", number%s)
 print("and another", file=sys.stderr)
@@ -47,10 +47,11 @@ def test_what_only_prints_may_end_at_once(tmp_path):
 
 def test_a_reader_gets_everything_in_its_encoding(tmp_path):
     environment = dict(os.environ, PYTHONIOENCODING="latin-1:replace")
-    text = "from m2wr_node.pipes import go_on_unread\ngo_on_unread()\nprint('\\u00e9 \\u20ac', end='')"
+    text = "from m2wr_node.pipes import ignore_closed_pipes\nignore_closed_pipes()\nprint('\\u00e9 \\u20ac', end='')"
     assert subprocess.check_output([sys.executable, "-c", text], env=environment) == b"\xe9 ?"
 
 
 def test_without_any_output_nothing_happens():
-    text = "import sys\nsys.stdout = None\nfrom m2wr_node.pipes import go_on_unread\ngo_on_unread()\nprint('x')"
+    text = ("import sys\nsys.stdout = None\n"
+            "from m2wr_node.pipes import ignore_closed_pipes\nignore_closed_pipes()\nprint('x')")
     assert subprocess.call([sys.executable, "-c", text]) == 0

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Numbers that make no sense: refused with their limits, or taken in a defined way; never a state that is no number."""
 import logging
 import math
@@ -191,7 +192,7 @@ def test_a_robot_at_the_edge_of_what_is_allowed_drives(m2wr_rig):
 
 # ---- a world that comes apart ------------------------------------------------------------------------------------
 
-def test_a_world_that_comes_apart_ends_the_loop_before_it_is_published(m2wr_rig):
+def test_a_world_that_diverged_ends_the_loop_before_it_is_published(m2wr_rig):
     rig = m2wr_rig(loss_ends=True).send(0.4, 0.0).run(0.5)
     rig.engine.add_link_force(rig.simulator.models["m2wr"].root, (1e13, 0.0, 1e13), (0.0, 0.0, 0.0))
     loop = Loop(rig.simulator, 0.0, lambda: False, lambda: None)

@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from m2wr_lockstep.controller import Controller
-from m2wr_node.pipes import go_on_unread
+from m2wr_node.pipes import ignore_closed_pipes
 from m2wr_node.ros.ending import end_run
 from m2wr_node.ros.starting import start_node
 from motion_plan.angles import yaw_of_quaternion
@@ -58,7 +58,7 @@ def run_node(name, make_node, only_prints=False):
     A NodeError ends in one fatal line and exit code 1, not in a traceback.  A node that only prints ends when nobody
     reads it any more; any other goes on.
     """
-    go_on_unread(_end_unread if only_prints else None)
+    ignore_closed_pipes(_end_unread if only_prints else None)
     start_node(name)
     library = logging.getLogger('motion_plan')
     library.addHandler(RosoutHandler())

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""With ~loss_ends a model thrown out of the world ends the run: step, body and command are named, the bag is whole."""
+"""With ~loss_ends a model that diverges ends the run: step, body and command are named, the bag is complete."""
 import math
 import os
 import shutil
@@ -22,7 +22,7 @@ LAUNCH = """<launch>
   </include>
 </launch>
 """
-# whose rest lies beyond the world: the two parts leave in opposite directions
+# its rest position is far outside the world: the two links accelerate in opposite directions
 SPRING = """<sdf version="1.6"><model name="spring">
   <link name="base"><pose>0 0 1 0 0 0</pose></link>
   <link name="arm"><pose>0 0 1.5 0 0 0</pose></link>
@@ -34,7 +34,7 @@ SENSED = {"/odom", "/m2wr/laser/scan", "/joint_states", "/tf"}
 
 
 def numbers_of(message):
-    """All floating-point numbers of a message, at any depth; the infinity of a beam that hits nothing left out."""
+    """All floating-point numbers of a message, at any depth; without the infinity of a beam that hits nothing."""
     found, waiting = [], [message]
     while waiting:
         part = waiting.pop()
@@ -47,10 +47,10 @@ def numbers_of(message):
     return [value for value in found if value != math.inf]
 
 
-class ComesApart(unittest.TestCase):
+class Diverged(unittest.TestCase):
     """bug2.launch on this test's own master, with a bag."""
 
-    def test_run_ends_named_and_the_bag_is_whole(self):
+    def test_the_run_ends_with_a_reason_and_a_complete_bag(self):
         folder = tempfile.mkdtemp()
         self.addCleanup(shutil.rmtree, folder)
         bag, launch = os.path.join(folder, "run.bag"), os.path.join(folder, "run.launch")
@@ -65,9 +65,9 @@ class ComesApart(unittest.TestCase):
             try:                        # the node may be gone before it answers
                 simulation.spawn("spring", SPRING, (5.0, 5.0, 0.0, 0.0), kind="sdf")
             except (rospy.ServiceException, rospy.ROSException) as error:
-                rospy.loginfo("no answer to the order: %s", error)
+                rospy.loginfo("no answer to the spawn request: %s", error)
             run.wait()
-            self.assertRegex(run.text, r"step \d+ \(1 ms each\): spring::\w+ is at \(.*come apart.*Motors: hinge")
+            self.assertRegex(run.text, r"step \d+ \(1 ms each\): spring::\w+ is at \(.*Motors: hinge")
             self.assertNotIn("Traceback", run.text)
             self.assertNotIn("core dumped", run.text)
             wait_until(lambda: not marked(run.mark), "everything that the run has started to end")
@@ -87,5 +87,5 @@ class ComesApart(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    rospy.init_node("check_comes_apart", disable_rostime=True)
-    run_checks("comes_apart", ComesApart)
+    rospy.init_node("check_diverged", disable_rostime=True)
+    run_checks("diverged", Diverged)
