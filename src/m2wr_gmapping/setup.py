@@ -1,8 +1,9 @@
+# SPDX-License-Identifier: BSD-3-Clause
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
 setup(**generate_distutils_setup(
-    packages=['m2wr_gmapping', 'm2wr_gmapping.bench', 'm2wr_gmapping.replay',
-              'm2wr_gmapping.ros'],
+    packages=['m2wr_gmapping'] + ['m2wr_gmapping.' + layer for layer in (
+        'backend', 'filter', 'frontend', 'io', 'replay', 'ros')],
     package_dir={'': 'src'},
 ))

@@ -4,6 +4,6 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=["m2wr_tools"] + ["m2wr_tools." + folder for folder in (
-        "benchmark", "doctor", "map_comparison", "map_figure", "obstacles", "robots", "runs")],
+        "benchmark", "doctor", "map_comparison", "map_figure", "obstacles", "robots", "runs", "slam_benchmark")],
     package_dir={"": "src"},
 ))

@@ -143,11 +143,11 @@ class MapFiles(Target):
     name, cpu = "map", 2.0
 
     def prepare(self):
-        from m2wr_gmapping.replay import map_reading
+        from m2wr_gmapping.io import saved_map_reader
         from m2wr_sim.errors import SimError
         from m2wr_tools.map_comparison import command as compare_map
-        self.readers = (map_reading.read_map, compare_map.read_saved)
-        self.foreseen = (map_reading.MapReadingError, SimError)
+        self.readers = (saved_map_reader.read_map, compare_map.read_saved)
+        self.foreseen = (saved_map_reader.MapReadingError, SimError)
         try:
             from map_pictures import files
             self.readers, self.foreseen = self.readers + (files.read_map,), self.foreseen + (files.MapError,)
@@ -245,17 +245,17 @@ class BagFiles(Target):
 
     def prepare(self):
         from m2wr_gmapping.config import GmappingConfig
-        from m2wr_gmapping.replay import bag_file, command
-        from m2wr_gmapping.warm_up import warm_up
+        from m2wr_gmapping.kernel_warm_up import compile_kernels
+        from m2wr_gmapping.replay import bag_messages, replay_command
         from m2wr_tools.runs import bag_report
         from m2wr_view.errors import ViewError
         self.bags = [make_bag(drive_messages(), kind) for kind in ("none", "bz2", "lz4")]
         config = GmappingConfig.from_mapping(dict(particles=3, threads=1, linearUpdate=0.2, base_frame="base_link",
                                                   xmin=-5.0, ymin=-5.0, xmax=5.0, ymax=5.0))
-        self.config, self.command, self.bag_file, self.report = config, command, bag_file, bag_report.report
-        self.options, _ = command.parse(["--bag_filename", "x", "--quiet"])
-        self.foreseen = (ViewError, bag_file.BagError)
-        warm_up()
+        self.config, self.command, self.bag_file, self.report = config, replay_command, bag_messages, bag_report.report
+        self.options, _ = replay_command.parse(["--bag_filename", "x", "--quiet"])
+        self.foreseen = (ViewError, bag_messages.BagError)
+        compile_kernels()
 
     def make(self, rng):
         return mutations.change_bytes(rng, rng.choice(self.bags), self.bags)

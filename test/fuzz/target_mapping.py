@@ -18,7 +18,7 @@ class _Memory:
     fraction, damage = 1.0, None
 
     def __init__(self, messages):
-        from m2wr_gmapping.replay.bag_file import Message
+        from m2wr_gmapping.replay.bag_messages import Message
         self.topics = {topic: kind for topic, kind, _ in messages}
         self._messages = [Message(*entry) for entry in messages]
 
@@ -104,12 +104,12 @@ class StateFile(Target):
     def prepare(self):
         import numpy as np
 
-        from m2wr_gmapping import state
         from m2wr_gmapping.config import GmappingConfig
+        from m2wr_gmapping.frontend.scan import LaserModel
+        from m2wr_gmapping.io import state
+        from m2wr_gmapping.kernel_warm_up import compile_kernels
         from m2wr_gmapping.mapper import Mapper
-        from m2wr_gmapping.scan import LaserModel
-        from m2wr_gmapping.warm_up import warm_up
-        warm_up()
+        compile_kernels()
         self.state, self.foreseen, self.numpy = state, (state.StateError,), np
         laser = LaserModel.from_message(-1.5, 1.5, 0.1, 31, 0.1, 8.0)
         config = GmappingConfig.from_mapping(dict(particles=2, threads=1, linearUpdate=0.2, xmin=-3.0, ymin=-3.0,

@@ -16,9 +16,9 @@ import rospy
 from PIL import Image
 from sensor_msgs.msg import LaserScan
 
-from m2wr_gmapping import state_file
 from m2wr_gmapping.config import ConfigError, GmappingConfig
-from m2wr_gmapping.replay import bag_file, map_reading
+from m2wr_gmapping.io import saved_map_reader, state_file
+from m2wr_gmapping.replay import bag_messages
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf import load_sdf
 from m2wr_sim.ros.params import read_config
@@ -32,8 +32,8 @@ GROWTH = 2.2 ** 2       # largest growth of the cost: linear cost gives 4
 FLOOR = 500             # calls independent of the length: opening, checking, refusing
 LEAST = 0.02            # CPU time [s] below which a ratio is not meaningful
 TRIES = 12
-FORESEEN = (SimError, ViewError, TourError, ConfigError, map_reading.MapReadingError, state_file.StateError,
-            bag_file.BagError)
+FORESEEN = (SimError, ViewError, TourError, ConfigError, saved_map_reader.MapReadingError, state_file.StateError,
+            bag_messages.BagError)
 
 
 def run(read, given):
@@ -117,7 +117,7 @@ def test_parameters(read, kind):
 
 # ---- maps --------------------------------------------------------------------------------------------------------
 
-READERS = [map_reading.read_map, read_saved]
+READERS = [saved_map_reader.read_map, read_saved]
 try:
     from map_pictures import files
     READERS.append(files.read_map)
@@ -208,7 +208,7 @@ def test_bags(tmp_path, compression, whole):
         return str(path)
 
     def replay(path):
-        with bag_file.BagFile(path) as bag:
+        with bag_messages.BagFile(path) as bag:
             for _ in bag.messages(lambda topic: True):
                 pass
 

@@ -4,7 +4,7 @@ import os
 import re
 
 import workspace_tree as tree
-from m2wr_gmapping import state_file, state_kinds
+from m2wr_gmapping.io import state_file, state_types
 from m2wr_sim.model import lenient_xml, mesh_files, mesh_shapes, safe_xml
 from m2wr_sim.ros import spawning
 from m2wr_view import map_input
@@ -20,7 +20,7 @@ LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xm
 EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
 ALLOWED = {"m2wr_sim/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
-           "m2wr_gmapping/state_file.py": "pickle", "m2wr_gmapping/replay/command.py": "shell=True"}
+           "m2wr_gmapping/io/state_file.py": "pickle", "m2wr_gmapping/replay/replay_command.py": "shell=True"}
 
 
 def test_the_tables_limits_are_those_of_the_code():

@@ -6,7 +6,7 @@ import rospy
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 
-from m2wr_gmapping.ros.convert import ArrayGrid, ArrayMapAnswer, pose_message
+from m2wr_gmapping.ros.message_conversion import ArrayGrid, ArrayMapAnswer, pose_message
 from m2wr_node.ros.starting import start_node
 from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
 

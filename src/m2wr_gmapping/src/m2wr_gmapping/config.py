@@ -1,9 +1,10 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Parameters: names, defaults, units and ranges, read from whatever a user wrote."""
 import functools
 import math
 from dataclasses import dataclass, fields
 
-from m2wr_gmapping.motion_model import MotionNoise
+from m2wr_gmapping.filter.motion_model import MotionNoise
 from m2wr_node.numbers import number
 
 INFINITY = math.inf

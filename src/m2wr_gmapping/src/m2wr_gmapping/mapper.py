@@ -1,20 +1,22 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Grid mapping from laser scans and odometry: the object that the live node and the replay drive alike."""
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from m2wr_gmapping import resampling
-from m2wr_gmapping import tracking_kernels as tk
-from m2wr_gmapping.hill_climb import HillClimbMatcher
-from m2wr_gmapping.level import LevelWatch
-from m2wr_gmapping.loop_closing import LoopCloser
-from m2wr_gmapping.matcher import FastMatcher
-from m2wr_gmapping.occupancy import Occupancy
-from m2wr_gmapping.particle_filter import ParticleFilter
-from m2wr_gmapping.saved_map import GivenOccupancy, MapReading
+from m2wr_gmapping.backend.loop_closing import LoopCloser
+from m2wr_gmapping.backend.odometry_recalibration import Recalibration
+from m2wr_gmapping.filter import resampling
+from m2wr_gmapping.filter.occupancy import Occupancy
+from m2wr_gmapping.filter.particle_filter import ParticleFilter
+from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
+from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.tilt_detection import LevelWatch
+from m2wr_gmapping.frontend.tracking import Tracker
+from m2wr_gmapping.io.saved_map import GivenOccupancy, MapReading
 from m2wr_gmapping.se2 import between, compose, inverse
-from m2wr_gmapping.tracking import Tracker
 from m2wr_gmapping.workers import Workers
 
 END_POINT_GAP = 0.04        # end points nearer to each other are one [m]
@@ -64,7 +66,9 @@ class Mapper:
         self._plain = config["compatible"]
         self._matcher = (HillClimbMatcher if self._plain else FastMatcher)(config, self._workers)
         self._dense = config["track_between"] and not self._plain
-        self._tracker = None if self._plain else Tracker(self._matcher, config.noise, self._dense, laser.ahead)
+        self._tracker = None
+        if not self._plain:
+            self._tracker = Tracker(self._matcher, config.noise, self._dense, Recalibration(laser.ahead), laser.ahead)
         self._level = LevelWatch(config["delta"], laser.max_range)
         self._loops = None
         if config["loop_closing"] and not self._plain:
@@ -232,7 +236,7 @@ class Mapper:
         self._remember(reading, stamp)
         if self._loops is not None:
             self._loops.add_step(rows[best, tk.INFORMATION:], np.sqrt(variances), tracker.account)
-        if tracker is not None and tracker.hindsight.due:
+        if tracker is not None and tracker.recalibration.due:
             self._look_back()
         if self._loops is not None:
             self._bend(self._loops.look(particles.tree.path(particles.best), self.readings))
@@ -242,7 +246,7 @@ class Mapper:
         if self._tracker is None or self.given:
             return
         tracker, particles = self._tracker, self.filter
-        changes, path = tracker.hindsight.look(particles.tree.path(particles.best), tracker.centre)
+        changes, path = tracker.recalibration.correct(particles.tree.path(particles.best), tracker.centre)
         if changes is not None:
             self._bend(path if self._loops is None else self._loops.changed(path, changes))
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Planar poses as arrays: x, y [m], theta [rad] in the last axis; any leading shape, broadcast as numpy does."""
 import math
 

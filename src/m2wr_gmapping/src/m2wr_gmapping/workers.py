@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Spreading a kernel over ranges of particles."""
 import os
 import queue

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Rooms and drives that the tests share."""
 import math
 import os
@@ -9,8 +10,8 @@ import pytest
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "..", "src"))
 
 from m2wr_gmapping.config import GmappingConfig  # noqa: E402
+from m2wr_gmapping.frontend.scan import LaserModel  # noqa: E402
 from m2wr_gmapping.mapper import Mapper  # noqa: E402
-from m2wr_gmapping.scan import LaserModel  # noqa: E402
 from m2wr_gmapping.se2 import between, compose  # noqa: E402
 
 

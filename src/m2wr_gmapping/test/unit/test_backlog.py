@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Scans passed over because others wait: none that is processed, and the map is made all the same."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Parameters: conversion as the C++ client does it, ranges, unknown names."""
 import math
 import re

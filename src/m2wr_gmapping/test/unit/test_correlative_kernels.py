@@ -1,10 +1,11 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The exhaustive searches against searches that try everything."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import correlative_kernels as ck
+from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.se2 import between, compose
 
 

@@ -1,12 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What one processed scan does to all particles, against slow plain twins."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import filter_kernels as fk
-from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.resampling import normalise
+from m2wr_gmapping.filter import filter_kernels as fk
+from m2wr_gmapping.filter.resampling import normalise
+from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.se2 import compose, wrap
 
 DEVIATIONS = np.array([0.05, 0.02, 0.01])

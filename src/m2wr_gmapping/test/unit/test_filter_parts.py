@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Planar poses, motion model, resampling, trajectory tree, pose graph and threads."""
 import math
 import queue
@@ -6,11 +7,12 @@ import threading
 import numpy as np
 import pytest
 
-from m2wr_gmapping import loop_graph, resampling
-from m2wr_gmapping.motion_model import MotionNoise, sample_motion
-from m2wr_gmapping.pose_graph import optimise
+from m2wr_gmapping.backend import loop_graph
+from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_gmapping.filter import resampling
+from m2wr_gmapping.filter.motion_model import MotionNoise, sample_motion
+from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.se2 import between, compose, inverse, wrap
-from m2wr_gmapping.trajectory import TrajectoryTree
 from m2wr_gmapping.workers import Workers
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Killed before any single call to the system, a writer leaves a complete map and nothing that the next one keeps."""
 import os
 import pathlib
@@ -10,8 +11,8 @@ import pytest
 import yaml
 from PIL import Image
 
-from m2wr_gmapping import map_file
-from m2wr_gmapping.whole_files import PREFIX, write_whole
+from m2wr_gmapping.io import map_file
+from m2wr_gmapping.io.atomic_files import PREFIX, write_whole
 
 MOST_CALLS = 1000
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the original does wrong and its users know: none of it here. Lasers and bad input have tests of their own."""
 import math
 import threading
@@ -9,12 +10,12 @@ import rospy
 
 from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.filter.occupancy import Grid, Occupancy
+from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.occupancy import Grid, Occupancy
-from m2wr_gmapping.ros.missing import name_what_is_missing
+from m2wr_gmapping.ros.missing_inputs import name_what_is_missing
+from m2wr_gmapping.ros.node_parameters import tf_prefix, with_prefix
 from m2wr_gmapping.ros.outputs import MapOutput
-from m2wr_gmapping.ros.params import tf_prefix, with_prefix
-from m2wr_gmapping.scan import LaserModel
 
 
 def test_the_limits_of_the_map_change_no_match(mapped):

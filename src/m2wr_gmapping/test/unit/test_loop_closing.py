@@ -1,18 +1,19 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Loops on made-up logs that nothing was chosen by: a wide one is closed, a place that only looks the same is not."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import graph_kernels, loop_closing, place_match, place_search
-from m2wr_gmapping import match_kernels as mk
+from m2wr_gmapping.backend import drift_kernels, loop_closing, place_match, place_search
+from m2wr_gmapping.backend.loop_extension import LoopGrowth
+from m2wr_gmapping.backend.loop_graph import LoopGraph, way_along
+from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.loop_graph import LoopGraph, way_along
-from m2wr_gmapping.loop_growth import LoopGrowth
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.matcher import FastMatcher
-from m2wr_gmapping.pose_graph import optimise
-from m2wr_gmapping.scan import LaserModel
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
 
@@ -393,7 +394,7 @@ def test_drift_is_that_of_the_best_way_through_the_graph(seed):
             if a in best and (b not in best or best[a][0] + cost[0] < best[b][0] - 1e-12):
                 best[b] = best[a] + cost
     out = np.empty((30, 3))
-    graph_kernels.drift(path, variances, links.astype(np.int64).reshape(-1, 2), source, out)
+    drift_kernels.drift(path, variances, links.astype(np.int64).reshape(-1, 2), source, out)
     assert np.allclose(out, [best[k] for k in range(30)])
 
 

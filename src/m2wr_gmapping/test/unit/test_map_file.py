@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Map files: their bytes, and that an older map survives whatever goes wrong."""
 import errno
 import os
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from m2wr_gmapping import map_file
+from m2wr_gmapping.io import map_file
 
 DATA = np.array([[-1, 0, 100], [25, 26, 65]], np.int8)
 

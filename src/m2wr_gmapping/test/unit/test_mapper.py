@@ -1,10 +1,11 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The whole filter on a ring of corridors with bad odometry."""
 import hashlib
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping.scan import LaserModel
+from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.se2 import between, compose, wrap
 
 

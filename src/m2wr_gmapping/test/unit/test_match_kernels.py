@@ -1,12 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The matcher's kernels against slow plain twins."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import hill_climb_kernels as hk
-from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.frontend import hill_climb_kernels as hk
+from m2wr_gmapping.frontend import match_kernels as mk
 
 SETTINGS = np.array([0.05, 0.01, 8, 0.05, 0.05, 0.075, 0.0])
 

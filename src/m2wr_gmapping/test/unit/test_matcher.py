@@ -1,14 +1,15 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a match makes of a direction in which its scan says nothing."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import tracking_kernels as tk
 from m2wr_gmapping.config import GmappingConfig
-from m2wr_gmapping.matcher import FastMatcher
-from m2wr_gmapping.scan import LaserModel
-from m2wr_gmapping.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.workers import Workers
 
 LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)

@@ -1,10 +1,11 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The published map: tracing, growth, and that keeping it up gives what making it anew gives."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping.occupancy import Occupancy
+from m2wr_gmapping.filter.occupancy import Occupancy
 
 
 class Reading:

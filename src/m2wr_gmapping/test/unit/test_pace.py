@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """When the transform is due, by clocks of all kinds; no time passes here."""
 import pytest
 

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Which particle is the best: what scans tell, against how far its path was drawn from where they matched."""
 import numpy as np
 import pytest
 
-from m2wr_gmapping import match_kernels as mk
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.filter.particle_filter import ParticleFilter
+from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.particle_filter import ParticleFilter
 from m2wr_gmapping.se2 import between
 
 COUNT, STEP = 20, np.array([0.5, 0.0, 0.0])

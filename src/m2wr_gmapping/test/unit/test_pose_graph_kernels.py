@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The sparse solver of the pose graph against a dense one, and its elimination against the rules it must keep."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import pose_graph_kernels as kernels
-from m2wr_gmapping.pose_graph import optimise
+from m2wr_gmapping.backend import pose_graph_kernels as kernels
+from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.se2 import between, wrap
 
 

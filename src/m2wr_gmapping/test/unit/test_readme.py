@@ -1,10 +1,9 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The tables of options and parameters in docs/reference equal the programs."""
 import os
 
-from m2wr_gmapping.bench import command as bench
-from m2wr_gmapping.bench import table
-from m2wr_gmapping.replay import command as replay
-from m2wr_gmapping.ros.params import NODE_PARAMETERS, NodeOptions
+from m2wr_gmapping.replay import replay_command as replay
+from m2wr_gmapping.ros.node_parameters import NODE_PARAMETERS, NodeOptions
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE
 
 PAGES = os.path.join(os.path.dirname(__file__), "..", "..", "..", "..", "docs", "reference")
@@ -44,11 +43,3 @@ def test_options_of_the_replay(monkeypatch):
                         lambda self, words: made.append(self) or parse(self, words))
     replay.parse(["--bag_filename", "x"])
     assert set(rows("mapping_commands.md", "slam_gmapping_replay")) == options_of(made[0]) | {"_name:=value"}
-
-
-def test_options_of_benchmark():
-    assert set(rows("mapping_commands.md", "benchmark")) == options_of(bench.parser())
-
-
-def test_there_is_a_place_for_the_table():
-    table.check(os.path.join(PAGES, "mapping_evaluation.md"))

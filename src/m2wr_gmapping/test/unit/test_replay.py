@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The replay command on bags written here: whole, broken, without what it needs."""
 import json
 import math
@@ -13,8 +14,8 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.replay import command
-from m2wr_gmapping.replay.bag_file import BagError, BagFile
+from m2wr_gmapping.replay import replay_command as command
+from m2wr_gmapping.replay.bag_messages import BagError, BagFile
 
 MOUNT = 0.2
 SETTINGS = ["_particles:=5", "_linearUpdate:=0.5", "_xmin:=-5", "_xmax:=5", "_ymin:=-5", "_ymax:=5", "_threads:=1",

@@ -1,14 +1,15 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Beginning on a saved map: the robot is found, old walls stay, what has changed is unlearnt; reading such maps."""
 import numpy as np
 import pytest
 from PIL import Image
 
 from conftest import drive, odometry
-from m2wr_gmapping import map_file, state
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.io import map_file, state
+from m2wr_gmapping.io.initial_state import Beginning
+from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
 from m2wr_gmapping.mapper import Mapper
-from m2wr_gmapping.replay.beginning import Beginning
-from m2wr_gmapping.replay.map_reading import MapReadingError, read_map
 from m2wr_gmapping.se2 import between, compose, inverse
 
 VALUES = dict(particles=6, linearUpdate=0.5, angularUpdate=0.3)

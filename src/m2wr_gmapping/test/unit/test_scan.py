@@ -1,12 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Beam angles, mounts, usable ranges and normals."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping.scan import LaserModel, ScanError, rotation
-from m2wr_gmapping.scan_kernels import surface_normals, take_in, with_normals
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.scan import LaserModel, ScanError, rotation
+from m2wr_gmapping.frontend.scan_kernels import surface_normals, take_in, with_normals
 
 UPRIGHT = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -21,7 +22,7 @@ def ends_in_base(model, ranges):
 
 def expected(angle_min, increment, ranges, mount):
     """The same from first principles: each beam's end in the laser's frame, brought over by the full transform."""
-    from m2wr_gmapping.scan import rotation
+    from m2wr_gmapping.frontend.scan import rotation
     angles = angle_min + increment * np.arange(len(ranges))
     ends = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))])
     return (rotation(mount[1]) @ ends + np.array(mount[0])[:, None])[:2]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Replay of two recordings that are no part of this workspace; the folder that has them is $M2WR_SLAM_DATA."""
 import json
 import lzma

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A saved state: going on from it gives what going on without it would have given; files that are none are refused."""
 import io
 import json
@@ -10,8 +11,8 @@ import numpy as np
 import pytest
 
 from conftest import drive, odometry
-from m2wr_gmapping import state
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.io import state
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """State files made to do harm: none runs code, reaches outside an array, or takes more memory than is told."""
 import hashlib
 import io
@@ -11,8 +12,8 @@ import numpy as np
 import pytest
 
 from conftest import drive, odometry
-from m2wr_gmapping import state
 from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.io import state
 from m2wr_gmapping.mapper import Mapper
 
 
@@ -33,7 +34,7 @@ def good(tmp_path_factory, ring, laser):
 
 def old_pickle(target):
     """Bytes of a state of version 4 that replaces the reader's list of allowed names, then calls os.mkdir."""
-    code = (b"\x80\x04cm2wr_gmapping.state\n_Unpickler\n"           # the class itself, which was a permitted name
+    code = (b"\x80\x04cm2wr_gmapping.io.state\n_Unpickler\n"           # the class itself, which was a permitted name
             b"N}X\x06\x00\x00\x00ARRAYS}X\x05\x00\x00\x00posix(X\x05\x00\x00\x00mkdirtss\x86b0"     # setattr by BUILD
             b"cposix\nmkdir\n(X" + len(target).to_bytes(4, "little") + target.encode() + b"tR.")
     pickletools.dis(code, out=io.StringIO())        # well-formed

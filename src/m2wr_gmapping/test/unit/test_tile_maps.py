@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Tile maps: means and hits as a plain dictionary has them, and sharing that nobody notices."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping.tile_kernels import bounds, draw_field, tiles_around
-from m2wr_gmapping.tile_maps import NEVER, TileMaps
+from m2wr_gmapping.filter.tile_kernels import bounds, draw_field, tiles_around
+from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 
 
 def cells(maps, particle):

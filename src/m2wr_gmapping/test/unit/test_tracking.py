@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """How far odometry is trusted, and what is believed where it contradicts the scan."""
 import numpy as np
 import pytest
 
-from m2wr_gmapping import tracking_kernels as tk
-from m2wr_gmapping.motion_model import MotionNoise
+from m2wr_gmapping.filter.motion_model import MotionNoise
+from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend.tracking import new_track
 from m2wr_gmapping.se2 import between, compose, inverse
-from m2wr_gmapping.tracking import new_track
 
 NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
 

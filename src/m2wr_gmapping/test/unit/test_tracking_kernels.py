@@ -1,14 +1,15 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The kernels of the way between two processed scans, against a slow plain twin that keeps poses in objects."""
 import math
 
 import numpy as np
 import pytest
 
-from m2wr_gmapping import match_kernels as mk
-from m2wr_gmapping import tracking_kernels as tk
-from m2wr_gmapping.motion_model import MotionNoise
+from m2wr_gmapping.filter.motion_model import MotionNoise
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend.tracking import new_track
 from m2wr_gmapping.se2 import between, compose, inverse, wrap
-from m2wr_gmapping.tracking import new_track
 
 NOISE = MotionNoise(0.03, 0.05, 0.02, 0.04)
 AHEAD = 0.6, -0.8

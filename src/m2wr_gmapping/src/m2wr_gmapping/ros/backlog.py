@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What is left out when scans come faster than they can be matched: looks on the way, never one to be processed."""
 import numpy as np
 

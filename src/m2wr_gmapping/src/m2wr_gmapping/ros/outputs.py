@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the node publishes, each on a thread that holds up no scan: map, transform, diagnostics."""
 import threading
 import time
@@ -11,12 +12,12 @@ from nav_msgs.srv import GetMap
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.replay.statistics import peak_memory_mib
-from m2wr_gmapping.resampling import normalise
-from m2wr_gmapping.ros.convert import (ArrayMapAnswer, covariance36, grid_message, path_message, pose_message,
-                                       poses_message)
+from m2wr_gmapping.filter.pose_covariance import covariance
+from m2wr_gmapping.filter.resampling import normalise
+from m2wr_gmapping.replay.run_statistics import peak_memory_mib
+from m2wr_gmapping.ros.message_conversion import (ArrayMapAnswer, covariance36, grid_message, path_message,
+                                                  pose_message, poses_message)
 from m2wr_gmapping.se2 import compose, inverse
-from m2wr_gmapping.spread import covariance
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SHORTEST_NAP, LONGEST_NAP = 0.001, 0.05     # between two looks at the clock [s], wall

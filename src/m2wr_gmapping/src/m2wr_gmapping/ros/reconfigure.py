@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The parameters that may change while the node runs, for ``dynamic_reconfigure``."""
 from dataclasses import replace
 from types import SimpleNamespace

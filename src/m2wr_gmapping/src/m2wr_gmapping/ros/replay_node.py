@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The replay as a node of its own: with parameters from the server, and its map on topics and service.
 
 That is what it is where a launch file starts it, where a command of ``--on_done`` may ask for the map, and where no
@@ -7,8 +8,8 @@ import logging
 
 import rospy
 
+from m2wr_gmapping.ros.node_parameters import NODE_PARAMETERS, private_parameters
 from m2wr_gmapping.ros.outputs import MapTopics
-from m2wr_gmapping.ros.params import NODE_PARAMETERS, private_parameters
 from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 

@@ -4,10 +4,10 @@ import argparse
 import os
 import sys
 
-from m2wr_gmapping.bench.logs import LogError
-from m2wr_gmapping.bench.scoring import trajectory
-from m2wr_gmapping.replay.map_reading import MapReadingError, read_map
+from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
 from m2wr_tools.map_figure.figure import FigureError, map_figure, write
+from m2wr_tools.slam_benchmark.laser_logs import LogError
+from m2wr_tools.slam_benchmark.trajectory_errors import trajectory
 from m2wr_view.errors import ViewError
 from m2wr_view.run_series import read_world
 

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Poses that fit their relative measurements best: Gauss-Newton on a sparse graph of planar poses."""
+import math
+
+import numpy as np
+
+from m2wr_gmapping.backend import pose_graph_kernels as kernels
+from m2wr_gmapping.se2 import wrap
+
+ITERATIONS, MOST_ITERATIONS = 6, 16     # with the kernel as asked for, and together with those in which it narrows
+NARROWING = 8.0         # of the kernel from one iteration to the next
+CONVERGED = 1e-4
+
+
+def optimise(poses, pairs, measured, information, robust, kernel=1.0, opened=False):
+    """Move poses so that the weighted squares of the graph's residuals are least; the first pose stays.
+
+    Parameters
+    ----------
+    poses : (K, 3) float64
+        Start.
+    pairs : (E, 2) int
+        Which two poses each measurement relates.
+    measured : (E, 3) float64
+        Pose of the second seen from the first.
+    information : (E, 3, 3) float64
+        Inverse covariances, in the axes of the second pose.
+    robust : (E,) bool
+        Measurements that may be wrong; their weight falls with their residual (Cauchy).
+    kernel : float
+        Squared residual, in units of its covariance, at which a robust measurement has lost half its weight.
+    opened : bool
+        Whether to begin with a kernel so wide that the worst of them is heard, and to narrow it: what closes a long
+        loop is far off at first, though it is right.
+
+    Returns
+    -------
+    poses : (K, 3) float64
+    weights : (E,) float64
+        Final weight of each measurement, 1 for those that are not robust.
+
+    Raises
+    ------
+    ValueError
+        If a pose is not connected to the first one, however many lie between.
+
+    Notes
+    -----
+    After Grisetti, Kuemmerle, Stachniss, Burgard: A Tutorial on Graph-Based SLAM, IEEE ITS Magazine 2(4), 2010.
+    """
+    poses = np.array(poses, float)
+    pairs = np.ascontiguousarray(pairs, np.int64)
+    measured, information = np.ascontiguousarray(measured, float), np.ascontiguousarray(information, float)
+    count, weights = len(poses), np.ones(len(pairs))
+    if count < 2 or not len(pairs):
+        poses[:, 2] = wrap(poses[:, 2])
+        return poses, weights
+    order, starts, columns, targets, slots = kernels.plan(count, pairs)
+    residual, squared = np.empty((len(pairs), 3)), np.empty(len(pairs))
+    diagonal, blocks, step = np.empty((count, 9)), np.empty((len(columns), 9)), np.empty((count, 3))
+    widening = math.inf if opened else 1.0
+    for k in range(MOST_ITERATIONS):
+        kernels.residuals(poses, pairs, measured, information, residual, squared)
+        widening = max(1.0, min(squared[robust].max(initial=0.0) / kernel, widening / NARROWING))
+        weights = np.where(robust, 1.0 / (1.0 + squared / (kernel * widening)), 1.0)
+        kernels.assemble(poses, pairs, measured, information, weights, residual, columns, slots, diagonal, blocks, step)
+        if not kernels.factorise(order, starts, columns, targets, diagonal, blocks):
+            raise ValueError("a graph of {} poses: expected each to be connected to the first".format(count))
+        kernels.substitute(order, starts, columns, diagonal, blocks, step)
+        poses[1:] -= step[1:]
+        if widening == 1.0 and (np.abs(step[1:]).max() < CONVERGED or k >= ITERATIONS - 1):
+            break
+    poses[:, 2] = wrap(poses[:, 2])
+    return poses, weights

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The particle filter: poses, weights, paths and maps of the particles, and the published grid."""

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writing scans into copy-on-write tile maps, and keeping count of who holds which tile.
+
+Array layouts
+-------------
+``table`` (N, H, W) int32
+    Tile of each particle at each place, -1 for none.
+``mean`` (T, 256, 2) uint16, ``hits`` (T, 256) uint8
+    Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its
+    number of hits, which stops at MOST_HITS.
+``holders`` (T,) int32
+    Number of particles that hold a tile.
+``free`` (T,) int32, ``counters`` (1,) int64
+    Stack of unused tiles and its height.
+"""
+import math
+
+import numpy as np
+from numba import njit
+
+SHIFT, MASK, CELLS = 4, 15, 256
+UNIT, MOST_HITS = 1.0 / 65535, 255
+TURNS_TOGETHER = 4              # turns that tiles_around looks at as if they were one
+PLACES, PLACE_SHIFT = 8, 13     # places of a mean in its cell that draw_field tells apart, a side: the upper three bits
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _owned(table, n, ty, tx, mean, hits, holders, free, counters):
+    """Give particle ``n`` a tile of its own at that place, a new one or a copy of the shared one; return it."""
+    tile = table[n, ty, tx]
+    counters[0] -= 1
+    fresh = free[counters[0]]
+    holders[fresh] = 1
+    table[n, ty, tx] = fresh
+    if tile < 0:
+        for k in range(CELLS):
+            hits[fresh, k] = 0
+            mean[fresh, k, 0] = 0
+            mean[fresh, k, 1] = 0
+    else:
+        holders[tile] -= 1
+        for k in range(CELLS):
+            hits[fresh, k] = hits[tile, k]
+            mean[fresh, k, 0] = mean[tile, k, 0]
+            mean[fresh, k, 1] = mean[tile, k, 1]
+    return fresh
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def register_points(n, pose, points, start, table, mean, hits, holders, free, counters, frame, frozen):
+    """Register end points (2, B) [m, laser frame] seen from ``pose`` in the map of particle ``n``, from ``start`` on.
+
+    A cell with ``frozen`` hits has its mean and is not written any more.  Returns the number of points done: less than
+    B when the stack of free tiles is empty; the caller then makes room and calls again.  Points outside the table are
+    left out.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    rows, columns = table.shape[1] << SHIFT, table.shape[2] << SHIFT
+    for b in range(start, points.shape[1]):
+        fx = (pose[0] + c * points[0, b] - s * points[1, b] - ox) * inv
+        fy = (pose[1] + s * points[0, b] + c * points[1, b] - oy) * inv
+        if not (fx >= 0.0 and fy >= 0.0 and fx < columns and fy < rows):
+            continue
+        ix, iy = int(fx), int(fy)
+        cell = ((iy & MASK) << SHIFT) | (ix & MASK)
+        tile = table[n, iy >> SHIFT, ix >> SHIFT]
+        if tile >= 0 and hits[tile, cell] >= frozen:
+            continue
+        if tile < 0 or holders[tile] != 1:
+            if counters[0] < 1:
+                return b
+            tile = _owned(table, n, iy >> SHIFT, ix >> SHIFT, mean, hits, holders, free, counters)
+        if hits[tile, cell] < MOST_HITS:
+            hits[tile, cell] += 1
+        share = 1.0 / hits[tile, cell]
+        mx, my = mean[tile, cell, 0] * UNIT, mean[tile, cell, 1] * UNIT
+        mean[tile, cell, 0] = int((mx + (fx - ix - mx) * share) / UNIT + 0.5)
+        mean[tile, cell, 1] = int((my + (fy - iy - my) * share) / UNIT + 0.5)
+    return points.shape[1]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def bounds(poses, points):
+    """Return lower and upper corner of a box that holds end points (2, B) seen from any of the poses (N, 3)."""
+    reach2 = 0.0
+    for b in range(points.shape[1]):
+        reach2 = max(reach2, points[0, b] * points[0, b] + points[1, b] * points[1, b])
+    low_x = low_y = math.inf
+    high_x = high_y = -math.inf
+    for n in range(poses.shape[0]):
+        low_x, high_x = min(low_x, poses[n, 0]), max(high_x, poses[n, 0])
+        low_y, high_y = min(low_y, poses[n, 1]), max(high_y, poses[n, 1])
+    reach = math.sqrt(reach2)
+    return (low_x - reach, low_y - reach), (high_x + reach, high_y + reach)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def register_scans(poses, points, progress, table, mean, hits, holders, free, counters, frame, frozen):
+    """Register end points (2, B) in the map of every particle n, seen from ``poses[n]``.
+
+    ``progress`` (2,) holds the particle and the point to begin with; where the stack of free tiles becomes empty it
+    gets those to go on with, and the result is False.
+    """
+    for n in range(progress[0], poses.shape[0]):
+        done = register_points(n, poses[n], points, progress[1], table, mean, hits, holders, free, counters, frame,
+                               frozen)
+        if done < points.shape[1]:
+            progress[0], progress[1] = n, done
+            return False
+        progress[1] = 0
+    return True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def take_over(n, ancestor, table, holders, free, counters):
+    """Let particle ``n`` drop its map and share that of ``ancestor``."""
+    for ty in range(table.shape[1]):
+        for tx in range(table.shape[2]):
+            old, new = table[n, ty, tx], table[ancestor, ty, tx]
+            if old == new:
+                continue
+            if new >= 0:
+                holders[new] += 1
+            if old >= 0:
+                holders[old] -= 1
+                if holders[old] == 0:
+                    free[counters[0]] = old
+                    counters[0] += 1
+            table[n, ty, tx] = new
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def drop(n, table, holders, free, counters):
+    """Empty the map of particle ``n``."""
+    for ty in range(table.shape[1]):
+        for tx in range(table.shape[2]):
+            old = table[n, ty, tx]
+            if old >= 0:
+                holders[old] -= 1
+                if holders[old] == 0:
+                    free[counters[0]] = old
+                    counters[0] += 1
+                table[n, ty, tx] = -1
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _stamp_values(by_sigma, stamps):
+    """Write 255 exp(-d^2 by_sigma) of the 5 x 5 cells around a mean, for each of its places: (PLACES, PLACES, 25)."""
+    for sy in range(PLACES):
+        for sx in range(PLACES):
+            mx, my = (sx + 0.5) / PLACES - 0.5, (sy + 0.5) / PLACES - 0.5
+            for k in range(25):
+                dx, dy = k % 5 - 2, k // 5 - 2
+                u = ((dx - mx) * (dx - mx) + (dy - my) * (dy - my)) * by_sigma
+                stamps[sy, sx, k] = int(255.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667))) + 0.5)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def tiles_around(centre, widest, count, points, stride, reach, frame, wanted):
+    """Mark the tiles whose means come near the points of a scan that is turned about its pose.
+
+    Parameters
+    ----------
+    centre : (3,) float64
+        Pose of the scan.
+    widest : float
+        How far it is turned to either side [rad].
+    count : int
+        Number of steps in which it is.
+    points : (R, B) float64
+        End points in the first two rows [m, laser frame]; every ``stride``-th is used.
+    reach : float
+        Marked is what lies so near, along either axis [m], or shares a value of ``draw_field`` with such a cell.
+    wanted : (H, W) bool
+        Written: True where a tile is marked; others stay.
+    """
+    between = widest / max(1, count) * TURNS_TOGETHER
+    rows, columns = wanted.shape[0] << SHIFT, wanted.shape[1] << SHIFT
+    for t in range(2 * count // TURNS_TOGETHER + 1):
+        theta = centre[2] - widest + (t + 0.5) * between
+        c, s = math.cos(theta), math.sin(theta)
+        for b in range(0, points.shape[1], stride):
+            qx, qy = points[0, b], points[1, b]
+            around = (reach + 0.5 * between * (abs(qx) + abs(qy))) * frame[2] + 4.0
+            fx = (centre[0] + c * qx - s * qy - frame[0]) * frame[2]
+            fy = (centre[1] + s * qx + c * qy - frame[1]) * frame[2]
+            if not (fx + around >= 0.0 and fy + around >= 0.0 and fx - around < columns and fy - around < rows):
+                continue
+            first_x, last_x = int(max(fx - around, 0.0)) >> SHIFT, int(min(fx + around, columns - 1.0)) >> SHIFT
+            first_y, last_y = int(max(fy - around, 0.0)) >> SHIFT, int(min(fy + around, rows - 1.0)) >> SHIFT
+            for ty in range(first_y, last_y + 1):
+                for tx in range(first_x, last_x + 1):
+                    wanted[ty, tx] = True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def draw_field(grid, mean, hits, frame, corner, sigma, wanted, field):
+    """Draw the mean hit points of one map into a dense field of match values.
+
+    Parameters
+    ----------
+    grid : (H, W) int32
+        Table of one particle.
+    corner : (2,) int64
+        Cell of the table at ``field[0, 0]``; may lie outside the table.
+    sigma : float
+        Denominator of the value's exponent [m^2].
+    wanted : (H, W) bool
+        Tiles that are drawn.
+    field : (h, w) uint8
+        Written: 255 exp(-d^2 / sigma), d the distance of a cell's centre to the nearest mean within two cells, else 0.
+        A mean counts as if it were in the middle of its eighth of the cell, so a sixteenth off at most.
+    """
+    stamps = np.empty((PLACES, PLACES, 25), np.uint8)
+    _stamp_values(1.0 / (frame[2] * frame[2] * sigma), stamps)
+    height, width = field.shape
+    field[:] = 0
+    first_y, last_y = max(0, corner[1] >> SHIFT), min(grid.shape[0], ((corner[1] + height) >> SHIFT) + 1)
+    first_x, last_x = max(0, corner[0] >> SHIFT), min(grid.shape[1], ((corner[0] + width) >> SHIFT) + 1)
+    for ty in range(first_y, last_y):
+        for tx in range(first_x, last_x):
+            tile = grid[ty, tx]
+            if tile < 0 or not wanted[ty, tx]:
+                continue
+            for cell in range(CELLS):
+                if hits[tile, cell] == 0:
+                    continue
+                y = (ty << SHIFT) + (cell >> SHIFT) - corner[1]
+                x = (tx << SHIFT) + (cell & MASK) - corner[0]
+                if not (x >= 2 and y >= 2 and x < width - 2 and y < height - 2):
+                    continue
+                stamp = stamps[mean[tile, cell, 1] >> PLACE_SHIFT, mean[tile, cell, 0] >> PLACE_SHIFT]
+                for dy in range(5):
+                    row = field[y + dy - 2]
+                    for dx in range(5):
+                        row[x + dx - 2] = max(row[x + dx - 2], stamp[5 * dy + dx])

@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scan matching of particles in their tile maps.
+
+Plain arrays in, plain arrays out; a range of particles a call, so that threads may share the set.
+
+Array layouts
+-------------
+``table`` (N, H, W) int32
+    Tile of each particle at each place, -1 for none.
+``mean`` (T, 256, 2) uint16, ``hits`` (T, 256) uint8
+    Mean hit point of each cell of a tile of 16 x 16, from the cell's lower corner in units of UNIT cells, and its hits.
+``frame`` (3,) float64
+    World x and y of the table's corner [m], cells per metre.
+``beams`` (7, B) float64
+    End point x, y and unit normal of the surface there, in the laser's frame; lever arm of the normal and of the
+    tangent (the residual's derivative by heading); weight of the tangential residual.
+``pairs`` (K * PAIRS,) float64
+    Scratch: the beams that have a partner, LANES of them after another.  Of each such block come first all first
+    values, then all second ones, and so on: the rows of ``beams``, the partner's place [m, from the table's corner] and
+    nine terms of the normal equations.  With offsets that are constant and indices that cannot be negative the compiler
+    works on several beams at a time; sums are taken one beam after another, so that they do not depend on how many.
+"""
+import math
+
+import numpy as np
+from numba import njit
+
+SHIFT, MASK = 4, 15
+UNIT = 1.0 / 65535
+QX, QY, NX, NY, ARM_N, ARM_T, SLIDE, BEAM_ROWS = 0, 1, 2, 3, 4, 5, 6, 7
+# settings of the Gauss-Newton matcher
+WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE, MATCH_SETTINGS = 0, 1, 2, 3, 4, 5, 6, 7
+# columns of a result row
+POSE, SCORE, LOG_LIKELIHOOD, FOUND, COST, INFORMATION, RESULT_SIZE = 0, 3, 4, 5, 6, 7, 13
+LANES, PAIR_ROWS = 128, 18
+PAIRS = LANES * PAIR_ROWS
+_QY, _NX, _NY, _ARM_N, _ARM_T, _SLIDE, _TX, _TY, _T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8 = (
+    np.uint64(LANES * row) for row in range(1, PAIR_ROWS))
+STEP_LIMIT, CONVERGED = 0.15, 1e-3
+STEPS_A_ROUND = 2       # Gauss-Newton steps between two searches for partners
+NULL_DISTANCE2 = 0.5    # squared distance that a beam without a partner counts for in the likelihood
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def scratch(beams):
+    """Return room for the ``pairs`` of that many beams."""
+    return np.empty((beams // LANES + 1) * PAIRS)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _placed(x, y, c, s, frame, beams, pairs):
+    """Write the end points' places, in cells from the table's corner, where the first two terms will be."""
+    ox, oy, inv = frame[0], frame[1], frame[2]
+    for first in range(0, beams.shape[1], LANES):
+        block = first // LANES * PAIRS
+        qx, qy = beams[QX, first:first + LANES], beams[QY, first:first + LANES]
+        for k in range(qx.shape[0]):
+            j = np.uint64(block + k)
+            pairs[j + _T0] = (x + c * qx[k] - s * qy[k] - ox) * inv
+            pairs[j + _T1] = (y + s * qx[k] + c * qy[k] - oy) * inv
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def partners(x, y, theta, beams, grid, mean, hits, frame, pairs):
+    """Find for each end point the nearest mean hit point among the 3 x 3 cells around it.
+
+    Writes the beams that have one, and its place, into ``pairs``; returns how many.
+    """
+    c, s = math.cos(theta), math.sin(theta)
+    rows, columns = grid.shape[0] << SHIFT, grid.shape[1] << SHIFT
+    delta = 1.0 / frame[2]
+    _placed(x, y, c, s, frame, beams, pairs)
+    found = 0
+    for b in range(beams.shape[1]):
+        j = np.uint64(b // LANES * PAIRS + b % LANES)
+        fx, fy = pairs[j + _T0], pairs[j + _T1]
+        if not (fx >= 1.0 and fy >= 1.0 and fx < columns - 1 and fy < rows - 1):
+            continue
+        ix, iy = int(fx), int(fy)
+        best, best_x, best_y = 1e9, 0.0, 0.0
+        if 0 < (ix & MASK) < MASK and 0 < (iy & MASK) < MASK:       # all nine in one tile
+            tile = grid[iy >> SHIFT, ix >> SHIFT]
+            if tile < 0:
+                continue
+            rx, ry = fx - ix, fy - iy
+            cell = ((iy & MASK) << SHIFT) | (ix & MASK)
+            for step_y in range(-1, 2):
+                k = cell + (step_y << SHIFT) - 1
+                for step_x in range(-1, 2):
+                    if hits[tile, k] != 0:
+                        px, py = step_x + mean[tile, k, 0] * UNIT, step_y + mean[tile, k, 1] * UNIT
+                        d2 = (rx - px) * (rx - px) + (ry - py) * (ry - py)
+                        if d2 < best:
+                            best, best_x, best_y = d2, ix + px, iy + py
+                    k += 1
+        else:
+            for jy in range(iy - 1, iy + 2):
+                for jx in range(ix - 1, ix + 2):
+                    tile = grid[jy >> SHIFT, jx >> SHIFT]
+                    if tile < 0:
+                        continue
+                    k = ((jy & MASK) << SHIFT) | (jx & MASK)
+                    if hits[tile, k] != 0:
+                        px, py = jx + mean[tile, k, 0] * UNIT, jy + mean[tile, k, 1] * UNIT
+                        d2 = (fx - px) * (fx - px) + (fy - py) * (fy - py)
+                        if d2 < best:
+                            best, best_x, best_y = d2, px, py
+        if best < 1e9:
+            j = np.uint64(found // LANES * PAIRS + found % LANES)
+            pairs[j], pairs[j + _QY] = beams[QX, b], beams[QY, b]
+            pairs[j + _NX], pairs[j + _NY] = beams[NX, b], beams[NY, b]
+            pairs[j + _ARM_N], pairs[j + _ARM_T], pairs[j + _SLIDE] = beams[ARM_N, b], beams[ARM_T, b], beams[SLIDE, b]
+            pairs[j + _TX], pairs[j + _TY] = best_x * delta, best_y * delta
+            found += 1
+    return found
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _terms(x, y, c, s, by_width, free, block, count, pairs):
+    """Write what each of ``count`` beams of a block adds to the normal equations."""
+    for k in range(count):
+        j = np.uint64(block + k)
+        qx, qy, nx, ny = pairs[j], pairs[j + _QY], pairs[j + _NX], pairs[j + _NY]
+        an, at, slide = pairs[j + _ARM_N], pairs[j + _ARM_T], pairs[j + _SLIDE] - free
+        dx, dy = x + c * qx - s * qy - pairs[j + _TX], y + s * qx + c * qy - pairs[j + _TY]
+        u = (dx * dx + dy * dy) * by_width
+        w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))       # exp(-u), close enough for a weight
+        ex, ey = c * dx + s * dy, c * dy - s * dx
+        rn, rt = nx * ex + ny * ey, nx * ey - ny * ex
+        v = w * (slide if slide > 0.0 else 0.0)
+        pairs[j + _T0] = w * nx * nx + v * ny * ny
+        pairs[j + _T1] = (w - v) * nx * ny
+        pairs[j + _T2] = w * nx * an - v * ny * at
+        pairs[j + _T3] = w * ny * ny + v * nx * nx
+        pairs[j + _T4] = w * ny * an + v * nx * at
+        pairs[j + _T5] = w * an * an + v * at * at
+        pairs[j + _T6] = w * nx * rn - v * ny * rt
+        pairs[j + _T7] = w * ny * rn + v * nx * rt
+        pairs[j + _T8] = w * an * rn + v * at * rt
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _accumulate(x, y, theta, frame, pairs, found, width, free, h, g):
+    """Normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's own axes.
+
+    ``free`` is taken off the weight of the tangential residuals.
+    """
+    c, s = math.cos(theta), math.sin(theta)
+    # the laser's place and the partners are both taken in metres from the table's corner
+    x, y, by_width = x - frame[0], y - frame[1], 1.0 / width
+    h0 = h1 = h2 = h3 = h4 = h5 = g0 = g1 = g2 = 0.0
+    for first in range(0, found, LANES):
+        block, count = first // LANES * PAIRS, min(LANES, found - first)
+        _terms(x, y, c, s, by_width, free, block, count, pairs)
+        for k in range(count):
+            j = np.uint64(block + k)
+            h0 += pairs[j + _T0]
+            h1 += pairs[j + _T1]
+            h2 += pairs[j + _T2]
+            h3 += pairs[j + _T3]
+            h4 += pairs[j + _T4]
+            h5 += pairs[j + _T5]
+            g0 += pairs[j + _T6]
+            g1 += pairs[j + _T7]
+            g2 += pairs[j + _T8]
+    h[0], h[1], h[2], h[3], h[4], h[5] = h0, h1, h2, h3, h4, h5
+    g[0], g[1], g[2] = g0, g1, g2
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def solve(h, g, step):
+    """Solve the symmetric 3 x 3 system h (xx xy xt yy yt tt) * step = -g by Cholesky; False if it is not definite."""
+    if not h[0] > 0.0:
+        return False
+    l00 = math.sqrt(h[0])
+    l10, l20 = h[1] / l00, h[2] / l00
+    d = h[3] - l10 * l10
+    if not d > 0.0:
+        return False
+    l11 = math.sqrt(d)
+    l21 = (h[4] - l20 * l10) / l11
+    d = h[5] - l20 * l20 - l21 * l21
+    if not d > 0.0:
+        return False
+    l22 = math.sqrt(d)
+    y0 = -g[0] / l00
+    y1 = (-g[1] - l10 * y0) / l11
+    y2 = (-g[2] - l20 * y0 - l21 * y1) / l22
+    step[2] = y2 / l22
+    step[1] = (y1 - l21 * step[2]) / l11
+    step[0] = (y0 - l10 * step[1] - l20 * step[2]) / l00
+    return True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _ratings(x, y, c, s, sigma, by_width, block, count, pairs):
+    """Write of each of ``count`` beams of a block the squared distance, the score's exponent and the robust weight."""
+    for k in range(count):
+        j = np.uint64(block + k)
+        qx, qy = pairs[j], pairs[j + _QY]
+        dx, dy = x + c * qx - s * qy - pairs[j + _TX], y + s * qx + c * qy - pairs[j + _TY]
+        d2 = dx * dx + dy * dy
+        u = d2 * by_width
+        pairs[j + _T0], pairs[j + _T1] = d2, -d2 / sigma
+        pairs[j + _T2] = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _rate(x, y, theta, beams, frame, pairs, found, settings, row):
+    """Write score, log-likelihood and number of partners of a pose, of that many beams, into a result row."""
+    c, s = math.cos(theta), math.sin(theta)
+    x, y = x - frame[0], y - frame[1]
+    score, squared, kept = 0.0, NULL_DISTANCE2 * (beams - found), 0.0
+    for first in range(0, found, LANES):
+        block, count = first // LANES * PAIRS, min(LANES, found - first)
+        _ratings(x, y, c, s, settings[SIGMA], 1.0 / settings[NARROW], block, count, pairs)
+        for k in range(count):
+            j = np.uint64(block + k)
+            squared += pairs[j + _T0]
+            score += math.exp(pairs[j + _T1])
+            kept += pairs[j + _T2]
+    row[SCORE], row[LOG_LIKELIHOOD], row[FOUND] = score, -squared / settings[LSIGMA], found
+    row[COST] = 0.5 * settings[NARROW] / (settings[SPREAD] * settings[SPREAD]) * (beams - kept)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _held(x, y, theta, prediction, prior, per_variance, h, g):
+    """Bring normal equations to the scale of their variances, and add what holds the pose to ``prediction`` (3,)."""
+    c, s = math.cos(theta), math.sin(theta)
+    px, py = x - prediction[0], y - prediction[1]
+    turn = theta - prediction[2]
+    turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+    for k in range(6):
+        h[k] *= per_variance
+    for k in range(3):
+        g[k] *= per_variance
+    h[0] += prior[0]
+    h[3] += prior[1]
+    h[5] += prior[2]
+    g[0] += prior[0] * (c * px + s * py)
+    g[1] += prior[1] * (c * py - s * px)
+    g[2] += prior[2] * turn
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row):
+    """``match_pose`` with room for the pairs and for the equations, ``sums`` (12,)."""
+    h, g, step = sums[:6], sums[6:9], sums[9:12]
+    per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
+    x, y, theta = start[0], start[1], start[2]
+    width = max(settings[WIDE], settings[NARROW])
+    found, settled = 0, False
+    for _ in range(int(settings[ROUNDS])):
+        found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+        far = 0.0
+        for _ in range(STEPS_A_ROUND):
+            _accumulate(x, y, theta, frame, pairs, found, width, 0.0, h, g)
+            _held(x, y, theta, prediction, prior, per_variance, h, g)
+            if not solve(h, g, step):
+                break
+            size = max(abs(step[0]), abs(step[1]), abs(step[2]))
+            if size > STEP_LIMIT:
+                for k in range(3):
+                    step[k] *= STEP_LIMIT / size
+            c, s = math.cos(theta), math.sin(theta)
+            x += c * step[0] - s * step[1]
+            y += s * step[0] + c * step[1]
+            theta += step[2]
+            far = max(far, size)
+        if far < CONVERGED and width <= settings[NARROW]:
+            settled = True
+            break
+        width = max(settings[NARROW], 0.5 * width)
+    if not settled:             # else a millimetre ago they were the same
+        found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
+    _accumulate(x, y, theta, frame, pairs, found, settings[NARROW], settings[FREE], h, g)
+    row[0], row[1] = x, y
+    row[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
+    for k in range(6):
+        row[INFORMATION + k] = h[k] * per_variance
+    _rate(x, y, theta, beams.shape[1], frame, pairs, found, settings, row)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def match_pose(start, prediction, grid, beams, mean, hits, frame, prior, settings, row):
+    """Gauss-Newton match from ``start`` (3,) in one map, ``grid`` (H, W) of the table.
+
+    The cost is the robust point-to-line distance of the end points to the mean hit points nearest to them, plus the
+    distance from ``prediction`` (3,) measured with ``prior`` (3,), inverse variances along the predicted pose's axes.
+    The kernel's width halves from round to round, from wide to narrow.  The result ``row`` gets pose, score,
+    log-likelihood, partners and the information matrix (upper triangle, laser axes) of the scan alone, in which sliding
+    along straight walls counts for nothing: that weight steadies the search, it is no knowledge.
+    """
+    pairs, sums = scratch(beams.shape[1]), np.zeros(12)
+    _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings, least, results):
+    """``match_pose`` for particles ``first`` to ``last`` - 1, each in its own map, into their rows of ``results``.
+
+    A match that scores ``least`` or less is not taken: the prediction stands, and the scan tells nothing of it.
+    """
+    pairs, sums = scratch(beams.shape[1]), np.zeros(12)
+    for i in range(first, last):
+        row = results[i]
+        _match(starts[i], predictions[i], table[i], beams, mean, hits, frame, prior, settings, pairs, sums, row)
+        if row[SCORE] <= least:
+            row[0], row[1], row[2] = predictions[i, 0], predictions[i, 1], predictions[i, 2]
+            row[INFORMATION:] = 0.0
+            found = partners(row[0], row[1], row[2], beams, table[i], mean, hits, frame, pairs)
+            _rate(row[0], row[1], row[2], beams.shape[1], frame, pairs, found, settings, row)

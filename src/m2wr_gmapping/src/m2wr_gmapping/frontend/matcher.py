@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Matching scans with particles' maps: the fast matcher."""
+import functools
+
+import numpy as np
+
+from m2wr_gmapping.filter.tile_kernels import draw_field, tiles_around
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend.correlative_kernels import search_window
+from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
+from m2wr_gmapping.se2 import between
+
+WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
+ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for one that is tracked already
+SPREAD = 0.05                   # standard deviation of one beam for the information matrix [m]
+SEARCH_BEAMS = 60               # beams used by the window search
+SEARCH_REACH = 12.0             # farther end points take no part in the window search [m]
+SEARCH_STEP = 0.08              # step of the window search [m]
+SEARCH_PENALTY = 0.06           # taken off a beam's mean score at the edge of the window
+WINDOW_DEVIATIONS = 3.0         # half width of the search, in deviations of the odometry
+WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the match converges from there [m, rad]
+WINDOW_MOST = np.array([0.8, 0.9])      # a search beyond would take longer than a scan may [m, rad]
+PULL = 9.0                      # squared deviations by which a match may move off odometry without being doubted
+SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in deviations of a slip
+GOING_ON = 0.05                 # a scan that was found so far from odometry may have been found after a slip [m, rad]
+SLIP_COST = 6.0                 # minus the logarithm of how often odometry slips
+MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
+
+
+class FastMatcher:
+    """Gauss-Newton on point-to-line distances, with a window search where that is not enough.
+
+    Parameters
+    ----------
+    config : GmappingConfig
+    workers : Workers
+    """
+
+    def __init__(self, config, workers):
+        self._workers = workers
+        self._settings = np.zeros(mk.MATCH_SETTINGS)
+        self._settings[mk.WIDE], self._settings[mk.NARROW] = WIDE, NARROW
+        self._settings[mk.ROUNDS], self._settings[mk.SPREAD] = ROUNDS, SPREAD
+        self._settings[mk.SIGMA], self._settings[mk.LSIGMA] = config["sigma"], config["lsigma"]
+        self._settings[mk.FREE] = SLIDE_STRAIGHT
+        self._particle_settings = self._settings.copy()
+        self._particle_settings[mk.WIDE], self._particle_settings[mk.ROUNDS] = NARROW, PARTICLE_ROUNDS
+
+    def match(self, maps, reading, starts, predictions, prior, minimum_score):
+        """Match one scan in the map of every particle.
+
+        Parameters
+        ----------
+        maps : TileMaps
+        reading : ScanReading
+        starts, predictions : (N, 3) float64
+            Where the search begins, and what the prior holds it to.
+        prior : (3,) float64
+            Inverse variances along the prediction's axes.
+        minimum_score : float
+            A particle whose match scores this or less keeps its prediction, of which nothing is known then.
+
+        Returns
+        -------
+        (N, 13) float64
+            Result rows of ``match_kernels``.
+        """
+        results, beams = np.empty((len(starts), mk.RESULT_SIZE)), reading.beams
+        least = min(minimum_score, MINIMUM_SCORE_CAP * beams.shape[1])
+        table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._particle_settings
+
+        def work(first, last):
+            mk.match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings,
+                               least, results)
+
+        self._workers.run(work, len(starts))
+        tk.lead_all_back(results, predictions)      # see _tied
+        return results
+
+    def match_one(self, maps, particle, reading, start, prediction, prior):
+        """Match in one particle's map; returns its result row (13,)."""
+        row = np.empty(mk.RESULT_SIZE)
+        mk.match_pose(start, prediction, maps.table[particle], reading.beams, maps.mean, maps.hits, maps.frame, prior,
+                      self._settings, row)
+        return row
+
+    def _tied(self, maps, particle, reading, start, prediction, prior):
+        """``match_one`` that keeps to the prediction along a plain wall.
+
+        There it would stay where it began, be it anywhere as after a search, and be drawn to where the wall's map ends.
+        """
+        row = self.match_one(maps, particle, reading, start, prediction, prior)
+        tk.lead_back(row, prediction)
+        return row
+
+    def track(self, maps, particle, reading, ask, long, good_share):
+        """Match in one particle's map, and tell whether odometry has slipped.
+
+        The scan is first matched with what odometry says and how far that is to be trusted, searching the window that
+        this leaves.  If the match is doubtful, a slip that odometry knows nothing of is tried as well; it must explain
+        so much more of the scan as a slip is rare.
+
+        Parameters
+        ----------
+        ask : (5, 3) float64
+            Where the match begins, and what odometry says; layout of ``tracking_kernels``.
+        long : bool
+            Whether the step since the last match was so long that a match may be caught beside the right place.
+        good_share : float
+            Share of the beams' best possible score below which the match is doubted.
+
+        Returns
+        -------
+        row : (13,) float64
+            Result row.
+        slipped : bool
+        """
+        expected, variances, inverse = ask[tk.WANTED], ask[tk.VARIANCES], ask[tk.INVERSE]
+        row = self._tied(maps, particle, reading, ask[tk.START], expected, inverse)
+        best, pull = tk.cost_of(row, expected, variances)
+        if long:
+            window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
+            if (window > WINDOW_LEAST).any():
+                found = self.search(maps, particle, reading, expected, window)
+                other = self._tied(maps, particle, reading, found, expected, inverse)
+                cost, other_pull = tk.cost_of(other, expected, variances)
+                if cost < best:
+                    row, best, pull = other, cost, other_pull
+        if row[mk.SCORE] >= good_share * reading.beams.shape[1] and pull < PULL:
+            return row, False
+        slipped, window = False, np.minimum(WINDOW_MOST, ask[tk.WINDOW, :2])
+        wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
+        plain, start = row[:3], ask[tk.START]
+        # wheels that go on slipping have slipped already where the scan before was found
+        for centre in (expected, start) if np.abs(between(expected, start)).max() > GOING_ON else (expected,):
+            for begin in (plain, self.search(maps, particle, reading, centre, window)):
+                other = self._tied(maps, particle, reading, begin, centre, 1.0 / wide)
+                cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
+                if cost < best:
+                    row, best, slipped = other, cost, True
+        return row, slipped
+
+    def search(self, maps, particle, reading, prediction, window):
+        """Return the pose (3,) of the best score within a window around the prediction."""
+        beams = reading.beams
+        reach = np.hypot(beams[mk.QX], beams[mk.QY])
+        turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
+        turns = np.stack([turns, SEARCH_PENALTY * np.square(turns / window[1])], -1)
+        squares = _squares(int(np.ceil(window[0] / SEARCH_STEP)))
+        offsets = squares.copy()
+        offsets[:, 2] = SEARCH_PENALTY * squares[:, 2] / window[0]**2
+        farthest = float(offsets[-1, :2].max())
+        half = int((min(float(reach.max()), SEARCH_REACH) + farthest) * maps.frame[2]) + 3
+        corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half
+        field = np.empty((2 * half + 1, 2 * half + 1), np.uint8)
+        stride = max(1, beams.shape[1] // SEARCH_BEAMS)
+        wanted = np.zeros(maps.table.shape[1:], bool)
+        tiles_around(prediction, float(turns[-1, 0]), len(turns) // 2, beams, stride, farthest, maps.frame, wanted)
+        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, WIDE, wanted, field)
+        best = np.empty(4)
+        search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
+                      maps.frame[2], field, best)
+        return best[:3]
+
+
+def _outwards(half_width, step):
+    """Return multiples of ``step`` up to ``half_width``, from 0 outwards."""
+    numbers = np.arange(2 * int(np.ceil(half_width / step)) + 1)
+    return np.where(numbers % 2, -1, 1) * ((numbers + 1) // 2) * step
+
+
+@functools.lru_cache(maxsize=16)
+def _squares(count):
+    """Return x, y and squared length of the offsets within ``count`` steps, from the middle outwards; read only."""
+    steps = _outwards(count * SEARCH_STEP, SEARCH_STEP)
+    offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    squared = np.square(offsets).sum(axis=1)
+    return np.column_stack([offsets, squared])[np.argsort(squared, kind="stable")]

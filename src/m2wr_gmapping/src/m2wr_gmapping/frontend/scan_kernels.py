@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Surface normals of a scan's end points, from the end points themselves."""
+import math
+
+from numba import njit
+
+SPARSE, SPARSE_MOST = 1.6, 1.0       # reach by the distance of the nearest neighbour; most of it [m]
+STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line by that along it: of a wall with noise, and of a corner
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def surface_normals(points, reach, side, limit, out):
+    """Fit a line through each end point and its neighbours along the scan.
+
+    Parameters
+    ----------
+    points : (2, B) float64
+        End points in the order of their beams [m], laser frame.
+    reach : float
+        Neighbours farther than this from the point, or beyond the first that is, do not belong to its surface [m];
+        where beams graze a wall and its points lie far apart, those a little farther than the nearest one do.
+    side : int
+        Most neighbours taken on either side.
+    limit : float
+        Surfaces are seen up to here [m]. An end point with one neighbour stands alone, like a post, but not where a
+        third one would lie beyond: a wall goes on there, and what ends is the range.
+    out : (3, B) float64
+        Written: unit normal x, y and straightness in [0, 1]; 0 where a point stands alone, with the direction to the
+        laser as normal.
+    """
+    count = points.shape[1]
+    for b in range(count):
+        x, y = points[0, b], points[1, b]
+        nearest2 = math.inf
+        for other in (b - 1, b + 1):
+            if 0 <= other < count:
+                dx, dy = points[0, other] - x, points[1, other] - y
+                nearest2 = min(nearest2, dx * dx + dy * dy)
+        reach2 = max(reach * reach, min(SPARSE * SPARSE * nearest2, SPARSE_MOST * SPARSE_MOST))
+        n, sx, sy, sxx, sxy, syy = 1, 0.0, 0.0, 0.0, 0.0, 0.0
+        beside_x = beside_y = 0.0
+        for direction in (-1, 1):
+            for k in range(1, side + 1):
+                other = b + direction * k
+                if other < 0 or other >= count:
+                    break
+                dx, dy = points[0, other] - x, points[1, other] - y
+                if not dx * dx + dy * dy <= reach2:
+                    break
+                n += 1
+                beside_x, beside_y = dx, dy
+                sx += dx
+                sy += dy
+                sxx += dx * dx
+                sxy += dx * dy
+                syy += dy * dy
+        norm = math.sqrt(x * x + y * y)
+        if norm > 0.0:
+            out[0, b], out[1, b], out[2, b] = -x / norm, -y / norm, 0.0
+        else:
+            out[0, b], out[1, b], out[2, b] = 1.0, 0.0, 0.0
+        if n == 2:
+            x, y, norm = x - beside_x, y - beside_y, math.sqrt(beside_x * beside_x + beside_y * beside_y)
+            if norm > 0.0 and x * x + y * y > limit * limit:
+                out[0, b], out[1, b], out[2, b] = -beside_y / norm, beside_x / norm, 1.0
+        if n < 3:
+            continue
+        cxx, cxy, cyy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+        half, product = 0.5 * (cxx - cyy), 0.5 * (cxx + cyy)
+        root = math.sqrt(half * half + cxy * cxy)
+        large, small = product + root, max(product - root, 0.0)
+        if not large > 0.0:
+            continue
+        # axis of the larger spread is at angle atan2(cxy, half) / 2; the normal is across it
+        c, s = 1.0, 0.0
+        if half > 0.0:
+            c, s = root + half, cxy
+        elif root > 0.0:
+            c, s = abs(cxy), math.copysign(root - half, cxy)
+        length = math.sqrt(c * c + s * s)
+        out[0, b], out[1, b] = -s / length, c / length
+        out[2, b] = min(1.0, max(0.0, (CROOKED - math.sqrt(small / large)) / (CROOKED - STRAIGHT)))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def with_normals(points, reach, side, limit, straight, beams):
+    """Write end points (2, B) and what their surface is like as beams (7, B), in the layout of ``match_kernels``.
+
+    ``reach``, ``side`` and ``limit`` are those of ``surface_normals``, ``straight`` weighs sliding along a wall.
+    """
+    shape = beams[2:5]          # the third of these rows holds straightness until the lever arm takes its place
+    surface_normals(points, reach, side, limit, shape)
+    for b in range(points.shape[1]):
+        qx, qy, nx, ny, straightness = points[0, b], points[1, b], shape[0, b], shape[1, b], shape[2, b]
+        beams[0, b], beams[1, b] = qx, qy
+        beams[4, b] = ny * qx - nx * qy
+        beams[5, b] = nx * qx + ny * qy
+        beams[6, b] = 1.0 + (straight - 1.0) * straightness
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits):
+    """Sort ranges into end points, beams that only clear space, and nothing.
+
+    Parameters
+    ----------
+    ranges : (B,) float64
+        [m], in the order of the directions; NaN and infinite ones see nothing.
+    directions : (2, B) float64
+        Cosines and sines of the beam angles.
+    limits : (4,) float64
+        Ranges below the first [m] count as the second; those above the third count as nothing, those above the fourth
+        clear space only, up to there.
+    skip : int
+        Beams left out of the matching between two used ones.
+    gap : float
+        End points that follow one nearer than this [m] become one with it, their mean; 0: none. Leaving them out
+        would choose, where beams graze a wall, those that noise has moved on, and turn the wall.
+    points : (2, B) float64, used : (B,) bool
+        Written: end points [m], and which of them belong to the matching; of several in one the first decides.
+    rays : (2, B) float32, ray_hits : (B,) bool
+        Written: ends of all beams that clear space, and which of them mark their end.
+
+    Returns
+    -------
+    tuple of int
+        Number of end points, and of beams that clear space.
+    """
+    count = seen = together = 0
+    first_x = first_y = 0.0
+    for b in range(ranges.shape[0]):
+        r = ranges[b]
+        if r < limits[0]:
+            r = limits[1]
+        if not (r > 0.0 and r <= limits[2]):
+            continue
+        cut = min(r, limits[3])
+        rays[0, seen], rays[1, seen] = cut * directions[0, b], cut * directions[1, b]
+        ray_hits[seen] = r < limits[3]
+        seen += 1
+        if not r <= limits[3]:
+            continue
+        x, y = r * directions[0, b], r * directions[1, b]
+        if together > 0 and (x - first_x) * (x - first_x) + (y - first_y) * (y - first_y) < gap * gap:
+            together += 1
+            points[0, count - 1] += (x - points[0, count - 1]) / together
+            points[1, count - 1] += (y - points[1, count - 1]) / together
+            continue
+        first_x, first_y, together = x, y, 1
+        points[0, count], points[1, count] = x, y
+        used[count] = b % (skip + 1) == skip
+        count += 1
+    return count, seen

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files: states, saved maps, and writing each file as a whole."""

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writing files so that each is there as a whole or as it was before, whatever happens meanwhile.
+
+A file is written under a temporary name beside its place, put onto the disk and renamed. The writer holds a lock on the
+temporary file, so one without a lock was left by a process that is gone; the next writer in the folder removes it.
+"""
+import fcntl
+import os
+import re
+import stat
+import tempfile
+
+PREFIX = ".whole-"
+_TEMPORARY = re.compile(re.escape(PREFIX) + r"[A-Za-z0-9_]{8}")       # as tempfile names them
+STREAMS = ("/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/")
+
+
+def write_whole(*files):
+    """Write files; all are complete on the disk before the first takes the place of an older one.
+
+    A link stays one: the file that it leads to is replaced. Devices, pipes and the program's own streams are written
+    to, not replaced.
+
+    Parameters
+    ----------
+    files : tuple of (str, sequence)
+        Path, and parts: bytes or what can be written like them.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    waiting, folders = [], set()
+    try:
+        for path, parts in files:
+            if _is_stream(path):
+                with open(path, "ab") as stream:
+                    _put(stream, parts)
+                continue
+            path = os.path.realpath(path)
+            folder = os.path.dirname(path)
+            if folder not in folders:
+                remove_stale(folder)
+                folders.add(folder)
+            waiting.append(_complete(folder, parts) + (path,))
+        for temporary, lock, path in list(waiting):
+            os.replace(temporary, path)
+            os.close(lock)
+            waiting.remove((temporary, lock, path))
+        for folder in folders:
+            _sync(folder)
+    finally:
+        for temporary, lock, _ in waiting:
+            _remove(temporary)
+            os.close(lock)
+
+
+def remove_stale(folder):
+    """Remove the temporary files in a folder whose writers are gone; returns their paths.
+
+    A folder that cannot be read and a file system without locks are left as they are.
+    """
+    removed = []
+    try:
+        names = [name for name in os.listdir(folder) if _TEMPORARY.fullmatch(name)]
+    except OSError:
+        return removed
+    for name in names:
+        path = os.path.join(folder, name)
+        try:
+            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        except OSError:
+            continue
+        try:
+            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                os.unlink(path)
+                removed.append(path)
+        except OSError:
+            pass            # its writer is at work, or it may not be removed
+        finally:
+            os.close(descriptor)
+    return removed
+
+
+def _is_stream(path):
+    path = os.path.abspath(path)
+    return path.startswith(STREAMS) or (os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path))
+
+
+def _put(stream, parts):
+    for part in parts:
+        stream.write(part)
+    stream.flush()
+
+
+def _temporary(folder):
+    """Return descriptor and path of a new locked temporary file in ``folder``."""
+    while True:
+        descriptor, path = tempfile.mkstemp(prefix=PREFIX, dir=folder)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError:
+            return descriptor, path         # a file system without locks
+        if os.fstat(descriptor).st_nlink:
+            return descriptor, path
+        os.close(descriptor)                # another writer took it for a stale one before it was locked
+
+
+def _complete(folder, parts):
+    """Write parts into a temporary file in ``folder`` and onto the disk; return its path and locked descriptor."""
+    descriptor, path = _temporary(folder)
+    try:
+        with os.fdopen(descriptor, "wb", closefd=False) as stream:
+            _put(stream, parts)
+        os.fsync(descriptor)
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(path, 0o666 & ~mask)
+    except BaseException:
+        _remove(path)
+        os.close(descriptor)
+        raise
+    return path, descriptor
+
+
+def _remove(path):
+    try:
+        os.unlink(path)
+    except OSError:
+        pass            # it is gone already, which is what is wanted
+
+
+def _sync(folder):
+    """Put a folder's names onto the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A map that was saved before, as the ground on which a new run begins."""
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from m2wr_gmapping.filter.occupancy import PATCH, Occupancy
+from m2wr_gmapping.frontend import match_kernels as mk
+
+SURE_VISITS = 3         # a saved cell counts as if it had been seen that often: what has changed since can be unlearnt
+
+
+@dataclass(frozen=True)
+class SavedMap:
+    """An occupancy grid from a file.
+
+    Attributes
+    ----------
+    data : (H, W) int8
+        -1 unknown, 0 free, 100 occupied; row 0 is the lowest y.
+    resolution : float
+        Cell size [m].
+    origin : (2,) float
+        Middle of cell (0, 0) in ``map`` [m].
+    name : str
+        For messages.
+    """
+
+    data: np.ndarray
+    resolution: float
+    origin: tuple
+    name: str = ""
+
+    def walls(self):
+        """Return the middles (2, M) of the occupied cells in ``map`` [m]."""
+        rows, columns = np.nonzero(self.data == 100)
+        return np.stack([self.origin[0] + self.resolution * columns, self.origin[1] + self.resolution * rows])
+
+
+class MapReading:
+    """A saved map in the place of a scan: its walls are end points, seen from the map's origin; it cannot be matched.
+
+    Has the attributes of ``scan.ScanReading``.
+    """
+
+    def __init__(self, points):
+        self.points = points
+        self.beams = np.empty((mk.BEAM_ROWS, 0))
+        self.rays, self.ray_hits = np.empty((2, 0), np.float32), np.zeros(0, bool)
+
+
+class GivenOccupancy(Occupancy):
+    """The published map, with a saved one below all that is counted.
+
+    Parameters
+    ----------
+    saved : SavedMap
+    threshold : float
+        A cell is occupied where hits / visits is greater.
+    """
+
+    def __init__(self, saved, threshold):
+        self._given = saved
+        rows, columns = (math.ceil(cells / PATCH) * PATCH for cells in saved.data.shape)
+        x, y = saved.origin
+        # a thousandth of a cell, so that rounding takes no patch away
+        reach = saved.resolution * np.array([columns + 1e-3, rows + 1e-3])
+        super().__init__((x, y, x + reach[0], y + reach[1]), saved.resolution, threshold)
+
+    def _empty(self):
+        super()._empty()
+        saved = self._given
+        height, width = (math.ceil(cells / PATCH) for cells in saved.data.shape)
+        whole = np.full((height * PATCH, width * PATCH), -1, np.int8)
+        whole[:saved.data.shape[0], :saved.data.shape[1]] = saved.data
+        patches = whole.reshape(height, PATCH, width, PATCH).transpose(0, 2, 1, 3).reshape(height, width, -1)
+        rows, columns = np.nonzero((patches >= 0).any(axis=2))
+        known, count = patches[rows, columns], len(rows)
+        if count > len(self._blocks["changed"]):
+            self._more_blocks(count)
+        column, row = self._shift // PATCH          # in which patch the saved map begins
+        self._table[row + rows, column + columns] = np.arange(count)
+        self._used[0], blocks = count, self._blocks
+        blocks["visits"][:count] = SURE_VISITS * (known >= 0)
+        blocks["hits"][:count] = SURE_VISITS * (known == 100)
+        blocks["changed"][:count] = True

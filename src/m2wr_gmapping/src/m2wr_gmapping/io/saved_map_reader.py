@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reading a map from the files that map_saver writes."""
+import os
+
+import numpy as np
+
+from m2wr_gmapping.io.saved_map import SavedMap
+from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
+
+
+class MapReadingError(ValueError):
+    """A saved map cannot be read or used; says which file and what was expected."""
+
+
+def read_map(path):
+    """Return the SavedMap of a YAML file and its picture.
+
+    Parameters
+    ----------
+    path : str
+        The YAML file; its ending may be left out.
+
+    Raises
+    ------
+    MapReadingError
+        If a file cannot be read, a value is missing, or the map is turned against its frame.
+    """
+    path = path if os.path.splitext(path)[1] in (".yaml", ".yml") else path + ".yaml"
+    at = path
+    try:
+        values = read_values(path)
+        resolution, origin = number(values, "resolution", 0.001, 10.0), origin_of(values)
+        if abs(origin[2]) > 1e-6:
+            raise MapInputError("origin {} is turned; expected yaw 0".format(list(origin)))
+        if values.get("mode", "trinary") == "raw":
+            raise MapInputError("mode raw; expected trinary or scale")
+        occupied, free = number(values, "occupied_thresh", 0.0, 1.0), number(values, "free_thresh", 0.0, 1.0)
+        negate = yes(values, "negate")
+        at = os.path.join(os.path.dirname(os.path.abspath(path)), values["image"])
+        dark = 1.0 - read_pixels(at, lambda picture: "L")[::-1] / 255.0
+    except (OSError, MapInputError) as error:
+        raise MapReadingError("map {}: {}{}".format(
+            path, "" if at == path else at + ": ", getattr(error, "strerror", None) or error))
+    if negate:
+        dark = 1.0 - dark
+    data = np.select([dark > occupied, dark < free], [100, 0], -1).astype(np.int8)
+    if not (data == 100).any():
+        raise MapReadingError("map {}: no cell is occupied; there is nothing to begin on".format(path))
+    return SavedMap(data, resolution, (float(origin[0]), float(origin[1])), path)

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The container of a saved state: a zip archive of JSON and plain arrays that is checked before memory is taken for it.
+
+``state.json`` holds numbers and words, every ``NAME.npy`` one array: ``numpy.load`` of a ``.npz`` opens it too. Nothing
+in such a file is evaluated, and no class is named in it.
+"""
+import json
+import math
+import os
+import re
+import stat
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+
+from m2wr_gmapping.io.atomic_files import write_whole
+
+FORMAT = "m2wr_gmapping state"
+VERSION = 5                         # goes up whenever a stored name comes to mean something else
+PICKLES = b"m2wr_gmapping state\n"  # begins the files of version 4 and before
+MOST_FILE = 1 << 30                 # [byte]
+MOST_UNPACKED = 1 << 30             # of all members together [byte]
+MOST_JSON = 1 << 20                 # of state.json [byte]
+MOST_MEMBERS = 200
+MOST_DIRECTORY = 64 * 1024          # of the archive's list of members [byte]
+MOST_DIGITS = 50                    # of a whole number in JSON; a generator's state has 39
+MOST_DEPTH = 20                     # of JSON
+DTYPES = ("float64", "float32", "int64", "int32", "uint16", "uint8", "int8", "bool")
+
+_JSON, _HEADER = "state.json", re.compile(
+    rb"\{'descr': '([<|][a-z][0-9]{1,2})', 'fortran_order': False, 'shape': \(([0-9, ]{0,80})\), \} *\n")
+_END, _END_SIZE = struct.Struct("<4s4H2LH"), 22
+_TYPES = {np.dtype(name).newbyteorder("<").str: np.dtype(name) for name in DTYPES}
+
+
+class StateError(ValueError):
+    """A state file cannot be written or used; says which one and why."""
+
+
+class _Parts:
+    """Collects what zipfile writes, for ``write_whole``."""
+
+    def __init__(self):
+        self.parts, self._at = [], 0
+
+    def write(self, data):
+        self.parts.append(bytes(data))
+        self._at += len(self.parts[-1])
+        return len(self.parts[-1])
+
+    def tell(self):
+        return self._at
+
+    def flush(self):
+        pass
+
+
+def write(path, document, arrays):
+    """Write a state; an older file is replaced only by a complete new one.
+
+    Parameters
+    ----------
+    path : str
+    document : dict
+        What JSON can hold; gets ``format`` and ``version``.
+    arrays : dict of str to ndarray
+        Of the types in ``DTYPES``.
+
+    Raises
+    ------
+    StateError
+        If the file cannot be written.
+    """
+    document = dict(document, format=FORMAT, version=VERSION)
+    stream = _Parts()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr(_JSON, json.dumps(document, indent=1))
+        for name, array in arrays.items():
+            with archive.open(name + ".npy", "w") as member:
+                np.lib.format.write_array_header_1_0(member, np.lib.format.header_data_from_array_1_0(array))
+                member.write(np.ascontiguousarray(array).data.cast("B") if array.size else b"")
+    try:
+        write_whole((path, stream.parts))
+    except OSError as error:
+        raise StateError("cannot write the state {}: {}; what was there before is kept".format(
+            path, error.strerror or error))
+
+
+def read(path):
+    """Return the document (dict) and the arrays (dict of str to ndarray, each with memory of its own) in a file.
+
+    Raises
+    ------
+    StateError
+        If there is no such file, or it is none, damaged, of another version or too large; says which.
+    """
+    try:
+        with _opened(path) as stream:
+            _check_ends(stream)
+            with zipfile.ZipFile(stream) as archive:
+                members = _members(archive)
+                document = _document(archive, members)
+                arrays = {name[:-4]: _array(archive, info) for name, info in members.items() if name != _JSON}
+    except StateError as error:
+        raise StateError("{}: {}".format(path, error))
+    except OSError as error:
+        raise StateError("cannot read the state {}: {}".format(path, error.strerror or error))
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError,
+            struct.error) as error:
+        raise StateError("{}: the file is damaged or cut off: {}".format(path, str(error)[:200]))
+    except MemoryError:
+        raise StateError("{}: there is not enough memory for it".format(path))
+    return document, arrays
+
+
+def _opened(path):
+    """Open a regular file; a pipe or device would make the reader wait, or never end."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | getattr(os, "O_CLOEXEC", 0))
+    found = os.fstat(descriptor)
+    if not stat.S_ISREG(found.st_mode):
+        os.close(descriptor)
+        raise StateError("is no regular file; expected a state that slam_gmapping saved")
+    if found.st_size > MOST_FILE:
+        os.close(descriptor)
+        raise StateError("{} bytes; expected at most {}".format(found.st_size, MOST_FILE))
+    return os.fdopen(descriptor, "rb")
+
+
+def _check_ends(stream):
+    """Raise StateError unless a file begins and ends as an archive with few members does."""
+    begin = stream.read(len(PICKLES) + 1000)
+    if begin.startswith(PICKLES):
+        found = re.search(rb'"version": ?([0-9]{1,5})', begin)
+        raise StateError("a state of {}: it is a pickle, which can run code when it is read, and is not read any more. "
+                         "This program reads version {} only: map anew from the bag, or begin on the saved map".format(
+                             "version " + found.group(1).decode() if found else "an old version", VERSION))
+    if not begin.startswith(b"PK\3\4"):
+        raise StateError("begins with {!r}; expected a state that slam_gmapping saved".format(begin[:20]))
+    size = stream.seek(0, os.SEEK_END)
+    if size < 2 * _END_SIZE:
+        raise StateError("the file is damaged or cut off: {} bytes".format(size))
+    stream.seek(size - _END_SIZE - 20)
+    locator, end = stream.read(20), stream.read(_END_SIZE)
+    magic, _, _, _, count, directory, _, comment = _END.unpack(end)
+    if magic != b"PK\5\6" or comment or locator.startswith(b"PK\6\7"):
+        raise StateError("the file is damaged or cut off: its list of members is not at its end")
+    if count > MOST_MEMBERS or directory > MOST_DIRECTORY:
+        raise StateError("{} members listed in {} bytes; expected at most {} in {}".format(
+            count, directory, MOST_MEMBERS, MOST_DIRECTORY))
+    stream.seek(0)
+
+
+def _members(archive):
+    """Return the archive's members by name, after a look at the sizes that they claim."""
+    members, total = {}, 0
+    for info in archive.infolist():
+        name = info.filename
+        if name in members or not (name == _JSON or re.fullmatch(r"[a-z_A-Z0-9.]{1,100}\.npy", name)):
+            raise StateError("member {!r}: expected {} and NAME.npy, once each".format(name[:100], _JSON))
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or info.flag_bits & 1:
+            raise StateError("member {}: packed in another way than by deflate".format(name))
+        members[name] = info
+        total += info.file_size
+    if total > MOST_UNPACKED:
+        raise StateError("{} bytes when unpacked; expected at most {}".format(total, MOST_UNPACKED))
+    if _JSON not in members:
+        raise StateError("no member {}; expected a state that slam_gmapping saved".format(_JSON))
+    return members
+
+
+def _whole(text):
+    if len(text) > MOST_DIGITS:
+        raise StateError("{}: a number of {} digits; expected at most {}".format(_JSON, len(text), MOST_DIGITS))
+    return int(text)
+
+
+def _document(archive, members):
+    info = members[_JSON]
+    if info.file_size > MOST_JSON:
+        raise StateError("{}: {} bytes; expected at most {}".format(_JSON, info.file_size, MOST_JSON))
+    text = archive.read(info)
+    depth = 0
+    for byte in text:                   # brackets inside words count too: there are none in a state
+        depth += (byte in b"[{") - (byte in b"]}")
+        if depth > MOST_DEPTH:
+            raise StateError("{}: nested more than {} deep".format(_JSON, MOST_DEPTH))
+    document = json.loads(text.decode("utf-8"), parse_int=_whole)
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise StateError("{}: expected a state that slam_gmapping saved".format(_JSON))
+    if document.get("version") != VERSION:
+        raise StateError("a state of version {!r:.20}; this program reads version {} only".format(
+            document.get("version"), VERSION))
+    return document
+
+
+def _array(archive, info):
+    """Return the array in a member; its memory is taken after its size has been found to be what the archive says."""
+    with archive.open(info) as member:
+        head = member.read(10)
+        if head[:8] != b"\x93NUMPY\x01\x00" or len(head) != 10:
+            raise StateError("member {}: expected an array of numpy's format 1.0".format(info.filename))
+        length = int.from_bytes(head[8:], "little")
+        found = _HEADER.fullmatch(member.read(length)) if length <= 1000 else None
+        dtype = found and _TYPES.get(found.group(1).decode())
+        if not dtype:
+            raise StateError("member {}: its type cannot be used; expected an array of one of {}".format(
+                info.filename, ", ".join(DTYPES)))
+        shape = tuple(int(part) for part in found.group(2).decode().replace(" ", "").split(",") if part)
+        size = math.prod(shape) * dtype.itemsize
+        if size != info.file_size - 10 - length or len(shape) > 4 or any(part > MOST_UNPACKED for part in shape):
+            raise StateError("member {}: {} bytes for the shape {}".format(
+                info.filename, info.file_size - 10 - length, shape))
+        array = np.empty(shape, dtype)
+        filled, view = 0, memoryview(array.reshape(-1).view(np.uint8)) if size else b""
+        while filled < size:
+            part = member.read(min(1 << 20, size - filled))
+            if not part:
+                raise StateError("member {}: cut off after {} of {} bytes".format(info.filename, filled, size))
+            view[filled:filled + len(part)] = part
+            filled += len(part)
+        if member.read(1):              # reads on to the checksum
+            raise StateError("member {}: longer than its shape".format(info.filename))
+    if dtype == bool and size and array.view(np.uint8).max() > 1:
+        raise StateError("member {}: expected bytes 0 and 1".format(info.filename))
+    return array

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which attributes of a mapper are stored, and what they may be; all others follow from parameters and laser."""
+import math
+
+import numpy as np
+
+from m2wr_gmapping.backend.loop_closing import Find
+from m2wr_gmapping.backend.loop_graph import ACCOUNT_ROWS
+from m2wr_gmapping.backend.odometry_recalibration_kernels import STEP_SIZE
+from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
+from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
+from m2wr_gmapping.io.saved_map import MapReading, SavedMap
+from m2wr_gmapping.io.state_types import Array, Generator, Group, KindError, Many, Maybe, Number, Part, Record, Text
+from m2wr_gmapping.mapper import FARTHEST_ODOMETRY
+
+EXTENT = 2e6            # no wall of a saved map is farther from its origin [m]
+MOST_CELLS = 10**8      # of a saved map
+COUNT, REAL, YES = Number(int, 0), Number(float), Number(bool)
+POSE = Array("float64", "3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY)
+NODE = Number(int, 0, below="scans")
+LINK = Group(NODE, NODE, POSE, Array("float64", "3 3"))
+
+
+def _reading(values):
+    made = object.__new__(ScanReading if len(values["rays"][0]) or not len(values["points"][0]) else MapReading)
+    vars(made).update(values)
+    return made
+
+
+READING = Record(_reading, {
+    "points": Array("float64", "2 H", -EXTENT, EXTENT),
+    "beams": Array("float64", "%d M" % mk.BEAM_ROWS, -EXTENT, EXTENT),
+    "rays": Array("float32", "2 S", -2 * FARTHEST, 2 * FARTHEST), "ray_hits": Array("bool", "S")})
+FIND = Record(lambda values: Find(**values), {
+    "along": REAL, "link": LINK, "pose": POSE, "correction": POSE, "slides": YES, "clear": YES, "alike": YES,
+    "drift": REAL, "long": YES})
+LASER = Record(lambda values: LaserModel(**values), {
+    "angles": Array("float64", "B", -math.pi * 3, math.pi * 3), "reverse": YES, "centre": REAL,
+    "base_from_sensor": POSE, "range_min": REAL, "range_max": REAL, "max_range": REAL, "max_urange": REAL})
+GIVEN = Record(lambda values: SavedMap(**values), {
+    "data": Array("int8", "H W", -1, 100), "resolution": Number(float, 0.001, 10.0),
+    "origin": Group(Number(float, -EXTENT, EXTENT), Number(float, -EXTENT, EXTENT)), "name": Text(1000)})
+TILES = Part({
+    "mean": Array("uint16", "T %d 2" % TILE), "hits": Array("uint8", "T %d" % TILE),
+    "table": Array("int32", "particles R C", -1, below="T"), "beyond": COUNT,
+    "_corner": Maybe(Group(Number(int, -2**40, 2**40), Number(int, -2**40, 2**40)))},
+    ("count", "resolution", "_frozen", "_limit", "frame", "_counters", "_holders", "_free"))
+TREE = Part({
+    "_parent": Array("int64", "M", -1), "_pose": Array("float64", "M 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
+    "_serial": Array("int64", "M", 0), "leaves": Array("int64", "particles", 0, below="M"), "next_serial": COUNT,
+    "depth": COUNT}, ("_children", "_free", "_counters"))
+FILTER = Part({
+    "poses": Array("float64", "particles 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY),
+    "log_weights": Array("float64", "particles"), "weight_sums": Array("float64", "particles"),
+    "weights": Array("float64", "particles", 0.0, 1.0 + 1e-6), "_rng_motion": Generator(),
+    "_rng_resample": Generator(), "resamplings": COUNT, "maps": TILES, "tree": TREE},
+    ("_least", "_most", "_matcher", "_noise", "_gain", "_resample_below"))
+OCCUPANCY = Part({
+    "hits": Array("int32", "B %d" % BLOCK), "visits": Array("int32", "B %d" % BLOCK),
+    "values": Array("int8", "B %d" % BLOCK), "changed": Array("bool", "B"),
+    "_table": Array("int32", "R C", -1, below="B"),
+    "_anchor": Array("float64", "2", -EXTENT, EXTENT), "_shift": Array("int64", "2", 0, 10**12),
+    "_poses": Array("float64", "P 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY), "beyond": YES, "traced": COUNT},
+    ("_resolution", "_threshold", "_most_cells", "_blocks", "_used"))
+GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
+GRAPH = Part({
+    "_steps": Many(POSE), "_step_information": Array("float64", "scans 3 3"),
+    "_step_variances": Array("float64", "scans"), "_accounts": Array("float64", "scans %d 3" % ACCOUNT_ROWS),
+    "_leverages": Array("float64", "scans 3 3"), "links": Many(LINK), "searches": COUNT, "closures": COUNT},
+    ("_matcher", "_resolution", "_newest", "_link_nodes"))
+GROWTH = Part({
+    "_fronts": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "bends": YES, "tears": YES},
+    ("_graph",))
+LOOPS = Part({
+    "graph": GRAPH, "_growth": GROWTH, "_pending": Maybe(Group(LINK, POSE)), "_finds": Many(FIND), "_searched_at": REAL,
+    "_linked_at": REAL, "_wide_at": REAL, "wide_searches": COUNT})
+RECALIBRATION = Part({
+    "steps": Array("float64", "S %d" % STEP_SIZE), "_looked_at": COUNT}, ("_steps", "_count", "_ahead"))
+TRACKER = Part({
+    "_track": Array("float64", "%d 3" % tk.TRACK_ROWS), "_ask": Array("float64", "%d 3" % tk.ASK_ROWS),
+    "recalibration": RECALIBRATION}, ("_matcher", "_dense"), {"recalibration": "hindsight"})
+LEVEL = Part({"_usual": Group(REAL, REAL), "_way": REAL, "_more": Group(REAL, REAL), "_tilted": YES, "rocks": YES},
+             ("_lift", "_reach"))
+_MAPPER = {
+    "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
+    "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
+    "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS}
+_MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
+
+
+def mapper_part(given):
+    """Return the Part of a mapper; ``given``: whether it began on a saved map."""
+    return Part(dict(_MAPPER, _occupancy=GIVEN_OCCUPANCY if given else OCCUPANCY), _MADE)
+
+
+def check(mapper):
+    """Raise KindError where the parts of a mapper that was put together do not agree with each other."""
+    scans, particles = len(mapper.stamps), len(mapper.filter.poses)
+    if not 1 <= particles <= mapper.config["particles"]:
+        raise KindError("{} particles; expected 1 to {}".format(particles, mapper.config["particles"]))
+    if not scans or mapper.filter.tree.depth != scans:
+        raise KindError("{} scans on paths of {} nodes".format(scans, mapper.filter.tree.depth))
+    if len(mapper._occupancy._poses) > scans:
+        raise KindError("more scans on the map than there are")
+    if mapper._tracker is not None and mapper._tracker.recalibration._count > scans - 1:
+        raise KindError("more steps than scans")
+    if mapper._loops is not None and len(mapper._loops.graph._steps) > scans:
+        raise KindError("more steps than scans")
+    if not math.isclose(float(np.sum(mapper.filter.weights)), 1.0, abs_tol=1e-3):
+        raise KindError("weights that do not sum to 1")
+    if len(mapper.laser.angles) > 10**6:
+        raise KindError("{} beams; expected at most a million".format(len(mapper.laser.angles)))

@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the attributes of a saved object may be: each kind takes values apart for a file, and puts them together again.
+
+An array that compiled code reads by index must have the sizes and values that this code relies on; so each kind says
+them, and what differs is refused before it is used.  Sizes are numbers or names: a name stands for the same number
+wherever it is met within one object, one in small letters within the whole state.
+"""
+import math
+
+import numpy as np
+
+MOST = 1e12         # no length, angle, time or weight in a state is greater
+MOST_ITEMS = 2000000    # of a list: scans of two weeks, one every half second
+
+
+class KindError(ValueError):
+    """A value differs from what its attribute may hold; says which and how."""
+
+
+class Store:
+    """Numbers (flat, by name) and arrays (by name) of one state, and the sizes met so far."""
+
+    def __init__(self, values=None, arrays=None):
+        self.values, self.arrays, self.sizes = values or {}, arrays or {}, {}
+
+    def value(self, where):
+        """Return a number or word; raises KindError where it is missing."""
+        if where not in self.values:
+            raise KindError("it has no {}".format(where))
+        return self.values[where]
+
+    def array(self, where, dtype):
+        """Return an array of a type; raises KindError where it is missing or of another."""
+        if where not in self.arrays:
+            raise KindError("it has no {}".format(where))
+        found = self.arrays[where]
+        if found.dtype != dtype:
+            raise KindError("{} is of {}; expected {}".format(where, found.dtype, np.dtype(dtype)))
+        return found
+
+    def bind(self, sizes, name, size, where):
+        """Let a name stand for a size from now on; raises KindError where it stands for another one."""
+        if isinstance(name, int):
+            expected = name
+        else:
+            expected = (self.sizes if name.islower() else sizes).setdefault(name, size)
+        if size != expected:
+            raise KindError("{}: {} where {} are expected".format(where, size, expected))
+
+    def size(self, sizes, name):
+        """Return what a name stands for; a number stands for itself."""
+        return (self.sizes if name.islower() else sizes)[name] if isinstance(name, str) else name
+
+
+class Number:
+    """A bool, an int or a float: ``low`` to ``high``, and below ``below`` (a number or the name of a size).
+
+    Floats may be infinite where ``infinite``; none may be NaN.
+    """
+
+    def __init__(self, kind, low=None, high=None, below=None, infinite=False):
+        self.kind, self.below, self.infinite = kind, below, infinite
+        most = 2**62 if kind is int else MOST
+        self.low, self.high = -most if low is None else low, most if high is None else high
+        self.dtype = {bool: bool, int: np.int64, float: np.float64}[kind]
+
+    def take(self, value, where, store):
+        store.values[where] = self.kind(value)
+
+    def give(self, where, store, sizes):
+        value = store.value(where)
+        if self.kind is float and type(value) is int:
+            value = float(value) if abs(value) < 2**62 else math.nan
+        if type(value) is not self.kind:
+            raise KindError("{} is {!r:.40}; expected {}".format(where, value, self.kind.__name__))
+        self._check(np.array([value]), where, store, sizes)
+        return value
+
+    def take_all(self, items, where, store):
+        store.arrays[where] = np.array(items, self.dtype)
+
+    def give_all(self, where, store, sizes):
+        found = store.array(where, self.dtype)
+        if found.ndim != 1:
+            raise KindError("{} has {} axes; expected 1".format(where, found.ndim))
+        _check_count(len(found), where)
+        self._check(found, where, store, sizes)
+        return found.tolist()
+
+    def _check(self, found, where, store, sizes):
+        if self.kind is bool or not found.size:
+            return
+        within = (found >= self.low) & (found <= self.high)
+        if self.infinite:
+            within |= np.isinf(found)
+        if self.below is not None:
+            within &= found < store.size(sizes, self.below)
+        if not within.all():
+            raise KindError("{} is {}; expected {:g} to {:g}{}".format(
+                where, found[~within][0], self.low, self.high,
+                "" if self.below is None else ", below {}".format(store.size(sizes, self.below))))
+
+
+class Text:
+    """A word of at most ``most`` letters."""
+
+    def __init__(self, most):
+        self.most = most
+
+    def take(self, value, where, store):
+        store.values[where] = str(value)[:self.most]
+
+    def give(self, where, store, sizes):
+        value = store.value(where)
+        if not isinstance(value, str) or len(value) > self.most:
+            raise KindError("{}: expected a word of at most {} letters".format(where, self.most))
+        return value
+
+
+class Array:
+    """An array of a type; ``shape`` has a size for each axis, as "N 3"; values as of ``Number``."""
+
+    def __init__(self, dtype, shape, low=None, high=None, below=None):
+        self.dtype = np.dtype(dtype)
+        self.shape = [int(part) if part.isdigit() else part for part in str(shape).split()]
+        self._values = Number(float if self.dtype.kind == "f" else int, low, high, below)
+        self._any = self.dtype.kind == "b" or (
+            self.dtype.kind in "iu" and low is None and high is None and below is None)
+        # the axis along which those of a list are put together
+        names = [axis for axis, part in enumerate(self.shape) if isinstance(part, str)]
+        self._axis = names[0] if names else None
+
+    def take(self, value, where, store):
+        value = np.asarray(value)
+        if value.dtype != self.dtype or value.ndim != len(self.shape):
+            raise KindError("{} is {} with {} axes; expected {} with {}".format(
+                where, value.dtype, value.ndim, self.dtype, len(self.shape)))
+        store.arrays[where] = np.array(value, order="C")
+
+    def give(self, where, store, sizes):
+        found = store.array(where, self.dtype)
+        self._check_shape(found.shape, where, store, sizes)
+        self._check_values(found, where, store, sizes)
+        return found
+
+    def _check_shape(self, shape, where, store, sizes):
+        if len(shape) != len(self.shape):
+            raise KindError("{} has {} axes; expected {}".format(where, len(shape), len(self.shape)))
+        for name, size in zip(self.shape, shape):
+            store.bind(sizes, name, size, where)
+
+    def _check_values(self, found, where, store, sizes):
+        if not self._any:
+            self._values._check(found, where, store, sizes)
+
+    def take_all(self, items, where, store):
+        if self._axis is None:
+            fixed = np.zeros([0] + self.shape, self.dtype)
+            self._expect(np.stack(items) if items else fixed, fixed.ndim, where)
+            store.arrays[where] = np.stack(items) if items else fixed
+            return
+        if items:
+            joined = np.concatenate(items, axis=self._axis)
+        else:
+            joined = np.zeros([0 if isinstance(part, str) else part for part in self.shape], self.dtype)
+        self._expect(joined, len(self.shape), where)
+        store.arrays[where] = np.ascontiguousarray(joined)
+        store.arrays[where + ".lengths"] = np.array([item.shape[self._axis] for item in items], np.int64)
+
+    def _expect(self, found, axes, where):
+        if found.dtype != self.dtype or found.ndim != axes:
+            raise KindError("{} is {} with {} axes; expected {} with {}".format(
+                where, found.dtype, found.ndim, self.dtype, axes))
+
+    def give_all(self, where, store, sizes):
+        joined = store.array(where, self.dtype)
+        if self._axis is None:
+            if joined.shape[1:] != tuple(self.shape):
+                raise KindError("{} is {} each; expected {}".format(where, joined.shape[1:], tuple(self.shape)))
+            self._check_values(joined, where, store, sizes)
+            _check_count(len(joined), where)
+            return [item.copy() for item in joined]
+        lengths = store.array(where + ".lengths", np.int64)
+        if joined.ndim != len(self.shape):
+            raise KindError("{} has {} axes; expected {}".format(where, joined.ndim, len(self.shape)))
+        expected = [joined.shape[self._axis] if axis == self._axis else part for axis, part in enumerate(self.shape)]
+        if list(joined.shape) != expected or lengths.ndim != 1 or (lengths < 0).any() \
+                or (lengths > joined.shape[self._axis]).any() or int(lengths.sum()) != joined.shape[self._axis]:
+            raise KindError("{}: {} do not come apart into the lengths told".format(where, joined.shape))
+        _check_count(len(lengths), where)
+        before = sizes.setdefault(self.shape[self._axis], lengths)
+        if not np.array_equal(before, lengths):
+            raise KindError("{}: lengths differ from those of the other attributes".format(where))
+        self._check_values(joined, where, store, sizes)
+        ends = np.cumsum(lengths)
+        along = (slice(None),) * self._axis
+        return [joined[along + (slice(end - length, end),)].copy()
+                for end, length in zip(ends.tolist(), lengths.tolist())]
+
+
+class Group:
+    """A tuple of kinds."""
+
+    def __init__(self, *kinds):
+        self.kinds = kinds
+
+    def take(self, value, where, store):
+        if len(value) != len(self.kinds):
+            raise KindError("{} has {} parts; expected {}".format(where, len(value), len(self.kinds)))
+        for k, kind in enumerate(self.kinds):
+            kind.take(value[k], "{}.{}".format(where, k), store)
+
+    def give(self, where, store, sizes):
+        return tuple(kind.give("{}.{}".format(where, k), store, sizes) for k, kind in enumerate(self.kinds))
+
+    def take_all(self, items, where, store):
+        for k, kind in enumerate(self.kinds):
+            kind.take_all([item[k] for item in items], "{}.{}".format(where, k), store)
+
+    def give_all(self, where, store, sizes):
+        return _together([kind.give_all("{}.{}".format(where, k), store, sizes)
+                          for k, kind in enumerate(self.kinds)], where)
+
+
+class Record:
+    """An object that ``make(dict of attributes)`` makes."""
+
+    def __init__(self, make, attributes):
+        self.make, self.attributes = make, attributes
+
+    def take(self, value, where, store):
+        for name, kind in self.attributes.items():
+            kind.take(getattr(value, name), "{}.{}".format(where, name), store)
+
+    def give(self, where, store, sizes):
+        local = {}
+        return self.make({name: kind.give("{}.{}".format(where, name), store, local)
+                          for name, kind in self.attributes.items()})
+
+    def take_all(self, items, where, store):
+        for name, kind in self.attributes.items():
+            kind.take_all([getattr(item, name) for item in items], "{}.{}".format(where, name), store)
+
+    def give_all(self, where, store, sizes):
+        local = {}
+        columns = [kind.give_all("{}.{}".format(where, name), store, local)
+                   for name, kind in self.attributes.items()]
+        return [self.make(dict(zip(self.attributes, row))) for row in _together(columns, where)]
+
+
+def _check_count(count, where):
+    if count > MOST_ITEMS:
+        raise KindError("{}: a list of {}; expected at most {}".format(where, count, MOST_ITEMS))
+
+
+def _together(columns, where):
+    if len({len(column) for column in columns}) != 1:
+        raise KindError("{}: its parts are of different length".format(where))
+    return list(zip(*columns))
+
+
+class Many:
+    """A list of one kind, stored by columns; as many as ``size`` says, if it is given."""
+
+    def __init__(self, kind, size=None):
+        self.kind, self.count = kind, size
+
+    def take(self, value, where, store):
+        self.kind.take_all(list(value), where, store)
+
+    def give(self, where, store, sizes):
+        found = self.kind.give_all(where, store, sizes)
+        if self.count is not None:
+            store.bind(sizes, self.count, len(found), where)
+        return found
+
+
+class Maybe:
+    """One of a kind, or None."""
+
+    def __init__(self, kind):
+        self._list = Many(kind)
+
+    def take(self, value, where, store):
+        self._list.take([] if value is None else [value], where, store)
+
+    def give(self, where, store, sizes):
+        found = self._list.give(where, store, sizes)
+        if len(found) > 1:
+            raise KindError("{}: {} where one is expected".format(where, len(found)))
+        return found[0] if found else None
+
+
+class Generator:
+    """The state of a numpy random generator."""
+
+    def take(self, value, where, store):
+        found = value.bit_generator.state
+        store.values[where] = [found["bit_generator"], found["state"]["state"], found["state"]["inc"],
+                               found["has_uint32"], found["uinteger"]]
+
+    def give(self, where, store, sizes):
+        found, generator = store.value(where), np.random.default_rng()
+        limits, known = (2**128, 2**128, 2, 2**32), generator.bit_generator.state["bit_generator"]
+        if not (isinstance(found, list) and len(found) == 5 and found[0] == known
+                and all(type(part) is int and 0 <= part < limit for part, limit in zip(found[1:], limits))):
+            raise KindError("{}: no state of a random generator".format(where))
+        generator.bit_generator.state = {"bit_generator": found[0], "state": {"state": found[1], "inc": found[2]},
+                                         "has_uint32": found[3], "uinteger": found[4]}
+        return generator
+
+
+class Part:
+    """An object that is there already and gets the stored attributes.
+
+    Parameters
+    ----------
+    stored : dict of str to kind
+    made : tuple of str
+        Attributes that follow from parameters and laser, or from the stored ones.
+    file_names : dict of str to str, optional
+        Attribute -> its name in the file, where the two differ.
+
+    An object with ``compact()`` and ``restore(dict)`` is asked for its stored attributes, and given them back.
+    """
+
+    def __init__(self, stored, made=(), file_names=None):
+        self.stored, self.made, self._file_names = stored, made, file_names or {}
+
+    def _place(self, where, name):
+        return _below(where, self._file_names.get(name, name))
+
+    def take(self, value, where, store):
+        if value is None:
+            return
+        values = value.compact() if hasattr(value, "compact") else vars(value)
+        strange = set(vars(value)).symmetric_difference(set(self.made) | {
+            name for name in self.stored if name in vars(value) or name not in values})
+        if strange:
+            raise KindError("{} has other attributes than this program stores: {}".format(
+                type(value).__name__, ", ".join(sorted(strange))))
+        for name, kind in self.stored.items():
+            kind.take(values[name], self._place(where, name), store)
+
+    def give_to(self, owner, where, store):
+        """Fill an object, with what is stored below a name."""
+        local, values = {}, {}
+        for name, kind in self.stored.items():
+            if not isinstance(kind, Part):
+                values[name] = kind.give(self._place(where, name), store, local)
+            elif getattr(owner, name) is not None:
+                kind.give_to(getattr(owner, name), self._place(where, name), store)
+        if hasattr(owner, "restore"):
+            owner.restore(values)
+        else:
+            vars(owner).update(values)
+
+
+def _below(where, name):
+    return "{}.{}".format(where, name) if where else name

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Compile every kernel or load it from its cache: ``python3 -m m2wr_gmapping.kernel_warm_up``."""
+import math
+
+import numpy as np
+
+from m2wr_gmapping.backend import drift_kernels, place_search
+from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.workers import Workers
+from m2wr_node.kernel_progress import KernelProgress
+
+
+def tour(mapper, steps=40):
+    """Drive round in a square room of 6 m, so that a mapper does all it can do once."""
+    laser = mapper.laser
+    pose = np.array([1.0, 0.0, 0.0])
+    for k in range(steps):
+        angles = pose[2] + laser.angles
+        with np.errstate(divide="ignore"):
+            walls = [np.where(side * part > 0.0, (3.0 - side * at) / (side * part), np.inf)
+                     for part, at in ((np.cos(angles), pose[0]), (np.sin(angles), pose[1])) for side in (1.0, -1.0)]
+        mapper.process(mapper.reading(np.minimum.reduce(walls)), pose, float(k))
+        pose = compose(pose, [0.5 if k % 2 else 0.2, 0.0, 0.2])
+    mapper.occupancy()
+
+
+def rare_work(mapper):
+    """Run what the tour need not come to: a window search, a path that is bent."""
+    particles = mapper.filter
+    grid, reading = particles.maps, mapper.readings[-1]
+    FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
+    path = particles.tree.path(particles.best)
+    turned, nodes = np.zeros(len(path)), np.arange(len(path))
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+    drift_kernels.drift(path, turned, np.zeros((1, 2), np.int64), 0, np.empty((len(path), 3)))
+    scene = place_search.Scene(path, along, mapper.readings, nodes, turned + 3.0, turned + 0.1)
+    place_search.near_search(scene, nodes)
+    place_search.wide_search(scene, nodes)
+    steps = between(path[:-1], path[1:])
+    pairs = np.stack([np.arange(len(steps)), np.arange(1, len(path))], -1)
+    optimise(path, pairs, steps, np.tile(np.eye(3), (len(steps), 1, 1)), np.zeros(len(steps), bool))
+    particles.replace_past(path, mapper.readings)
+
+
+def compile_kernels():
+    """Run the filter, both ways, the loop closing and the map once on a tiny room."""
+    laser = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 60, 61, 0.1, 10.0)
+    for compatible in (False, True):
+        mapper = Mapper(GmappingConfig.from_mapping(dict(
+            particles=2, compatible=compatible, linearUpdate=0.3, threads=1, xmin=-5.0, ymin=-5.0, xmax=5.0,
+            ymax=5.0, resampleThreshold=1.0)), laser)
+        try:
+            tour(mapper)
+            mapper.finish()
+            rare_work(mapper)
+        finally:
+            mapper.close()
+
+
+if __name__ == "__main__":
+    with KernelProgress("m2wr_gmapping"):
+        compile_kernels()

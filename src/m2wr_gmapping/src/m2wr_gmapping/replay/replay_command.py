@@ -1,0 +1,375 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""``slam_gmapping_replay``: a bag in, a map and a trajectory out, as fast as it goes."""
+import argparse
+import logging
+import math
+import signal
+import subprocess
+import sys
+import time
+
+import yaml
+
+from m2wr_gmapping.config import ConfigError, GmappingConfig
+from m2wr_gmapping.frontend.scan import LaserModel, ScanError
+from m2wr_gmapping.io import state
+from m2wr_gmapping.io.initial_state import Beginning
+from m2wr_gmapping.io.saved_map_reader import MapReadingError
+from m2wr_gmapping.kernel_warm_up import compile_kernels
+from m2wr_gmapping.replay import result_files
+from m2wr_gmapping.replay.bag_messages import BagError, BagFile
+from m2wr_gmapping.replay.master_check import master_answers
+from m2wr_gmapping.replay.run_statistics import Stopwatch, peak_memory_mib
+from m2wr_gmapping.replay.scan_source import ScanSource
+from m2wr_node.numbers import number
+
+log = logging.getLogger("slam_gmapping_replay")
+PROGRESS_PERIOD = 1.0       # [s]
+FAILED, USAGE, INTERRUPTED = 1, 2, 130
+LONGEST_BUFFER = 1e9        # a duration of ROS holds no more than twice that [s]
+
+
+def parse(arguments):
+    """Return options and private parameters from a command line that may hold ``_name:=value`` and remappings."""
+    parser = argparse.ArgumentParser(prog="slam_gmapping_replay", description=__doc__.split(": ", 1)[1],
+                                     epilog="Parameters: _name:=value, as for slam_gmapping.")
+    add = parser.add_argument
+    add("--bag_filename", required=True, metavar="FILE", help="ROS 1 bag with scans and transforms")
+    add("--scan_topic", metavar="TOPIC", help="topic of the scans (default: /scan, or what scan:= says)")
+    add("--seed", type=int, metavar="N", help="seed of all random numbers (0)")
+    add("--max_duration_buffer", type=float, default=99999.0, metavar="S", help="time that transforms are kept [s]")
+    add("--on_done", metavar="COMMAND", help="shell command run at the end")
+    add("--trajectory", metavar="FILE", help="final path of the base, each processed scan: stamp x y z qx qy qz qw")
+    add("--tracked", metavar="FILE", help="the same with the scans that were only matched, between processed ones")
+    add("--online", metavar="FILE", help="best pose as it was known at each processed scan, same format")
+    add("--map", metavar="NAME", help="write NAME.pgm and NAME.yaml")
+    add("--stats", metavar="FILE", help="write times and counts as JSON")
+    add("--save-state", metavar="FILE", help="write everything that is needed to go on, after the last scan")
+    add("--load-state", metavar="FILE", help="go on where that was written; its parameters hold")
+    add("--new-odometry", action="store_true", help="the odometry has begun anew: the robot stands where it stood")
+    add("--load-map", metavar="FILE", help="begin on a saved map (YAML)")
+    add("--pose", nargs=3, type=float, metavar=("X", "Y", "YAW"),
+        help="where the base stands on it at the first scan [m, rad] (default: as the odometry says)")
+    add("--quiet", action="store_true", help="no progress")
+    plain, parameters, remaps, launched = [], {}, {}, False
+    for word in arguments:
+        name, assigned, value = word.partition(":=")
+        if not assigned or name.startswith("--"):
+            plain.append(word)
+        elif name.startswith("__"):
+            launched = launched or name == "__name"
+        elif name.startswith("_"):
+            try:
+                parameters[name[1:]] = yaml.safe_load(value)
+            except yaml.YAMLError as error:
+                parser.error("{}: no value that YAML can read: {}".format(word, str(error).splitlines()[0]))
+        else:
+            remaps[name.lstrip("/")] = value
+    options = parser.parse_args(plain)
+    if options.pose and not options.load_map:
+        parser.error("--pose {:g} {:g} {:g}: expected --load-map as well".format(*options.pose))
+    if not 0.0 < options.max_duration_buffer < LONGEST_BUFFER:
+        parser.error("--max_duration_buffer {:g}: expected seconds, above 0 and below {:g}".format(
+            options.max_duration_buffer, LONGEST_BUFFER))
+    if options.scan_topic is None:
+        options.scan_topic = remaps.get("scan", "/scan")
+    options.launched = launched         # by a launch file, which gives a node its name
+    return options, parameters
+
+
+def settle_time(parameters):
+    """Take the parameter ``settle_time`` out of others (dict) and return it [s]; raises ConfigError."""
+    given = parameters.pop("settle_time", 0.0)
+    value = number(given)
+    if value is None or not value >= 0.0:
+        raise ConfigError("parameter settle_time is {!r}; expected a number of seconds, at least 0".format(given))
+    return value
+
+
+def files_wanted(options):
+    """Whether a file is asked for."""
+    return any(getattr(options, name) for name in result_files.NAMES)
+
+
+def as_node(options):
+    """Return the ReplayNode of this run, or None: launch files and those who ask for the map on its topic need one."""
+    if files_wanted(options) and not (options.launched or options.on_done):
+        return None
+    if not master_answers():
+        return None
+    from m2wr_gmapping.ros.replay_node import ReplayNode        # not where no master is needed
+    return ReplayNode((log.name, "m2wr_gmapping"))
+
+
+class Replay:
+    """One run over one bag.
+
+    Parameters
+    ----------
+    bag : BagFile
+    options : argparse.Namespace
+    config : GmappingConfig
+    beginning : Beginning, optional
+        What the map begins on, if not on nothing.
+    settle : float
+        Scans of that many seconds after the first one are left out.
+    node : ReplayNode, optional
+        That publishes each map.
+    """
+
+    def __init__(self, bag, options, config, beginning=None, settle=0.0, node=None):
+        self.bag, self._options, self._config = bag, options, config
+        self._settle, self._node = settle, node
+        self._beginning = beginning or Beginning()
+        self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
+                                 options.max_duration_buffer, config["map_frame"])
+        self.mapper = None
+        self.grid = None
+        self.online = []
+        self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
+        self.stopped = False
+        self.refused = 0
+        self._arrived = self._left_out = self._generation = 0
+        self._map_stamp = self._laser_frame = None
+        self._first_stamp = None
+        self.snapshot = None            # of the mapper after the last scan, where a state is to be saved
+        loaded = self._beginning.loaded
+        if loaded is not None:
+            self._arrived, self._map_stamp = loaded.host.get("arrived", 0), loaded.host.get("map_stamp")
+        self._told = time.monotonic()
+
+    def stop(self, *_):
+        """End after the scan in hand; a signal handler."""
+        self.stopped = True
+
+    def run(self):
+        """Process all scans, until the end or ``stop``."""
+        for scan, odom_from_laser in self.source:
+            if self.stopped:
+                break
+            if self.source.generation != self._generation:
+                self._begin_anew()
+            self._progress()
+            self._arrived += 1
+            if self._arrived % self._config["throttle_scans"]:
+                self._left_out += 1
+                continue
+            try:
+                self._scan(scan, odom_from_laser)
+            except (ScanError, ValueError) as error:
+                if not self.refused:
+                    log.warning("scan at %.3f refused: %s", scan.header.stamp.to_sec(), error)
+                self.refused += 1
+        if self.mapper is not None and self.mapper.filter is not None:
+            if self._options.save_state:
+                self.snapshot = state.snapshot(self.mapper, dict(arrived=self._arrived, map_stamp=self._map_stamp))
+            with self.filter_watch:
+                self.mapper.finish()
+            self._map(exact=True)
+        self._progress(last=True)
+
+    def _scan(self, scan, odom_from_laser):
+        stamp = scan.header.stamp.to_sec()
+        self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
+        if stamp < self._first_stamp + self._settle:
+            self._left_out += 1
+            return
+        if self.mapper is None and not self._begin(scan):
+            return
+        if scan.header.frame_id.lstrip("/") != self._laser_frame:
+            raise ScanError("it is of the laser {}; expected {} as in the first one".format(
+                scan.header.frame_id.lstrip("/"), self._laser_frame))
+        laser = self.mapper.laser
+        with self.filter_watch:
+            reading, odom_pose = self.mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
+            told = self._beginning.connect(self.mapper, reading, odom_pose, stamp)
+            update = self.mapper.process(reading, odom_pose, stamp, laser.slope(odom_from_laser[1]))
+        if told:
+            log.info("%s", told)
+        if update.processed:
+            self.filter_watch.piece()
+            since = math.inf if self._map_stamp is None else stamp - self._map_stamp
+            if not 0.0 <= since <= self._config["map_update_interval"]:
+                self._map_stamp = stamp
+                self._map()
+        if update.processed:
+            self.online.append((stamp, self.mapper.base_poses(update.pose)))
+
+    def _begin_anew(self):
+        """Forget the run before a jump back in time, as the live node does."""
+        self._generation = self.source.generation
+        if self.mapper is not None:
+            self.mapper.close()
+        self.mapper, self._beginning = None, self._beginning.again()
+        self._map_stamp = self._first_stamp = None
+        self.online = []
+        self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
+
+    def _begin(self, scan):
+        mount = self.source.base_from_laser(scan)
+        if mount is None:
+            self.refused += 1
+            return False
+        laser = LaserModel.from_message(
+            scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
+            mount, self._config["maxRange"], self._config["maxUrange"])
+        beams = len(scan.ranges) // (self._config["lskip"] + 1)
+        if self._config["minimumScore"] >= beams:
+            log.warning("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
+                        self._config["minimumScore"], beams, "no scan will be matched" if self._config["compatible"]
+                        else "half the beams of a scan are taken instead")
+        self.mapper = self._beginning.mapper(self._config, laser)
+        self._laser_frame = scan.header.frame_id.lstrip("/")
+        return True
+
+    def _map(self, exact=False):
+        self.grid = None                # never two at a time: at its default size one has 16 million cells
+        with self.map_watch:
+            self.grid = self.mapper.occupancy(exact)
+        self.map_watch.piece()
+        if self._node is not None:
+            self._node.show(self.grid, self.mapper.entropy, self._config["map_frame"].lstrip("/"))
+
+    def _progress(self, last=False):
+        if self._options.quiet or (not last and time.monotonic() - self._told < PROGRESS_PERIOD):
+            return
+        self._told = time.monotonic()
+        processed = 0 if self.mapper is None else self.mapper.processed
+        sys.stderr.write("\r{:5.1f} %  {} scans, {} processed{}".format(
+            100.0 if last and not self.stopped else 100.0 * self.bag.fraction, self.source.scans, processed,
+            "\n" if last else ""))
+        sys.stderr.flush()
+
+    def complaint(self):
+        """Return why nothing came of the bag, or None."""
+        source = self.source
+        if self.mapper is not None and self.mapper.filter is not None:
+            return None
+        if not source.scans:
+            topics = ", ".join("{} ({})".format(*item) for item in sorted(self.bag.topics.items()))
+            return "no scan on {}; the bag has {}".format(self._options.scan_topic, topics or "no topics")
+        if not source.frames:
+            return "no transforms on /tf or /tf_static in the bag; a scan needs {} -> its frame".format(
+                self._config["odom_frame"])
+        if self._left_out and not self.refused:
+            return "no scan could be used: throttle_scans {} and settle_time {:g} leave out all {}".format(
+                self._config["throttle_scans"], self._settle, self._left_out)
+        return "no scan could be used. {}. Frames in the bag: {}; parameters odom_frame {}, base_frame {}".format(
+            source.why or "See the warning above", ", ".join(sorted(source.frames)), self._config["odom_frame"],
+            self._config["base_frame"])
+
+    def statistics(self):
+        """Return what the statistics file holds (dict)."""
+        mapper = self.mapper
+        updates = self.map_watch.summary()
+        return dict(
+            scans=self.source.scans, processed=mapper.processed, tracked=mapper.tracked,
+            without_transform=self.source.without_transform, before_first_transform=self.source.early,
+            refused=self.refused + self.source.odd, time_jumps=self.source.generation,
+            particles=self._config["particles"], beams=len(mapper.laser.angles), seed=self._config["seed"],
+            processScan=self.filter_watch.summary(), map_updates=updates, peak_memory_mib=peak_memory_mib(),
+            resamplings=mapper.filter.resamplings, **mapper.info())
+
+
+def prepare(options, parameters, node):
+    """Return the Replay that options, parameters (dict) and those of the node ask for.
+
+    Raises
+    ------
+    ConfigError, BagError, MapReadingError, StateError
+        If a value or a file cannot be used.
+    """
+    if options.seed is not None:
+        parameters.setdefault("seed", options.seed)
+    if node is not None:
+        parameters = dict(node.parameters(), **parameters)
+    settle = settle_time(parameters)
+    asked = GmappingConfig.from_mapping(parameters)
+    beginning, config = Beginning.from_files(asked, options.load_map, options.pose, options.load_state,
+                                             not options.new_odometry)
+    replay = Replay(BagFile(options.bag_filename), options, config, beginning, settle, node)
+    for label, names in (("unknown parameters, ignored", asked.unknown),
+                         ("of the wrong kind, ignored", asked.unusable),
+                         ("those of the state hold", beginning.differing(parameters))):
+        if names:
+            log.warning("%s: %s", label, ", ".join(names))
+    return replay
+
+
+def run_and_save(replay, options):
+    """Run a replay to its end or the first signal to end, and write what was asked for; returns the exit code."""
+    ends = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:               # nohup ignores it
+        ends.append(signal.SIGHUP)
+    before = [(end, signal.signal(end, replay.stop)) for end in ends]
+    try:
+        replay.run()
+        if replay.bag.damage:
+            log.warning("%s; what can be read was used", replay.bag.damage)
+        if replay.mapper is not None and replay.mapper.beyond:
+            log.warning("the map became as large as it may be; what lies beyond was left out")
+        complaint, source = replay.complaint(), replay.source
+        if complaint:
+            log.error("%s: %s", options.bag_filename, complaint)
+            return FAILED
+        if replay.refused > 1:
+            log.warning("%d of %d scans were refused", replay.refused, source.scans)
+        if source.odd:
+            log.warning("left out %d of %d scans, whose stamps are of another time", source.odd, source.scans)
+        if source.early:
+            log.info("left out %d of the first scans, older than the first transform of their laser", source.early)
+        if source.without_transform:
+            log.warning("%d of %d scans without a transform, the last: %s", source.without_transform, source.scans,
+                        source.why)
+        written, errors = result_files.save(replay, options)     # whole, whatever signals come
+    finally:
+        for end, handler in before:
+            signal.signal(end, handler)
+    replay.mapper.close()
+    for path in written:
+        log.info("wrote %s", path)
+    for error in errors:
+        log.error("%s", error)
+    return FAILED if errors else INTERRUPTED if replay.stopped else 0
+
+
+def main(arguments=None):
+    """Run the command; return its exit code."""
+    logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only what is a warning
+    for name in (log.name, "m2wr_gmapping"):
+        logging.getLogger(name).setLevel(logging.INFO)
+    options, parameters = parse(sys.argv[1:] if arguments is None else arguments)
+    missing = result_files.missing_folders(options)
+    if missing:                                 # before the work, not after it
+        log.error("no folder %s: expected one to write into", ", ".join(missing))
+        return USAGE
+    node = as_node(options)
+    try:
+        return work(options, parameters, node)
+    except (ConfigError, BagError, MapReadingError, state.StateError) as error:
+        log.error("%s", error)
+        return USAGE
+    finally:
+        if node is not None:
+            node.leave()
+
+
+def work(options, parameters, node=None):
+    """Do what options and parameters (dict) ask for, what follows included; returns the exit code.
+
+    Raises as ``prepare``.
+    """
+    replay = prepare(options, parameters, node)
+    compile_kernels()
+    if node is not None:
+        node.on_end(replay.stop)
+    with replay.bag:
+        code = run_and_save(replay, options)
+    if not code and options.on_done:
+        return subprocess.call(options.on_done, shell=True)
+    if not code and not files_wanted(options):
+        if node is not None:
+            node.stay()
+        else:
+            log.warning("nothing is kept: no file was asked for, such as --map, and there is no master")
+    return code

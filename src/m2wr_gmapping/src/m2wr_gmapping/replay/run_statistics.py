@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Times and memory of a run, as the statistics file has them."""
+import resource
+import sys
+import time
+
+import numpy as np
+
+
+class Stopwatch:
+    """Wall and CPU time of pieces of work; work that is not worth a piece of its own counts for the next one."""
+
+    def __init__(self):
+        self.wall, self.cpu = [], []
+        self._pending = np.zeros(2)
+
+    def __enter__(self):
+        self._begun = time.perf_counter(), time.process_time()
+        return self
+
+    def __exit__(self, *_):
+        self._pending += time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
+
+    def piece(self):
+        """End a piece: all that was measured since the last one is its time."""
+        self.wall.append(self._pending[0])
+        self.cpu.append(self._pending[1])
+        self._pending[:] = 0.0
+
+    def summary(self):
+        """Return count and, for wall and CPU, total [s], mean, median and 95th percentile [ms] (dict)."""
+        def of(times, pending):
+            ms = 1e3 * np.array(times or [0.0])
+            return dict(total_s=round(float(ms.sum() * 1e-3 + pending), 6), mean_ms=round(float(ms.mean()), 4),
+                        median_ms=round(float(np.median(ms)), 4), p95_ms=round(float(np.percentile(ms, 95)), 4))
+        return dict(count=len(self.wall), wall=of(self.wall, self._pending[0]), cpu=of(self.cpu, self._pending[1]))
+
+
+def peak_memory_mib():
+    """Return the most memory this program has held, in MiB."""
+    try:            # the other count, below, goes on from what the process held before it became this program
+        with open("/proc/self/status", encoding="ascii") as status:
+            return round(next(int(line.split()[1]) for line in status if line.startswith("VmHWM:")) / 1024.0, 1)
+    except (OSError, StopIteration):
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return round(peak / (1024.0 if sys.platform.startswith("linux") else 1024.0 * 1024.0), 1)

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scans with the pose of their laser, from the messages of a bag."""
+import logging
+from collections import deque
+
+import rospy
+import tf2_ros
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from m2wr_gmapping.frontend.scan import transform_parts
+from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
+from m2wr_node.ros.transform_buffer import fault_of
+
+log = logging.getLogger(__name__)
+TF, TF_STATIC = "/tf", "/tf_static"
+GAP = 3600.0            # between two transforms of one frame there is no longer one, or the later one is wrong [s]
+PATIENCE = 30.0         # a transform may come that much later, in time of the bag, than the scan it is for [s]
+
+
+class ScanSource:
+    """Hands out scans in the order of the bag as soon as their transform is known; keeps all that wait.
+
+    Parameters
+    ----------
+    bag : BagFile
+    scan_topic : str
+    odom_frame, base_frame : str
+    buffer_length : float
+        Time that transforms are kept [s].
+    map_frame : str, optional
+        A recorded transform from there to the odometry's frame is not needed.
+
+    Attributes
+    ----------
+    scans, without_transform, unreadable : int
+        Scans read; those of them that never got a transform; messages that could not be decoded.
+    early : int
+        Scans, apart from those without a transform, that are older than the first one of their laser.
+    odd : int
+        Single scans with a stamp of long ago, or far ahead, among others that have not.
+    generation : int
+        Goes up where time jumps back in the bag, as when a simulation is reset: what follows is another run.
+    """
+
+    def __init__(self, bag, scan_topic, odom_frame, base_frame, buffer_length, map_frame=None):
+        self._bag = bag
+        self._topic = "/" + scan_topic.lstrip("/")
+        self._odom, self._base = odom_frame.lstrip("/"), base_frame.lstrip("/")
+        self._map = map_frame and map_frame.lstrip("/")
+        self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(buffer_length))
+        self._far_ahead = FarAhead(GAP)
+        self._waiting = deque()
+        self._newest = 0.0
+        self._newest_of = {}            # child frame -> its newest stamp [ns]
+        self._old = []                  # transforms since the last scan that are older than those before them
+        self._last = self._odd = None   # the newest scan's stamp; a scan that looked like a jump back, if the last one
+        self._before = None             # stamp of the scan before the newest
+        self._begun = False             # whether a scan of this generation has been handed out
+        self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
+        self.why = None                 # why a scan has no transform
+        self.frames = set()
+
+    def __iter__(self):
+        """Yield (LaserScan, odom_from_laser) with the transform as translation and quaternion."""
+        for message in self._bag.messages(lambda topic: topic in (self._topic, TF, TF_STATIC)):
+            try:
+                if message.topic == self._topic:
+                    if message.type != LaserScan._type:
+                        raise ValueError("topic {} is {}; expected {}".format(
+                            self._topic, message.type, LaserScan._type))
+                    scan = LaserScan()
+                    scan.deserialize(message.data)
+                    self.scans += 1
+                    self._put(scan)
+                else:
+                    self._take(message)
+            except Exception as error:      # genpy raises what struct and it like; a bad message is not the end
+                if not self.unreadable:
+                    log.warning("a message on %s cannot be read: %s", message.topic, error)
+                self.unreadable += 1
+                continue
+            while self._waiting:
+                pair = self._ready(self._waiting[0], PATIENCE)
+                if pair is None:
+                    break
+                self._waiting.popleft()
+                if pair:
+                    yield pair
+        self.odd += self._odd is not None
+        while self._waiting:
+            pair = self._ready(self._waiting.popleft(), None)
+            if pair:
+                yield pair
+
+    def _put(self, scan):
+        """Let a scan wait; the second one in a row that is much older than the one before begins another run."""
+        stamp = scan.header.stamp
+        fault = fault_of(scan.header)
+        if fault:
+            raise ValueError(fault)
+        if self._is_far_ahead_of(stamp):
+            self._waiting.pop()
+            self.odd += 1
+            self._last = self._before
+        if self._last is not None and (self._last - stamp).to_sec() > JUMP:
+            if self._odd is None or stamp < self._odd.header.stamp:
+                self.odd += self._odd is not None
+                self._odd = scan
+                return
+            self._jump(stamp)
+            self._waiting.append(self._odd)
+        elif self._odd is not None:
+            self.odd += 1
+        self._odd, self._before, self._last = None, self._last, stamp
+        self._old.clear()
+        self._waiting.append(scan)
+
+    def _is_far_ahead_of(self, stamp):
+        """Whether the newest scan, which still waits, is of later than this one, and those before it are not."""
+        return (self._before is not None and self._before <= stamp and (self._last - stamp).to_sec() > JUMP
+                and bool(self._waiting) and self._waiting[-1].header.stamp == self._last)
+
+    def _jump(self, stamp):
+        log.warning("time jumps back from %.3f to %.3f in the bag: the map begins anew", self._last.to_sec(),
+                    stamp.to_sec())
+        self.generation += 1
+        self._begun, self._newest = False, 0.0
+        self._waiting.clear()
+        self._newest_of.clear()
+        self._buffer.clear()
+        self._far_ahead.forget()
+        for transform in self._old:
+            self._put_transform(transform)
+
+    def _take(self, message):
+        transforms = TFMessage()
+        transforms.deserialize(message.data)
+        for transform in transforms.transforms:
+            transform.header.frame_id = transform.header.frame_id.lstrip("/")
+            transform.child_frame_id = transform.child_frame_id.lstrip("/")
+            self.frames.update((transform.header.frame_id, transform.child_frame_id))
+            fault = fault_of(transform.header, transform.child_frame_id)
+            if fault:
+                log.debug("transform %s -> %s left out: %s", transform.header.frame_id, transform.child_frame_id, fault)
+                continue
+            if transform.header.frame_id == self._map and transform.child_frame_id == self._odom:
+                continue
+            if message.topic == TF_STATIC:
+                self._put_transform(transform, static=True)
+                continue
+            child, stamp = transform.child_frame_id, transform.header.stamp.to_nsec()
+            if stamp + 1e9 * JUMP < self._newest_of.get(child, 0):
+                self._old.append(transform)
+            self._newest_of[child] = max(stamp, self._newest_of.get(child, 0))
+            self._put_transform(transform)
+
+    def _put_transform(self, transform, static=False):
+        try:
+            if static:
+                self._buffer.set_transform_static(transform, "bag")
+            elif not self._far_ahead.has(transform.child_frame_id, transform.header.stamp):
+                self._buffer.set_transform(transform, "bag")
+                self._newest = max(self._newest, transform.header.stamp.to_sec())
+        except tf2_ros.TransformException as error:
+            log.debug("transform %s -> %s: %s", transform.header.frame_id, transform.child_frame_id, error)
+
+    def _ready(self, scan, patience):
+        """Return (scan, transform), None to wait for more, or () to give the scan up."""
+        frame = scan.header.frame_id.lstrip("/")
+        try:
+            found = self._buffer.lookup_transform_core(self._odom, frame, scan.header.stamp)
+            self._begun = True
+            return scan, transform_parts(found)
+        except tf2_ros.TransformException as error:
+            if patience is not None and self._newest < scan.header.stamp.to_sec() + patience:
+                return None
+            if not self._begun and self._begins_after(frame, scan.header.stamp):
+                self.early += 1
+                return ()
+            self.without_transform += 1
+            self.why = "{} -> {} at {:.3f}: {}".format(
+                self._odom, frame, scan.header.stamp.to_sec(), str(error).rstrip(" ."))
+            return ()
+
+    def _begins_after(self, frame, stamp):
+        """Whether the transform of a scan's frame is known, and only for later times."""
+        try:
+            return self._buffer.get_latest_common_time(self._odom, frame) > stamp
+        except tf2_ros.TransformException:
+            return False
+
+    def base_from_laser(self, scan):
+        """Return translation and quaternion of the scan's frame in the base frame, or None."""
+        frame = scan.header.frame_id.lstrip("/")
+        for stamp in (scan.header.stamp, rospy.Time(0)):
+            try:
+                return transform_parts(self._buffer.lookup_transform_core(self._base, frame, stamp))
+            except tf2_ros.TransformException as error:
+                self.why = "{} -> {} at {:.3f}: {}".format(
+                    self._base, frame, scan.header.stamp.to_sec(), str(error).rstrip(" ."))
+        return None

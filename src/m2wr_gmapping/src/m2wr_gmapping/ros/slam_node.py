@@ -1,0 +1,387 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""``slam_gmapping``: scans and transforms in; map, transform and pose out."""
+import logging
+import math
+import os
+import sys
+import threading
+import time
+from collections import deque
+from dataclasses import replace
+
+import rospkg
+import rospy
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from m2wr_gmapping.config import ConfigError
+from m2wr_gmapping.frontend.scan import LaserModel, ScanError
+from m2wr_gmapping.io import map_file, state
+from m2wr_gmapping.io.initial_state import Beginning
+from m2wr_gmapping.io.safe_paths import OutsideError, confined
+from m2wr_gmapping.io.saved_map_reader import MapReadingError
+from m2wr_gmapping.kernel_warm_up import compile_kernels
+from m2wr_gmapping.ros.backlog import may_pass
+from m2wr_gmapping.ros.missing_inputs import name_what_is_missing
+from m2wr_gmapping.ros.node_parameters import (check_frames, frame, private_parameters, read_parameters, read_ranges,
+                                               tf_prefix, trouble_at_exit, with_prefix)
+from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
+from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
+from m2wr_gmapping.ros.scan_input import Intake
+from m2wr_gmapping.ros.state_autosave import Keeper, place
+from m2wr_gmapping.srv import StateFile, StateFileResponse
+from m2wr_node.ros.starting import start_node
+from m2wr_node.user_folder import from_user
+
+SWITCH_INTERVAL = 0.0005    # threads that bring scans must not wait Python's default of 5 ms for the worker [s]
+TIMES_KEPT = 200
+
+
+class SlamNode:
+    """The filter behind topics: one worker thread runs it, callbacks only store.
+
+    Parameters
+    ----------
+    config : GmappingConfig
+    options : NodeOptions
+    beginning : Beginning
+        What the map begins on.
+    keeper : Keeper
+        Of the state of this run.
+    resumed : bool
+        The beginning is a state that this run has kept.
+    """
+
+    def __init__(self, config, options, beginning, keeper, resumed=False):
+        self._config, self._options = config, options
+        self._base, self._map_frame = frame(config["base_frame"]), frame(config["map_frame"])
+        self._lock = threading.RLock()          # of the mapper
+        self._mapper, self._beginning = None, beginning
+        self._keeper, self._resumed = keeper, resumed
+        self._generation = 0
+        self._counted = self._refused = self._passed = 0
+        self._fed = None                        # the mapper that has taken a scan of this run
+        self._map_stamp = self._first_stamp = None
+        self._times = deque(maxlen=TIMES_KEPT)
+        self._maps = MapOutput(self._map_frame)
+        self._poses = PoseOutput(self._map_frame)
+        self._transform = transform = TransformOutput(config)
+        self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, self._map_frame,
+                              lambda: transform.period > 0.0)
+        self._diagnostics = Diagnostics(self._intake, lambda: (
+            self._mapper, self._refused, self._passed, list(self._times)), self._maps, options.scan_queue)
+        if beginning.loaded is not None:
+            self._show(beginning.loaded)
+        self._reconfigure = make_reconfigure(config, self._take_values)
+        self._worker = threading.Thread(target=self._work, name="filter", daemon=True)
+        self._worker.start()
+        intake = self._intake
+        rospy.Subscriber("/tf_static", TFMessage, lambda message: intake.on_transforms(message, True), queue_size=100)
+        rospy.Subscriber("/tf", TFMessage, intake.on_transforms, queue_size=1000, tcp_nodelay=True)
+        self._scans = rospy.Subscriber("scan", LaserScan, intake.on_scan, queue_size=options.scan_queue,
+                                       buff_size=2**22, tcp_nodelay=True)
+        self._services = [rospy.Service("~save_state", StateFile, self._save_state),
+                          rospy.Service("~load_state", StateFile, self._load_state)]
+        threading.Thread(target=name_what_is_missing, args=(intake, self._scans.resolved_name), name="watch",
+                         daemon=True).start()
+
+    # ---- parameters that change
+
+    def _take_values(self, values):
+        with self._lock:
+            self._config = config = changed(self._config, values)
+            for mapper in (self._mapper, self._beginning.loaded and self._beginning.loaded.mapper):
+                if mapper is not None:
+                    mapper.config = config
+            self._transform.period = config["transform_publish_period"]
+
+    # ---- state
+
+    def _file(self, request):
+        if request.file:
+            folder = self._options.state_folder or os.path.join(rospkg.get_ros_home(), "m2wr")
+            try:
+                return confined(folder, request.file, "~state_folder")
+            except OutsideError as error:
+                raise state.StateError(str(error))
+        if not self._options.state_file:
+            raise state.StateError("no file name: expected one in the request or in the parameter ~state_file")
+        return os.path.abspath(os.path.expanduser(self._options.state_file))
+
+    def _save_state(self, request):
+        try:
+            path = self._file(request)
+            with self._lock, self._maps.busy:
+                if self._mapper is None:
+                    raise state.StateError("there is nothing to save yet: no scan has been processed")
+                taken = state.snapshot(self._mapper, self._host())
+                processed = self._mapper.processed
+            state.save(path, taken)
+        except state.StateError as error:
+            rospy.logerr("%s", error)
+            return StateFileResponse(False, str(error))
+        text = "saved the state after %d processed scans as %s" % (processed, path)
+        rospy.loginfo("%s", text)
+        return StateFileResponse(True, text)
+
+    def _load_state(self, request):
+        try:
+            path = self._file(request)
+            with self._lock:
+                live = self._config
+            loaded = state.load(path, live)
+        except state.StateError as error:
+            rospy.logerr("%s", error)
+            return StateFileResponse(False, str(error))
+        with self._lock:
+            self._forget_map()
+            self._beginning = Beginning(loaded=loaded, runs_on=self._options.odometry_runs_on)
+            self._config = config = loaded.mapper.config
+            self._show(loaded)
+        if self._reconfigure is not None:           # it would bring the old values back with the next change
+            self._reconfigure.update_configuration({name: config[name] for name in CHANGEABLE})
+        text = "loaded the state after %d processed scans from %s" % (loaded.mapper.processed, path)
+        rospy.loginfo("%s", text)
+        for told in loaded.differing.values():
+            rospy.logwarn("the state's parameters hold: %s", told)
+        return StateFileResponse(True, text)
+
+    def _show(self, loaded):
+        """Publish the map of a state at once, as long as no scan goes on with it."""
+        mapper = loaded.mapper
+        if mapper.filter is not None:
+            self._transform.set(mapper.map_from_odom)
+            self._maps.ask(mapper)
+
+    def _forget_map(self):
+        """Drop the mapper that is there; nobody makes a map of it afterwards."""
+        self._maps.forget()
+        if self._mapper is not None:
+            self._mapper.close()
+        self._mapper = self._fed = self._map_stamp = None
+
+    # ---- the worker
+
+    def _work(self):
+        while True:
+            taken = self._intake.next()
+            if taken is None:
+                return
+            scan, odom_from_laser, generation = taken
+            try:
+                with self._lock:
+                    if generation != self._generation:
+                        self._begin_anew(generation)
+                    self._take(scan, odom_from_laser)
+            except (ScanError, ValueError) as error:
+                self._refuse(scan, error)
+            except rospy.ROSException:
+                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() tells
+                    return
+                raise
+            except Exception as error:      # a fault of this program must not end the map that is there
+                logging.getLogger("rosout").exception("scan at %.3f failed", scan.header.stamp.to_sec())
+                self._refuse(scan, error)
+
+    def _refuse(self, scan, error):
+        self._refused += 1
+        rospy.logwarn_throttle(5.0, "scan at %.3f refused (%d so far): %s" % (
+            scan.header.stamp.to_sec(), self._refused, error))
+
+    def _begin_anew(self, generation):
+        self._generation = generation
+        self._forget_map()
+        self._first_stamp, self._beginning = None, self._beginning.again()
+        self._transform.set((0.0, 0.0, 0.0))
+
+    def _take(self, scan, odom_from_laser):
+        self._counted += 1
+        if self._counted % max(1, self._config["throttle_scans"]):
+            return
+        began, stamp = time.perf_counter(), scan.header.stamp.to_sec()
+        self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
+        if self._resumed and not self._still_the_run(stamp):
+            return
+        if stamp < self._first_stamp + self._options.settle_time:
+            return
+        if self._mapper is None:
+            self._begin(scan)
+        mapper = self._mapper
+        if frame(scan.header.frame_id) != self._laser_frame:
+            raise ScanError("it is of the laser {}; expected {} as in the first one".format(
+                frame(scan.header.frame_id), self._laser_frame))
+        odom_pose = mapper.laser.sensor_pose(*odom_from_laser)
+        if mapper is self._fed and len(scan.ranges) == len(mapper.laser.angles) \
+                and may_pass(mapper, odom_pose, stamp, self._intake.waiting, self._options.scan_queue):
+            self._passed += 1
+            return
+        reading = mapper.reading(scan.ranges)
+        told = self._beginning.connect(mapper, reading, odom_pose, stamp)
+        if told:
+            rospy.loginfo("%s", told)
+        update = mapper.process(reading, odom_pose, stamp, mapper.laser.slope(odom_from_laser[1]))
+        self._fed = mapper
+        self._times.append(1e3 * (time.perf_counter() - began))
+        if mapper.beyond:
+            rospy.logwarn_throttle(30.0, "the map is as large as it may be; what lies beyond is left out. The robot is "
+                                   "at (%.1f, %.1f)" % tuple(mapper.base_poses(update.pose)[:2]))
+        self._transform.set(mapper.map_from_odom)
+        self._poses.publish(mapper, update, scan.header.stamp)
+        since = math.inf if self._map_stamp is None else stamp - self._map_stamp
+        if update.processed and not 0.0 <= since <= self._config["map_update_interval"]:
+            self._map_stamp = stamp
+            self._maps.ask(mapper)
+        if self._keeper.due() and self._maps.busy.acquire(blocking=False):
+            try:
+                self._keeper.keep(mapper, self._host())
+            finally:
+                self._maps.busy.release()
+
+    def _host(self):
+        """What goes with a state beside the mapper."""
+        return dict(laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted)
+
+    def _still_the_run(self, stamp):
+        """At the first scan after the node was killed: whether the kept state is to be gone on with."""
+        last, self._resumed = self._beginning.loaded.mapper.stamps[-1], False
+        if stamp < last:
+            rospy.logwarn("time has gone back from %.3f to %.3f while this node was not there: the map begins anew",
+                          last, stamp)
+            self._begin_anew(self._generation)
+            return False
+        self._first_stamp = -math.inf           # the robot was put down long ago
+        return True
+
+    def _begin(self, scan):
+        mount = self._intake.mount(self._base, scan)
+        if mount is None:
+            raise ScanError("no mount of the laser, " + self._intake.missing(
+                self._base, scan.header.frame_id, scan.header.stamp))
+        if self._beginning.loaded is None:
+            self._config = read_ranges(self._config)
+        config = self._config
+        laser = LaserModel.from_message(
+            scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
+            mount, config["maxRange"], config["maxUrange"])
+        beams = len(scan.ranges) // (config["lskip"] + 1)
+        if config["minimumScore"] >= beams:
+            rospy.logwarn("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
+                          config["minimumScore"], beams, "no scan will be matched" if config["compatible"]
+                          else "half the beams of a scan are taken instead")
+        self._laser_frame = frame(scan.header.frame_id)
+        loaded = self._beginning.loaded
+        if loaded is not None:
+            self._laser_frame = loaded.host.get("laser_frame") or self._laser_frame
+            self._map_stamp, self._counted = loaded.host.get("map_stamp"), loaded.host.get("counted", self._counted)
+        self._mapper = self._beginning.mapper(config, laser)
+        rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map begins at %.3f", self._laser_frame,
+                      len(scan.ranges), abs(scan.angle_increment) * 57.29577951308232, laser.max_urange,
+                      scan.header.stamp.to_sec())
+
+    # ---- the end
+
+    def close(self):
+        """End all threads; write the map if that is wanted. Returns whether that went well."""
+        self._intake.close()
+        self._worker.join()
+        self._maps.close()
+        mapper, name, loaded = self._mapper, self._options.save_on_exit, self._beginning.loaded
+        if mapper is None and loaded is not None:
+            mapper = loaded.mapper          # no scan has gone on with it
+        if mapper is None:
+            self._keeper.forget()
+            if name:
+                rospy.logwarn("there is no map to save as %s: no scan has been processed", name)
+            return not name
+        try:
+            if name and mapper.filter is not None:
+                self._finish(mapper)
+                grid = mapper.occupancy()
+                for path in map_file.save(name, grid.data, grid.resolution, (grid.origin[0], grid.origin[1], 0.0)):
+                    rospy.loginfo("wrote %s", path)
+        except (OSError, ValueError) as error:
+            rospy.logerr("%s", error)
+            return False
+        finally:
+            mapper.close()
+        self._keeper.forget()
+        return True
+
+    @staticmethod
+    def _finish(mapper):
+        try:
+            mapper.finish()
+        except Exception:               # a fault of this program must not cost the map that is there
+            logging.getLogger("rosout").exception("the path could not be brought to its end; the map is saved as it is")
+
+
+def _in_peace(emit):
+    """Return ``emit`` of a log's handler for outputs on a full disk or a terminal that is gone."""
+    def guarded(record):
+        try:
+            emit(record)
+        except OSError:
+            pass                        # nobody can be told where nothing can be written
+    return guarded
+
+
+def log_through_rospy():
+    """Send the library's log lines to the screen and to /rosout; a screen that fails ends no thread."""
+    log, rosout = logging.getLogger("m2wr_gmapping"), logging.getLogger("rosout")
+    for handler in rosout.handlers:
+        handler.emit = _in_peace(handler.emit)
+    log.handlers, log.propagate = rosout.handlers, rosout.propagate
+    log.setLevel(logging.INFO)
+
+
+def _prepare():
+    """Read parameters and files; returns what a SlamNode takes and warnings, raises ConfigError and others."""
+    given = private_parameters()
+    config, options, warnings = read_parameters(given)
+    config = with_prefix(config, tf_prefix())
+    check_frames(config)
+    options = replace(options, save_on_exit=from_user(options.save_on_exit),
+                      state_folder=from_user(options.state_folder), state_file=from_user(options.state_file),
+                      map_file=from_user(options.map_file))
+    warnings.extend(trouble_at_exit(options.save_on_exit))
+    if options.save_on_exit:
+        map_file.tidy(options.save_on_exit)
+    if options.initial_pose is not None and not options.map_file:
+        warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
+    keeper = Keeper(*place(), period=options.state_save_period)
+    kept = keeper.resume(config)
+    if kept is not None:
+        warnings.append("this node was killed: the map goes on as it was at %.3f, after %d processed scans" % (
+            kept.mapper.stamps[-1], kept.mapper.processed))
+        beginning, config = Beginning(loaded=kept, runs_on=options.odometry_runs_on), kept.mapper.config
+        return (config, options, beginning, keeper, True), warnings
+    state_file = options.state_file
+    if state_file and not os.path.exists(state_file):
+        warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
+        state_file = ""
+    beginning, config = Beginning.from_files(config, options.map_file, options.initial_pose, state_file,
+                                             options.odometry_runs_on)
+    warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
+    return (config, options, beginning, keeper), warnings
+
+
+def main():
+    """Entry point of the executable; returns the exit code."""
+    start_node("slam_gmapping")
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    log_through_rospy()
+    try:
+        prepared, warnings = _prepare()
+    except (ConfigError, MapReadingError, state.StateError) as error:
+        rospy.logfatal("%s", error)
+        if private_parameters().get("respawn") is True:
+            rospy.spin()                # started again, it would say the same again and again
+        return 1
+    for warning in warnings:
+        rospy.logwarn("%s", warning)
+    rospy.loginfo("parameters: %s", ", ".join("%s %s" % item for item in prepared[0].as_dict().items()))
+    compile_kernels()
+    node = SlamNode(*prepared)
+    rospy.loginfo("ready, listening to %s", rospy.resolve_name("scan"))
+    rospy.spin()
+    return 0 if node.close() else 1

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a map took is given back when it is dropped."""
+import os
+import subprocess
+import sys
+import threading
+import weakref
+
+import numpy as np
+import rospy
+
+from m2wr_gmapping.filter.occupancy import Grid
+from m2wr_gmapping.ros.outputs import MapOutput
+
+HEAPS = """
+import ctypes
+import threading
+from m2wr_gmapping.ros.heap_memory import use_one_heap
+
+if {wanted}:
+    assert use_one_heap()
+import numpy
+thread = threading.Thread(target=lambda: numpy.ones(4096))
+thread.start()
+thread.join()
+ctypes.CDLL(None).malloc_stats()
+"""
+
+
+def heaps(wanted):
+    """Return how many heaps a program with two threads ends with."""
+    said = subprocess.run([sys.executable, "-c", HEAPS.format(wanted=wanted)], stderr=subprocess.PIPE, timeout=120,
+                          check=True).stderr.decode()
+    return sum(line.startswith("Arena ") for line in said.splitlines())
+
+
+def test_all_threads_share_one_heap():
+    assert heaps(False) > 1, "the C library has one heap anyway: the test tests nothing"
+    assert heaps(True) == 1
+
+
+LARGE = """
+import os
+import numpy
+from m2wr_gmapping.ros.heap_memory import use_one_heap
+
+def resident():
+    with open("/proc/self/statm") as stream:
+        return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2.0 ** 20
+
+if {wanted}:
+    assert use_one_heap()
+largest = numpy.ones(1 << 21)
+del largest                                              # 16 MB: the largest that was freed
+before = resident()
+large = [(numpy.ones(1 << 16), numpy.ones(1 << 10)) for _ in range(100)]    # 512 kB, and 8 kB after each
+small = [pair[1] for pair in large]
+del large
+print(resident() - before)
+"""
+
+
+def left(wanted):
+    """Return how many MB of 50 in large arrays, with small ones between, stay when the large ones are freed."""
+    return float(subprocess.check_output([sys.executable, "-c", LARGE.format(wanted=wanted)], timeout=120))
+
+
+def test_large_arrays_that_are_freed_leave_no_holes_between_small_ones():
+    assert left(False) > 40.0, "the C library keeps nothing of this: the test tests nothing"
+    assert left(True) < 5.0
+
+
+def test_the_node_takes_one_heap_before_numpy_begins_threads():
+    program = os.path.join(os.path.dirname(__file__), "..", "..", "nodes", "slam_gmapping")
+    with open(program, encoding="utf-8") as stream:
+        text = stream.read()
+    assert text.index("\nuse_one_heap()") < text.index("m2wr_gmapping.ros.slam_node")
+    script = "import sys, m2wr_node.interrupts; import m2wr_gmapping.ros.heap_memory; assert 'numpy' not in sys.modules"
+    subprocess.check_call([sys.executable, "-c", script], timeout=120)
+
+
+class Outlet:
+    """In the place of publishers and services."""
+
+    def __init__(self, *_, **__):
+        pass
+
+    def publish(self, _):
+        pass
+
+
+class OneMapMapper:
+    """A mapper with one scan."""
+
+    entropy, given, stamps = 0.0, 0, [1.0]
+
+    @staticmethod
+    def map_request():
+        return np.zeros((1, 3)), []
+
+    @staticmethod
+    def map_of(_, __):
+        return Grid(np.zeros((32, 32), np.int8), 0.05, np.zeros(2))
+
+    @staticmethod
+    def base_poses(poses):
+        return poses
+
+
+def test_who_makes_maps_holds_no_mapper_that_was_dropped(monkeypatch):
+    for name in ("Publisher", "Service"):
+        monkeypatch.setattr(rospy, name, Outlet)
+    monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1))
+    output, mapper = MapOutput("map"), OneMapMapper()
+    gone = threading.Event()
+    weakref.finalize(mapper, gone.set)
+    output.ask(mapper)
+    del mapper
+    try:
+        assert gone.wait(60.0)
+        assert output.made == 1
+    finally:
+        output.close()

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scans and transforms on their way in: order, jumps in time, what is far ahead, left over or never comes."""
+import threading
+import time
+
+import pytest
+import rospy
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+from m2wr_gmapping.ros.scan_input import Intake
+
+
+def waiting_scan(frame, seconds):
+    scan = LaserScan()
+    scan.header.frame_id, scan.header.stamp = frame, rospy.Time.from_sec(seconds)
+    return scan
+
+
+def transform(parent, child, seconds):
+    made = TransformStamped(child_frame_id=child)
+    made.header.frame_id, made.header.stamp = parent, rospy.Time.from_sec(seconds)
+    made.transform.rotation.w = 1.0
+    return made
+
+
+class FakeTime:
+    """A clock that goes on with every look at it, and lets other threads in between."""
+
+    def __init__(self):
+        self._lock, self._ticks = threading.Lock(), 0
+
+    def now(self):
+        with self._lock:
+            self._ticks += 1
+            found = rospy.Time(10 * self._ticks)            # so that two of them apart are a jump
+        time.sleep(0)
+        return found
+
+
+def test_threads_that_look_at_the_clock_together_see_no_jump(monkeypatch):
+    clock = FakeTime()
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    monkeypatch.setattr(rospy.Time, "now", clock.now)
+    intake = Intake("odom", 10)
+
+    def bring(count):
+        for _ in range(count):
+            intake._look_at_clock()
+
+    threads = [threading.Thread(target=bring, args=(2000,)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert intake.generation == 0
+
+
+def test_a_clock_that_goes_back_is_a_jump(monkeypatch):
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    intake = Intake("odom", 10)
+    for seconds, generation in ((10.0, 0), (11.0, 0), (11.0, 0), (9.9, 1), (10.0, 1)):
+        monkeypatch.setattr(rospy.Time, "now", lambda seconds=seconds: rospy.Time.from_sec(seconds))
+        scan = LaserScan()
+        scan.header.stamp = rospy.Time.from_sec(seconds)
+        intake.on_scan(scan)
+        assert intake.generation == generation
+
+
+def test_two_clocks_a_little_apart_are_no_jump(monkeypatch):
+    """As a bag that was recorded with its /clock gives them, beside that of its player."""
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)
+    intake = Intake("odom", 10)
+    for k in range(100):
+        for late in (0.0, 0.008):
+            monkeypatch.setattr(rospy.Time, "now", lambda at=10.0 + 0.1 * k - late: rospy.Time.from_sec(at))
+            intake.on_scan(waiting_scan("laser", 10.0 + 0.1 * k))
+    assert intake.generation == 0
+
+
+@pytest.fixture
+def intake(monkeypatch):
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
+    monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)         # it looks at the clock of a node
+    monkeypatch.setattr(rospy, "loginfo", lambda *_: None)
+    return Intake("odom", 500)
+
+
+def test_scans_come_out_in_order_as_soon_as_their_transform_is_known(intake):
+    for k in range(10, 20):
+        intake.on_scan(waiting_scan("laser", 0.1 * k))
+    assert intake._ready() is None
+    for seconds in (1.2, 1.45):         # it begins after the first two
+        intake.on_transforms(TFMessage([transform("odom", "laser", seconds)]))
+    found = [intake._ready() for _ in range(4)]
+    assert [round(entry[0].header.stamp.to_sec(), 3) for entry in found[:3]] == [1.2, 1.3, 1.4]
+    assert found[3] is None and intake.waiting == 5
+    assert (intake.early, intake.dropped, intake.without_transform) == (2, 0, 0)
+
+
+def test_only_scans_from_before_the_first_transform_are_no_loss(intake):
+    """Transforms that come later than scans cost none; a scan that nobody has a transform for is counted as lost."""
+    intake.on_transforms(TFMessage([transform("odom", "base", seconds) for seconds in (1.0, 1.1)]))
+    for at in (0.95, 1.0, 1.05, 1.15):
+        intake.on_scan(waiting_scan("laser", at))
+    intake.on_scan(waiting_scan("other", 1.16))
+    assert intake._ready() is None and intake.waiting == 5          # nobody has said yet where the laser sits
+    intake.on_transforms(TFMessage([transform("base", "laser", 0.0)]), static=True)
+    assert [round(intake._ready()[0].header.stamp.to_sec(), 3) for _ in range(2)] == [1.0, 1.05]
+    assert intake._ready() is None and (intake.early, intake.dropped, intake.waiting) == (1, 0, 2)
+    intake.on_transforms(TFMessage([transform("odom", "base", 1.3)]))
+    assert round(intake._ready()[0].header.stamp.to_sec(), 3) == 1.15
+    intake.on_scan(waiting_scan("laser", 1.3))
+    assert intake._ready() is not None
+    assert (intake.early, intake.dropped, intake.without_transform) == (1, 1, 1)
+
+
+def test_whoever_else_moves_the_odometry_frame_is_named_once(monkeypatch):
+    told = []
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *given: told.append(text % given))
+    monkeypatch.setattr(rospy, "get_name", lambda: "/me")
+    publishes = [False]
+    intake = Intake("odom", 5, "map", lambda: publishes[0])
+
+    def send(parent, sender):
+        message = TFMessage([transform(parent, "odom", 1.0), transform("odom", "laser", 1.0)])
+        message._connection_header = {"callerid": sender}
+        intake.on_transforms(message)
+
+    send("map", "/other")
+    assert not told                     # with transform_publish_period 0 somebody else has to
+    publishes[0] = True
+    for parent, sender in (("map", "/me"), ("/map", "/other"), ("map", "/other"), ("earth", "/third")):
+        send(parent, sender)
+    assert len(told) == 2 and "/other publishes map -> odom" in told[0] and "/third publishes earth -> odom" in told[1]
+
+
+def test_a_frame_that_nobody_knows_holds_up_no_other(intake):
+    intake.on_scan(waiting_scan("nowhere", 1.0))
+    intake.on_scan(waiting_scan("laser", 1.1))
+    intake.on_transforms(TFMessage([transform("odom", "laser", 1.05), transform("odom", "laser", 1.2)]))
+    assert intake._ready()[0].header.frame_id == "laser" and intake.without_transform == 1
+
+
+def stamps_taken(intake, seconds):
+    """Bring scans one by one, each with a transform of its time; returns the stamps handed out."""
+    taken = []
+    for at in seconds:
+        intake.on_scan(waiting_scan("laser", at))
+        intake.on_transforms(TFMessage([transform("odom", "laser", at)]))
+        found = intake._ready()
+        while found is not None:
+            taken.append(round(found[0].header.stamp.to_sec(), 3))
+            found = intake._ready()
+    return taken
+
+
+@pytest.mark.parametrize("odd", [0.0, 1.0, 97.0])
+def test_one_scan_with_a_stamp_of_long_ago_is_no_jump_in_time(intake, odd):
+    intake.on_transforms(TFMessage([transform("odom", "laser", 90.0)]))
+    good = [100.0, 100.1, 100.2, 100.3]
+    for at in good:
+        assert stamps_taken(intake, [at]) == [at]
+        intake.on_scan(waiting_scan("laser", odd))
+    assert intake.generation == 0 and intake.dropped == len(good)
+
+
+def test_two_scans_of_long_ago_are_a_jump_in_time(intake):
+    assert stamps_taken(intake, [100.0, 100.1, 50.0, 50.1, 50.2]) == [100.0, 100.1, 50.1, 50.2]
+    assert intake.generation == 1
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_scan_from_the_future_neither_ends_the_map_nor_holds_up_the_others(intake, first):
+    intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))
+    taken = stamps_taken(intake, [] if first else [10.1])
+    intake.on_scan(waiting_scan("laser", 99999.0))
+    taken += stamps_taken(intake, [10.2, 10.3, 10.4, 10.5])
+    assert taken[-3:] == [10.3, 10.4, 10.5] and len(taken) == (3 if first else 5)
+    assert intake.generation == 0
+
+
+def test_transforms_left_over_from_before_a_jump_do_not_push_out_the_new_ones(intake):
+    assert stamps_taken(intake, [194.0, 194.1, 0.05, 0.1]) == [194.0, 194.1, 0.1]
+    intake.on_transforms(TFMessage([transform("odom", "laser", 194.3)]))
+    assert stamps_taken(intake, [0.2, 0.3]) == [0.2, 0.3] and intake.generation == 1
+
+
+def test_one_transform_far_ahead_does_not_push_out_the_others_two_are_believed(intake):
+    intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))
+    assert stamps_taken(intake, [10.1]) == [10.1]
+    intake.on_transforms(TFMessage([transform("odom", "laser", 5000.0)]))
+    assert stamps_taken(intake, [10.2, 10.3, 300.0, 300.1]) == [10.2, 10.3, 300.1]
+
+
+def test_stamps_that_tf2_cannot_calculate_with_are_refused(intake):
+    for seconds in (2**31, 2**32 - 70, 2**32 - 1):          # each ended the process
+        odd = transform("odom", "laser", 10.0)
+        odd.header.stamp.secs = seconds
+        intake.on_transforms(TFMessage([odd]))
+        intake.on_transforms(TFMessage([odd]), static=True)
+        scan = waiting_scan("laser", 10.0)
+        scan.header.stamp.secs = seconds
+        intake.on_scan(scan)
+    assert intake.dropped == 3 and intake.waiting == 0
+    intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))
+    assert stamps_taken(intake, [10.1]) == [10.1] and intake.generation == 0
+
+
+def test_a_frame_that_no_name_can_be_is_refused(intake):
+    intake.on_transforms(TFMessage([transform("odom", "las\0er", 10.0), transform("od\0om", "laser", 10.0),
+                                    transform("odom", "laser", 10.0)]))
+    intake.on_scan(waiting_scan("las\0er", 10.1))               # ended the filter's thread
+    assert intake.dropped == 1 and intake.waiting == 0
+    assert stamps_taken(intake, [10.2]) == [10.2]
+
+
+def test_the_transform_that_is_published_is_not_taken_in(monkeypatch):
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
+    intake = Intake("odom", 5, "map")
+    intake.on_transforms(TFMessage([transform("/map", "odom", 1.0), transform("odom", "laser", 1.0)]))
+    intake.on_transforms(TFMessage([transform("map", "beacon", 1.0), transform("earth", "odom", 1.0)]))
+    assert intake._frames == {"odom", "laser", "map", "beacon", "earth"}
+    assert not intake._buffer.can_transform_core("map", "odom", rospy.Time(1))[0]
+    assert intake._buffer.can_transform_core("earth", "laser", rospy.Time(1))[0]
+
+
+def test_scans_out_of_order_are_put_in_order_while_they_wait(intake):
+    for at in (1.0, 1.3, 1.1, 1.3, 1.2):
+        intake.on_scan(waiting_scan("laser", at))
+    intake.on_transforms(TFMessage([transform("odom", "laser", 1.0), transform("odom", "laser", 1.4)]))
+    found = [intake._ready() for _ in range(5)]
+    assert [entry and round(entry[0].header.stamp.to_sec(), 3) for entry in found] == [1.0, 1.1, 1.2, 1.3, None]
+    intake.on_scan(waiting_scan("laser", 1.25))
+    assert intake.waiting == 0 and intake.dropped == 2 and intake.generation == 0
+
+
+def test_a_transform_that_holds_at_all_times_is_enough(intake):
+    intake.on_scan(waiting_scan("laser", 1.0))
+    assert intake._ready() is None
+    intake.on_transforms(TFMessage([transform("odom", "laser", 0.0)]), static=True)
+    assert intake._ready() is not None
+
+
+def test_a_full_queue_without_transforms_costs_no_time(intake, monkeypatch):
+    asked = []
+
+    class Buffer:
+        def lookup_transform_core(self, target, source, stamp):
+            asked.append(stamp)
+            raise tf2_ros.ExtrapolationException("into the future")
+
+        def get_latest_common_time(self, target, source):
+            return rospy.Time(1)
+    for k in range(400):
+        intake.on_scan(waiting_scan("laser", 2.0 + 0.1 * k))
+    monkeypatch.setattr(intake, "_buffer", Buffer())
+    assert intake._ready() is None and len(asked) == 1

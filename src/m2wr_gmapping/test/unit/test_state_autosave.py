@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The state that a run keeps: written beside, taken only by the same run, gone after a good end."""
+import os
+import time
+
+import pytest
+
+from m2wr_gmapping.io import state
+from m2wr_gmapping.ros import state_autosave
+from m2wr_gmapping.ros.state_autosave import Keeper
+
+
+class Mapper:
+    """What the keeper hands on."""
+
+
+class Loaded:
+    def __init__(self, host):
+        self.host, self.mapper = host, self
+        self.closed = False
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.fixture
+def files(monkeypatch):
+    """States in memory, by path; a file on disk stands for each."""
+    kept = {}
+
+    def save(path, taken):
+        if not os.path.isdir(os.path.dirname(path)):
+            raise state.StateError("no folder")
+        kept[path] = Loaded(taken[1])
+        with open(path, "w"):
+            pass
+    monkeypatch.setattr(state, "snapshot", lambda mapper, host: (mapper, host))
+    monkeypatch.setattr(state, "save", save)
+    monkeypatch.setattr(state, "load", lambda path, config: kept[path])
+    return kept
+
+
+def finished(keeper):
+    keeper._writer.join()
+
+
+def test_a_run_finds_its_own_state_and_no_other_does(files, tmp_path):
+    path = str(tmp_path / "slam.state")
+    keeper = Keeper(path, "run 1", 1e-9)
+    assert keeper.resume(None) is None and keeper.due()
+    keeper.keep(Mapper(), dict(counted=7))
+    finished(keeper)
+    assert Keeper(path, "run 1", 60.0).resume(None).host == dict(counted=7, run="run 1")
+    assert Keeper(path, "run 2", 60.0).resume(None) is None and files[path].closed
+    keeper.forget()
+    assert not os.path.exists(path) and Keeper(path, "run 1", 60.0).resume(None) is None
+    keeper.forget()
+
+
+def test_one_is_due_after_a_period_and_never_while_one_is_written(files, tmp_path, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    keeper = Keeper(str(tmp_path / "slam.state"), "run", 60.0)
+    assert not keeper.due()
+    now[0] = 161.0
+    assert keeper.due()
+    keeper.keep(Mapper(), {})
+    finished(keeper)
+    assert not keeper.due()
+    now[0] = 222.0
+    assert keeper.due()
+    monkeypatch.setattr(keeper._writer, "is_alive", lambda: True)
+    assert not keeper.due()
+
+
+def test_without_a_period_or_a_file_nothing_is_kept(tmp_path):
+    for keeper in (Keeper(str(tmp_path / "slam.state"), "run", 0.0), Keeper("", "", 1e-9)):
+        assert not keeper.due() and keeper.resume(None) is None
+        keeper.forget()
+
+
+def test_what_cannot_be_written_or_read_ends_nothing(files, tmp_path, monkeypatch):
+    keeper = Keeper(str(tmp_path / "nowhere" / "slam.state"), "run", 1e-9)
+    keeper.keep(Mapper(), {})
+    finished(keeper)
+    keeper.forget()
+    path = tmp_path / "slam.state"
+    path.write_bytes(b"no state")
+
+    def refuse(*_):
+        raise state.StateError("no state")
+    monkeypatch.setattr(state, "load", refuse)
+    assert Keeper(str(path), "run", 60.0).resume(None) is None
+
+
+def test_a_disk_that_stays_full_is_told_once_and_so_is_its_end(files, tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(state_autosave.rospy, "logwarn", lambda text, *_: told.append(text))
+    monkeypatch.setattr(state_autosave.rospy, "loginfo", lambda text, *_: told.append(text))
+    folder = tmp_path / "logs"
+    keeper = Keeper(str(folder / "slam.state"), "run", 1e-9)
+
+    def keep(times):
+        for _ in range(times):
+            keeper.keep(Mapper(), {})
+            finished(keeper)
+        return len(told)
+    assert keep(3) == 1 and "killed now, the map would begin anew" in told[0]
+    folder.mkdir()
+    assert keep(3) == 2 and "is kept again" in told[1]
+    (folder / "slam.state").unlink()
+    folder.rmdir()
+    assert keep(3) == 3 and told[2] == told[0]
+
+
+def test_an_older_state_that_is_still_there_is_told(files, tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(state_autosave.rospy, "logwarn", lambda text, *_: told.append(text))
+    keeper = Keeper(str(tmp_path / "slam.state"), "run", 1e-9)
+    keeper.keep(Mapper(), {})
+    finished(keeper)
+
+    def refuse(*_):
+        raise state.StateError("the disk is full; what was there before is kept")
+    monkeypatch.setattr(state, "save", refuse)
+    keeper.keep(Mapper(), {})
+    finished(keeper)
+    assert told == ["the disk is full; what was there before is kept: killed now, the map would go on from there"]
+
+
+def test_another_launch_on_the_same_master_is_another_run(monkeypatch):
+    monkeypatch.setattr(state_autosave.rospy, "get_param", lambda *_: "some-id")
+    words = ["slam_gmapping", "__name:=slam_gmapping", "__log:=/logs/some-id/slam_gmapping-8.log"]
+    path, run = state_autosave.place(words)
+    assert path == "/logs/some-id/slam_gmapping-8.state" and state_autosave.place(words) == (path, run)
+    monkeypatch.setattr(state_autosave, "starter", lambda: os.getpid())
+    assert state_autosave.place(words) != (path, run)
+    assert state_autosave.place(["slam_gmapping"]) == ("", "")

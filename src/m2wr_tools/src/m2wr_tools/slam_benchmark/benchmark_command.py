@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps laser logs with several seeds and tells accuracy, time and memory as a table.
+
+A folder holds NAME.clf or NAME.bag and, for accuracy, NAME.relations, NAME.graph or NAME.ref beside it (as they are or
+packed as .xz or .gz): relations as 'stamp stamp x y z roll pitch yaw', poses as 'stamp x y theta'.
+"""
+import argparse
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import OrderedDict
+
+from m2wr_gmapping.io.atomic_files import write_whole
+from m2wr_tools.slam_benchmark import benchmark_table, finished_runs, laser_logs, trajectory_errors
+
+FOLDER_VARIABLE = "M2WR_SLAM_LOGS"
+SETS = OrderedDict((
+    ("default", {}),
+    ("report", dict(maxUrange=6.0, maxRange=8.0, minimumScore=50, srr=0.01, srt=0.02, str=0.01, stt=0.02,
+                    linearUpdate=0.5, angularUpdate=0.436)),
+))
+FAILED, USAGE, INTERRUPTED = 1, 2, 130
+RUN_LIMIT = 3600.0          # a run that takes longer is ended [s]
+
+
+class BenchmarkError(RuntimeError):
+    """A run has failed; says which one and what it said."""
+
+
+def _pair(kind):
+    def read(text):
+        name, found, value = text.partition("=")
+        if not (name and found):
+            raise argparse.ArgumentTypeError("{}: expected NAME=VALUE".format(text))
+        return name, kind(value)
+    return read
+
+
+def _whole(least):
+    def read(text):
+        if not text.isdigit() or int(text) < least:
+            raise argparse.ArgumentTypeError("{}: expected a whole number of at least {}".format(text, least))
+        return int(text)
+    return read
+
+
+def parser():
+    """Return the command line's parser."""
+    made = argparse.ArgumentParser(prog="benchmark", description=__doc__,
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = made.add_argument
+    add("folder", nargs="?", default=os.environ.get(FOLDER_VARIABLE), help="default: $" + FOLDER_VARIABLE)
+    add("--logs", nargs="+", metavar="NAME", help="default: all of the folder")
+    add("--sets", nargs="+", choices=list(SETS), default=list(SETS), help="sets of parameters (all)")
+    add("--particles", nargs="+", type=_whole(1), metavar="N", default=[30, 80], help="default: 30 80")
+    add("--seeds", type=_whole(1), default=3, help="runs with different seeds (%(default)s)")
+    add("--threads", type=_whole(0), default=1, help="of each run; 0: one a core (%(default)s)")
+    add("--laser-x", nargs="+", type=_pair(float), default=[], metavar="NAME=X",
+        help="how far the laser of a CARMEN log sits in front of the odometry's centre [m] (0)")
+    add("--set", nargs="+", type=_pair(str), default=[], dest="more", metavar="PARAMETER=VALUE",
+        help="further parameters of every run")
+    add("--converter", metavar="SCRIPT", help="makes bags of CARMEN logs: SCRIPT LOG BAG [--laser-x X], stamps "
+        "moved by 1000 s; default: built in")
+    add("--keep", metavar="FOLDER", help="keep bags, trajectories, maps and statistics there")
+    add("--resume", action="store_true", help="with --keep: what this program has finished there is not done again")
+    add("--json", metavar="FILE", help="write all runs as JSON")
+    add("--table", metavar="README.md", help="put the table between the lines '{}' and '{}' of this file".format(
+        benchmark_table.BEGIN, benchmark_table.END))
+    add("--quiet", action="store_true", help="no progress")
+    return made
+
+
+def replay_program():
+    """Return the command of slam_gmapping_replay with this interpreter."""
+    return [sys.executable, "-c", "import sys; from m2wr_gmapping.replay.replay_command import main; sys.exit(main())"]
+
+
+class Benchmark:
+    """All runs that were asked for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    scratch : str
+        Folder for files.
+    """
+
+    def __init__(self, options, scratch):
+        self._options, self._scratch = options, scratch
+        self.results = []
+        self._converted = None              # log whose bag is there
+        self._program = finished_runs.program_digest()
+
+    def run(self):
+        """Measure everything, one run at a time."""
+        options = self._options
+        found = laser_logs.find(options.folder, options.logs)
+        unknown = set(name for name, _ in options.laser_x) - set(log.name for log in found)
+        if unknown:
+            raise laser_logs.LogError("--laser-x {}: no such log".format(", ".join(sorted(unknown))))
+        total = len(found) * len(options.sets) * len(options.particles) * options.seeds
+        for log in found:
+            bag = os.path.join(self._scratch, log.name + ".bag")
+            for name in options.sets:
+                for particles in options.particles:
+                    for seed in range(1, options.seeds + 1):
+                        self._say("{} of {}: {}, {}, {} particles, seed {}".format(
+                            len(self.results) + 1, total, log.name, name, particles, seed))
+                        self.results.append(self._one(log, bag, name, particles, seed))
+            if not options.keep and os.path.exists(bag):
+                os.unlink(bag)
+            self._converted = None
+        return self.results
+
+    def _say(self, text):
+        if not self._options.quiet:
+            sys.stderr.write(text + "\n")
+            sys.stderr.flush()
+
+    def _convert(self, log, bag):
+        if self._converted == log.name:
+            return
+        self._say("{}: writing the bag".format(log.name))
+        self._converted, laser_x = log.name, self._laser_x(log)
+        if log.is_bag or not self._options.converter:
+            laser_logs.write_bag(log, bag, laser_x)
+            return
+        done = subprocess.run([sys.executable, self._options.converter, log.path, bag, "--laser-x", str(laser_x)],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        if done.returncode or not os.path.isfile(bag):
+            raise BenchmarkError("{} {}: {}".format(self._options.converter, log.path, done.stdout.strip()[-1000:]))
+
+    def _laser_x(self, log):
+        return dict(self._options.laser_x).get(log.name, 0.0)
+
+    def _one(self, log, bag, name, particles, seed):
+        out = os.path.join(self._scratch, "{}_{}_{}_{}".format(log.name, name, particles, seed))
+        parameters = dict(SETS[name], particles=particles, threads=self._options.threads)
+        parameters.update(self._options.more)
+        inputs = [log.path, *sorted(log.truth.values())]
+        depends = finished_runs.key(program=self._program, parameters=parameters, seed=seed, laser_x=self._laser_x(log),
+                                    files=[finished_runs.file_mark(path) for path in inputs])
+        kept = finished_runs.load(out, depends) if self._options.resume else None
+        if kept is not None:
+            return kept
+        self._convert(log, bag)
+        command = replay_program() + [
+            "--bag_filename", bag, "--seed", str(seed), "--trajectory", out + ".txt", "--map", out, "--stats",
+            out + ".json", "--quiet"] + ["_{}:={}".format(*item) for item in parameters.items()]
+        try:
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                                  timeout=RUN_LIMIT)
+        except subprocess.TimeoutExpired:
+            raise BenchmarkError("{}: no end after {:g} s".format(out, RUN_LIMIT)) from None
+        if done.returncode:
+            raise BenchmarkError("{}: slam_gmapping_replay ended with {}: {}".format(
+                out, done.returncode, done.stdout.strip()[-1000:]))
+        with open(out + ".json", encoding="utf-8") as stream:
+            statistics = json.load(stream)
+        result = dict(log=log.name, set=name, particles=particles, seed=seed, statistics=statistics,
+                      score=trajectory_errors.score(log, out + ".txt"))
+        finished_runs.keep(out, depends, result)
+        return result
+
+
+def tell(benchmark, options, put):
+    """Print the table of a Benchmark, ``put`` it into a document, write all runs as JSON; returns whether it could."""
+    text = benchmark_table.markdown(benchmark.results)
+    sys.stdout.write(text)
+    try:
+        if options.table and put:
+            benchmark_table.put(options.table, text)
+        if options.json:
+            runs = dict(machine=platform.processor() or platform.machine(), cores=os.cpu_count(),
+                        threads=options.threads, further=dict(options.more), runs=benchmark.results)
+            write_whole((options.json, [json.dumps(runs, indent=1, sort_keys=True).encode()]))
+    except OSError as error:
+        sys.stderr.write("benchmark: {}\n".format(error))
+        return False
+    return True
+
+
+def main(arguments=None):
+    """Entry point; returns the exit code."""
+    made = parser()
+    options = made.parse_args(arguments)
+    if not options.folder:
+        made.error("no folder: expected one on the command line or in " + FOLDER_VARIABLE)
+    if options.resume and not options.keep:
+        made.error("--resume: expected --keep FOLDER as well, the folder of the runs to go on with")
+    if not os.path.isdir(options.folder):
+        made.error("{}: no such folder".format(options.folder))
+    if options.table:
+        try:
+            benchmark_table.check(options.table)              # before an hour of work, not after it
+        except (OSError, ValueError) as error:
+            made.error(str(error))
+    folder = os.path.dirname(os.path.abspath(options.json or "."))
+    if options.json and not os.path.isdir(folder):
+        made.error("--json {}: no folder {}".format(options.json, folder))
+    if options.keep:
+        os.makedirs(options.keep, exist_ok=True)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))     # what is below is ended and cleared away
+    with tempfile.TemporaryDirectory(prefix="m2wr_gmapping_benchmark_") as scratch:
+        benchmark, code = Benchmark(options, options.keep or scratch), 0
+        try:
+            benchmark.run()
+        except (laser_logs.LogError, BenchmarkError, OSError) as error:
+            sys.stderr.write("benchmark: {}\n".format(error))
+            code = FAILED
+        except KeyboardInterrupt:
+            code = INTERRUPTED
+    if benchmark.results and not tell(benchmark, options, put=not code):
+        return FAILED
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

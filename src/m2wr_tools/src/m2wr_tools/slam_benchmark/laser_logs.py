@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Finding laser logs and what is known of the truth beside them; CARMEN logs as bags."""
+import glob
+import gzip
+import lzma
+import math
+import os
+import shutil
+from dataclasses import dataclass
+
+import numpy as np
+import rosbag
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+PACKED = ("", ".xz", ".gz")
+EPOCH = 1000.0              # stamps of a CARMEN log may begin at 0, which ROS takes for no time [s]
+RANGE_MIN, RANGE_MAX = 0.05, 80.0       # a log without a return says about 81.9 m
+FINE_FROM = 182             # beams from which a half turn is taken to have half a degree from one to the next
+
+
+class LogError(ValueError):
+    """A log or a file of truths cannot be read; says which and why."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """One recording.
+
+    Attributes
+    ----------
+    name, path : str
+    truth : dict
+        Kind (``relations``, ``graph`` or ``ref``) -> path.
+    """
+
+    name: str
+    path: str
+    truth: dict
+
+    @property
+    def is_bag(self):
+        """Whether it is a bag already."""
+        return ".bag" in os.path.basename(self.path)
+
+
+def opened(path):
+    """Open a text file, packed or not."""
+    if path.endswith(".xz"):
+        return lzma.open(path, "rt", errors="replace")
+    if path.endswith(".gz"):
+        return gzip.open(path, "rt", errors="replace")
+    return open(path, errors="replace")
+
+
+def find(folder, names=None):
+    """Return the logs of a folder: NAME.clf or NAME.bag, packed or not.
+
+    Raises
+    ------
+    LogError
+        If there is none, or not one of ``names``.
+    """
+    found = {}
+    for path in sorted(glob.glob(os.path.join(folder, "*"))):
+        for ending in (kind + packed for kind in (".clf", ".bag") for packed in PACKED):
+            if path.endswith(ending):
+                name = os.path.basename(path)[:-len(ending)]
+                truth = {kind: file for kind in ("relations", "graph", "ref") for file in (
+                    os.path.join(folder, "{}.{}{}".format(name, kind, packed)) for packed in PACKED)
+                    if os.path.isfile(file)}
+                found.setdefault(name, Log(name, path, truth))
+    missing = [name for name in names or () if name not in found]
+    if missing or not found:
+        raise LogError("{}: no log {}; expected NAME.clf or NAME.bag, or packed (.xz, .gz); found {}".format(
+            folder, ", ".join(missing) or "at all", ", ".join(sorted(found)) or "nothing"))
+    return [found[name] for name in names or sorted(found)]
+
+
+def records(path):
+    """Yield stamp, raw odometry (3,) and ranges or None of each ODOM and FLASER line of a CARMEN log."""
+    with opened(path) as stream:
+        for number, line in enumerate(stream, 1):
+            words = line.split()
+            try:
+                if words[:1] == ["ODOM"]:
+                    yield float(words[7]), [float(word) for word in words[1:4]], None
+                elif words[:1] == ["FLASER"]:
+                    end = 2 + int(words[1])
+                    yield (float(words[end + 6]), [float(word) for word in words[end + 3:end + 6]],
+                           [float(word) for word in words[2:end]])
+            except (ValueError, IndexError) as error:
+                raise LogError("{}: line {} cannot be read: {}".format(path, number, error)) from error
+
+
+def odometry(path):
+    """Return stamps (K,) and raw odometry poses (K, 3) of a CARMEN log, in the order of time."""
+    rows = sorted((stamp, pose) for stamp, pose, _ in records(path))
+    return np.array([row[0] for row in rows]), np.array([row[1] for row in rows]).reshape(-1, 3)
+
+
+def _transform(parent, child, stamp, x, y, yaw):
+    message = TransformStamped(child_frame_id=child)
+    message.header.stamp, message.header.frame_id = stamp, parent
+    message.transform.translation.x, message.transform.translation.y = x, y
+    message.transform.rotation.z, message.transform.rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    return message
+
+
+def _scan(ranges, stamp):
+    step = math.radians(0.5 if len(ranges) >= FINE_FROM else 1.0)
+    message = LaserScan(angle_min=-0.5 * math.pi, angle_max=-0.5 * math.pi + step * (len(ranges) - 1),
+                        angle_increment=step, range_min=RANGE_MIN, range_max=RANGE_MAX, ranges=ranges)
+    message.header.stamp, message.header.frame_id = stamp, "laser"
+    return message
+
+
+def write_bag(log, path, laser_x=0.0):
+    """Write a log as a bag with /scan and /tf (odom -> base_link -> laser), or copy the bag that it is.
+
+    The stamps of a CARMEN log are moved by ``EPOCH``. The first of its beams points to the right.
+
+    Parameters
+    ----------
+    laser_x : float
+        How far the laser sits in front of the odometry's centre [m].
+    """
+    try:
+        if log.is_bag:
+            packed = lzma.open(log.path) if log.path.endswith(".xz") else gzip.open(log.path) if log.path.endswith(
+                ".gz") else open(log.path, "rb")
+            with packed, open(path, "wb") as stream:
+                shutil.copyfileobj(packed, stream)
+            return
+        with rosbag.Bag(path, "w") as bag:
+            for seconds, pose, ranges in records(log.path):
+                stamp = rospy.Time.from_sec(EPOCH + seconds)
+                bag.write("/tf", TFMessage([_transform("odom", "base_link", stamp, *pose),
+                                            _transform("base_link", "laser", stamp, laser_x, 0.0, 0.0)]), stamp)
+                if ranges is not None:
+                    bag.write("/scan", _scan(ranges, stamp), stamp)
+    except (OSError, EOFError, lzma.LZMAError) as error:
+        raise LogError("{}: {}".format(log.path, error)) from error

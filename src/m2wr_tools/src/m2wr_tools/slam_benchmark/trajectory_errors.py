@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Errors of a trajectory: relative poses against relations, or against poses known at the scans.
+
+After Kuemmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss, Kleiner: On measuring the accuracy of SLAM algorithms,
+Autonomous Robots 27, 2009: the pose of one scan seen from another does not depend on the frame of the map.
+"""
+import numpy as np
+
+from m2wr_gmapping.se2 import between, compose, wrap
+from m2wr_tools.slam_benchmark.laser_logs import EPOCH, LogError, odometry, opened
+
+DIRECT = 1e-3           # a pose is that of a scan if its stamp is no farther off [s]
+AGAIN = 20.0            # places met again after at least that time [s]
+NEAR = 1.5              # and no farther apart [m]
+MOST_PAIRS = 4000
+
+
+def rows(path, columns):
+    """Return the numbers (K, columns) of a text file; shorter lines are left out, # begins a comment."""
+    found = []
+    try:
+        with opened(path) as stream:
+            for line in stream:
+                words = line.split("#", 1)[0].split()
+                if len(words) >= columns:
+                    found.append([float(word) for word in words[:columns]])
+    except (OSError, EOFError, ValueError) as error:
+        raise LogError("{}: {}".format(path, error)) from error
+    if not found:
+        raise LogError("{}: no line with {} numbers".format(path, columns))
+    return np.array(found)
+
+
+def trajectory(path):
+    """Return stamps (K,) and poses (K, 3) of a file with the lines stamp x y z qx qy qz qw."""
+    table = rows(path, 8)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    return table[:, 0], np.column_stack([table[:, 1:3], 2.0 * np.arctan2(table[:, 6], table[:, 7])])
+
+
+def nearest(stamps, wanted):
+    """Return the index of the nearest of the sorted ``stamps`` (K,) for each of ``wanted``."""
+    after = np.clip(np.searchsorted(stamps, wanted), 1, max(1, len(stamps) - 1))
+    if len(stamps) == 1:
+        return np.zeros(np.shape(wanted), int)
+    return np.where(wanted - stamps[after - 1] <= stamps[after] - wanted, after - 1, after)
+
+
+def poses_at(wanted, stamps, poses, raw=None):
+    """Return the poses at stamps ``wanted``; between those of the trajectory, raw odometry (stamps, poses) goes on."""
+    at = nearest(stamps, wanted)
+    found = poses[at].copy()
+    far = np.abs(stamps[at] - wanted) > DIRECT
+    if raw is not None and far.any():
+        begin, end = raw[1][nearest(raw[0], stamps[at[far]])], raw[1][nearest(raw[0], wanted[far])]
+        found[far] = compose(poses[at[far]], between(begin, end))
+    return found
+
+
+def _summary(measured, right, again):
+    """Return mean errors of relative poses (N, 3), of all and of those of places met ``again``."""
+    metres = np.hypot(measured[:, 0] - right[:, 0], measured[:, 1] - right[:, 1])
+    degrees = np.degrees(np.abs(wrap(measured[:, 2] - right[:, 2])))
+    result = dict(pairs=len(metres), metres=float(metres.mean()), degrees=float(degrees.mean()))
+    if again.any():
+        result.update(again_metres=float(metres[again].mean()), again_degrees=float(degrees[again].mean()),
+                      again_worst_metres=float(metres[again].max()))
+    return result
+
+
+def against_relations(stamps, poses, relations, raw=None):
+    """Return mean errors (dict) against relations (R, 8): stamp, stamp, x, y, z, roll, pitch, yaw."""
+    first, second = (poses_at(relations[:, column], stamps, poses, raw) for column in (0, 1))
+    return _summary(between(first, second), relations[:, [2, 3, 7]],
+                    np.abs(relations[:, 1] - relations[:, 0]) > AGAIN)
+
+
+def against_poses(stamps, poses, truth):
+    """Return mean errors (dict) against poses (K, 4), stamp, x, y, theta: of neighbours, and of places met again."""
+    truth = truth[np.argsort(truth[:, 0], kind="stable")]
+    at = nearest(truth[:, 0], stamps)
+    fits = np.abs(truth[at, 0] - stamps) <= DIRECT
+    stamps, poses, true = stamps[fits], poses[fits], truth[at[fits], 1:4]
+    if len(stamps) < 2:
+        raise LogError("no pose of the truth is at a scan of the trajectory")
+    apart = np.hypot(true[:, None, 0] - true[None, :, 0], true[:, None, 1] - true[None, :, 1])
+    pairs = np.argwhere(np.triu((apart < NEAR) & (np.abs(stamps[:, None] - stamps[None, :]) > AGAIN), 1))
+    pairs = pairs[::max(1, -(-len(pairs) // MOST_PAIRS))]
+    result = _summary(between(poses[:-1], poses[1:]), between(true[:-1], true[1:]), np.zeros(len(poses) - 1, bool))
+    if len(pairs):
+        first, second = pairs.T
+        again = _summary(between(poses[first], poses[second]), between(true[first], true[second]),
+                         np.ones(len(pairs), bool))
+        result.update((name, value) for name, value in again.items() if name.startswith("again"))
+    return result
+
+
+def score(log, path):
+    """Return the errors (dict) of a trajectory file against the best truth of a log, with its ``kind``; or None."""
+    stamps, poses = trajectory(path)
+    raw = None
+    if not log.is_bag:
+        stamps = stamps - EPOCH
+        raw = odometry(log.path)
+    for kind in ("relations", "graph", "ref"):
+        if kind not in log.truth:
+            continue
+        if kind == "relations":
+            return dict(against_relations(stamps, poses, rows(log.truth[kind], 8), raw), kind=kind)
+        return dict(against_poses(stamps, poses, rows(log.truth[kind], 4)), kind=kind)
+    return None
