@@ -7,7 +7,8 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 
 from m2wr_node.ros import transform_buffer
-from m2wr_node.ros.transform_buffer import LATEST, TransformBuffer, is_out_of_range
+from m2wr_node.ros.transform_buffer import (FARTHEST, LATEST, TransformBuffer, fault_of_transform,
+                                            is_out_of_range)
 
 
 def transform(secs):
@@ -57,3 +58,24 @@ def test_up_to_the_limit_all_are_taken():
 
     assert exit_code(work) == 0
     assert not is_out_of_range(rospy.Time(LATEST - 1)) and transform_buffer.is_out_of_range(rospy.Time(LATEST))
+
+
+@pytest.mark.parametrize("name", ["x", "y", "z"])
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan"), 1e300, -2e9])
+def test_a_translation_that_is_infinite_or_huge_is_refused(name, value):
+    made = transform(10)
+    assert not fault_of_transform(made)
+    setattr(made.transform.translation, name, value)
+    assert "translation" in fault_of_transform(made) and "%g" % value in fault_of_transform(made)
+
+
+def test_the_farthest_translation_is_taken():
+    made = transform(10)
+    made.transform.translation.x = -FARTHEST
+    assert not fault_of_transform(made)
+
+
+def test_a_rotation_that_is_not_finite_is_refused():
+    made = transform(10)
+    made.transform.rotation.w = float("inf")
+    assert "rotation" in fault_of_transform(made)

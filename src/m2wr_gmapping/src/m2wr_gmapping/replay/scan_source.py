@@ -10,7 +10,7 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
-from m2wr_node.ros.transform_buffer import fault_of
+from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
@@ -140,7 +140,7 @@ class ScanSource:
             transform.header.frame_id = transform.header.frame_id.lstrip("/")
             transform.child_frame_id = transform.child_frame_id.lstrip("/")
             self.frames.update((transform.header.frame_id, transform.child_frame_id))
-            fault = fault_of(transform.header, transform.child_frame_id)
+            fault = fault_of_transform(transform)
             if fault:
                 log.debug("transform %s -> %s left out: %s", transform.header.frame_id, transform.child_frame_id, fault)
                 continue

@@ -10,7 +10,7 @@ import tf2_ros
 from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
 from m2wr_gmapping.ros.missing_inputs import usual_source
-from m2wr_node.ros.transform_buffer import fault_of
+from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 BUFFER = 60.0               # time that transforms are kept [s]
 LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
@@ -92,7 +92,7 @@ class Intake:
     def _put_transform(self, transform, static):
         parent, child, stamp = transform.header.frame_id, transform.child_frame_id, transform.header.stamp
         self._frames.update((parent, child))
-        fault = fault_of(transform.header, child)
+        fault = fault_of_transform(transform)
         if fault:
             rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (parent, child, fault))
             return

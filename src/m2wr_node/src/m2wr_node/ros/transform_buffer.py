@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transforms from strangers: tf2 ends the process where it meets a stamp that it cannot calculate with."""
+"""Transforms from other nodes: refused where tf2 would end the process or return infinite poses."""
+import math
+
 import rospy
 import tf2_ros
 
 LATEST = 2**31          # s: beyond, sums and differences of stamps leave the range of ROS's times
+FARTHEST = 1e9          # m: beyond any frame on earth (geocentric coordinates reach 6.4e6); sums stay exact to 1e-7 m
 
 
 def is_out_of_range(stamp):
@@ -17,6 +20,22 @@ def fault_of(header, child=""):
         return "its stamp is %d s; expected 0 to %d" % (header.stamp.secs, LATEST)
     if "\0" in header.frame_id or "\0" in child:
         return "a frame id holds a NUL character; expected a name"
+    return ""
+
+
+def fault_of_transform(transform):
+    """Return why tf2 must not see a transform (geometry_msgs/TransformStamped), a sentence, or an empty text.
+
+    tf2 itself refuses NaN and quaternions that are not normalised, but neither infinite nor huge translations.
+    """
+    fault = fault_of(transform.header, transform.child_frame_id)
+    if fault:
+        return fault
+    shift, turn = transform.transform.translation, transform.transform.rotation
+    if not all(abs(value) <= FARTHEST for value in (shift.x, shift.y, shift.z)):
+        return "its translation is (%g, %g, %g) m; expected numbers up to %g" % (shift.x, shift.y, shift.z, FARTHEST)
+    if not all(map(math.isfinite, (turn.x, turn.y, turn.z, turn.w))):
+        return "its rotation is (%g, %g, %g, %g); expected finite numbers" % (turn.x, turn.y, turn.z, turn.w)
     return ""
 
 
@@ -35,7 +54,7 @@ class TransformBuffer(tf2_ros.Buffer):
 
     @staticmethod
     def _refused(transform, authority):
-        fault = fault_of(transform.header, transform.child_frame_id)
+        fault = fault_of_transform(transform)
         if fault:
             rospy.logwarn_throttle(10.0, "transform %s -> %s of %s refused: %s" % (
                 transform.header.frame_id, transform.child_frame_id, authority, fault))
