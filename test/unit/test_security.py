@@ -15,7 +15,7 @@ LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xm
           mesh_files.MAX_MESH_BYTES, mesh_files.MAX_TRIANGLES, mesh_shapes._MAX_PIXELS,
           map_input.MOST_YAML, map_input.MOST_DEPTH, map_input.MOST_PICTURE, map_input.MOST_PIXELS,
           state_file.MOST_FILE,
-          state_file.MOST_UNPACKED, state_file.MOST_JSON, state_file.MOST_DEPTH, state_kinds.MOST_ITEMS]
+          state_file.MOST_UNPACKED, state_file.MOST_JSON, state_file.MOST_DEPTH, state_types.MOST_ITEMS]
 #: Calls that evaluate text, and the files that may use them: on the program's own text, or the user's command line.
 EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
