@@ -112,10 +112,10 @@ def readable_default(text):
     return code(re.sub(r"\$\(find ([\w]+)\)", r"\1", text)) or "empty"
 
 
-def read_parameters(folder):
+def read_parameters(folder, pages=None):
     """Return (name, default, meaning) of the parameters that Python sources of a package read by a literal name.
 
-    The meaning is that of the row for the name in the package's README.
+    The meaning is that of the row for the name in the package's README, or in docs/reference/PACKAGE.md.
     """
     found = {}
     for path in sorted(glob.glob(os.path.join(folder, "src", "**", "*.py"), recursive=True)):
@@ -124,9 +124,13 @@ def read_parameters(folder):
         for node in ast.walk(tree):
             for name, default in _parameters_of(node):
                 found.setdefault(name, default)
-    with open(os.path.join(folder, "README.md"), encoding="utf-8") as stream:
-        rows = [[part.strip() for part in line.strip().strip("|").split("|")]
-                for line in stream if line.startswith("| `")]
+    rows = []
+    pages = (os.path.join(folder, "README.md"),
+             os.path.join(pages or os.path.join(ROOT, "docs", "reference"), os.path.basename(folder) + ".md"))
+    for path in filter(os.path.isfile, pages):
+        with open(path, encoding="utf-8") as stream:
+            rows += [[part.strip() for part in line.strip().strip("|").split("|")]
+                     for line in stream if line.startswith("| `")]
     meanings = {name: row[-1] for row in reversed(rows) for part in row[:2] for name in re.findall(r"`(~?\w+)`", part)}
     return [(name, default, meanings.get(name) or meanings.get(name.lstrip("~"), ""))
             for name, default in sorted(found.items())]

@@ -52,6 +52,13 @@ def test_a_changed_default_is_found(tmp_path):
         ("x", "`b/c`", "where \\| what"), ("y", "required", "must")]
 
 
+def test_meanings_are_found_in_a_page_of_docs_too(tmp_path):
+    (tmp_path / "a" / "src").mkdir(parents=True)
+    (tmp_path / "a" / "src" / "a.py").write_text("rospy.get_param('~x', 3)")
+    (tmp_path / "a.md").write_text("| `~x` | 3 | how far |\n")
+    assert reference.read_parameters(str(tmp_path / "a"), str(tmp_path)) == [("~x", 3, "how far")]
+
+
 @pytest.mark.parametrize("source, rows", [
     ("rospy.get_param('~x', 3)", [("~x", 3, "how far")]), ("rospy.get_param('goal')", [("goal", "required", "")]),
     ("_DEFAULTS = {'x': 1.5}", [("~x", 1.5, "how far")]),
