@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks that every XML file named on the command line is well formed; each fault is printed with file and line."""
+from __future__ import annotations
+
 import sys
 import xml.etree.ElementTree as ElementTree
+from typing import List
 
 
-def main(paths):
+def main(paths: List[str]) -> int:
     """Parse each file; returns the number of files that are not well formed."""
     faults = 0
     for path in paths:

@@ -7,11 +7,14 @@
 A comment before a block says which file becomes which picture (test/nodes/doc_blocks.py).  A picture is replaced only
 when all blocks before it have run as the document says.
 """
+from __future__ import annotations
+
 import os
 import shutil
 import sys
 import tempfile
 import time
+from typing import List
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(ROOT, "test", "nodes"))
@@ -25,7 +28,7 @@ IMAGES = os.path.join(ROOT, "docs", "images")
 SMALL = 190000          # bytes; above it a PNG gets a palette
 
 
-def keep(name, path):
+def keep(name: str, path: str) -> None:
     """Put a picture into docs/images, PNGs as small as they get without a visible loss."""
     target = os.path.join(IMAGES, name)
     if name.endswith(".png"):
@@ -40,7 +43,7 @@ def keep(name, path):
     print("%-24s %7d bytes" % (name, os.path.getsize(target)))
 
 
-def main(chosen):
+def main(chosen: List[str]) -> int:
     """Make the pictures of some documents, or of all; returns the number of documents that failed."""
     unknown = sorted(set(chosen) - set(documents()))
     if unknown:

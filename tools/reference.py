@@ -8,6 +8,8 @@
 
 Topics and services are kept in tools/reference_graph.yaml.  Needs a shell that has sourced devel/setup.bash.
 """
+from __future__ import annotations
+
 import argparse
 import ast
 import difflib
@@ -21,8 +23,14 @@ import sys
 import time
 import xml.etree.ElementTree as ElementTree
 from dataclasses import MISSING, fields
+from typing import Any, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 import yaml
+
+#: Name, default and meaning of a parameter.
+Parameter = Tuple[str, Any, str]
+#: {node: {"publishes", "subscribes", "serves": {name: type}}}
+Graph = Dict[str, Dict[str, Dict[str, str]]]
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 TARGET = os.path.join(ROOT, "docs", "reference.md")
@@ -42,36 +50,36 @@ PATIENCE, QUIET = 120.0, 6.0        # s: for the nodes to come up; without a cha
 
 # ---- from files ------------------------------------------------------------------------------------------------
 
-def packages(root=ROOT):
+def packages(root: str = ROOT) -> List[Tuple[str, str]]:
     """Return (name, folder) of every package that users meet, in the order of the tree."""
     found = []
     for path in sorted(glob.glob(os.path.join(root, "src", "*", "package.xml"))
                        ) + sorted(glob.glob(os.path.join(root, "dropin", "*", "package.xml"))):
-        found.append((ElementTree.parse(path).getroot().findtext("name"), os.path.dirname(path)))
+        found.append((ElementTree.parse(path).getroot().findtext("name", ""), os.path.dirname(path)))
     return found
 
 
-def cell(text):
+def cell(text: Any) -> str:
     """Return a text as it can stand in a cell of a table."""
     return " ".join(str(text).split()).replace("|", "\\|")
 
 
-def code(text):
+def code(text: Any) -> str:
     """Return a value as code, or an empty cell."""
     return "`%s`" % cell(text) if str(text).strip() else ""
 
 
-def table(head, rows):
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> List[str]:
     """Return the lines of a table."""
     return ["| %s |" % " | ".join(head), "|%s" % (" --- |" * len(head))] + ["| %s |" % " | ".join(row) for row in rows]
 
 
-def first_sentence(text):
+def first_sentence(text: Optional[str]) -> str:
     """Return a text up to its first full stop at the end of a word."""
     return re.split(r"(?<=[a-z0-9)`])\.(?:\s|$)", " ".join((text or "").split()), maxsplit=1)[0]
 
 
-def programs(name, folder):
+def programs(name: str, folder: str) -> List[Tuple[str, str, str]]:
     """Return (package, name, sentence) of the Python programs in a package's folders scripts/ and nodes/.
 
     ``package`` is the one that rosrun finds the program by: a folder below scripts/ has the name of another package.
@@ -90,7 +98,7 @@ def programs(name, folder):
     return sorted(found)
 
 
-def launch_files(folder):
+def launch_files(folder: str) -> List[Tuple[str, str, List[Tuple[Any, Optional[str], str]]]]:
     """Return (name, comment, [(argument, default or None, meaning)]) of a package's launch files."""
     found = []
     for path in sorted(glob.glob(os.path.join(folder, "launch", "*.launch"))):
@@ -103,7 +111,7 @@ def launch_files(folder):
     return found
 
 
-def readable_default(text):
+def readable_default(text: Optional[str]) -> str:
     """Return a default as a reader understands it: the folders and conditions of launch files in few words."""
     if text is None:
         return "required"
@@ -112,12 +120,12 @@ def readable_default(text):
     return code(re.sub(r"\$\(find ([\w]+)\)", r"\1", text)) or "empty"
 
 
-def read_parameters(folder, pages=None):
+def read_parameters(folder: str, pages: Optional[str] = None) -> List[Parameter]:
     """Return (name, default, meaning) of the parameters that Python sources of a package read by a literal name.
 
     The meaning is that of the row for the name in the package's README, or in docs/reference/PACKAGE.md.
     """
-    found = {}
+    found: Dict[str, Any] = {}
     for path in sorted(glob.glob(os.path.join(folder, "src", "**", "*.py"), recursive=True)):
         with open(path, encoding="utf-8") as stream:
             tree = ast.parse(stream.read())
@@ -125,9 +133,9 @@ def read_parameters(folder, pages=None):
             for name, default in _parameters_of(node):
                 found.setdefault(name, default)
     rows = []
-    pages = (os.path.join(folder, "README.md"),
+    files = (os.path.join(folder, "README.md"),
              os.path.join(pages or os.path.join(ROOT, "docs", "reference"), os.path.basename(folder) + ".md"))
-    for path in filter(os.path.isfile, pages):
+    for path in filter(os.path.isfile, files):
         with open(path, encoding="utf-8") as stream:
             rows += [[part.strip() for part in line.strip().strip("|").split("|")]
                      for line in stream if line.startswith("| `")]
@@ -136,9 +144,9 @@ def read_parameters(folder, pages=None):
             for name, default in sorted(found.items())]
 
 
-def _parameters_of(node):
+def _parameters_of(node: ast.AST) -> List[Tuple[str, Any]]:
     """(name, default) of the parameters that one node of a syntax tree reads."""
-    def value(part):
+    def value(part: Any) -> Any:
         return ast.literal_eval(part)
 
     try:
@@ -158,20 +166,20 @@ def _parameters_of(node):
     return []
 
 
-def config_rows(entries):
+def config_rows(entries: Iterable[Parameter]) -> List[Tuple[str, str, str]]:
     """Return rows of (name, default, meaning) triples; None is no default."""
     return [(code(name), "unset" if default is None else code(default) or "empty", cell(meaning))
             for name, default, meaning in entries]
 
 
-def node_parameters():
+def node_parameters() -> List[Parameter]:
     """Return (name, default, meaning) of the parameters of the simulation node."""
     from m2wr_sim.ros.params import NodeConfig
-    return [("~" + entry.name, entry.default_factory() if entry.default is MISSING else entry.default,
+    return [("~" + entry.name, entry.default_factory() if entry.default is MISSING else entry.default,  # type: ignore
              entry.metadata["help"]) for entry in fields(NodeConfig)]
 
 
-def mapper_parameters():
+def mapper_parameters() -> List[Parameter]:
     """Return (name, default, meaning) of the parameters of the mapping node."""
     from m2wr_gmapping.config import PARAMETERS
     return [("~" + name, parameter.default, parameter.meaning + (" [%s]" % parameter.unit if parameter.unit else ""))
@@ -180,25 +188,25 @@ def mapper_parameters():
 
 # ---- from running nodes ----------------------------------------------------------------------------------------
 
-def free_port():
+def free_port() -> int:
     """Return a port of the loopback interface that nobody uses."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
 
 
-def expected_nodes():
+def expected_nodes() -> Set[str]:
     """Return the names of the nodes in the launch file that this script starts."""
     with open(LAUNCH, encoding="utf-8") as stream:
-        return set(re.search(r"nodes: ([\w\s]+)", stream.read()).group(1).split())
+        return set(re.findall(r"nodes: ([\w\s]+)", stream.read())[0].split())
 
 
-def graph_of(master):
+def graph_of(master: Any) -> Graph:
     """Return {node: {"publishes", "subscribes", "serves": {name: type}}} of what is registered at a master."""
     import rosservice
     publishers, subscribers, services = master.getSystemState()
     types = dict(master.getTopicTypes())
-    found = {}
+    found: Graph = {}
     for kind, part in (("publishes", publishers), ("subscribes", subscribers)):
         for topic, nodes in part:
             for node in nodes:
@@ -212,7 +220,7 @@ def graph_of(master):
     return {node: found[node] for node in found if node in expected_nodes()}
 
 
-def running_graph():
+def running_graph() -> Graph:
     """Start the nodes, wait until all are there and nothing changes any more, and return their graph.
 
     Raises
@@ -252,7 +260,7 @@ def running_graph():
 
 # ---- the page --------------------------------------------------------------------------------------------------
 
-def render(graph):
+def render(graph: Graph) -> str:
     """Return the text of the page."""
     lines = HEAD.splitlines() + ["", "## Packages", ""]
     found = packages()
@@ -283,9 +291,9 @@ def render(graph):
               "[its reference](reference/mapping_nodes.md#parameters).", ""]
     lines += table(head, config_rows(mapper_parameters()))
     for name, folder in found:
-        rows = read_parameters(folder)
-        if rows and name not in ("m2wr_sim", "m2wr_gmapping", "m2wr_tools"):
-            lines += ["", "### nodes of %s" % name, ""] + table(head, config_rows(rows))
+        parameters = read_parameters(folder)
+        if parameters and name not in ("m2wr_sim", "m2wr_gmapping", "m2wr_tools"):
+            lines += ["", "### nodes of %s" % name, ""] + table(head, config_rows(parameters))
     lines += ["", "## Launch files", ""]
     for name, folder in found:
         for file, comment, arguments in launch_files(folder):
@@ -298,13 +306,13 @@ def render(graph):
     return "\n".join(lines).rstrip() + "\n"
 
 
-def differences(before, now, name):
+def differences(before: str, now: str, name: str) -> List[str]:
     """Return the lines that differ between two texts."""
     return list(difflib.unified_diff(before.splitlines(), now.splitlines(), name, name + " as the code says",
                                      lineterm="", n=0))
 
 
-def main(arguments=None):
+def main(arguments: Optional[List[str]] = None) -> int:
     """Write or check the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--graph", action="store_true", help="start the nodes and ask them")

@@ -6,6 +6,8 @@ Reads what the build system promised (the result file of each registered test, f
 tests wrote, so a test that died, was never started or left an empty file counts as failed. Last line on stdout, alone:
 ``123 passed, 0 failed, 1 skipped`` (errors count as failed).
 """
+from __future__ import annotations
+
 import argparse
 import collections
 import os
@@ -13,6 +15,7 @@ import re
 import shutil
 import sys
 import xml.etree.ElementTree as ElementTree
+from typing import Dict, Iterable, List, Optional, Set, TextIO
 
 Case = collections.namedtuple("Case", "name outcome seconds message")
 Suite = collections.namedtuple("Suite", "package name cases")
@@ -23,7 +26,7 @@ TEST_FILE = re.compile(r"^(test_.*\.py|.*\.test)$")
 PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
-def packages_to_judge(workspace, build):
+def packages_to_judge(workspace: str, build: str) -> Set[str]:
     """Names of the packages under src/, dropin/ and test/ that hold a test file or have registered a test.
 
     Parameters
@@ -44,13 +47,13 @@ def packages_to_judge(workspace, build):
                 folders[:] = []
                 has_tests = any(TEST_FILE.match(name) for _, _, names in os.walk(folder) for name in names)
                 with open(os.path.join(folder, "package.xml"), encoding="utf-8") as stream:
-                    name = PACKAGE_NAME.search(stream.read()).group(1)
+                    name = PACKAGE_NAME.findall(stream.read())[0]
                 if has_tests or promised_results(build, name):
                     found.add(name)
     return found
 
 
-def promised_results(build, package):
+def promised_results(build: str, package: str) -> List[str]:
     """Result files of the tests that a package has registered, as the build system wrote them down.
 
     Returns
@@ -65,7 +68,7 @@ def promised_results(build, package):
         return sorted(set(RESULT_OF_TEST.findall(stream.read())))
 
 
-def read_cases(path):
+def read_cases(path: str) -> List[Case]:
     """Test cases of one JUnit XML file.
 
     Returns
@@ -95,7 +98,7 @@ def read_cases(path):
     return cases
 
 
-def is_wrapper(case, suite_name, readable):
+def is_wrapper(case: Case, suite_name: str, readable: Dict[str, List[Case]]) -> bool:
     """Whether a case only says that a rostest ran, while the test's own result file says how it went.
 
     rostest writes one case ``test<name>`` a ``<test>`` tag beside ``rosunit-<name>.xml`` with the real ones. A failed
@@ -106,14 +109,14 @@ def is_wrapper(case, suite_name, readable):
             and bool(readable.get("rosunit-{}.xml".format(name[len("test"):]))))
 
 
-def shared_test_names(readable):
+def shared_test_names(readable: Dict[str, List[Case]]) -> List[str]:
     """Test names that more than one rostest of a package uses, though their results go to one file."""
     owners = collections.Counter(case.name.rpartition(".")[2][len("test"):] for name, cases in readable.items()
                                  for case in cases if name.startswith("rostest-"))
     return sorted(name for name, number in owners.items() if number > 1)
 
 
-def package_suites(build, package, started):
+def package_suites(build: str, package: str, started: float) -> List[Suite]:
     """Suites of one package, one a result file, with a failed case for each result that is missing or unusable.
 
     Parameters
@@ -164,7 +167,7 @@ def package_suites(build, package, started):
     return [suite for suite in suites if suite.cases]
 
 
-def collect(build, package, target):
+def collect(build: str, package: str, target: str) -> None:
     """Copy a package's result files to ``target/<package>/``."""
     folder = os.path.join(build, package, "test_results")
     for where, _, files in os.walk(folder):
@@ -174,19 +177,19 @@ def collect(build, package, target):
                 shutil.copy2(os.path.join(where, name), os.path.join(target, package, name))
 
 
-def count(cases, outcome):
+def count(cases: Iterable[Case], outcome: str) -> int:
     """Number of cases with the given outcome."""
     return sum(case.outcome == outcome for case in cases)
 
 
-def closing_line(suites, problems):
+def closing_line(suites: List[Suite], problems: List[str]) -> str:
     """The result in one line."""
     cases = [case for suite in suites for case in suite.cases]
     return "{} passed, {} failed, {} skipped".format(
         count(cases, PASSED), count(cases, FAILED) + len(problems), count(cases, SKIPPED))
 
 
-def report(suites, problems, out):
+def report(suites: List[Suite], problems: List[str], out: TextIO) -> bool:
     """Print table, skips, failures and the closing line.
 
     Returns
@@ -215,7 +218,7 @@ def report(suites, problems, out):
     return count(cases, PASSED) > 0 and count(cases, FAILED) + len(problems) == 0
 
 
-def main(argv=None, out=sys.stdout):
+def main(argv: Optional[List[str]] = None, out: TextIO = sys.stdout) -> int:
     """Command line; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("workspace", help="root of the workspace")

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The command ``rosrun m2wr_course exercise N FILE``."""
+from __future__ import annotations
+
 import argparse
 import importlib
 import os
 import sys
+from typing import Callable, Iterable, Optional, Sequence
 
+from m2wr_course.finding import Finding
 from m2wr_sim.errors import SimError
 
 #: By number: what the file is, and module and function of the check; imported when it is asked for.
@@ -18,13 +22,13 @@ EXERCISES = {
 }
 
 
-def check_of(number):
+def check_of(number: int) -> Callable[[str], Iterable[Finding]]:
     """Return the function that checks the file of an exercise and yields its findings."""
     _, module, name = EXERCISES[number]
     return getattr(importlib.import_module("m2wr_course." + module), name)
 
 
-def main(arguments=None):
+def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Check one file; returns 0 if all is right, 1 if something is not yet, 2 if it cannot be tried at all."""
     told = "\n".join("%d  %s" % (number, EXERCISES[number][0]) for number in sorted(EXERCISES))
     parser = argparse.ArgumentParser("exercise", description="Check an exercise of the course.",

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exercise 6: a map, compared with the world in which it was made."""
+from __future__ import annotations
+
 import os
+from typing import TYPE_CHECKING, Iterator, Tuple
 
 import numpy as np
 import yaml
@@ -11,12 +14,15 @@ from m2wr_sim.api.loading import read_world
 from m2wr_sim.errors import WorldError
 from m2wr_tools.map_comparison.agreement import LASER_HEIGHT, Truth, compare
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 WORLD = "world02"
 ON_WALLS, FREE, DRAWN, AREA = 0.95, 0.98, 0.6, 150.0       # least shares of a good map, and its least size [m2]
 MOST_PIXELS = 4096 * 4096                       # 200 m x 200 m in cells of 0.05 m
 
 
-def _read(path):
+def _read(path: str) -> Tuple[NDArray[np.int8], float, NDArray[np.float64]]:
     """Return cells (H, W) int8, resolution [m] and origin (2,) [m] of a map as map_saver writes it."""
     try:
         with open(path, encoding="utf-8") as stream:
@@ -34,7 +40,7 @@ def _read(path):
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 
 
-def whole_map(path):
+def whole_map(path: str) -> Iterator[Finding]:
     """Exercise 6: a map of world02 in which most walls are drawn, where they are.
 
     Parameters

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exercise 4: a function that reads a scan, tried on scans with all that real ones contain."""
+from __future__ import annotations
+
 import math
 import runpy
+from typing import Any, Iterator, List, Optional, Tuple
 
 from m2wr_course.finding import Finding
 from m2wr_sim.errors import NotFoundError
 
 INF, NAN = math.inf, math.nan
 #: What is tried: words for it, ranges, angle_min, angle_increment, and the answer (distance, angle) or None.
-CASES = (
+CASES: Tuple[Tuple[str, List[float], float, float, Optional[Tuple[float, float]]], ...] = (
     ("one thing ahead", [5.0, 2.0, 4.0], -0.5, 0.5, (2.0, 0.0)),
     ("something on the left", [5.0, 3.0, 1.5], -0.5, 0.5, (1.5, 0.5)),
     ("another number of beams", [4.0] * 100 + [0.7] + [4.0] * 259, -math.pi / 2, math.pi / 359,
@@ -20,7 +23,7 @@ CASES = (
 )
 
 
-def nearest(path):
+def nearest(path: str) -> Iterator[Finding]:
     """Exercise 4: ``nearest(ranges, angle_min, angle_increment)`` returns (distance, angle), or None.
 
     Parameters
@@ -58,7 +61,7 @@ def nearest(path):
         yield Finding(right, "%s: it answers %s" % (words, _told(answer)), "expected %s" % _told(expected))
 
 
-def _told(answer):
+def _told(answer: Any) -> str:
     try:
         return "%.2f m at %.2f rad" % tuple(answer)
     except TypeError:

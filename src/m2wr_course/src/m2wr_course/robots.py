@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exercises 1 to 3: robots.  Each is read, put into the simulator, and driven; no ROS master is needed."""
+from __future__ import annotations
+
 import math
 import re
 from pathlib import Path
+from typing import Any, Dict, Iterator, List, Tuple, Union
 
 from lxml import etree
 
@@ -25,14 +28,14 @@ WALL_WORLD = """<sdf version="1.6"><world name="behind">
 <geometry><box><size>0.2 4 1</size></box></geometry></collision></link></model></world></sdf>""" % (WALL + 0.1)
 
 
-def _wheels(model):
+def _wheels(model: Any) -> Dict[str, float]:
     """Return {joint: y of its wheel [m]} of the joints that turn about the robot's y axis."""
     places = {link.name: link.pose for link in model.links}
     return {joint.name: places[joint.child][0][1] for joint in model.joints
             if joint.kind in ("continuous", "revolute")}
 
 
-def _drive_findings(model):
+def _drive_findings(model: Any) -> Iterator[Finding]:
     with Sim("empty", model, wheel_convention="rep103") as sim:
         sim.step((0.0, 0.0), 1.0)
         up = rotate(sim.pose()[1], (0.0, 0.0, 1.0))[2]
@@ -55,7 +58,7 @@ def _drive_findings(model):
                       "<wheelSeparation> must be the distance of the wheels, <wheelDiameter> twice their radius")
 
 
-def wider_robot(path):
+def wider_robot(path: str) -> Iterator[Finding]:
     """Exercise 1: the robot with its wheels 0.6 m apart.
 
     Parameters
@@ -75,7 +78,7 @@ def wider_robot(path):
     yield from _drive_findings(model)
 
 
-def _plain(element):
+def _plain(element: Any) -> Tuple[Any, ...]:
     """Element as nested tuples in which only what a reader of URDF sees is left: numbers as numbers, no order."""
     attributes = []
     for name, value in sorted(element.attrib.items()):
@@ -93,15 +96,15 @@ def _plain(element):
     return (element.tag, tuple(attributes), text, tuple(children))
 
 
-def _described(path):
+def _described(path: Union[str, Path]) -> Dict[str, List[Tuple[Any, ...]]]:
     root = etree.fromstring(expand_xacro(Path(path).read_text(encoding="utf-8"), str(path), package_folder).encode())
-    parts = {}
+    parts: Dict[str, List[Tuple[Any, ...]]] = {}
     for child in root.iterchildren(tag=etree.Element):
         parts.setdefault(_title(child), []).append(_plain(child))
     return {key: sorted(value, key=repr) for key, value in parts.items() if not key.startswith("<material")}
 
 
-def _title(element):
+def _title(element: Any) -> str:
     """Return what a reader looks for in the file: the tag with its name, or what it holds where it has none."""
     for attribute in ("name", "reference"):
         if element.get(attribute):
@@ -111,7 +114,7 @@ def _title(element):
     return "<%s> with %s" % (element.tag, ", ".join(held)) if held else "<%s>" % element.tag
 
 
-def same_robot(path):
+def same_robot(path: str) -> Iterator[Finding]:
     """Exercise 2: other files, the same robot, and no number of the wheels written twice.
 
     Parameters and yields as :func:`wider_robot`.
@@ -135,7 +138,7 @@ def same_robot(path):
                   "${wheel_radius} for it")
 
 
-def laser_behind(path):
+def laser_behind(path: str) -> Iterator[Finding]:
     """Exercise 3: a second laser that looks back.
 
     Parameters and yields as :func:`wider_robot`.

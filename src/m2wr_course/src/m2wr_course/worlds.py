@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exercise 5: a world in which Bug 2 has to follow walls twice and still comes to its goal."""
+from __future__ import annotations
+
+from typing import Iterator
+
 from m2wr_course.finding import Finding
 from m2wr_sim.api.loading import read_world
 from m2wr_tools.bug2_runner import run_bug2
@@ -7,7 +11,7 @@ from m2wr_tools.bug2_runner import run_bug2
 START, GOAL, WALLS, LIMIT = (0.0, 8.0), (0.0, -4.0), 2, 900.0
 
 
-def two_walls(path):
+def two_walls(path: str) -> Iterator[Finding]:
     """Exercise 5.
 
     Parameters

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A rospy controller in lockstep: subscribes, publishes and takes its turns when the simulator asks for them."""
+from __future__ import annotations
+
 import threading
 import warnings
+from typing import Any, Callable, Optional
 
 import rospy
 from rospy.impl import simtime
@@ -21,12 +24,12 @@ REMINDER = 5.0
 LONG_WAIT = 60.0        # s of wall time after which waiting for the first turn is worth a warning
 
 
-def _sender_of(message):
+def _sender_of(message: Any) -> str:
     """Return the name of the node that has sent a message or request; "" if rospy does not tell."""
     return (getattr(message, "_connection_header", None) or {}).get("callerid", "")
 
 
-def _stamp_of(message, default):
+def _stamp_of(message: Any, default: int) -> int:
     """Return the stamp of a message [ns]; ``default`` for one without a header."""
     header = getattr(message, "header", None)
     return default if header is None else header.stamp.to_nsec()
@@ -35,19 +38,19 @@ def _stamp_of(message, default):
 class Output:
     """A publisher that counts, and has handed its message to the network when :meth:`publish` returns."""
 
-    def __init__(self, outputs, topic, message_class, latch):
+    def __init__(self, outputs: Outputs, topic: str, message_class: Any, latch: bool) -> None:
         with warnings.catch_warnings():
             # without a queue rospy publishes in the caller's thread; it warns of that, but here it is what is wanted
             warnings.simplefilter("ignore", SyntaxWarning)
             self._publisher = rospy.Publisher(topic, message_class, latch=latch, tcp_nodelay=True, queue_size=None)
         self._outputs, self._topic = outputs, self._publisher.resolved_name
 
-    def publish(self, message):
+    def publish(self, message: Any) -> None:
         """Publish a message."""
         self._outputs.count(self._topic)
         self._publisher.publish(message)
 
-    def get_num_connections(self):
+    def get_num_connections(self) -> int:
         """Return the number of subscribers."""
         return self._publisher.get_num_connections()
 
@@ -59,12 +62,15 @@ class Controller:
     and nothing may wait for time to pass.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._inputs, self._outputs = Inputs(), Outputs()
-        self._turn = self._time_reset = None
-        self._last = None
+        self._turn: Optional[Callable[[float], Optional[int]]] = None
+        self._time_reset: Optional[Callable[[], object]] = None
+        self._last: Optional[int] = None        # simulated time of the newest turn [ns]
         self._taking = threading.Lock()     # one that gave up waiting may ask anew while its old turn is going on
-        self._code, self._error, self._ended = None, None, threading.Event()
+        self._code: Optional[int] = None
+        self._error: Optional[Exception] = None
+        self._ended = threading.Event()
         self.note = ""
         clock = getattr(simtime, "_clock_sub", None)
         if clock is not None:
@@ -72,7 +78,7 @@ class Controller:
             simtime._clock_sub = None
         _set_rostime(rospy.Time(0))
 
-    def subscribe(self, topic, message_class, callback):
+    def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], object]) -> None:
         """Hand the messages of a topic to ``callback`` at the beginning of each turn."""
         resolved = rospy.resolve_name(topic)
         self._inputs.add(resolved, callback)
@@ -80,11 +86,12 @@ class Controller:
                          lambda message: self._inputs.receive(resolved, message, _sender_of(message)),
                          queue_size=None, tcp_nodelay=True)
 
-    def publisher(self, topic, message_class, queue_size=None, latch=False):
+    def publisher(self, topic: str, message_class: Any, queue_size: Optional[int] = None,
+                  latch: bool = False) -> Output:
         """Return a publisher; ``queue_size`` is not used, as messages leave at once."""
         return Output(self._outputs, topic, message_class, latch)
 
-    def spin(self, turn, time_reset=None):
+    def spin(self, turn: Callable[[float], Optional[int]], time_reset: Optional[Callable[[], object]] = None) -> int:
         """Announce the controller and take turns until ``turn`` returns an exit code or ROS shuts down.
 
         Parameters
@@ -111,7 +118,7 @@ class Controller:
         service.shutdown("the node ends")
         return self._code or 0
 
-    def _wait_for_the_end(self):
+    def _wait_for_the_end(self) -> None:
         """Wait, and say when nobody asks for turns: a warning only after a minute, for a start takes time."""
         waited, pause, told = 0.0, REMINDER, 0
         while not self._ended.wait(pause):
@@ -131,12 +138,12 @@ class Controller:
                 tell("%s: %d messages were dropped while no lockstep request came", rospy.get_name(), dropped - told)
                 told = dropped
 
-    def _serve(self, request):
+    def _serve(self, request: Any) -> TurnResponse:
         """Take one turn, after the one that is going on if there is one."""
         with self._taking:
             return self._serve_alone(request)
 
-    def _serve_alone(self, request):
+    def _serve_alone(self, request: Any) -> TurnResponse:
         """Take one turn; an error goes to the simulator, and to who spins."""
         if self._ended.is_set():
             raise rospy.ServiceException("%s has ended" % rospy.get_name())
@@ -149,12 +156,14 @@ class Controller:
             self._ended.set()
             raise
 
-    def _take(self, request):
+    def _take(self, request: Any) -> TurnResponse:
+        assert self._turn is not None           # the service is there from `spin` on
         self._outputs.begin()
         now_ns, since_ns = request.stamp.to_nsec(), request.since.to_nsec()
         _set_rostime(rospy.Time(request.stamp.secs, request.stamp.nsecs))
-        rewound = self._last is not None and now_ns < self._last
-        if rewound:
+        rewound = False
+        if self._last is not None and now_ns < self._last:
+            rewound = True
             rospy.logwarn("%s: time jumped back from %.3f s to %.3f s; starting anew", rospy.get_name(),
                           self._last * 1e-9, now_ns * 1e-9)
             if self._time_reset is not None:

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a controller keeps count of between two turns; knows nothing of ROS."""
+from __future__ import annotations
+
 import threading
 import time
 from collections import deque, namedtuple
+from typing import Any, Callable, Deque, Dict, List, Mapping, Optional, Tuple
 
 #: Messages of each topic that are kept while nobody asks for turns.
 KEPT = 1000
@@ -36,18 +39,20 @@ class Inputs:
         Messages that were not kept.
     """
 
-    def __init__(self, clock=time.monotonic):
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._changed, self._clock = threading.Condition(), clock
-        self._topics = {}           # topic: (callbacks, waiting (sender, message))
-        self._taken = None          # when the newest turn was taken, None while none was or the newest failed
+        #: topic: (callbacks, waiting (sender, message))
+        self._topics: Dict[str, Tuple[List[Callable[[Any], object]], Deque[Tuple[Optional[str], Any]]]] = {}
+        #: when the newest turn was taken; None before the first and after one that failed
+        self._taken: Optional[float] = None
         self.dropped = 0
 
-    def add(self, topic, callback):
+    def add(self, topic: str, callback: Callable[[Any], object]) -> None:
         """Hand messages of a topic to ``callback`` in every turn."""
         with self._changed:
             self._topics.setdefault(topic, ([], deque()))[0].append(callback)
 
-    def receive(self, topic, message, sender=None):
+    def receive(self, topic: str, message: Any, sender: Optional[str] = None) -> None:
         """Keep a message; called from any thread."""
         with self._changed:
             waiting = self._topics[topic][1]
@@ -58,7 +63,8 @@ class Inputs:
                     waiting.popleft()
             self._changed.notify_all()
 
-    def take(self, counts, patience, counted=None, wanted=None, sender=None):
+    def take(self, counts: Mapping[str, int], patience: float, counted: Optional[Callable[[Any], bool]] = None,
+             wanted: Optional[Callable[[Any], bool]] = None, sender: Optional[str] = None) -> None:
         """Wait for messages and hand over everything that has come.
 
         Parameters
@@ -99,7 +105,7 @@ class Inputs:
                     for callback in callbacks:
                         callback(message)
 
-    def _missing(self, counts, counted, sender):
+    def _missing(self, counts: Mapping[str, int], counted: Callable[[Any], bool], sender: Optional[str]) -> List[str]:
         missing = []
         for topic, (_, waiting) in self._topics.items():
             number = counts.get(topic, 0)
@@ -110,27 +116,29 @@ class Inputs:
         return missing
 
 
-def _all(_):
+def _all(_: Any) -> bool:
     return True
 
 
 class Outputs:
     """How many messages have been published, by topic, since the previous answer."""
 
-    def __init__(self):
-        self._lock, self._counts, self._early = threading.Lock(), {}, {}
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: Dict[str, int] = {}
+        self._early: Dict[str, int] = {}
 
-    def count(self, topic):
+    def count(self, topic: str) -> None:
         """Count a message; to be called before it is sent, so that what is counted is on its way."""
         with self._lock:
             self._counts[topic] = self._counts.get(topic, 0) + 1
 
-    def begin(self):
+    def begin(self) -> None:
         """A turn begins: what has been counted so far was early."""
         with self._lock:
             self._early, self._counts = self._counts, {}
 
-    def end(self):
+    def end(self) -> Dict[str, Published]:
         """Return ``{topic: Published}`` since the previous answer, and start anew."""
         with self._lock:
             found = {topic: Published(self._early.get(topic, 0), self._counts.get(topic, 0))

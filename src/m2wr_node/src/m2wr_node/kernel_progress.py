@@ -4,16 +4,19 @@
 numba compiles for minutes on a slow machine and says nothing.  It is asked here from a thread beside it, so that
 nothing of it has to be replaced, whatever its version.
 """
+from __future__ import annotations
+
 import importlib
 import pkgutil
 import sys
 import threading
+from typing import Any, Callable, Dict, List, Optional
 
 _INTERVAL = 1.0         # s between two looks
 _QUIET = 15             # looks without news after which it is said that the work goes on
 
 
-def kernels(package):
+def kernels(package: str) -> Dict[str, Any]:
     """Import all modules of a package whose names end in ``kernels``; return {name: compiled function}."""
     found = {}
     top = importlib.import_module(package)
@@ -42,17 +45,19 @@ class KernelProgress:
         Seconds between two looks.
     """
 
-    def __init__(self, package, say=None, watched=None, interval=_INTERVAL):
+    def __init__(self, package: str, say: Optional[Callable[[str], object]] = None,
+                 watched: Optional[Dict[str, Any]] = None, interval: float = _INTERVAL) -> None:
         self._package, self._say, self._interval = package, say or _print, interval
         self._kernels = kernels(package) if watched is None else watched
-        self._compiled, self._done = [], threading.Event()
+        self._compiled: List[str] = []
+        self._done = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="kernel progress", daemon=True)
 
-    def __enter__(self):
+    def __enter__(self) -> KernelProgress:
         self._thread.start()
         return self
 
-    def __exit__(self, kind, error, trace):
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         self._done.set()
         self._thread.join()
         self._look()
@@ -60,14 +65,14 @@ class KernelProgress:
             self._say("%s: %d kernels ready, %d of them compiled now" % (
                 self._package, len(self._kernels), len(self._compiled)))
 
-    def _look(self):
+    def _look(self) -> List[str]:
         """Return the names of those that were compiled since the last look."""
         news = [name for name, kernel in self._kernels.items()
                 if name not in self._compiled and kernel.overloads and kernel.stats.cache_misses]
         self._compiled += news
         return news
 
-    def _watch(self):
+    def _watch(self) -> None:
         quiet = 0
         while not self._done.wait(self._interval):
             news = self._look()
@@ -80,6 +85,6 @@ class KernelProgress:
                     self._package, len(self._compiled), len(self._kernels)))
 
 
-def _print(line):
+def _print(line: str) -> None:
     print("   " + line)
     sys.stdout.flush()

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Numbers as parameter files write them."""
+from __future__ import annotations
+
 import re
+from typing import Union
 
 # What YAML 1.1 leaves a string because it expects a dot and a signed exponent: 1e-3, 5E2, 1.5e3.
 _EXPONENTIAL = re.compile(r"[-+]?([0-9]+[eE][-+]?|([0-9]+\.[0-9]*|\.[0-9]+)[eE][-+]?)[0-9]+")
 
 
-def number(value):
+def number(value: object) -> Union[int, float, None]:
     """Return a parameter's value as a number.
 
     Parameters

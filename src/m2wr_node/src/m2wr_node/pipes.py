@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Output to a pipe whose reader has ended is discarded without an error: ``... | head``."""
+from __future__ import annotations
+
 import io
 import os
 import sys
+from typing import Any, Callable, Optional, TextIO
 
 
 class _Lenient(io.FileIO):
     """A file descriptor whose output is discarded as soon as its pipe is closed at the other end."""
 
-    def __init__(self, descriptor, then):
+    def __init__(self, descriptor: int, then: Optional[Callable[[], object]]) -> None:
         super().__init__(descriptor, "w", closefd=False)
         self._then = then
 
-    def write(self, data):
+    def write(self, data: Any) -> int:
         """Write; returns how many bytes count as written."""
         try:
             return super().write(data)
@@ -25,7 +28,7 @@ class _Lenient(io.FileIO):
             return memoryview(data).nbytes
 
 
-def _lenient(stream, then=None):
+def _lenient(stream: Any, then: Optional[Callable[[], object]] = None) -> TextIO:
     """Return a text stream to the file of ``stream``, with the same encoding and buffering."""
     stream.flush()
     raw = _Lenient(stream.fileno(), then)
@@ -34,7 +37,7 @@ def _lenient(stream, then=None):
                             line_buffering=stream.line_buffering, write_through=unbuffered)
 
 
-def ignore_closed_pipes(then=None):
+def ignore_closed_pipes(then: Optional[Callable[[], object]] = None) -> None:
     """Ignore closed pipes of standard output and standard error; call it at the start of a program.
 
     The program continues to its end and returns its usual exit code.

@@ -4,11 +4,14 @@
 roslaunch starts nodes in a folder of their own. ``PWD`` in the environment is no help: it is what some shell once wrote
 there, and ``make -C``, ``sudo``, ``env -C`` and every program that starts another one elsewhere leave it as it was.
 """
+from __future__ import annotations
+
 import os
 import sys
+from typing import Optional, Sequence
 
 
-def user_folder(words=None):
+def user_folder(words: Optional[Sequence[str]] = None) -> str:
     """Return the absolute path of the folder in which the user started this program or the roslaunch that did.
 
     To be asked at the start: a roslaunch that is gone tells nothing.
@@ -27,12 +30,12 @@ def user_folder(words=None):
     return os.getcwd()
 
 
-def from_user(path, words=None):
+def from_user(path: str, words: Optional[Sequence[str]] = None) -> str:
     """Return the absolute path of a file named by the user; ``~`` is the home. The empty path stays empty."""
     return os.path.normpath(os.path.join(user_folder(words), os.path.expanduser(path))) if path else path
 
 
-def starter():
+def starter() -> int:
     """Return the number of the process that began the session.
 
     roslaunch gives each node a session, also below a ``launch-prefix``; started by it, this is roslaunch.
@@ -41,7 +44,7 @@ def starter():
     return os.getppid() if leader == os.getpid() else _parent(leader)
 
 
-def _parent(process):
+def _parent(process: int) -> int:
     try:
         with open("/proc/%d/stat" % process, "rb") as stream:
             return int(stream.read().rpartition(b")")[2].split()[1])       # the name before may hold anything
@@ -49,7 +52,7 @@ def _parent(process):
         return 0
 
 
-def _folder_of(process):
+def _folder_of(process: int) -> Optional[str]:
     try:
         found = os.readlink("/proc/%d/cwd" % process)
     except OSError:

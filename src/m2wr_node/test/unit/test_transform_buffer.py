@@ -7,8 +7,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 
 from m2wr_node.ros import transform_buffer
-from m2wr_node.ros.transform_buffer import (FARTHEST, LATEST, TransformBuffer, fault_of_transform,
-                                            is_out_of_range)
+from m2wr_node.ros.transform_buffer import FARTHEST, LATEST, TransformBuffer, fault_of_transform, is_out_of_range
 
 
 def transform(secs):

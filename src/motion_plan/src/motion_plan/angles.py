@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Angles in the plane: wrapping and the yaw of a quaternion. Plain floats, no ROS types."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from motion_plan.planar_types import FloatArray
 
 TWO_PI = 2.0 * math.pi
+_Angle = TypeVar('_Angle', float, 'FloatArray')
 
 
-def wrap_angle(angle):
+def wrap_angle(angle: _Angle) -> _Angle:
     """Return ``angle`` [rad] wrapped to [-pi, pi), whatever number of turns it holds."""
     return (angle + math.pi) % TWO_PI - math.pi
 
 
-def normalize_angle(angle):
+def normalize_angle(angle: float) -> float:
     """Return ``angle`` [rad] moved by one turn towards zero when its size exceeds pi.
 
     The report's own formula: it takes away one turn only, so it is right for differences of two wrapped
@@ -21,7 +28,7 @@ def normalize_angle(angle):
     return angle
 
 
-def yaw_of_quaternion(x, y, z, w):
+def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Return the yaw [rad] of a quaternion.
 
     Parameters

@@ -3,12 +3,16 @@
 
 Decides which behaviour drives; the behaviours themselves (`go_to_point`, `wall_follower`) know nothing of it.
 """
+from __future__ import annotations
+
 import logging
 import math
 from enum import Enum
+from typing import List, Optional, Sequence, Tuple, Union
 
 from motion_plan.circuit import Circuit
-from motion_plan.surroundings import axle_of
+from motion_plan.planar_types import Point, Pose, Regions
+from motion_plan.surroundings import Surroundings, axle_of
 from motion_plan.wall_guard import ESCAPE_RADIUS
 
 LOG = logging.getLogger(__name__)
@@ -72,7 +76,7 @@ LOST_WALL_TIME = 1.0
 STUCK = ((0.3, 45.0), (2.0, 150.0))
 
 
-def distance_to_line(point, start, goal):
+def distance_to_line(point: Sequence[float], start: Point, goal: Point) -> float:
     """Return the distance [m] of ``point`` from the endless line through ``start`` and ``goal``, each (x, y) [m].
 
     Formula as in the report: |(y2-y1) x0 - (x2-x1) y0 + x2 y1 - y2 x1| / sqrt((y2-y1)^2 + (x2-x1)^2).
@@ -82,7 +86,7 @@ def distance_to_line(point, start, goal):
     return up_eq / lo_eq
 
 
-def _line_value(point, start, goal):
+def _line_value(point: Sequence[float], start: Sequence[float], goal: Point) -> float:
     return (goal[1] - start[1]) * point[0] - (goal[0] - start[0]) * point[1] \
         + (goal[0] * start[1]) - (goal[1] * start[0])
 
@@ -90,40 +94,41 @@ def _line_value(point, start, goal):
 class ReportRule:
     """The switch rule as printed: an obstacle ahead; after five counted seconds, the line anywhere."""
 
-    def __init__(self, start, goal):
+    def __init__(self, start: Point, goal: Point) -> None:
         self._start, self._goal = start, goal
         self._loops = 0
         self._seconds = 0
 
-    def begin(self, now, pose):
+    def begin(self, now: float, pose: Pose) -> None:
         """A state was entered."""
         self._seconds = 0
 
-    def end_turn(self):
+    def end_turn(self) -> None:
         """Count one turn of the 20 Hz loop; twenty make a second."""
         self._loops += 1
         if self._loops == REPORT_LOOPS_A_SECOND:
             self._seconds += 1
             self._loops = 0
 
-    def hit(self, pose, speed, regions, surroundings, scan_age):
+    def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
+            scan_age: float) -> Optional[str]:
         """Return why the wall must be followed, or None."""
         if REPORT_FRONT[0] < regions['front'] < REPORT_FRONT[1]:
             return 'obstacle %.2f m ahead' % regions['front']
         return None
 
-    def leave(self, now, pose, surroundings):
+    def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
         """Return why the wall can be left, or None."""
         distance = distance_to_line(pose, self._start, self._goal)
         if self._seconds > REPORT_SECONDS and distance < LINE_TOLERANCE:
             return 'on the line'
         return None
 
-    def unreachable(self, now, pose):
+    def unreachable(self, now: float, pose: Pose) -> Optional[str]:
         """The printed rule never gives up."""
         return None
 
-    def new_line(self):
+    def new_line(self) -> Optional[Point]:
         """The printed rule keeps its line."""
         return None
 
@@ -131,19 +136,19 @@ class ReportRule:
 class CompleteRule:
     """The textbook's rule: leave only on the m-line, nearer to the goal than the hit point, with the way free."""
 
-    def __init__(self, start, goal):
+    def __init__(self, start: Point, goal: Point) -> None:
         self._start, self._goal = start, goal
         self._circuit = Circuit()
         self._hit_distance = math.inf
         self._too_close = False
         self._line_side = 0.0
         self._wall_seen = 0.0
-        self._anchors = []
+        self._anchors: List[Tuple[float, float, float]] = []
         self._tries_at_goal = 0
         self._new_lines = 0
-        self._new_start = None
+        self._new_start: Optional[Point] = None
 
-    def begin(self, now, pose):
+    def begin(self, now: float, pose: Pose) -> None:
         """A state was entered at time ``now`` [s] and ``pose``."""
         self._circuit = Circuit()
         self._hit_distance = self._goal_distance(pose)
@@ -151,10 +156,11 @@ class CompleteRule:
         self._wall_seen = now
         self._anchors = [(now, pose[0], pose[1])] * len(STUCK)
 
-    def end_turn(self):
+    def end_turn(self) -> None:
         """This rule counts no turns."""
 
-    def hit(self, pose, speed, regions, surroundings, scan_age):
+    def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
+            scan_age: float) -> Optional[str]:
         """Return why the wall must be followed, or None."""
         self._too_close = False
         if surroundings.nearest(*axle_of(pose))[0] < ESCAPE_RADIUS:
@@ -165,7 +171,7 @@ class CompleteRule:
             return 'the way to the goal is obstructed'
         return None
 
-    def leave(self, now, pose, surroundings):
+    def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
         """Return why the wall can be left, or None."""
         crossed = self._crossed_line(pose)
         nearest = surroundings.nearest(*axle_of(pose))[0]
@@ -191,7 +197,7 @@ class CompleteRule:
             return 'on the m-line, %.2f m nearer to the goal than the hit point' % (self._hit_distance - distance)
         return None
 
-    def unreachable(self, now, pose):
+    def unreachable(self, now: float, pose: Pose) -> Optional[str]:
         """Return why the goal cannot be reached, or None; to be asked every turn of wall following."""
         for index, (distance, time) in enumerate(STUCK):
             since, x, y = self._anchors[index]
@@ -209,22 +215,22 @@ class CompleteRule:
             return 'went round the obstacle (%.1f m) without a point to leave it' % self._circuit.length
         return None
 
-    def new_line(self):
+    def new_line(self) -> Optional[Point]:
         """Return the start (x, y) of an m-line that has been laid anew, once; else None."""
         start, self._new_start = self._new_start, None
         return start
 
-    def _goal_distance(self, pose):
+    def _goal_distance(self, pose: Pose) -> float:
         return math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
 
-    def _crossed_line(self, pose):
+    def _crossed_line(self, pose: Pose) -> bool:
         """On the m-line, or across it since the last turn."""
         side = _line_value(pose, self._start, self._goal)
         crossed = side * self._line_side < 0.0
         self._line_side = side
         return crossed or distance_to_line(pose, self._start, self._goal) < LINE_TOLERANCE
 
-    def _way_free(self, pose, surroundings, radius, reach):
+    def _way_free(self, pose: Pose, surroundings: Surroundings, radius: float, reach: float) -> bool:
         x, y = axle_of(pose)
         needed = min(reach, self._goal_distance(pose) - STOP_SHORT)
         if needed <= 0.0:
@@ -259,7 +265,7 @@ class Bug2:
         If a coordinate is not finite, start and goal are the same point, or the rule is unknown.
     """
 
-    def __init__(self, start, goal, leave_rule='complete'):
+    def __init__(self, start: Point, goal: Point, leave_rule: str = 'complete') -> None:
         if not all(math.isfinite(value) for value in tuple(start) + tuple(goal)):
             raise ValueError('start %s, goal %s: expected finite coordinates' % (tuple(start), tuple(goal)))
         if math.hypot(goal[0] - start[0], goal[1] - start[1]) < SAME_POINT:
@@ -267,33 +273,37 @@ class Bug2:
                              % tuple(goal))
         if leave_rule not in LEAVE_RULES:
             raise ValueError('leave_rule "%s": expected one of %s' % (leave_rule, ', '.join(LEAVE_RULES)))
-        self.start, self.goal, self.leave_rule = tuple(start), tuple(goal), leave_rule
+        self.start: Point = (start[0], start[1])
+        self.goal: Point = (goal[0], goal[1])
+        self.leave_rule = leave_rule
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Begin again with the same start and goal."""
         self.state = State.GO_TO_POINT
         self.line_start = self.start
         self.reason = ''
-        self.hit_point = None
-        self.leave_point = None
-        self._rule = (CompleteRule if self.leave_rule == 'complete' else ReportRule)(self.start, self.goal)
-        self._rest_since = None
+        self.hit_point: Optional[Point] = None
+        self.leave_point: Optional[Point] = None
+        self._rule: Union[CompleteRule, ReportRule] = (
+            CompleteRule if self.leave_rule == 'complete' else ReportRule)(self.start, self.goal)
+        self._rest_since: Optional[float] = None
 
     @property
-    def finished(self):
+    def finished(self) -> bool:
         """True once the goal was reached or found unreachable."""
         return self.state in (State.GOAL_REACHED, State.GOAL_UNREACHABLE)
 
-    def distance_to_line(self, point):
+    def distance_to_line(self, point: Sequence[float]) -> float:
         """Return the distance [m] of ``point`` from the m-line."""
         return distance_to_line(point, self.line_start, self.goal)
 
-    def distance_to_goal(self, point):
+    def distance_to_goal(self, point: Sequence[float]) -> float:
         """Return the distance [m] of ``point`` from the goal."""
         return math.hypot(self.goal[0] - point[0], self.goal[1] - point[1])
 
-    def update(self, now, pose, regions, surroundings, speed=(0.0, 0.0), scan_age=0.0):
+    def update(self, now: float, pose: Pose, regions: Regions, surroundings: Surroundings,
+               speed: Tuple[float, float] = (0.0, 0.0), scan_age: float = 0.0) -> State:
         """Take one turn of the 20 Hz loop.
 
         Parameters
@@ -342,12 +352,12 @@ class Bug2:
         self._rule.end_turn()
         return self.state
 
-    def _enter(self, state, now, pose, reason):
+    def _enter(self, state: State, now: float, pose: Pose, reason: str) -> None:
         self.state, self.reason = state, reason
         self._rest_since = None
         self._rule.begin(now, pose)
 
-    def _at_rest_at_goal(self, now, pose, speed):
+    def _at_rest_at_goal(self, now: float, pose: Pose, speed: Tuple[float, float]) -> bool:
         resting = self.distance_to_goal(pose) <= REACHED_DISTANCE and max(abs(speed[0]), abs(speed[1])) < REST_SPEED
         if not resting:
             self._rest_since = None

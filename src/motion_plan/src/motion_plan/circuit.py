@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Noticing that the robot drives along its own track again: the way round an obstacle has closed."""
+from __future__ import annotations
+
 import math
 
 import numpy as np
 
 from motion_plan.angles import wrap_angle
+from motion_plan.planar_types import Pose
 
 #: Spacing of the recorded track [m].
 SPACING = 0.1
@@ -34,19 +37,19 @@ class Circuit:
     the other direction.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._track = np.empty((256, 3))
         self._count = 0
         self._matches = 0
         self.length = 0.0
 
-    def passes_start(self, pose):
+    def passes_start(self, pose: Pose) -> bool:
         """Whether the way that has closed at ``pose`` leads past the place where the track began."""
         loop = self._track[self._count - self._loop_length(pose):self._count]
         distance = np.hypot(loop[:, 0] - self._track[0, 0], loop[:, 1] - self._track[0, 1])
         return bool(len(loop) and np.min(distance) < NEAR_START)
 
-    def add(self, pose):
+    def add(self, pose: Pose) -> bool:
         """Take the pose (x, y [m], yaw [rad]) of now; return True once the track has closed."""
         if self._count:
             step = math.hypot(pose[0] - self._track[self._count - 1, 0], pose[1] - self._track[self._count - 1, 1])
@@ -61,7 +64,7 @@ class Circuit:
         self._matches = self._matches + 1 if loop else 0
         return self._matches >= (loop if loop < SHORT_LOOP else CONFIRM) > 0
 
-    def _loop_length(self, pose):
+    def _loop_length(self, pose: Pose) -> int:
         """Samples between the newest place of the old track that ``pose`` meets and now; 0 when it meets none."""
         old = self._track[JOINING:max(JOINING, self._count - GAP)]
         if len(old) == 0:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Go to point: turn towards the goal, drive straight, stop. Looks at the pose only; it does not see obstacles."""
+from __future__ import annotations
+
 import logging
 import math
 from enum import IntEnum
+from typing import Optional
 
 from motion_plan.angles import wrap_angle
+from motion_plan.planar_types import Command, Point, Pose, Regions
 
 LOG = logging.getLogger(__name__)
 
@@ -32,22 +36,22 @@ class GoToPoint:
         x, y [m].
     """
 
-    def __init__(self, goal):
+    def __init__(self, goal: Point) -> None:
         self.goal = goal
         self.state = State.FIX_YAW
 
-    def restart(self):
+    def restart(self) -> None:
         """Begin with state 0, as when the behaviour is switched on: a command left over from state 1 would drive the
         robot before it has turned to the goal.
         """
         self.state = State.FIX_YAW
 
-    def change_state(self, state):
+    def change_state(self, state: State) -> None:
         """Enter ``state`` and log it."""
         self.state = State(state)
         LOG.info('State changed to [%d]', self.state)
 
-    def update(self, pose, regions=None):
+    def update(self, pose: Pose, regions: Optional[Regions] = None) -> Command:
         """Return the command for one turn of the loop.
 
         Parameters
@@ -68,11 +72,11 @@ class GoToPoint:
             return self.go_straight_ahead(pose)
         return self.done()
 
-    def yaw_error(self, pose):
+    def yaw_error(self, pose: Pose) -> float:
         """Return the turn [rad] in [-pi, pi) that would make the robot face the goal; left is positive."""
         return wrap_angle(math.atan2(self.goal[1] - pose[1], self.goal[0] - pose[0]) - pose[2])
 
-    def fix_yaw(self, pose):
+    def fix_yaw(self, pose: Pose) -> Command:
         """State 0: turn on the spot until the heading is right within 2 degrees."""
         error = self.yaw_error(pose)
         if math.fabs(error) > YAW_PRECISION:
@@ -81,7 +85,7 @@ class GoToPoint:
         self.change_state(State.GO_STRAIGHT_AHEAD)
         return 0.0, 0.0
 
-    def go_straight_ahead(self, pose):
+    def go_straight_ahead(self, pose: Pose) -> Command:
         """State 1: drive, with a small steady correction, until 0.3 m from the goal.
 
         Both checks run in the same turn, as in the original: arriving with a heading error above 2 degrees goes
@@ -100,6 +104,6 @@ class GoToPoint:
             self.change_state(State.FIX_YAW)
         return command
 
-    def done(self):
+    def done(self) -> Command:
         """State 2: stand still until restarted."""
         return 0.0, 0.0

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Obstacle avoidance without a goal: drive on, turn away from what is nearer than a metre."""
+from __future__ import annotations
+
 import logging
 from enum import Enum
+from typing import Dict, Optional, Tuple
+
+from motion_plan.planar_types import Command, Pose, Regions
 
 LOG = logging.getLogger(__name__)
 
@@ -19,7 +24,7 @@ class State(Enum):
 
 
 #: (front, fleft, fright occupied) -> text of the case, state.
-CASES = {
+CASES: Dict[Tuple[bool, ...], Tuple[str, State]] = {
     (False, False, False): ('case 1 - nothing', State.GO_STRAIGHT),
     (True, False, False): ('case 2 - front', State.TURN_LEFT),
     (False, False, True): ('case 3 - fright', State.TURN_LEFT),
@@ -34,11 +39,11 @@ CASES = {
 class ObstacleAvoidance:
     """The table of eight cases over the sectors front, fleft and fright."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.state = State.GO_STRAIGHT
         self.case = ''
 
-    def take_action(self, regions):
+    def take_action(self, regions: Regions) -> None:
         """Choose the state from ``regions`` (dict of sector to metres). A value equal to 1 m decides nothing."""
         values = [regions[name] for name in ('front', 'fleft', 'fright')]
         if not all(value < THRESHOLD or value > THRESHOLD for value in values):
@@ -50,7 +55,7 @@ class ObstacleAvoidance:
             self.case = case
             LOG.info('%s', case)
 
-    def update(self, pose=None, regions=None):
+    def update(self, pose: Optional[Pose] = None, regions: Optional[Regions] = None) -> Command:
         """Return (linear_x [m/s], angular_z [rad/s]); ``pose`` is not used."""
         if regions is not None:
             self.take_action(regions)

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The last second of poses, so that a scan is placed where the robot was when it was taken."""
+from __future__ import annotations
+
 import math
 from collections import deque
+from typing import Deque, Optional, Tuple
 
 from motion_plan.angles import wrap_angle
+from motion_plan.planar_types import Pose
 
 #: No robot of ours gets farther than this between two poses: a length [m], and so much more a second [m/s].
 JUMP_DISTANCE = 0.3
@@ -19,10 +23,10 @@ class PoseHistory:
         Number of poses kept.
     """
 
-    def __init__(self, length=40):
-        self._poses = deque(maxlen=length)
+    def __init__(self, length: int = 40) -> None:
+        self._poses: Deque[Tuple[float, Pose]] = deque(maxlen=length)
 
-    def add(self, stamp, pose):
+    def add(self, stamp: float, pose: Pose) -> None:
         """Take ``pose`` (x, y [m], yaw [rad]) of time ``stamp`` [s]; a stamp in the past starts a new history."""
         if self._poses and stamp < self._poses[-1][0]:
             self._poses.clear()
@@ -30,26 +34,26 @@ class PoseHistory:
             self._poses.pop()
         self._poses.append((stamp, pose))
 
-    def is_jump(self, stamp, pose):
+    def is_jump(self, stamp: float, pose: Pose) -> bool:
         """Tell whether the robot must have been put to ``pose`` at ``stamp`` [s], for it cannot have driven there."""
         if not self._poses or stamp < self._poses[-1][0]:
             return False
         before, (x, y, _) = self._poses[-1]
         return math.hypot(pose[0] - x, pose[1] - y) > JUMP_DISTANCE + JUMP_SPEED * (stamp - before)
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget all poses."""
         self._poses.clear()
 
-    def latest(self):
+    def latest(self) -> Optional[Pose]:
         """Return the newest pose, or None."""
         return self._poses[-1][1] if self._poses else None
 
-    def at(self, stamp):
+    def at(self, stamp: float) -> Optional[Pose]:
         """Return the pose at ``stamp`` [s], interpolated; the first or last one for a time outside, None if empty."""
         if not self._poses:
             return None
-        later = None
+        later: Optional[Tuple[float, Pose]] = None
         for time, pose in reversed(self._poses):
             if time <= stamp:
                 if later is None:
@@ -59,4 +63,5 @@ class PoseHistory:
                 return (pose[0] + part * (later[1][0] - pose[0]), pose[1] + part * (later[1][1] - pose[1]),
                         wrap_angle(pose[2] + part * turn))
             later = (time, pose)
+        assert later is not None
         return later[1]

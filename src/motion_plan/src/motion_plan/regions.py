@@ -4,11 +4,18 @@
 For the report's own scan (720 beams from -90 to +90 degrees) a sector is the printed slice, whose excluded ends
 leave a few beams out. For any other scan a sector is the range of *angles* that slice covers on the report's scan.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from motion_plan.angles import wrap_angle
+from motion_plan.planar_types import Regions
+
+if TYPE_CHECKING:
+    from motion_plan.planar_types import IndexArray
 
 #: Sector names in the order of the beams, which run counter-clockwise.
 SECTOR_NAMES = ('right', 'fright', 'front', 'fleft', 'left')
@@ -29,7 +36,7 @@ class ScanError(ValueError):
     """A scan from which no sectors can be taken; the text says what was read and what was expected."""
 
 
-def check_scan(count, angle_min, angle_max, angle_increment):
+def check_scan(count: int, angle_min: float, angle_max: float, angle_increment: float) -> None:
     """Raise ScanError unless ``count`` readings fit the scan's angles [rad] (to one beam, as drivers differ)."""
     if count == 0:
         raise ScanError('laser scan: 0 readings, expected at least 2')
@@ -44,7 +51,8 @@ def check_scan(count, angle_min, angle_max, angle_increment):
                         % (count, round(expected), angle_min, angle_max, angle_increment))
 
 
-def sector_beams(count, angle_min, angle_increment, bounds):
+def sector_beams(count: int, angle_min: float, angle_increment: float,
+                 bounds: Sequence[Tuple[int, int]]) -> List[IndexArray]:
     """Return one index array a sector: the beams of a scan that belong to it.
 
     Parameters
@@ -82,13 +90,13 @@ class RegionReader:
         One of READING_LASER_BOUNDS and BUG2_BOUNDS.
     """
 
-    def __init__(self, bounds=BUG2_BOUNDS):
+    def __init__(self, bounds: Sequence[Tuple[int, int]] = BUG2_BOUNDS) -> None:
         self._bounds = bounds
-        self._layout = None
-        self._beams = None
-        self._notices = []
+        self._layout: Optional[Tuple[int, float, float, float]] = None
+        self._beams: List[IndexArray] = []
+        self._notices: List[str] = []
 
-    def read(self, ranges, angle_min, angle_max, angle_increment):
+    def read(self, ranges: Sequence[float], angle_min: float, angle_max: float, angle_increment: float) -> Regions:
         """Return the least range of every sector.
 
         Parameters
@@ -131,12 +139,12 @@ class RegionReader:
             regions[name] = float(min(max(least, 0.0), MAX_REGION))
         return regions
 
-    def take_notices(self):
+    def take_notices(self) -> List[str]:
         """Return sentences about sectors the newest scan layout does not cover, each once."""
         notices, self._notices = self._notices, []
         return notices
 
-    def _note_uncovered(self, angle_min, angle_max):
+    def _note_uncovered(self, angle_min: float, angle_max: float) -> None:
         missing = [name for name, beams in zip(SECTOR_NAMES, self._beams) if len(beams) == 0]
         if missing:
             self._notices.append(

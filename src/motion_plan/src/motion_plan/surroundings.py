@@ -5,12 +5,21 @@ The laser looks 90 degrees to each side, the robot turns about an axle 0.2 m beh
 while the robot can still touch it. So points are kept until the robot is far away or a beam goes through them.
 No planning here: only the store and the two questions asked of it.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Optional, Sequence, Tuple
 
 import numpy as np
 
 from motion_plan.angles import wrap_angle
 from motion_plan.body import AXLE_X, FOOTPRINT_BOXES, LASER_X
+from motion_plan.planar_types import Point, Pose
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from motion_plan.planar_types import BoolArray, FloatArray, IndexArray
 
 #: Points farther than this from the robot are forgotten [m].
 FORGET_DISTANCE = 3.0
@@ -28,7 +37,7 @@ TELEPORT = 0.5
 _AT_ONCE = 24
 
 
-def axle_of(pose):
+def axle_of(pose: Pose) -> Point:
     """Return the (x, y) of the axle [m] for a pose (x, y, yaw) of link_chassis, both in the odometry frame."""
     return pose[0] + AXLE_X * math.cos(pose[2]), pose[1] + AXLE_X * math.sin(pose[2])
 
@@ -42,18 +51,19 @@ class Surroundings:
         x, y [m] in the odometry frame.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.points = np.empty((0, 2))
-        self._pose = None
-        self._layout = None
-        self._angles = self._cos = self._sin = None
+        self._pose: Optional[Pose] = None
+        self._layout: Optional[Tuple[int, float, float]] = None
+        self._angles = self._cos = self._sin = np.empty(0)
 
-    def clear(self):
+    def clear(self) -> None:
         """Forget everything, as after a reset."""
         self.points = np.empty((0, 2))
         self._pose = None
 
-    def update(self, ranges, angle_min, angle_increment, pose, range_min=0.10):
+    def update(self, ranges: Sequence[float], angle_min: float, angle_increment: float, pose: Pose,
+               range_min: float = 0.10) -> None:
         """Take one scan in.
 
         Parameters
@@ -89,7 +99,7 @@ class Surroundings:
         points[len(local_x):] = kept
         self.points = points[_first_in_cells(np.floor(points / CELL).astype(np.int64))]
 
-    def nearest(self, x, y):
+    def nearest(self, x: float, y: float) -> Tuple[float, Optional[FloatArray]]:
         """Return (distance [m], point) of the stored point nearest to x, y; (inf, None) when nothing is stored."""
         if len(self.points) == 0:
             return math.inf, None
@@ -97,7 +107,7 @@ class Surroundings:
         index = int(np.argmin(distance))
         return float(distance[index]), self.points[index]
 
-    def free_travel(self, x, y, directions, radius):
+    def free_travel(self, x: float, y: float, directions: ArrayLike, radius: float) -> Tuple[FloatArray, IndexArray]:
         """How far a disc can go from x, y before a stored point is inside it.
 
         Parameters
@@ -122,7 +132,7 @@ class Surroundings:
             return np.full(len(directions), math.inf), np.full(len(directions), -1)
         return _travel(self.points[:, 0] - x, self.points[:, 1] - y, np.cos(directions), np.sin(directions), radius)
 
-    def first_free(self, x, y, directions, radius, distance):
+    def first_free(self, x: float, y: float, directions: FloatArray, radius: float, distance: float) -> Tuple[int, int]:
         """Find the first of many directions in which a disc can go some way; as free_travel, but for less work.
 
         Parameters
@@ -157,13 +167,14 @@ class Surroundings:
             blocker = int(near[blockers[-1]])
         return -1, blocker
 
-    def _prepare(self, count, angle_min, angle_increment):
+    def _prepare(self, count: int, angle_min: float, angle_increment: float) -> None:
         if self._layout != (count, angle_min, angle_increment):
             self._angles = angle_min + angle_increment * np.arange(count)
             self._cos, self._sin = np.cos(self._angles), np.sin(self._angles)
             self._layout = (count, angle_min, angle_increment)
 
-    def _unseen(self, readings, angle_min, angle_increment, laser_x, laser_y, yaw):
+    def _unseen(self, readings: FloatArray, angle_min: float, angle_increment: float, laser_x: float, laser_y: float,
+                yaw: float) -> FloatArray:
         """Stored points that the new scan says nothing about: out of its field, or hidden behind something."""
         if len(self.points) == 0:
             return self.points
@@ -182,7 +193,7 @@ class Surroundings:
         return self.points[~seen & (distance < FORGET_DISTANCE)]
 
 
-def _first_in_cells(cells):
+def _first_in_cells(cells: IndexArray) -> IndexArray:
     """Return the row of the first point in each cell, by cells; what np.unique would return, without its ceremony."""
     number = cells[:, 0] * 1000003 + cells[:, 1]
     order = number.argsort(kind='stable')
@@ -193,14 +204,15 @@ def _first_in_cells(cells):
     return order[new]
 
 
-def _own_wheels(x, y):
+def _own_wheels(x: FloatArray, y: FloatArray) -> BoolArray:
     """Tell which points (chassis frame, y without its sign) are wheels: they stand higher than the laser, behind it."""
     x_min, x_max, y_min, y_max = FOOTPRINT_BOXES[1]
     return ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
             & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
 
 
-def _travel(delta_x, delta_y, cos_dir, sin_dir, radius):
+def _travel(delta_x: FloatArray, delta_y: FloatArray, cos_dir: FloatArray, sin_dir: FloatArray,
+            radius: float) -> Tuple[FloatArray, IndexArray]:
     """Return what free_travel does, for points relative to the disc and directions by their cosine and sine."""
     if len(cos_dir) == 1:
         return _travel_one_way(delta_x, delta_y, cos_dir, sin_dir, radius)
@@ -220,7 +232,8 @@ def _travel(delta_x, delta_y, cos_dir, sin_dir, radius):
     return least, blockers
 
 
-def _travel_one_way(delta_x, delta_y, cos_dir, sin_dir, radius):
+def _travel_one_way(delta_x: FloatArray, delta_y: FloatArray, cos_dir: FloatArray, sin_dir: FloatArray,
+                    radius: float) -> Tuple[FloatArray, IndexArray]:
     """Return the same for one direction, for which most points need no square root."""
     along = cos_dir * delta_x + sin_dir * delta_y
     across = cos_dir * delta_y - sin_dir * delta_x

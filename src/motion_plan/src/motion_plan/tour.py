@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Drive along way points, turning smoothly: a tour that shows a laser all of a place. Looks at the pose only."""
+from __future__ import annotations
+
 import logging
 import math
+from typing import Iterable, Optional, Sequence
 
 from motion_plan.angles import wrap_angle
+from motion_plan.planar_types import Command, Pose
 
 LOG = logging.getLogger(__name__)
 
@@ -50,7 +54,7 @@ class Tour:
         If there is no way point, one is no pair of finite numbers, or the speed is no number above 0.
     """
 
-    def __init__(self, way_points, speed=0.5):
+    def __init__(self, way_points: Iterable[Sequence[float]], speed: float = 0.5) -> None:
         try:
             points = [(float(x), float(y)) for x, y in way_points]
         except (TypeError, ValueError, OverflowError):
@@ -62,21 +66,21 @@ class Tour:
         self.way_points, self._speed = points, float(speed)
         self.restart()
 
-    def restart(self):
+    def restart(self) -> None:
         """Begin with the first way point."""
         self.index, self.stuck = 0, False
         self._forget()
 
-    def _forget(self):
+    def _forget(self) -> None:
         self._nearest = self._least_turn = math.inf
-        self._since = None
+        self._since: Optional[float] = None
 
     @property
-    def finished(self):
+    def finished(self) -> bool:
         """Whether all way points have been reached."""
         return self.index >= len(self.way_points)
 
-    def update(self, now, pose):
+    def update(self, now: float, pose: Pose) -> Command:
         """Return the command for one turn.
 
         Parameters
@@ -105,15 +109,15 @@ class Tour:
         slow = max(SLOWEST, min(1.0, distance / SLOW_DOWN))
         return self._speed * slow * math.cos(error), turn
 
-    def _distance(self, pose):
+    def _distance(self, pose: Pose) -> float:
         x, y = self.way_points[self.index]
         return math.hypot(x - pose[0], y - pose[1])
 
-    def _turn(self, pose):
+    def _turn(self, pose: Pose) -> float:
         x, y = self.way_points[self.index]
         return wrap_angle(math.atan2(y - pose[1], x - pose[0]) - pose[2])
 
-    def _is_stuck(self, now, pose):
+    def _is_stuck(self, now: float, pose: Pose) -> bool:
         distance, turn = self._distance(pose), abs(self._turn(pose))
         if self._since is None or distance < self._nearest - PROGRESS or turn < self._least_turn - PROGRESS_TURN:
             self._nearest, self._least_turn = min(self._nearest, distance), min(self._least_turn, turn)

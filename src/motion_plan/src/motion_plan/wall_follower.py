@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report's wall follower: three states chosen by a table over three laser sectors. Keeps the wall on the right."""
+from __future__ import annotations
+
 import logging
 from enum import IntEnum
+from typing import Dict, Optional, Tuple
 
+from motion_plan.planar_types import Command, Pose, Regions
 from motion_plan.regions import SECTOR_NAMES
 
 LOG = logging.getLogger(__name__)
@@ -23,7 +27,7 @@ STATE_NAMES = {State.FIND_WALL: 'find the wall', State.TURN_LEFT: 'turn left',
                State.FOLLOW_THE_WALL: 'follow the wall'}
 
 #: (front, fleft, fright occupied) -> number and text of the case, state.
-CASES = {
+CASES: Dict[Tuple[bool, ...], Tuple[str, State]] = {
     (False, False, False): ('case 1 - nothing', State.FIND_WALL),
     (True, False, False): ('case 2 - front', State.TURN_LEFT),
     (False, False, True): ('case 3 - fright', State.FOLLOW_THE_WALL),
@@ -38,18 +42,18 @@ CASES = {
 class WallFollower:
     """The table and its three actions; no guard (see `motion_plan.wall_guard`)."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.state = State.FIND_WALL
         self.regions = {name: 0.0 for name in SECTOR_NAMES}
         self.case = ''
 
-    def change_state(self, state):
+    def change_state(self, state: State) -> None:
         """Enter ``state``; a change is logged."""
         if state != self.state:
             LOG.info('Wall follower - [%d] - %s', state, STATE_NAMES[state])
             self.state = State(state)
 
-    def take_action(self, regions):
+    def take_action(self, regions: Regions) -> None:
         """Choose the state from the sectors ``regions`` (dict of name to metres). A value equal to 1.5 m decides
         nothing: the state is kept and the sectors are logged.
         """
@@ -66,7 +70,7 @@ class WallFollower:
 
     take_actions = take_action
 
-    def update(self, pose=None, regions=None):
+    def update(self, pose: Optional[Pose] = None, regions: Optional[Regions] = None) -> Command:
         """Return (linear_x [m/s], angular_z [rad/s]); new ``regions``, when given, are judged first.
 
         ``pose`` is not used: every behaviour has the same signature.
@@ -80,16 +84,16 @@ class WallFollower:
         return self.follow_the_wall()
 
     @staticmethod
-    def find_wall():
+    def find_wall() -> Command:
         """State 0: a clockwise circle; the wall is kept on the right, so it can only be found there."""
         return 0.2, -0.3
 
     @staticmethod
-    def turn_left():
+    def turn_left() -> Command:
         """State 1: turn left on the spot."""
         return 0.0, 0.3
 
     @staticmethod
-    def follow_the_wall():
+    def follow_the_wall() -> Command:
         """State 2: straight on."""
         return 0.5, 0.0

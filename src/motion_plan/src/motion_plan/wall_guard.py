@@ -8,14 +8,21 @@ and goes round the wall by the right-hand rule: beginning at the held point of t
 left in which the disc is free. A disc that can always turn is a point in the plane of free centres, so it cannot
 wedge itself, and its way round an obstacle is the border of that plane, which closes.
 """
+from __future__ import annotations
+
 import logging
 import math
+from typing import TYPE_CHECKING, Optional, Tuple
 
 import numpy as np
 
 from motion_plan.angles import wrap_angle
 from motion_plan.body import AXLE_X, FOOTPRINT_BOXES, FOOTPRINT_DISCS, TURNING_RADIUS
-from motion_plan.surroundings import axle_of
+from motion_plan.planar_types import Command, Pose
+from motion_plan.surroundings import Surroundings, axle_of
+
+if TYPE_CHECKING:
+    from motion_plan.planar_types import FloatArray
 
 LOG = logging.getLogger(__name__)
 
@@ -61,7 +68,7 @@ ESCAPE_ALIGNED = 0.4
 ESCAPE_TIMES = np.arange(0.1, 0.91, 0.1)
 
 
-def footprint_clearance(points, pose):
+def footprint_clearance(points: FloatArray, pose: Pose) -> float:
     """Return the least distance [m] between the robot's outline at ``pose`` and ``points`` (N, 2); negative inside."""
     delta = points - np.asarray(pose[:2])
     cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
@@ -78,7 +85,7 @@ def footprint_clearance(points, pose):
     return least
 
 
-def drive(pose, linear_x, angular_z, dt):
+def drive(pose: Pose, linear_x: float, angular_z: float, dt: float) -> Pose:
     """Return the pose after driving an arc for ``dt`` seconds; the axle moves along the heading."""
     x, y = axle_of(pose)
     yaw = pose[2] + angular_z * dt
@@ -96,20 +103,20 @@ class WallGuard:
         The held point of the wall, odometry frame [m].
     """
 
-    def __init__(self):
-        self.contact = None
-        self._anchor = None
-        self._tight_at = None
+    def __init__(self) -> None:
+        self.contact: Optional[FloatArray] = None
+        self._anchor: Optional[Tuple[float, float, float]] = None
+        self._tight_at: Optional[Tuple[float, float]] = None
         self._escaping = False
 
-    def release(self):
+    def release(self) -> None:
         """Let go of the wall, as when the behaviour is switched on or off."""
         self.contact = None
         self._anchor = None
         self._tight_at = None
         self._escaping = False
 
-    def update(self, now, pose, surroundings, nominal):
+    def update(self, now: float, pose: Pose, surroundings: Surroundings, nominal: Command) -> Command:
         """Return the command that keeps clear of everything.
 
         Parameters
@@ -146,7 +153,7 @@ class WallGuard:
         angular_z = max(-STEER_LIMIT, min(STEER_LIMIT, STEER_GAIN * error))
         return self._limited((CRUISE_SPEED * (1.0 - abs(error) / TURN_ON_SPOT), angular_z), x, y, pose[2], surroundings)
 
-    def _hold(self, x, y, yaw, surroundings):
+    def _hold(self, x: float, y: float, yaw: float, surroundings: Surroundings) -> None:
         """Keep the held point on its wall; take hold of a wall that is near enough."""
         if self.contact is not None:
             distance, point = surroundings.nearest(self.contact[0], self.contact[1])
@@ -163,7 +170,7 @@ class WallGuard:
         if distance < HOLD_DISTANCE:
             self.contact = point
 
-    def _watch_progress(self, now, x, y):
+    def _watch_progress(self, now: float, x: float, y: float) -> None:
         """Find out whether the place is tight: widths near the disc's, where noise opens and shuts the way."""
         if self._tight_at is not None \
                 and math.hypot(x - self._tight_at[0], y - self._tight_at[1]) > self._tight_way:
@@ -173,7 +180,7 @@ class WallGuard:
         elif now - self._anchor[0] > STUCK_TIME and (self._tight_at is None or self._radius > TIGHT_RADIUS):
             self._tighten(x, y, TIGHT_RADIUS, TIGHT_WAY)
 
-    def _direction(self, x, y, yaw, nearest, surroundings):
+    def _direction(self, x: float, y: float, yaw: float, nearest: float, surroundings: Surroundings) -> Optional[float]:
         """Direction to take [rad] or None; tightens the disc where none is free, or where noise makes it turn back."""
         contact = self.contact
         direction = self._first_free(x, y, nearest, surroundings)
@@ -190,13 +197,14 @@ class WallGuard:
         self.contact, self._tight_at = held, None
         return direction
 
-    def _tighten(self, x, y, radius, way):
+    def _tighten(self, x: float, y: float, radius: float, way: float) -> None:
         self._tight_at, self._radius, self._tight_way = (x, y), radius, way
 
-    def _first_free(self, x, y, nearest, surroundings):
+    def _first_free(self, x: float, y: float, nearest: float, surroundings: Surroundings) -> Optional[float]:
         """Direction [rad] to take, or None when the disc is free in no direction; moves the held point along."""
         wanted = FOLLOW_RADIUS if self._tight_at is None else self._radius
         radius = min(wanted, max(HARD_RADIUS, nearest - 0.005))
+        assert self.contact is not None         # whoever calls holds a wall
         start = math.atan2(self.contact[1] - y, self.contact[0] - x)
         directions = start + SWEEP
         first, blocker = surroundings.first_free(x, y, directions, radius, LOOK_AHEAD)
@@ -213,14 +221,14 @@ class WallGuard:
         return directions[first]
 
     @staticmethod
-    def _limited(command, x, y, yaw, surroundings):
+    def _limited(command: Command, x: float, y: float, yaw: float, surroundings: Surroundings) -> Command:
         """Slow ``command`` down so that the robot stops before the hard disc is entered on its present heading."""
         linear_x, angular_z = command
         travel = surroundings.free_travel(x, y, [yaw], HARD_RADIUS)[0][0]
         # 0.4 s covers the reaction, late commands and braking
         return max(0.0, min(linear_x, (travel - 0.03) / 0.4)), angular_z
 
-    def _escape(self, pose, nearest, surroundings):
+    def _escape(self, pose: Pose, nearest: float, surroundings: Surroundings) -> Command:
         """Something is inside the turning disc: the first checked move of those that lead to a free direction."""
         x, y = axle_of(pose)
         self._hold(x, y, pose[2], surroundings)
@@ -251,7 +259,7 @@ class WallGuard:
         return 0.0, 0.0
 
     @staticmethod
-    def _can_turn(points, pose, angle, clearance):
+    def _can_turn(points: FloatArray, pose: Pose, angle: float, clearance: float) -> bool:
         """Whether the robot can turn on the spot by ``angle`` [rad] without coming too near to ``points``."""
         for part in np.linspace(0.0, 1.0, 2 + int(abs(angle) / 0.1))[1:]:
             if footprint_clearance(points, drive(pose, 0.0, part * angle, 1.0)) < min(ESCAPE_CLEARANCE[1], clearance):

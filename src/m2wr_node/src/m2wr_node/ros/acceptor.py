@@ -4,10 +4,13 @@
 rospy reads what a newcomer says who it is in the very thread that accepts connections.  One that connects and says
 nothing, or half of it, keeps everybody else out for a minute: no topic and no service can be had meanwhile.
 """
+from __future__ import annotations
+
 import select
 import socket
 import struct
 import threading
+from typing import Any
 
 from rospy.impl import tcpros_base
 
@@ -17,7 +20,7 @@ _BACKLOG = 128
 _LONGEST = 1 << 16          # bytes: a header that is longer is read in a thread of its own too
 
 
-def accept_side_by_side(server=None):
+def accept_side_by_side(server: Any = None) -> bool:
     """Let each newcomer whose header is not there yet speak to a thread of its own.
 
     Parameters
@@ -35,7 +38,7 @@ def accept_side_by_side(server=None):
     if receive is None:
         return False
 
-    def take_in(connection, address):
+    def take_in(connection: socket.socket, address: Any) -> None:
         if header_is_there(connection):
             receive(connection, address)
         else:
@@ -50,7 +53,7 @@ def accept_side_by_side(server=None):
     return True
 
 
-def header_is_there(connection):
+def header_is_there(connection: socket.socket) -> bool:
     """Tell whether the whole header of a connection, its length in front, can be read without waiting."""
     poll = select.poll()        # a socket with a time-out waits before it reads, whatever the flags
     poll.register(connection, select.POLLIN)

@@ -4,9 +4,12 @@
 roslaunch reports a required node that exits in a red banner, "REQUIRED process has died!", whatever the exit code.  A
 node that has done its work asks its roslaunch to stop instead, by the signal that Ctrl-C sends.
 """
+from __future__ import annotations
+
 import os
 import signal
 import xmlrpc.client
+from typing import Any, Callable, Iterator, List, Optional
 
 import rosgraph
 import rosgraph.network
@@ -16,7 +19,7 @@ from m2wr_node.ros.is_there import PatientTransport
 _ME = "/end_run"
 
 
-def ancestry(pid=None, parent_of=None):
+def ancestry(pid: Optional[int] = None, parent_of: Optional[Callable[[int], int]] = None) -> List[int]:
     """Return the process ids of a process and its ancestors, nearest first.
 
     Parameters
@@ -34,7 +37,7 @@ def ancestry(pid=None, parent_of=None):
     return found
 
 
-def _parent_of(pid):
+def _parent_of(pid: int) -> int:
     try:
         with open("/proc/%d/stat" % pid) as file:
             return int(file.read().rpartition(")")[2].split()[1])       # the name in brackets may hold anything
@@ -42,7 +45,7 @@ def _parent_of(pid):
         return 0
 
 
-def _addresses(master):
+def _addresses(master: Any) -> Iterator[str]:
     """Yield the XML-RPC addresses that roslaunch processes of this machine have left on the parameter server."""
     try:
         uris = master.getParam("/roslaunch/uris")
@@ -56,7 +59,7 @@ def _addresses(master):
             continue
 
 
-def _required(server, name, ids):
+def _required(server: Any, name: str, ids: List[int]) -> bool:
     try:
         told = server.process_info(name)[2]
     except xmlrpc.client.Fault:         # what roslaunch knows of its master is nothing that XML-RPC can carry
@@ -64,7 +67,7 @@ def _required(server, name, ids):
     return bool(told.get("required")) and told.get("pid") in ids
 
 
-def roslaunch_that_requires(ids, master=None):
+def roslaunch_that_requires(ids: List[int], master: Any = None) -> Optional[int]:
     """Return the process id of the roslaunch that started one of these processes as a required node, or None.
 
     Parameters
@@ -74,7 +77,7 @@ def roslaunch_that_requires(ids, master=None):
     master : rosgraph.Master, optional
     """
     for uri in _addresses(master or rosgraph.Master(_ME)):
-        server = xmlrpc.client.ServerProxy(uri, transport=PatientTransport())
+        server: Any = xmlrpc.client.ServerProxy(uri, transport=PatientTransport())
         try:
             parent = server.get_pid()[2]
             if parent not in ids:
@@ -87,7 +90,7 @@ def roslaunch_that_requires(ids, master=None):
     return None
 
 
-def end_run(master=None, kill=os.kill):
+def end_run(master: Any = None, kill: Callable[[int, int], object] = os.kill) -> bool:
     """Ask the roslaunch that requires this process to stop, and return whether one was asked.
 
     It then ends all of its nodes in good order, this one too, so whoever calls waits for its own signal.

@@ -5,10 +5,13 @@ is_there NAME                   print true or false
 is_there NAME --print YES NO    print one of two words, with no end of line: a parameter of a launch file keeps it
 is_there NAME --else COMMAND    run a command unless it is there
 """
+from __future__ import annotations
+
 import os
 import socket
 import sys
 import xmlrpc.client
+from typing import Any, Callable, List, Optional, Sequence
 
 import rosgraph
 
@@ -19,19 +22,19 @@ _ME = "/is_there"
 class PatientTransport(xmlrpc.client.Transport):
     """Waits for an answer only so long."""
 
-    def make_connection(self, host):
+    def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
         connection.timeout = _PATIENCE
         return connection
 
 
-def alive(address, name=None):
+def alive(address: str, name: Optional[str] = None) -> bool:
     """Return whether a node answers at the address of its XML-RPC server.
 
     With ``name``: a node of that name, as far as it can be asked.  A master remembers the addresses of nodes of rospy
     after they have ended, and another node may have got the port since.
     """
-    node = xmlrpc.client.ServerProxy(address, transport=PatientTransport())
+    node: Any = xmlrpc.client.ServerProxy(address, transport=PatientTransport())
     try:
         try:
             if name is not None:
@@ -43,7 +46,7 @@ def alive(address, name=None):
         return False
 
 
-def who_is_there(name, master=None, answers=alive):
+def who_is_there(name: str, master: Any = None, answers: Callable[[str, str], bool] = alive) -> Optional[str]:
     """Return the node of this name, or one that publishes the topic of this name, if it answers; otherwise None.
 
     Parameters
@@ -68,7 +71,7 @@ def who_is_there(name, master=None, answers=alive):
     return None
 
 
-def main(words=None, execute=os.execvp):
+def main(words: Optional[Sequence[str]] = None, execute: Callable[[str, List[str]], object] = os.execvp) -> int:
     """Entry point; returns the exit code, 2 for wrong usage."""
     words = sys.argv[1:] if words is None else list(words)
     name, action, rest = "".join(words[:1]), "".join(words[1:2]), words[2:]

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Shutdown hooks that are never lost."""
+from __future__ import annotations
+
 import threading
+from typing import Callable
 
 import rospy
 
 
-def at_shutdown(hook):
+def at_shutdown(hook: Callable[[], object]) -> None:
     """Call ``hook()`` once when the node shuts down, or at once if the shutdown has begun.
 
     ``rospy.on_shutdown`` forgets a hook that it receives after the shutdown was requested.
@@ -17,7 +20,7 @@ def at_shutdown(hook):
     """
     once = threading.Lock()
 
-    def call():
+    def call() -> None:
         if once.acquire(False):
             hook()
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Starting a node so that signals always end it."""
+from __future__ import annotations
+
 import errno
 import http.client
 import os
@@ -8,6 +10,7 @@ import socket
 import sys
 import threading
 import time
+from typing import Any, Callable, List, Optional, Tuple
 
 import rosgraph
 import rosgraph.network
@@ -24,16 +27,16 @@ _GONE = (ConnectionError, http.client.HTTPException, rospy.exceptions.ROSInitExc
 _registered = threading.Event()
 
 
-def shut_down_beside():
+def shut_down_beside() -> None:
     """Let SIGINT, SIGTERM and, where nohup does not ignore it, SIGHUP shut ROS down on a thread of its own.
 
     rospy does it inside the signal, on the thread that may be publishing, or registering, at that very moment and then
     waits for ever for a lock that it holds itself.  Where even the thread hangs, as on a master that takes calls and
     does not answer, the next signal ends the process.
     """
-    begun = []
+    begun: List[float] = []
 
-    def on_signal(number, _):
+    def on_signal(number: int, _: Any) -> None:
         if not begun:
             begun.append(time.monotonic())
             threading.Thread(target=rospy.signal_shutdown, args=("signal-%d" % number,)).start()
@@ -43,14 +46,14 @@ def shut_down_beside():
     _handle_signals(on_signal)
 
 
-def note_signals():
+def note_signals() -> List[int]:
     """Let the same signals only be noted, in the list returned, for a node that has to end in its own good time.
 
     One that hangs while it is being registered has begun nothing yet: there, too, the next signal ends the process.
     """
     noted, begun = [], []
 
-    def on_signal(number, _):
+    def on_signal(number: int, _: Any) -> None:
         noted.append(number)
         begun.append(time.monotonic())
         if not _registered.is_set() and begun[-1] - begun[0] > STUCK:
@@ -60,18 +63,18 @@ def note_signals():
     return noted
 
 
-def _end_by(number):
+def _end_by(number: int) -> None:
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
 
 
-def _handle_signals(handler):
+def _handle_signals(handler: Callable[[int, Any], object]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
 
 
-def _master():
+def _master() -> Tuple[str, Tuple[str, int]]:
     """Return the master's URI as rospy takes it, and its (host, port); ValueError if it is no address."""
     uri = rosgraph.get_master_uri() or rosgraph.rosenv.DEFAULT_MASTER_URI
     try:
@@ -82,7 +85,7 @@ def _master():
     return uri, address
 
 
-def _takes_connections(address):
+def _takes_connections(address: Tuple[str, int]) -> bool:
     try:
         socket.create_connection(address, PATIENCE).close()
         return True
@@ -90,7 +93,7 @@ def _takes_connections(address):
         return False
 
 
-def wait_for_master(name, asked=rospy.core.is_shutdown_requested):
+def wait_for_master(name: str, asked: Callable[[], bool] = rospy.core.is_shutdown_requested) -> None:
     """Return once the master takes connections; exits with 1 if ``asked()``, whether the node is to end, comes before.
 
     rospy waits as well, but with a lock held that its own end needs: who had forgotten roscore could not stop it.
@@ -113,7 +116,7 @@ def wait_for_master(name, asked=rospy.core.is_shutdown_requested):
     sys.exit(1)
 
 
-def master_gone(error):
+def master_gone(error: BaseException) -> Optional[str]:
     """Return a sentence if an error came of a master that is there no more, else None."""
     uri, address = _master()
     if not isinstance(error, _GONE) or _takes_connections(address):
@@ -121,11 +124,11 @@ def master_gone(error):
     return "the master at %s has gone (%s: %s)" % (uri, type(error).__name__, error)
 
 
-def _tell_of_master(name):
+def _tell_of_master(name: str) -> None:
     """Let an error that ends the program be told in one sentence, where it came of a master that has gone."""
     otherwise = sys.excepthook
 
-    def tell(kind, error, trace):
+    def tell(kind: Any, error: Any, trace: Any) -> None:
         sentence = master_gone(error)
         if sentence is None:
             otherwise(kind, error, trace)
@@ -135,11 +138,11 @@ def _tell_of_master(name):
     sys.excepthook = tell
 
 
-def _hush_closed_sockets():
+def _hush_closed_sockets() -> None:
     """Let a thread of rospy that looks at its socket just when the shutdown has closed it end without a traceback."""
     otherwise = threading.excepthook
 
-    def tell(words):
+    def tell(words: Any) -> None:
         closed = isinstance(words.exc_value, OSError) and words.exc_value.errno == errno.EBADF
         if not (closed and rospy.core.is_shutdown_requested()):
             otherwise(words)
@@ -147,7 +150,7 @@ def _hush_closed_sockets():
     threading.excepthook = tell
 
 
-def register(name, asked=rospy.core.is_shutdown_requested, **options):
+def register(name: str, asked: Callable[[], bool] = rospy.core.is_shutdown_requested, **options: Any) -> None:
     """Register the node ``name``, with options of ``rospy.init_node``; whoever calls has seen to the signals.
 
     Exits with 1 if the node is told to end meanwhile.  A master that goes, then or later, is told in one sentence
@@ -176,7 +179,7 @@ def register(name, asked=rospy.core.is_shutdown_requested, **options):
     accept_side_by_side()
 
 
-def start_node(name, **options):
+def start_node(name: str, **options: Any) -> None:
     """Register the node ``name``, with options of ``rospy.init_node``; exits with 1 if it is interrupted meanwhile."""
     shut_down_beside()
     register(name, **options)

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Transforms from other nodes: refused where tf2 would end the process or return infinite poses."""
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import rospy
 import tf2_ros
@@ -9,12 +12,12 @@ LATEST = 2**31          # s: beyond, sums and differences of stamps leave the ra
 FARTHEST = 1e9          # m: beyond any frame on earth (geocentric coordinates reach 6.4e6); sums stay exact to 1e-7 m
 
 
-def is_out_of_range(stamp):
+def is_out_of_range(stamp: Any) -> bool:
     """Whether a stamp (genpy.Time) is none that tf2 can calculate with."""
     return not 0 <= stamp.secs < LATEST
 
 
-def fault_of(header, child=""):
+def fault_of(header: Any, child: str = "") -> str:
     """Return why tf2 must not see a message with this header, a sentence, or an empty text."""
     if is_out_of_range(header.stamp):
         return "its stamp is %d s; expected 0 to %d" % (header.stamp.secs, LATEST)
@@ -23,7 +26,7 @@ def fault_of(header, child=""):
     return ""
 
 
-def fault_of_transform(transform):
+def fault_of_transform(transform: Any) -> str:
     """Return why tf2 must not see a transform (geometry_msgs/TransformStamped), a sentence, or an empty text.
 
     tf2 itself refuses NaN and quaternions that are not normalised, but neither infinite nor huge translations.
@@ -42,18 +45,18 @@ def fault_of_transform(transform):
 class TransformBuffer(tf2_ros.Buffer):
     """A buffer that refuses such transforms, for a ``tf2_ros.TransformListener``."""
 
-    def set_transform(self, transform, authority):
+    def set_transform(self, transform: Any, authority: str) -> None:
         """Take a transform in."""
         if not self._refused(transform, authority):
             super().set_transform(transform, authority)
 
-    def set_transform_static(self, transform, authority):
+    def set_transform_static(self, transform: Any, authority: str) -> None:
         """Take a transform in that holds at all times."""
         if not self._refused(transform, authority):
             super().set_transform_static(transform, authority)
 
     @staticmethod
-    def _refused(transform, authority):
+    def _refused(transform: Any, authority: str) -> bool:
         fault = fault_of_transform(transform)
         if fault:
             rospy.logwarn_throttle(10.0, "transform %s -> %s of %s refused: %s" % (
