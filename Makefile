@@ -1,6 +1,6 @@
 # Every target is one script in tools/; `make help` lists them. Variables given on the command line reach the scripts.
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo demo-mapping gallery reference test fuzz soak faults lint clean
+.PHONY: help setup build demo demo-mapping gallery reference docs test fuzz soak faults lint clean
 .NOTPARALLEL:
 
 export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES MINUTES FUZZ_ARGS HOURS SOAK_ARGS MOMENTS PAIRS
@@ -34,6 +34,9 @@ gallery: setup  ## make the pictures of README and docs/ again, by the commands 
 reference: setup  ## write docs/reference.md again: packages, programs, topics, services, parameters, launch arguments
 	@tools/reference.sh
 
+docs: setup  ## write the API reference to api_docs/ from the docstrings; a warning of Sphinx is an error
+	@tools/docs.sh
+
 test: setup  ## run every test of every package and print one summary; JUnit XML in test_results/
 	@tools/test.sh
 
@@ -46,7 +49,7 @@ soak: setup  ## simulated HOURS of mapping, spawning, resetting and asking; what
 faults: setup  ## every fault of test/faults, interrupts of every launch file, repeatability under load; hours
 	@tools/faults.sh
 
-lint: setup  ## catkin_lint, flake8, XML and shell syntax, structure of the workspace; a warning is an error
+lint: setup  ## catkin_lint, flake8, ruff, mypy, licences, XML, shell, structure; a warning is an error
 	@tools/lint.sh
 
 clean:  ## remove what set-up, build, demo and test made (catkin_build devel install logs .venv ...)

@@ -15,7 +15,7 @@ failed=()
 # Files of the workspace, without what builds have written; arguments are find's tests.
 sources() {
     find . \( -name .git -o -name '.venv*' -o -name build -o -name catkin_build -o -name devel -o -name 'install*' \
-        -o -name logs -o -name test_results -o -name demo_output -o -name __pycache__ -o -name .pytest_cache \) -prune \
+        -o -name logs -o -name test_results -o -name demo_output -o -name api_docs -o -name __pycache__ -o -name .pytest_cache \) -prune \
         -o -type f "$@" -print0
 }
 

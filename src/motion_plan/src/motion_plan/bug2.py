@@ -79,7 +79,7 @@ STUCK = ((0.3, 45.0), (2.0, 150.0))
 def distance_to_line(point: Sequence[float], start: Point, goal: Point) -> float:
     """Return the distance [m] of ``point`` from the endless line through ``start`` and ``goal``, each (x, y) [m].
 
-    Formula as in the report: |(y2-y1) x0 - (x2-x1) y0 + x2 y1 - y2 x1| / sqrt((y2-y1)^2 + (x2-x1)^2).
+    Formula as in the report: ``|(y2-y1) x0 - (x2-x1) y0 + x2 y1 - y2 x1| / sqrt((y2-y1)^2 + (x2-x1)^2)``.
     """
     up_eq = math.fabs(_line_value(point, start, goal))
     lo_eq = math.sqrt(pow(goal[1] - start[1], 2) + pow(goal[0] - start[0], 2))
