@@ -3,10 +3,10 @@
 # What .ci/run does. The steps run in a fresh minimal Debian 12 that is made for them and removed afterwards
 # (tools/fresh_root.sh), so that they prove what the set-up installs and not what this machine happens to have:
 #   1. a user with sudo runs the first step (`make setup`) there, as a newcomer does on a new machine;
-#   2. root runs all steps there, as a container does: set-up again, with nothing left to do, lint, test, demo.
+#   2. root runs all steps there, as a container does: set-up again, with nothing left to do, lint, docs, test, demo.
 # Where no such root can be made, a warning says why and the steps run on this machine.
 # The last line is the test summary; the exit code is that of the step that failed, 124 when CI_LIMIT was reached.
-#   CI_STEPS   steps, separated by blanks (default: setup lint test demo); variables of the Makefile are handed on
+#   CI_STEPS   steps, separated by blanks (default: setup lint docs test demo); variables of the Makefile are handed on
 #   CI_ROOT    `host` runs the steps on this machine on purpose; `fresh` makes it an error if no root can be made
 #   CI_FOLDER  folder in which the root is made; it takes about 6 GB (default: TMPDIR, or /var/tmp)
 #   CI_LIMIT   seconds after which everything is ended (default 3600)
@@ -17,7 +17,7 @@ source "$WORKSPACE/tools/fresh_root.sh"
 
 exec < /dev/null
 export CI=${CI:-true}
-read -r -a STEPS <<< "${CI_STEPS:-setup lint test demo}"
+read -r -a STEPS <<< "${CI_STEPS:-setup lint docs test demo}"
 SUMMARY=$RESULTS/summary.txt
 
 run_steps() {

@@ -19,8 +19,8 @@ autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 # what a machine that only writes the reference need not have
 autodoc_mock_imports = [
-    "rospy", "roslib", "rosgraph", "roslaunch", "rosnode", "rosparam", "rosservice", "rostopic", "rosbag", "rospkg", "genpy",
-    "message_filters", "tf2_ros", "tf2_msgs", "tf", "std_msgs", "std_srvs", "geometry_msgs", "nav_msgs", "sensor_msgs",
-    "diagnostic_msgs", "rosgraph_msgs", "trajectory_msgs", "visualization_msgs", "gazebo_msgs", "m2wr_lockstep.srv",
-    "m2wr_gmapping.srv",
+    "diagnostic_msgs", "gazebo_msgs", "genpy", "geometry_msgs", "m2wr_gmapping.srv", "m2wr_lockstep.srv",
+    "message_filters", "nav_msgs", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch", "roslib", "rosnode", "rosparam",
+    "rospkg", "rospy", "rosservice", "rostopic", "sensor_msgs", "std_msgs", "std_srvs", "tf", "tf2_msgs", "tf2_ros",
+    "trajectory_msgs", "visualization_msgs",
 ]
