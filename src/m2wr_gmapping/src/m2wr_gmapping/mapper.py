@@ -10,7 +10,7 @@ from m2wr_gmapping.backend.odometry_recalibration import Recalibration
 from m2wr_gmapping.filter import resampling
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
-from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.tilt_detection import LevelWatch
@@ -235,7 +235,7 @@ class Mapper:
         particles.register(reading)
         self._remember(reading, stamp)
         if self._loops is not None:
-            self._loops.add_step(rows[best, tk.INFORMATION:], np.sqrt(variances), tracker.account)
+            self._loops.add_step(rows[best, tl.INFORMATION:], np.sqrt(variances), tracker.account)
         if tracker is not None and tracker.recalibration.due:
             self._look_back()
         if self._loops is not None:

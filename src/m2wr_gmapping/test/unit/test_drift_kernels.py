@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.backend import drift_kernels as gk
-from m2wr_gmapping.backend.loop_graph import STEP_FLOOR, LoopGraph, covariance, way_along
+from m2wr_gmapping.backend.loop_graph import STEP_FLOOR, LoopGraph, covariance, distances_along
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.workers import Workers
@@ -15,7 +15,7 @@ def walk(seed, count):
     rng = np.random.default_rng(seed)
     turns = 2.0 * np.pi * 1.7 * np.arange(count) / max(1, count)
     path = np.stack([8.0 * np.cos(turns), 8.0 * np.sin(turns), turns], -1) + rng.normal(0.0, 0.05, (count, 3))
-    return path, way_along(path)
+    return path, distances_along(path)
 
 
 @pytest.mark.parametrize("count", [1, 2, 200])

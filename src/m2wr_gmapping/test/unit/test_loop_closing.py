@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping.backend import drift_kernels, loop_closing, place_match, place_search
 from m2wr_gmapping.backend.loop_extension import LoopGrowth
-from m2wr_gmapping.backend.loop_graph import LoopGraph, way_along
+from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
@@ -134,7 +134,7 @@ def open_ring():
 def test_a_wide_loop_is_closed_from_its_first_metre_on(open_ring):
     mapper, truth = mapped(ring, 11, turn=0.2, finish=False)
     assert apart(mapper, truth).max() < 0.3 and not false_links(mapper, truth)
-    along = way_along(truth)
+    along = distances_along(truth)
     again = along[[new for new in range(len(truth)) if along[new] > 60.0
                    and np.hypot(*(truth[along < 60.0] - truth[new])[:, :2].T).min() < 0.5]]
     linked = along[[link[1] for link in mapper._loops.graph.links]]
@@ -157,7 +157,7 @@ def test_a_link_grows_along_the_loop_it_closes(open_ring):
     old = int(np.argmin(np.hypot(*(truth[:150] - truth[-20])[:, :2].T)))
     link = (old, len(path) - 20, between(truth[old], truth[-20]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
     graph.links.append(link)
-    along, drifted = way_along(truth), truth.copy()
+    along, drifted = distances_along(truth), truth.copy()
     drifted[200:, :2] += 0.04 * np.abs(along[-20] - along[200:, None])      # the more, the farther from the link
     growth = LoopGrowth(graph)
     growth.begin_at([link])
@@ -175,7 +175,7 @@ def test_a_link_that_is_wrong_does_not_grow(open_ring):
     graph.links.append(link)
     growth = LoopGrowth(graph)
     growth.begin_at([link])
-    growth.advance(path, way_along(path), readings, 1000)
+    growth.advance(path, distances_along(path), readings, 1000)
     assert len(graph.links) == 1 and not growth.fronts
 
 
@@ -184,13 +184,13 @@ def test_places_of_long_ago_are_looked_at_again(open_ring):
     graph, path, readings = graph_of(mapper)
     correct = truth.copy()
     away = np.array([0.6, 0.3, 0.0])                # a closure elsewhere has left the new part that far beside
-    new = way_along(truth) > 100.0
+    new = distances_along(truth) > 100.0
     correct[new] = compose(away, correct[new])
     old = int(np.argmin(np.hypot(*(truth[:150] - truth[-1])[:, :2].T)))
     graph.links.append((old, len(path) - 1, between(correct[old], correct[-1]), np.eye(3)))
     growth = LoopGrowth(graph)
-    growth.review(way_along(correct))
-    growth.advance(correct, way_along(correct), readings, 1000)
+    growth.review(distances_along(correct))
+    growth.advance(correct, distances_along(correct), readings, 1000)
     assert growth.bends and growth.tears and len(graph.links) > 10
     for first, second, measured, _ in graph.links[1:]:
         error = between(between(truth[first], truth[second]), measured)
@@ -360,7 +360,7 @@ def test_noise_along_a_plain_wall_does_not_hold_a_match(end, holds):
     path[:, 0] = np.arange(9) * 0.25
     seen = [LASER.reading(np.minimum(ranges(walls, pose), 6.0) + rng.normal(0.0, 0.03, len(LASER.angles)))
             for pose in path]
-    scene = place_search.Scene(path, way_along(path), seen, np.arange(8), np.ones(9), np.ones(9))
+    scene = place_search.Scene(path, distances_along(path), seen, np.arange(8), np.ones(9), np.ones(9))
     matcher = FastMatcher(GmappingConfig.from_mapping({}), Workers(1))
     _, row, _, heard = place_match.fine_match(matcher, 0.05, scene, np.arange(8), path[-1])
     assert heard[0] <= row[mk.INFORMATION] * 1.001 and heard[3] == pytest.approx(row[mk.INFORMATION + 3], rel=0.1)

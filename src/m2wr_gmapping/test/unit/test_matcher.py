@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
-from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.workers import Workers
@@ -46,8 +46,8 @@ def test_particles_keep_to_odometry_along_a_plain_wall_only(end, along):
 @pytest.mark.parametrize("end", [60.0, 3.0])
 def test_what_is_tracked_keeps_to_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
-    ask = np.zeros((tk.ASK_ROWS, 3))
-    ask[tk.START], ask[tk.WANTED], ask[tk.VARIANCES], ask[tk.INVERSE] = START, WANTED, 0.1, 10.0
-    ask[tk.WINDOW] = 0.2
+    ask = np.zeros((tl.ASK_ROWS, 3))
+    ask[tl.START], ask[tl.WANTED], ask[tl.VARIANCES], ask[tl.INVERSE] = START, WANTED, 0.1, 10.0
+    ask[tl.WINDOW] = 0.2
     row, slipped = matcher.track(maps, 0, reading, ask, False, 0.5)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and not slipped

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.filter.motion_model import MotionNoise
-from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend import odometry_kernels as ok
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend.tracking import new_track
 from m2wr_gmapping.se2 import between, compose, inverse
 
@@ -13,11 +14,11 @@ NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
 
 def deviations(track, distance, turn):
     """Of odometry along, across and of the heading, after a way with turns."""
-    return np.sqrt(tk.odometry_variances(track, distance, turn))
+    return np.sqrt(ok.odometry_variances(track, distance, turn))
 
 
 def teach(track, error, variance, distance, turn):
-    tk.learn_trust(track, tuple(error), tuple(variance), distance, turn)
+    ok.update_noise_scales(track, tuple(error), tuple(variance), distance, turn)
 
 
 WAYS = (0.5, 0.0), (0.0, 0.4)       # straight ahead, and on the spot [m], [rad]
@@ -36,7 +37,7 @@ def taught(true_scale, scan=0.002, steps=300):
         seen = rng.normal(0.0, np.broadcast_to(true_scale, 2)[k % 2] * real[k % 2]) + rng.normal(0.0, scan, 3)
         gain = prior / (prior + noise)
         teach(track, gain * seen, gain * noise, *way)
-    return track[tk.SCALE:tk.HEARD, :2].copy()
+    return track[tl.SCALE:tl.SCALE_EVIDENCE, :2].copy()
 
 
 @pytest.mark.parametrize("true_scale", [0.3, 1.0, 4.0])
@@ -54,21 +55,21 @@ def test_before_it_has_heard_much_a_way_by_turns_is_trusted_as_straight_ones_are
     track, sure = new_track(NOISE), np.square([0.003, 0.003, 0.002])
     for _ in range(6):
         teach(track, np.zeros(3), sure, 0.5, 0.0)
-    way, heading = track[tk.SCALE:tk.HEARD, :2]
+    way, heading = track[tl.SCALE:tl.SCALE_EVIDENCE, :2]
     assert way[0] < 0.5 and way[0] < way[1] < 0.8 and heading[0] < 0.7 and heading[1] == 1.0
 
 
 def test_the_scale_stays_within_its_bounds():
     exact, wild = taught(0.0), taught(1000.0)
-    assert (exact >= tk.NARROWEST).all() and (exact[:, 0] < 0.15).all()
-    assert (wild <= tk.WIDEST).all() and (wild[:, 0] > 10.0).all()
+    assert (exact >= tl.NARROWEST).all() and (exact[:, 0] < 0.15).all()
+    assert (wild <= tl.WIDEST).all() and (wild[:, 0] > 10.0).all()
 
 
 def test_a_scan_that_says_nothing_teaches_nothing():
     track = new_track(NOISE)
     for _ in range(50):
         teach(track, np.zeros(3), np.square(deviations(track, 0.5, 0.0)), 0.5, 0.0)
-    assert (track[tk.SCALE:tk.HEARD, :2] == 1.0).all()
+    assert (track[tl.SCALE:tl.SCALE_EVIDENCE, :2] == 1.0).all()
 
 
 def test_deviations_grow_with_the_way_and_are_the_user_s_at_first():
@@ -86,9 +87,9 @@ def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
         way, turn = rng.uniform(0.2, 0.5) * (-1.0 if k % 5 == 0 else 1.0), rng.normal(0.0, 0.3)
         step = np.array([way * ahead[0], way * ahead[1], turn])
         right = np.array([*step[:2] * (1.0 + lacks[0]), turn * (1.0 + lacks[1]) + lacks[2] * way])
-        error = between(tk.corrected(track, *step)[:3], right) + rng.normal(0.0, 0.002, 3)
-        tk.learn_bias(track, tuple(error), variance, (0.9, 0.9, 0.9), way, turn)
-    assert track[tk.BIAS] == pytest.approx(lacks, abs=0.004)
+        error = between(ok.corrected(track, *step)[:3], right) + rng.normal(0.0, 0.002, 3)
+        ok.update_bias(track, tuple(error), variance, (0.9, 0.9, 0.9), way, turn)
+    assert track[tl.BIAS] == pytest.approx(lacks, abs=0.004)
 
 
 @pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
@@ -101,18 +102,18 @@ def test_a_centre_that_is_not_the_axle_s_is_found_by_turning(ahead, off):
         way, turn = rng.choice([0.0, 0.3]), rng.normal(0.0, 0.3)
         step = np.array([way * ahead[0], way * ahead[1], turn])
         right = compose(inverse(point), compose(step, point))
-        error = np.array(between(tk.corrected(track, *step)[:3], right)) + rng.normal(0.0, 0.002, 3)
-        tk.learn_bias(track, tuple(error), (1e-4, 1e-4, 1e-4), (0.9, 0.9, 0.9), way, turn)
-    assert track[tk.CENTRE, 0] == pytest.approx(off, abs=0.01) and track[tk.CENTRE, 1] < 1e-4
-    assert np.abs(track[tk.BIAS]).max() < 0.01
+        error = np.array(between(ok.corrected(track, *step)[:3], right)) + rng.normal(0.0, 0.002, 3)
+        ok.update_bias(track, tuple(error), (1e-4, 1e-4, 1e-4), (0.9, 0.9, 0.9), way, turn)
+    assert track[tl.CENTRE, 0] == pytest.approx(off, abs=0.01) and track[tl.CENTRE, 1] < 1e-4
+    assert np.abs(track[tl.BIAS]).max() < 0.01
 
 
 def test_a_scan_that_says_little_and_an_error_of_another_kind_teach_no_bias():
     track, variance = new_track(NOISE), (1e-4, 1e-4, 1e-4)
     for _ in range(50):
-        tk.learn_bias(track, (0.05, 0.05, 0.05), variance, (0.05, 0.05, 0.05), 0.5, 0.1)
-        tk.learn_bias(track, (0.8, 0.8, 0.8), variance, (0.9, 0.9, 0.9), 0.5, 0.1)
-    assert (track[tk.BIAS] == 0.0).all() and track[tk.CENTRE, 0] == 0.0
+        ok.update_bias(track, (0.05, 0.05, 0.05), variance, (0.05, 0.05, 0.05), 0.5, 0.1)
+        ok.update_bias(track, (0.8, 0.8, 0.8), variance, (0.9, 0.9, 0.9), 0.5, 0.1)
+    assert (track[tl.BIAS] == 0.0).all() and track[tl.CENTRE, 0] == 0.0
 
 
 def slipped(mapped, ring, laser, jump, looks, then=0.05):

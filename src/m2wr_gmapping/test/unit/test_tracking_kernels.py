@@ -7,6 +7,8 @@ import pytest
 
 from m2wr_gmapping.filter.motion_model import MotionNoise
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import odometry_kernels as ok
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.tracking import new_track
 from m2wr_gmapping.se2 import between, compose, inverse, wrap
@@ -101,10 +103,10 @@ class Plain:
         self.slip = compose(self.rel, inverse(self.expected)), way, looks + 1
         if at_once or looks >= 20 or (self.way - way > [0.15, 0.1]).any():
             self.slip = None
-            self.learn_trust(between(self.expected, self.rel), np.zeros(3))
+            self.update_noise_scales(between(self.expected, self.rel), np.zeros(3))
             self.begin_from(self.rel, np.square([0.05, 0.05, 0.03]))
 
-    def learn_trust(self, error, variance):
+    def update_noise_scales(self, error, variance):
         own, _ = self.parts(self.way)
         whole, squared = own.sum(axis=1), self.squares(self.way)
         told = np.maximum(1.0 - variance / squared, 0.0)
@@ -124,7 +126,7 @@ class Plain:
                 growth = 1.0 + min(share, 1.0) * mean / min(1.0 + self.heard[k, part], 10.0)
                 self.scale[k, part] = np.clip(self.scale[k, part] * math.sqrt(growth), 0.1, 30.0)
 
-    def learn_bias(self, error, variance, told):
+    def update_bias(self, error, variance, told):
         forward, turn = self.signed
         grown = self.covariance.diagonal() + 0.03**2 * np.array([1.0, 0.0, 1.0]) / 300.0 * abs(forward)
         np.fill_diagonal(self.covariance, np.minimum(grown, 0.03**2))
@@ -151,7 +153,7 @@ class Plain:
         self.told, self.told_of, self.led_by = np.zeros((3, 3)), np.zeros(3), self.bias
         if not self.slack.any():
             error = between(self.expected, between(anchor, row[:3]))
-            self.learn_trust(error, together(row[mk.INFORMATION:], self.squares(self.way)))
+            self.update_noise_scales(error, together(row[mk.INFORMATION:], self.squares(self.way)))
 
     @property
     def prior(self):
@@ -166,33 +168,33 @@ class Plain:
             heard[k] *= max(0.0, 1.0 - 0.085 * both / part) if part > 0.0 else 0.0
         return heard
 
-    def would_teach(self, row):
+    def is_bias_observable(self, row):
         return not self.slack.any() and (self.heard_of(row[mk.INFORMATION:]) >= 0.1).any()
 
-    def learn_freely(self, anchor, row):
+    def update_bias_unconstrained(self, anchor, row):
         own, prior, heard = self.squares(self.way), self.prior, self.heard_of(row[mk.INFORMATION:])
         error = between(self.expected, between(anchor, row[:3]))
         told = np.maximum(1.0 - together(row[mk.INFORMATION:], prior) / prior, 0.1)
-        self.learn_bias(error / told, own + prior * (1.0 - heard) / np.maximum(heard, 1e-9), heard)
+        self.update_bias(error / told, own + prior * (1.0 - heard) / np.maximum(heard, 1e-9), heard)
 
 
 def compare(track, plain):
-    for row, wanted in ((tk.REL, plain.rel), (tk.EXPECTED, plain.expected), (tk.DRIVEN, plain.driven),
-                        (tk.SINCE, plain.since)):
+    for row, wanted in ((tl.REL, plain.rel), (tl.EXPECTED, plain.expected), (tl.DRIVEN, plain.driven),
+                        (tl.SINCE, plain.since)):
         assert np.abs(wrap(track[row] - wanted)).max() < 1e-7
-    assert np.allclose(track[tk.SLACK], plain.slack) and np.allclose(track[tk.WAY, :2], plain.way)
-    assert np.allclose(track[tk.SIGNED, :2], plain.signed)
-    assert (track[tk.DOUBT, 0] == tk.NO_DOUBT) == (plain.doubt is None)
-    assert (track[tk.SLIP, 2] == 0) == (plain.slip is None)
+    assert np.allclose(track[tl.SLACK], plain.slack) and np.allclose(track[tl.WAY, :2], plain.way)
+    assert np.allclose(track[tl.SIGNED, :2], plain.signed)
+    assert (track[tl.DOUBT, 0] == tl.NO_DOUBT) == (plain.doubt is None)
+    assert (track[tl.SLIP, 2] == 0) == (plain.slip is None)
     if plain.doubt is not None:
-        assert np.allclose(track[tk.DOUBT], [plain.doubt[0], *plain.doubt[1]])
+        assert np.allclose(track[tl.DOUBT], [plain.doubt[0], *plain.doubt[1]])
     if plain.slip is not None:
-        assert np.allclose(track[tk.ASIDE], plain.slip[0])
-        assert np.allclose(track[tk.SLIP], [*plain.slip[1], plain.slip[2]])
-    assert np.allclose(track[tk.SCALE:tk.HEARD, :2], plain.scale)
-    assert np.allclose(track[tk.HEARD:tk.BIAS, :2], plain.heard)
-    assert np.allclose(track[tk.BIAS], plain.bias) and np.allclose(track[tk.COVARIANCE:tk.CENTRE], plain.covariance)
-    assert np.allclose(track[tk.CENTRE, :2], [plain.centre, plain.centre_variance])
+        assert np.allclose(track[tl.ASIDE], plain.slip[0])
+        assert np.allclose(track[tl.SLIP], [*plain.slip[1], plain.slip[2]])
+    assert np.allclose(track[tl.SCALE:tl.SCALE_EVIDENCE, :2], plain.scale)
+    assert np.allclose(track[tl.SCALE_EVIDENCE:tl.BIAS, :2], plain.heard)
+    assert np.allclose(track[tl.BIAS], plain.bias) and np.allclose(track[tl.COVARIANCE:tl.CENTRE], plain.covariance)
+    assert np.allclose(track[tl.CENTRE, :2], [plain.centre, plain.centre_variance])
 
 
 def information(rng):
@@ -211,7 +213,7 @@ def step_of(rng):
 @pytest.mark.parametrize("seed", range(6))
 def test_a_drive_is_followed_as_by_the_plain_twin(seed):
     rng = np.random.default_rng(seed)
-    track, plain, ask = new_track(NOISE, AHEAD), Plain(), np.empty((tk.ASK_ROWS, 3))
+    track, plain, ask = new_track(NOISE, AHEAD), Plain(), np.empty((tl.ASK_ROWS, 3))
     odom, anchor = rng.normal(size=3), np.array([3.0, -2.0, 3.1])
     for k in range(400):
         step = step_of(rng)
@@ -224,35 +226,37 @@ def test_a_drive_is_followed_as_by_the_plain_twin(seed):
             taken, plain.since = plain.since, np.zeros(3)
             long, good = tk.expect(track, anchor, ask)
             assert long == exceeds(taken, [0.15, 0.15, 0.1]) and good == pytest.approx(plain.good_share(taken))
-            assert np.abs(wrap(ask[tk.START] - compose(anchor, plain.rel))).max() < 1e-7
-            assert np.abs(wrap(ask[tk.WANTED] - compose(anchor, plain.expected))).max() < 1e-7
-            assert np.allclose(ask[tk.VARIANCES], plain.variances) and np.allclose(ask[tk.INVERSE], 1 / plain.variances)
-            assert np.allclose(ask[tk.WINDOW, :2], [0.2, 0.3] + 0.4 * size(taken))
+            assert np.abs(wrap(ask[tl.START] - compose(anchor, plain.rel))).max() < 1e-7
+            assert np.abs(wrap(ask[tl.WANTED] - compose(anchor, plain.expected))).max() < 1e-7
+            assert np.allclose(ask[tl.VARIANCES], plain.variances) and np.allclose(ask[tl.INVERSE], 1 / plain.variances)
+            assert np.allclose(ask[tl.WINDOW, :2], [0.2, 0.3] + 0.4 * size(taken))
             row = np.zeros(mk.RESULT_SIZE)
             row[:3] = compose(compose(anchor, plain.rel), rng.normal(size=3) * [0.03, 0.03, 0.02])
             slipped = k % 50 > 25 and rng.random() < 0.95
             at_once, share = rng.random() < 0.1, rng.uniform(0.5, 1.0)
-            tk.settle(track, anchor, row, share, slipped, at_once)
+            tk.accept_match(track, anchor, row, share, slipped, at_once)
             plain.settle(anchor, row, share, slipped, at_once)
             assert tk.unexplained(track) == exceeds(between(plain.driven, plain.rel), [0.05, 0.05, 0.02])
         if rng.random() < 0.3:          # a processed scan
             row = np.concatenate([compose(compose(anchor, plain.rel), rng.normal(size=3) * [0.02, 0.02, 0.01]),
                                   np.zeros(4), information(rng)])
-            tk.learn(track, anchor, row)
+            ok.learn(track, anchor, row)
             plain.learn(anchor, row)
             inverse = np.empty(3)
-            teaches = tk.would_teach(track, row, inverse)
-            assert teaches == plain.would_teach(row)
+            teaches = ok.is_bias_observable(track, row, inverse)
+            assert teaches == plain.is_bias_observable(row)
             if teaches:
                 assert np.allclose(1.0 / inverse, plain.prior)
                 freed = row.copy()
                 freed[:3] = compose(row[:3], rng.normal(size=3) * [0.02, 0.02, 0.01])
-                tk.learn_freely(track, anchor, freed, inverse)
-                plain.learn_freely(anchor, freed)
-            assert np.allclose(track[tk.TOLD:tk.TOLD_OF], plain.told) and np.allclose(track[tk.TOLD_OF], plain.told_of)
-            assert np.allclose(track[tk.LED_BY], plain.led_by) and np.allclose(track[tk.LED, :2], plain.signed)
+                ok.update_bias_unconstrained(track, anchor, freed, inverse)
+                plain.update_bias_unconstrained(anchor, freed)
+            assert np.allclose(track[tl.BIAS_INFORMATION:tl.BIAS_INFORMATION_VECTOR], plain.told)
+            assert np.allclose(track[tl.BIAS_INFORMATION_VECTOR], plain.told_of)
+            assert np.allclose(track[tl.APPLIED_BIAS], plain.led_by)
+            assert np.allclose(track[tl.TRAVELLED, :2], plain.signed)
             compare(track, plain)
-            track[:tk.SINCE_PROCESSED] = 0.0
+            track[:tl.SINCE_PROCESSED] = 0.0
             plain.rel = plain.driven = plain.since = np.zeros(3)
             plain.slip = None
             plain.begin_from(np.zeros(3), np.zeros(3))
@@ -267,11 +271,11 @@ def test_all_particles_are_led_on_as_by_the_plain_twin(seed):
         step = step_of(rng)
         tk.advance(track, np.zeros(3), step)
         plain.advance(step)
-    track[tk.REL] = plain.rel = compose(plain.rel, [0.01, 0.02, 0.03])
-    track[tk.SLACK] = plain.slack = np.array([0.01, 0.02, 0.0])
+    track[tl.REL] = plain.rel = compose(plain.rel, [0.01, 0.02, 0.03])
+    track[tl.SLACK] = plain.slack = np.array([0.01, 0.02, 0.0])
     anchors, known = rng.uniform(-4.0, 4.0, (20, 3)), np.empty((3, 3))
     starts, predictions = np.empty((20, 3)), np.empty((20, 3))
-    tk.lead(track, anchors, starts, predictions, known)
+    tk.predict_all(track, anchors, starts, predictions, known)
     assert np.allclose(starts, compose(anchors, plain.rel))
     assert np.allclose(predictions, compose(anchors, plain.expected))
     assert np.allclose(known[0], plain.variances) and np.allclose(known[1], 1.0 / plain.variances)
@@ -282,18 +286,18 @@ def test_all_particles_are_led_on_as_by_the_plain_twin(seed):
 def test_what_is_not_known_of_the_bias_makes_variance_of_where_it_leads(forward, turn):
     rng, found = np.random.default_rng(1), []
     track = new_track(NOISE, AHEAD)
-    track[tk.COVARIANCE:tk.CENTRE] = np.diag(np.square([0.02, 0.03, 0.0]))
+    track[tl.COVARIANCE:tl.CENTRE] = np.diag(np.square([0.02, 0.03, 0.0]))
     exact = track.copy()
     parts = 10
     for _ in range(2000):
-        track[tk.BIAS], track[tk.CENTRE, 0] = rng.normal(0.0, [0.02, 0.03, 1e-12]), rng.normal(0.0, 0.1)
+        track[tl.BIAS], track[tl.CENTRE, 0] = rng.normal(0.0, [0.02, 0.03, 1e-12]), rng.normal(0.0, 0.1)
         poses = np.zeros((2, 3))
         for k, known in enumerate((track, exact)):
             for _ in range(parts):
                 step = np.array([forward * AHEAD[0], forward * AHEAD[1], turn]) / parts
-                poses[k] = compose(poses[k], tk.corrected(known, *step)[:3])
+                poses[k] = compose(poses[k], ok.corrected(known, *step)[:3])
         found.append(between(poses[0], poses[1]))
-    assert np.sqrt(tk.bias_variances(exact, forward, turn)) == pytest.approx(np.std(found, axis=0), rel=0.1, abs=1e-3)
+    assert np.sqrt(ok.bias_variances(exact, forward, turn)) == pytest.approx(np.std(found, axis=0), rel=0.1, abs=1e-3)
 
 
 def test_a_match_is_led_back_only_in_a_direction_in_which_its_scan_says_nothing():
@@ -304,14 +308,14 @@ def test_a_match_is_led_back_only_in_a_direction_in_which_its_scan_says_nothing(
         row[mk.INFORMATION:] = normals[0, 0], normals[0, 1], 0.0, normals[1, 1], 0.0, 5e4
         row[:3] = compose(expected, [0.1, -0.05, 0.02])
         before = row[:3].copy()
-        tk.lead_back(row, expected)
+        tk.project_onto_degenerate(row, expected)
         moved, lacks = between(before, row[:3]), between(before, expected)
         wanted = np.array([c, s]) * (lacks[:2] @ [c, s]) if silent else np.zeros(2)
         assert moved == pytest.approx([*wanted, 0.0], abs=1e-12)
-        assert tk.silent_axis(row) == pytest.approx((c * c, c * s, s * s) if silent else (0.0, 0.0, 0.0))
+        assert tk.degenerate_direction(row) == pytest.approx((c * c, c * s, s * s) if silent else (0.0, 0.0, 0.0))
     row[mk.INFORMATION:] = 0.0                  # what no scan holds stays where the match has it
-    tk.lead_back(row, expected)
-    assert tk.silent_axis(row) == (0.0, 0.0, 0.0)
+    tk.project_onto_degenerate(row, expected)
+    assert tk.degenerate_direction(row) == (0.0, 0.0, 0.0)
 
 
 def test_the_cost_of_a_match_is_that_of_its_beams_and_of_its_distance_from_odometry():

@@ -68,7 +68,7 @@ def drift(path, variances, links, source, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def way_along(path, out):
+def distances_along(path, out):
     """Write the length of a path (K, 3) up to each node into ``out`` (K,) [m]."""
     total = 0.0
     for k in range(path.shape[0]):

@@ -6,7 +6,7 @@ import numpy as np
 
 from m2wr_gmapping.backend import place_search
 from m2wr_gmapping.backend.loop_extension import LoopGrowth
-from m2wr_gmapping.backend.loop_graph import AGREE, BEND, SURE, LoopGraph, change_of, held, link_of, way_along
+from m2wr_gmapping.backend.loop_graph import AGREE, BEND, SURE, LoopGraph, change_of, distances_along, held, link_of
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.se2 import between, compose, inverse
 
@@ -111,7 +111,7 @@ class LoopCloser:
             Best particle's poses at all processed scans.
         readings : sequence of K ScanReading
         """
-        along = way_along(path)
+        along = distances_along(path)
         here = along[-1]
         close = here - self._searched_at >= SEARCH_EVERY and here - self._linked_at >= LINK_EVERY
         found_last = bool(self._finds) and self._finds[-1].along == self._wide_at
@@ -203,7 +203,7 @@ class LoopCloser:
 
         Parameters and result are those of ``look``.
         """
-        along = way_along(path)
+        along = distances_along(path)
         last = self._finds[-1] if self._finds else None
         opened = (last is not None and along[-1] - last.along < WIDE_EVERY and last.clear
                   and last.drift <= LITTLE)

@@ -5,7 +5,7 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.tracking_kernels import BIAS_CHANGES, BIAS_VARIANCE, DEPENDENT, TOLD, TRACK_ROWS
+from m2wr_gmapping.frontend.track_layout import BIAS_CHANGES, BIAS_INFORMATION, BIAS_VARIANCE, DEPENDENT, TRACK_ROWS
 from m2wr_gmapping.se2 import between, compose, wrap
 
 OLD = 12.0                  # a node that many metres of path back is old [m]
@@ -24,7 +24,7 @@ AGREE = np.array([0.25, 0.25, 0.08])    # two corrections of one loop agree with
 HELD_SHARE = 0.085          # a match must be held across its best direction by that share of what it is along it
 OUTLIER = 12.0              # squared residual of a link, in covariances, that halves its weight
 REMEMBERED = 10.0           # looked back at, odometry's bias changes so many times less than while it is followed
-FIRST_NODES, ACCOUNT_ROWS = 1024, TRACK_ROWS - TOLD
+FIRST_NODES, ACCOUNT_ROWS = 1024, TRACK_ROWS - BIAS_INFORMATION
 BY_STEP = "_step_information", "_step_variances", "_accounts", "_leverages"
 
 
@@ -75,10 +75,10 @@ def change_of(path, pose):
     return change
 
 
-def way_along(path):
+def distances_along(path):
     """Length (K,) of a path (K, 3) up to each node [m]."""
     along = np.empty(len(path))
-    drift_kernels.way_along(path, along)
+    drift_kernels.distances_along(path, along)
     return along
 
 
@@ -119,7 +119,7 @@ class LoopGraph:
         deviations : (3,) float64
             Likewise.
         account : (6, 3) float64
-            What the scan told of odometry's bias, and the way: rows ``TOLD`` to ``LED`` of ``tracking_kernels``.
+            Bias information of the scan: rows ``BIAS_INFORMATION`` to ``TRAVELLED`` of ``track_layout``.
         """
         self._newest += 1
         if self._newest == len(self._step_variances):

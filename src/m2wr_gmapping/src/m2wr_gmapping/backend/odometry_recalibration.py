@@ -8,7 +8,7 @@ biases of odometry change with the ground and are not corrected here.
 import numpy as np
 
 from m2wr_gmapping.backend import odometry_recalibration_kernels as kernels
-from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend import track_layout as tl
 
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
@@ -81,4 +81,4 @@ class Recalibration:
 
 
 assert (kernels.UNOBSERVED, kernels.ROTATION, kernels.CENTRE, kernels.APPLIED) == (
-    tk.SILENT_AXIS, tk.STEP_TURN, tk.STEP_CENTRE, tk.STEP_APPLIED)
+    tl.STEP_UNOBSERVED, tl.STEP_TURN, tl.STEP_CENTRE, tl.STEP_APPLIED)

@@ -11,7 +11,7 @@ from m2wr_gmapping.filter.motion_model import sample_motion
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.tracking_kernels import DEPENDENT
+from m2wr_gmapping.frontend.track_layout import DEPENDENT
 
 FROZEN_HITS = 20            # a mean of that many hits is known to a few millimetres
 POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least deviation of a proposal [m, m, rad]

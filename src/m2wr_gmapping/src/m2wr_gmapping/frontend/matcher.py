@@ -6,6 +6,7 @@ import numpy as np
 
 from m2wr_gmapping.filter.tile_kernels import draw_field, tiles_around
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
@@ -75,7 +76,7 @@ class FastMatcher:
                                least, results)
 
         self._workers.run(work, len(starts))
-        tk.lead_all_back(results, predictions)      # see _tied
+        tk.project_all_onto_degenerate(results, predictions)      # see _tied
         return results
 
     def match_one(self, maps, particle, reading, start, prediction, prior):
@@ -91,7 +92,7 @@ class FastMatcher:
         There it would stay where it began, be it anywhere as after a search, and be drawn to where the wall's map ends.
         """
         row = self.match_one(maps, particle, reading, start, prediction, prior)
-        tk.lead_back(row, prediction)
+        tk.project_onto_degenerate(row, prediction)
         return row
 
     def track(self, maps, particle, reading, ask, long, good_share):
@@ -116,8 +117,8 @@ class FastMatcher:
             Result row.
         slipped : bool
         """
-        expected, variances, inverse = ask[tk.WANTED], ask[tk.VARIANCES], ask[tk.INVERSE]
-        row = self._tied(maps, particle, reading, ask[tk.START], expected, inverse)
+        expected, variances, inverse = ask[tl.WANTED], ask[tl.VARIANCES], ask[tl.INVERSE]
+        row = self._tied(maps, particle, reading, ask[tl.START], expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
         if long:
             window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
@@ -129,9 +130,9 @@ class FastMatcher:
                     row, best, pull = other, cost, other_pull
         if row[mk.SCORE] >= good_share * reading.beams.shape[1] and pull < PULL:
             return row, False
-        slipped, window = False, np.minimum(WINDOW_MOST, ask[tk.WINDOW, :2])
+        slipped, window = False, np.minimum(WINDOW_MOST, ask[tl.WINDOW, :2])
         wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
-        plain, start = row[:3], ask[tk.START]
+        plain, start = row[:3], ask[tl.START]
         # wheels that go on slipping have slipped already where the scan before was found
         for centre in (expected, start) if np.abs(between(expected, start)).max() > GOING_ON else (expected,):
             for begin in (plain, self.search(maps, particle, reading, centre, window)):

@@ -3,6 +3,8 @@
 import numpy as np
 
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import odometry_kernels as ok
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend import tracking_kernels as tk
 
 
@@ -15,14 +17,14 @@ def new_track(noise, ahead=(1.0, 0.0)):
     ahead : (2,) float
         Forward direction of the base in the laser's frame.
     """
-    track = np.zeros((tk.TRACK_ROWS, 3))
-    track[tk.DOUBT, 0] = tk.NO_DOUBT
-    track[tk.SCALE:tk.SCALE + 2, :2] = 1.0
-    track[tk.COVARIANCE:tk.COVARIANCE + 3] = np.diag(np.full(3, tk.BIAS_VARIANCE))
-    track[tk.CENTRE, 1] = tk.CENTRE_VARIANCE
-    track[tk.AHEAD, :2] = ahead
-    track[tk.NOISE, :2] = noise.trans_trans, noise.trans_rot
-    track[tk.NOISE_TURN, :2] = noise.rot_trans, noise.rot_rot
+    track = np.zeros((tl.TRACK_ROWS, 3))
+    track[tl.DOUBT, 0] = tl.NO_DOUBT
+    track[tl.SCALE:tl.SCALE + 2, :2] = 1.0
+    track[tl.COVARIANCE:tl.COVARIANCE + 3] = np.diag(np.full(3, tl.BIAS_VARIANCE))
+    track[tl.CENTRE, 1] = tl.CENTRE_VARIANCE
+    track[tl.AHEAD, :2] = ahead
+    track[tl.NOISE, :2] = noise.trans_trans, noise.trans_rot
+    track[tl.NOISE_TURN, :2] = noise.rot_trans, noise.rot_rot
     return track
 
 
@@ -46,16 +48,16 @@ class Tracker:
 
     def __init__(self, matcher, noise, dense, recalibration, ahead=(1.0, 0.0)):
         self._matcher, self._dense = matcher, dense
-        self._track, self._ask = new_track(noise, ahead), np.zeros((tk.ASK_ROWS, 3))
+        self._track, self._ask = new_track(noise, ahead), np.zeros((tl.ASK_ROWS, 3))
         self.recalibration = recalibration
 
     def restart(self):
         """The newest scan was processed: all is seen from there."""
-        self._track[:tk.SINCE_PROCESSED] = 0.0
+        self._track[:tl.SINCE_PROCESSED] = 0.0
 
     def loosen(self):
         """Let the next match correct the pose by some cells."""
-        self._track[tk.SLACK] = tk.SLIP_LEFT
+        self._track[tl.SLACK] = tl.SLIP_LEFT
 
     def advance(self, before, now):
         """Take in that odometry went from ``before`` to ``now`` (3,); see ``tracking_kernels.advance``."""
@@ -64,32 +66,32 @@ class Tracker:
     @property
     def rel(self):
         """Pose (3,) by the newest match and odometry since then, seen from the last processed scan."""
-        return self._track[tk.REL].copy()
+        return self._track[tl.REL].copy()
 
     @property
     def scale(self):
         """Scales (2, 2) of odometry's deviations against the user's noise: of way and heading, by way and by turn."""
-        return self._track[tk.SCALE:tk.SCALE + 2, :2].copy()
+        return self._track[tl.SCALE:tl.SCALE + 2, :2].copy()
 
     @property
     def bias(self):
         """What a step of odometry lacks (3,): scale of ways, scale of turns, turn a metre [rad/m]."""
-        return self._track[tk.BIAS].copy()
+        return self._track[tl.BIAS].copy()
 
     @property
     def account(self):
-        """What the newest processed scan told of the bias, and the way to it (6, 3): ``TOLD`` to ``LED``."""
-        return self._track[tk.TOLD:].copy()
+        """Bias information of the newest processed scan (6, 3): rows ``BIAS_INFORMATION`` to ``TRAVELLED``."""
+        return self._track[tl.BIAS_INFORMATION:].copy()
 
     @property
     def centre(self):
         """How far odometry's centre lies ahead of the robot's centre of turning [m]."""
-        return float(self._track[tk.CENTRE, 0])
+        return float(self._track[tl.CENTRE, 0])
 
     @property
     def undecided(self):
         """Whether scan and odometry contradict each other and it is not known yet which is right."""
-        return bool(self._track[tk.SLIP, 2])
+        return bool(self._track[tl.SLIP, 2])
 
     @property
     def unexplained(self):
@@ -99,7 +101,7 @@ class Tracker:
     def lead(self, anchors, starts, predictions):
         """Lead all particles on; see ``tracking_kernels.lead``, of which it returns ``known`` (3, 3)."""
         known = np.empty((3, 3))
-        tk.lead(self._track, anchors, starts, predictions, known)
+        tk.predict_all(self._track, anchors, starts, predictions, known)
         return known
 
     def match(self, maps, particle, anchor, reading):
@@ -113,11 +115,11 @@ class Tracker:
         track, ask = self._track, self._ask
         beams = reading.beams.shape[1]
         if not beams:
-            track[tk.SINCE] = 0.0
+            track[tl.SINCE] = 0.0
             return False
         long, good_share = tk.expect(track, anchor, ask)
         row, slipped = self._matcher.track(maps, particle, reading, ask, long, good_share)
-        tk.settle(track, anchor, row, row[mk.SCORE] / beams, slipped, long or not self._dense)
+        tk.accept_match(track, anchor, row, row[mk.SCORE] / beams, slipped, long or not self._dense)
         return True
 
     def learn(self, maps, particle, anchor, prediction, reading, row):
@@ -134,10 +136,10 @@ class Tracker:
             Result of the match.
         """
         track, inverse = self._track, np.empty(3)
-        tk.learn_step(track, anchor, row, self.recalibration.next_row())
-        if tk.would_teach(track, row, inverse):
+        tk.update_from_step(track, anchor, row, self.recalibration.next_row())
+        if ok.is_bias_observable(track, row, inverse):
             free = self._matcher.match_one(maps, particle, reading, row[:3], prediction, inverse)
-            tk.learn_freely(track, anchor, free, inverse)
+            ok.update_bias_unconstrained(track, anchor, free, inverse)
 
 
-assert (mk.COST, mk.INFORMATION) == (tk.COST, tk.INFORMATION)
+assert (mk.COST, mk.INFORMATION) == (tl.COST, tl.INFORMATION)

@@ -10,7 +10,7 @@ from m2wr_gmapping.backend.odometry_recalibration_kernels import STEP_SIZE
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend import tracking_kernels as tk
+from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.io.saved_map import MapReading, SavedMap
 from m2wr_gmapping.io.state_types import Array, Generator, Group, KindError, Many, Maybe, Number, Part, Record, Text
@@ -80,7 +80,7 @@ LOOPS = Part({
 RECALIBRATION = Part({
     "steps": Array("float64", "S %d" % STEP_SIZE), "_looked_at": COUNT}, ("_steps", "_count", "_ahead"))
 TRACKER = Part({
-    "_track": Array("float64", "%d 3" % tk.TRACK_ROWS), "_ask": Array("float64", "%d 3" % tk.ASK_ROWS),
+    "_track": Array("float64", "%d 3" % tl.TRACK_ROWS), "_ask": Array("float64", "%d 3" % tl.ASK_ROWS),
     "recalibration": RECALIBRATION}, ("_matcher", "_dense"), {"recalibration": "hindsight"})
 LEVEL = Part({"_usual": Group(REAL, REAL), "_way": REAL, "_more": Group(REAL, REAL), "_tilted": YES, "rocks": YES},
              ("_lift", "_reach"))

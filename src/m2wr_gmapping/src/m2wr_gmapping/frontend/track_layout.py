@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Rows of the arrays that ``tracking_kernels`` and ``odometry_kernels`` share, and their constants.
+
+Array layouts
+-------------
+``track`` (TRACK_ROWS, 3) float64
+    The motion since the last processed scan, and the calibration of odometry.  One row each:
+
+    REL, EXPECTED       pose by the newest match and odometry since then, and by odometry; from the last processed scan
+    DRIVEN, SINCE       motion by raw odometry since the last processed scan, and since the last match
+    SLACK               variances of the pose from which EXPECTED was propagated
+    WAY                 distance travelled [m] and absolute rotation [rad] since then
+    SIGNED              forward distance [m] and rotation [rad] since then, with their signs
+    ASIDE, SLIP         transform from odometry's newest pose to the matched one; WAY at its first observation, number
+                        of observations
+    DOUBT               score share of a doubtful match that was checked, NO_DOUBT for none; motion [m], [rad] since
+                        then
+    SCALE               scales of odometry's deviations, one row for translation and one for heading; the columns are
+                        the parts caused by distance and by rotation
+    SCALE_EVIDENCE      number of steps that each scale was estimated from; two rows as SCALE
+    BIAS, COVARIANCE    bias of odometry: scale of distance, scale of rotation, rotation per metre; its covariance,
+                        three rows
+    CENTRE              offset of odometry's reference point ahead of the centre of rotation [m], and its variance
+    AHEAD               forward direction of the base in the laser's frame
+    NOISE, NOISE_TURN   user's noise of translation by distance and rotation; of heading by rotation and distance
+    BIAS_INFORMATION    information of the newest processed scan about the bias, three rows
+    BIAS_INFORMATION_VECTOR
+                        that information times the measured bias
+    APPLIED_BIAS        bias that was removed from odometry up to that scan
+    TRAVELLED           forward distance [m] and rotation [rad] up to that scan, direction of AHEAD [rad]; the rows from
+                        BIAS_INFORMATION on are the last ones
+``ask`` (ASK_ROWS, 3) float64
+    START, WANTED       start pose of a match in ``map``, and the pose by odometry
+    VARIANCES, INVERSE  of the latter along its axes [m^2, m^2, rad^2]
+    WINDOW              largest displacement by a slip [m, rad]
+"""
+(REL, EXPECTED, DRIVEN, SINCE, SLACK, WAY, SIGNED, ASIDE, SLIP, DOUBT, SCALE, SCALE_EVIDENCE, BIAS, COVARIANCE, CENTRE,
+ AHEAD, NOISE, NOISE_TURN, BIAS_INFORMATION, BIAS_INFORMATION_VECTOR, APPLIED_BIAS, TRAVELLED, TRACK_ROWS) = (
+     0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 15, 18, 19, 20, 21, 22, 25, 26, 27, 28)
+SINCE_PROCESSED = DOUBT     # rows before this one begin anew, at 0, with each processed scan
+START, WANTED, VARIANCES, INVERSE, WINDOW, ASK_ROWS = 0, 1, 2, 3, 4, 5
+COST, INFORMATION = 6, 7
+STEP_UNOBSERVED, STEP_TURN, STEP_CENTRE, STEP_APPLIED = 0, 3, 4, 5
+NO_DOUBT = -1.0
+
+STILL = 0.005, 0.005, 0.005                 # a scan from so near the last matched one tells nothing new [m, m, rad]
+LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a plain match may be caught beside the right place
+SLIP_FLOOR, SLIP_SHARE = (0.2, 0.3), 0.4    # how far a slip leads aside [m, rad]; growth with the step
+SLIP_SEEN = 0.15, 0.1                       # a slip is believed when it is still there that much later [m, rad]
+SLIP_LOOKS = 20                             # or has been seen so often in a row
+SLIP_AGREES = 0.1, 0.1, 0.1                 # and changes by no more from one scan to the next [m, m, rad]
+SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance that odometry has after a slip was found [m^2, m^2, rad^2]
+GOOD_SHARE = 0.8                            # share of the beams' best possible score below which a match is doubted
+ASK_AGAIN, WORSE_SHARE = (0.15, 0.15), 0.1  # way [m, rad], or fall of the score, after which to doubt anew
+UNEXPLAINED = 0.05, 0.05, 0.02              # errors of odometry that move what is 2.5 m away by a cell [m, m, rad]
+DEPENDENT = 10.0            # beams of one scan err together: as if there were that many fewer
+
+CROSS = 0.3                 # share of the noise along a direction that movement across it adds
+LEAST = 0.004               # deviation of no step at all [m] or [rad]
+LEAST_SHARE = 0.005         # and its share of the distance and of the turn
+MEMORY, FIRST_MEMORY = 10.0, 1.0    # steps that the scale remembers; the parameters count for as much as so many
+SURPRISE = 9.0              # a step counts for no more than that many times what was expected
+MIN_SCALE_INFORMATION = 0.01        # a scan with less information changes no scale
+NARROWEST, WIDEST = 0.1, 30.0       # of the scale
+BIAS_VARIANCE = 0.03 * 0.03         # what wheels may err by: scale of ways, of turns, turn a metre
+BIAS_CHANGES = 1.0 / 300.0, 0.0, 1.0 / 300.0    # share of it by which they may change in a metre
+CENTRE_VARIANCE = 0.1 * 0.1         # of how far off its axle a base frame may lie without odometry knowing [m^2]
+TOGETHER = 4.0              # the errors of matches that follow each other are alike: as if there were that many fewer
+MIN_BIAS_INFORMATION = 0.1          # a scan with less information does not change the bias
+MIN_INFORMATION_RATIO = 0.085       # a smaller share of information along a direction is noise of the normals
+FAR_OFF = 4.0               # deviations beyond which an error is none of odometry's usual ones
