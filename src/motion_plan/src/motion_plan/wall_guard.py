@@ -204,7 +204,7 @@ class WallGuard:
         """Direction [rad] to take, or None when the disc is free in no direction; moves the held point along."""
         wanted = FOLLOW_RADIUS if self._tight_at is None else self._radius
         radius = min(wanted, max(HARD_RADIUS, nearest - 0.005))
-        assert self.contact is not None         # whoever calls holds a wall
+        assert self.contact is not None         # called only while a wall is held
         start = math.atan2(self.contact[1] - y, self.contact[0] - x)
         directions = start + SWEEP
         first, blocker = surroundings.first_free(x, y, directions, radius, LOOK_AHEAD)
