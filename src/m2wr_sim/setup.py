@@ -2,7 +2,8 @@ from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
 setup(**generate_distutils_setup(
-    packages=["m2wr_sim"] + ["m2wr_sim." + room for room in (
-        "api", "control", "model", "physics", "plugins", "ros", "runtime", "sensors")],
+    packages=["m2wr_sim"] + ["m2wr_sim." + folder for folder in (
+        "api", "control", "model", "model.mesh", "model.sdf", "model.urdf", "model.xml", "physics", "plugins", "ros",
+        "ros.gazebo_services", "runtime", "sensors")],
     package_dir={"": "src"},
 ))

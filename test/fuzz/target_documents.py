@@ -87,7 +87,7 @@ class Urdf(_Document):
     name, patterns, weight = "urdf", ("*.urdf",), 3.0
 
     def read(self, text):
-        from m2wr_sim.model.urdf import load_urdf
+        from m2wr_sim.model.urdf.loader import load_urdf
         return load_urdf(text, source="case.urdf")
 
 
@@ -97,7 +97,7 @@ class Sdf(_Document):
     name, patterns, weight = "sdf", ("*.sdf",), 3.0
 
     def read(self, text):
-        from m2wr_sim.model.sdf import load_sdf
+        from m2wr_sim.model.sdf.loader import load_sdf
         models, _ = load_sdf(text, source="case.sdf", most_parts=10000)
         return models
 
@@ -112,7 +112,7 @@ class World(_Document):
     name, patterns, weight = "world", ("*.world",), 3.0
 
     def read(self, text):
-        from m2wr_sim.model.sdf import load_world
+        from m2wr_sim.model.sdf.loader import load_world
         return load_world(text, source="case.world")
 
     def use(self, world):
@@ -138,7 +138,7 @@ class Spawn(Target):
 
         import worlds
         from m2wr_sim.errors import SimError
-        from m2wr_sim.ros.spawning import Spawner
+        from m2wr_sim.ros.gazebo_services.spawning import Spawner
         self.worlds, self.spawner_class, self.foreseen = worlds, Spawner, (SimError, rospy.ServiceException)
         self.texts = [text for text in corpus("*.urdf", "*.sdf") if len(text) < 2500]
         self.pieces = ("<!--", "-->", "<?", "?>", "<!DOCTYPE", "[", "]", ">", "<", " ", "\n", "\ufeff", "<robot",

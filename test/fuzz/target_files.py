@@ -54,9 +54,9 @@ class _Shape(Target):
     def prepare(self):
         import worlds
         from m2wr_sim.errors import SimError
-        from m2wr_sim.model.sdf import load_sdf
-        from m2wr_sim.model.urdf import load_urdf
-        from m2wr_sim.ros.spawning import prepare
+        from m2wr_sim.model.sdf.loader import load_sdf
+        from m2wr_sim.model.urdf.loader import load_urdf
+        from m2wr_sim.ros.gazebo_services.spawning import prepare
         from m2wr_sim.warm_up import warm_up
         warm_up("auto")
         self.worlds, self.foreseen, self.load_sdf, self.make_ready = worlds, (SimError,), load_sdf, prepare

@@ -147,7 +147,7 @@ class Network(Target):
         import roslib.message
 
         from gazebo_msgs import srv  # noqa: F401 (so that workers need not)
-        from m2wr_sim.ros.api_table import SERVICES
+        from m2wr_sim.ros.gazebo_services.table import SERVICES
         from messages import Filler
         from target_documents import corpus
         self.filler = Filler(lambda _: ("", "world", "cart", "cart::base", "jl", "crate", "crate::link", "sun"), 0.2)

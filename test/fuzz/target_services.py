@@ -57,9 +57,9 @@ class Services(Target):
 
         import worlds
         from m2wr_sim.errors import SimError
-        from m2wr_sim.ros import gazebo_api
-        from m2wr_sim.ros.api_table import SERVICES
-        from m2wr_sim.ros.spawning import Spawner
+        from m2wr_sim.ros.gazebo_services import gazebo_api
+        from m2wr_sim.ros.gazebo_services.spawning import Spawner
+        from m2wr_sim.ros.gazebo_services.table import SERVICES
         from m2wr_sim.warm_up import warm_up
         warm_up("auto")
         self.rospy, self.worlds, self.gazebo_api, self.spawner_class = rospy, worlds, gazebo_api, Spawner

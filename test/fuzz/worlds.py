@@ -6,7 +6,7 @@ import math
 from geometry_msgs.msg import Twist
 
 from harness import Wrong
-from m2wr_sim.model.sdf import load_world  # noqa: F401 (also for targets)
+from m2wr_sim.model.sdf.loader import load_world  # noqa: F401 (also for targets)
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.ros.convert import stamp_of

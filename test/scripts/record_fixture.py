@@ -26,9 +26,9 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.model_folders import ModelFolders
-from m2wr_sim.model.sdf import load_world
-from m2wr_sim.model.urdf import load_urdf
-from m2wr_sim.model.xacro_text import expand_xacro
+from m2wr_sim.model.sdf.loader import load_world
+from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.model.urdf.xacro_text import expand_xacro
 from m2wr_sim.physics.engine import settings_from_physics
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 from m2wr_sim.runtime.ports import LocalPorts

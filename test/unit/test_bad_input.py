@@ -6,8 +6,8 @@ import pytest
 
 import workspace_tree as tree
 from m2wr_sim.errors import ModelError, WorldError
-from m2wr_sim.model.sdf import load_world
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.sdf.loader import load_world
+from m2wr_sim.model.urdf.loader import load_urdf
 
 FOLDER = os.path.join(tree.ROOT, "test", "data", "bad")
 REFUSED = [

@@ -20,7 +20,7 @@ from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.io import saved_map_reader, state_file
 from m2wr_gmapping.replay import bag_messages
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.sdf import load_sdf
+from m2wr_sim.model.sdf.loader import load_sdf
 from m2wr_sim.ros.params import read_config
 from m2wr_tools.map_comparison.command import read_saved
 from m2wr_tools.runs import bag_report

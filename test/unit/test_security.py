@@ -5,8 +5,11 @@ import re
 
 import workspace_tree as tree
 from m2wr_gmapping.io import state_file, state_types
-from m2wr_sim.model import lenient_xml, mesh_files, mesh_shapes, safe_xml
-from m2wr_sim.ros import spawning
+from m2wr_sim.model.mesh import files as mesh_files
+from m2wr_sim.model.mesh import shapes as mesh_shapes
+from m2wr_sim.model.xml import lenient as lenient_xml
+from m2wr_sim.model.xml import safe as safe_xml
+from m2wr_sim.ros.gazebo_services import spawning
 from m2wr_view import map_input
 
 TEXT = tree.read(os.path.join(tree.ROOT, "SECURITY.md"))

@@ -7,7 +7,7 @@ import pytest
 import rospkg
 
 from m2wr_sim.model.model_folders import ModelFolders
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 
 PACKS = rospkg.RosPack()
 WORLDS = [os.path.join(PACKS.get_path('gazebo_ros'), 'worlds', name + '.world')

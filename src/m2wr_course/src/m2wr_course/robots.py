@@ -13,7 +13,7 @@ from m2wr_course.finding import Finding
 from m2wr_sim.api.loading import package_folder, read_robot
 from m2wr_sim.api.sim import Sim
 from m2wr_sim.geometry import rotate
-from m2wr_sim.model.xacro_text import expand_xacro
+from m2wr_sim.model.urdf.xacro_text import expand_xacro
 
 TRACK, TRACK_ERROR = 0.6, 0.005         # m; what exercise 1 asks for
 STRAIGHT, SIDEWAYS = 2.0, 0.02          # m; driven, and the offset that is still straight

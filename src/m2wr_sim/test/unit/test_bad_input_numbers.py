@@ -9,7 +9,7 @@ import pytest
 from conftest import at
 from m2wr_sim.api import Sim
 from m2wr_sim.errors import ModelError, SimError, WorldError
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.physics.engine import whole_step
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.runtime.schedule import misfit

@@ -7,9 +7,9 @@ from gazebo_msgs.srv import SpawnModelRequest
 from geometry_msgs.msg import Point, Pose, Quaternion
 
 from conftest import at, package_folder
-from m2wr_sim.model.urdf import load_urdf
-from m2wr_sim.model.xacro_text import expand_xacro
-from m2wr_sim.ros.spawning import Spawner
+from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.model.urdf.xacro_text import expand_xacro
+from m2wr_sim.ros.gazebo_services.spawning import Spawner
 
 
 def changed(old, new):

@@ -5,7 +5,7 @@ import pytest
 
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Noise, RayScan
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.urdf.loader import load_urdf
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
 SHAPE = '<{tag}{name}><geometry><sphere radius="0.1"/></geometry></{tag}>'

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from m2wr_sim.model.inertials import mass_fault, usable
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Mesh, Plane, Sphere
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.urdf.loader import load_urdf
 
 TURN = (0.0, 0.0, 0.0, 1.0)
 FLAT = Inertial(2.0, ((0.0, 0.0, 0.1), TURN), (0.0,) * 6)

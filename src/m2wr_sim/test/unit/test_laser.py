@@ -6,7 +6,7 @@ import pytest
 
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Noise, Plane, RayScan, Sphere
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.sensors import packed_kernels
 from m2wr_sim.sensors.laser import LaserSensor, warm_up
 from m2wr_sim.sensors.scene import Scene

@@ -11,9 +11,9 @@ from conftest import at
 from m2wr_sim.errors import ModelError
 from m2wr_sim.model.types import Axis, Box, Collision, Inertial, Joint, Link, Model
 from m2wr_sim.physics.engine import FASTEST
-from m2wr_sim.ros.api_joints import JointApi
-from m2wr_sim.ros.api_links import LinkApi
-from m2wr_sim.ros.api_physics import PhysicsApi
+from m2wr_sim.ros.gazebo_services.joints import JointApi
+from m2wr_sim.ros.gazebo_services.links import LinkApi
+from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
 from m2wr_sim.runtime.entities import LiveModel
 from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.limits import solver_stops, strongest, strongest_effort

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from m2wr_sim.geometry import IDENTITY, compose, matrix_from_quaternion, quaternion_from_rpy
-from m2wr_sim.model.lumping import Body, Connection, Part, lump, merge_inertials, part_names
-from m2wr_sim.model.sdf_shapes import inertia_matrix
+from m2wr_sim.model.urdf.lumping import Body, Connection, Part, lump, merge_inertials, part_names
+from m2wr_sim.model.sdf.shapes import inertia_matrix
 from m2wr_sim.model.types import Box, Inertial, Sphere
 
 UNIT_BALL = Inertial(1.0, IDENTITY, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4))

@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from m2wr_sim.model import mesh_files
-from m2wr_sim.model.mesh_files import has_area, read_mesh_file
-from m2wr_sim.model.safe_xml import XmlError, read_file
+from m2wr_sim.model.mesh import files as mesh_files
+from m2wr_sim.model.mesh.files import has_area, read_mesh_file
+from m2wr_sim.model.xml.safe import XmlError, read_file
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -191,7 +191,7 @@ def test_too_many_triangles_are_refused_with_the_limit(saved, monkeypatch):
 
 def test_a_large_file_is_announced(saved, monkeypatch, caplog):
     monkeypatch.setattr(mesh_files, "_SLOW_BYTES", 100)
-    with caplog.at_level("INFO", logger="m2wr_sim.model.mesh_files"):
+    with caplog.at_level("INFO", logger="m2wr_sim.model.mesh.files"):
         read_mesh_file(saved("large.stl", text_stl(PYRAMID)))
     assert "large.stl" in caplog.text
 

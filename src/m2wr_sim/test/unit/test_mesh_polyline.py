@@ -5,7 +5,7 @@ import random
 import numpy as np
 import pytest
 
-from m2wr_sim.model.mesh_polyline import extrude
+from m2wr_sim.model.mesh.polyline import extrude
 
 SQUARE = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
 HOLE = [(0.5, 0.5), (1.5, 0.5), (1.0, 1.5)]

@@ -2,11 +2,11 @@
 import numpy as np
 import pytest
 
-from m2wr_sim.model import mesh_shapes
+from m2wr_sim.model.mesh import shapes as mesh_shapes
 from m2wr_sim.model.model_folders import ModelFolders
-from m2wr_sim.model.sdf import load_sdf_models, load_world
+from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.types import Heightmap, Mesh
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.urdf.loader import load_urdf
 from test_mesh_files import CORNERS, FACES, NODE, PYRAMID, dae, obj, same, text_stl
 
 Image = pytest.importorskip("PIL.Image")
@@ -88,7 +88,7 @@ def test_a_broken_file_is_named_and_the_rest_loads(folder):
 
 
 def test_too_many_triangles_are_told_with_the_limit(folder, monkeypatch):
-    monkeypatch.setattr("m2wr_sim.model.mesh_files.MAX_TRIANGLES", 3)
+    monkeypatch.setattr("m2wr_sim.model.mesh.files.MAX_TRIANGLES", 3)
     (folder / "fresh.stl").write_bytes(text_stl(PYRAMID))
     shapes, (note,) = load(folder, mesh("fresh.stl"))
     assert shapes == [] and "has 4 triangles; expected at most 3" in note

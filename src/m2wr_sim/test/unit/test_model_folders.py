@@ -2,7 +2,7 @@
 import pytest
 
 from m2wr_sim.model.model_folders import ModelFolders, exported_paths, standard_folders
-from m2wr_sim.model.safe_xml import XmlError
+from m2wr_sim.model.xml.safe import XmlError
 
 EXPORT = '<package format="2"><name>{0}</name><export><gazebo_ros {1}="{2}"/></export></package>'
 

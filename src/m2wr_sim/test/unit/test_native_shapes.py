@@ -14,7 +14,7 @@ import pytest
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate, rotate_inverse, yaw_of
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.model.types import Box, Heightmap, Mesh, RayScan, Sphere, Surface
 from m2wr_sim.physics import factory, native_shapes
 from m2wr_sim.physics.engine import EngineSettings

@@ -3,7 +3,7 @@ import pytest
 from geometry_msgs.msg import Twist
 
 from conftest import at
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf.loader import load_sdf_models
 
 WHEEL = ('<link name="{0}"><pose>0 {1} 0.1 0 0 0</pose><inertial><mass>1</mass><inertia><ixx>.004</ixx><iyy>.004</iyy>'
          '<izz>.004</izz></inertia></inertial><collision name="c"><geometry><sphere><radius>0.1</radius></sphere>'

@@ -20,7 +20,7 @@ from m2wr_sim.model.types import (Axis, Box, Collision, Cylinder, Inertial, Join
                                   PluginSpec, RayScan, Sphere, World, WorldState)
 from m2wr_sim.plugins.world_states import WorldStates
 from m2wr_sim.model.outlines import obstacle_outlines, outline_of
-from m2wr_sim.ros.api_links import LinkApi
+from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.world_markers import WorldMarkers
 from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.ports import LocalPort

@@ -3,9 +3,10 @@ import os
 import re
 from dataclasses import MISSING, fields
 
-from m2wr_sim.model import gazebo_tags, sdf_elements
+from m2wr_sim.model.sdf import elements as sdf_elements
+from m2wr_sim.model.urdf import gazebo_tags
 from m2wr_sim.plugins.registry import PLUGINS
-from m2wr_sim.ros.api_table import SERVICES
+from m2wr_sim.ros.gazebo_services.table import SERVICES
 from m2wr_sim.ros.params import NodeConfig
 
 _README = os.path.join(os.path.dirname(__file__), "..", "..", "README.md")

@@ -3,8 +3,8 @@ import time
 
 import pytest
 
-from m2wr_sim.model import safe_xml
-from m2wr_sim.model.safe_xml import XmlError, parse_bool, parse_float, parse_int, parse_vector, parse_xml
+from m2wr_sim.model.xml import safe as safe_xml
+from m2wr_sim.model.xml.safe import XmlError, parse_bool, parse_float, parse_int, parse_vector, parse_xml
 
 LAUGHS = """<?xml version="1.0"?>
 <!DOCTYPE robot [

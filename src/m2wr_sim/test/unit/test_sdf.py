@@ -7,7 +7,7 @@ import pytest
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy, rotate, yaw_of
 from m2wr_sim.model.model_folders import ModelFolders
-from m2wr_sim.model.sdf import load_sdf_models, load_world
+from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.types import Box, Cylinder, Inertial, Physics, Plane, Sphere, Surface
 
 QUARTER = "1.5707963267948966"

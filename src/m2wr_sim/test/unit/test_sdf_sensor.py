@@ -1,5 +1,5 @@
 """What sensors other than lasers say of themselves: noise of inertial units, collisions of contact sensors."""
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.model.types import Noise
 
 SDF = """<sdf version="1.6"><model name="m"><link name="l"><collision name="shell"><geometry><box><size>1 1 1</size>

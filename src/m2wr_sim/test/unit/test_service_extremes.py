@@ -6,12 +6,12 @@ import pytest
 import rospy
 from conftest import at
 
-from m2wr_sim.ros.api_joints import JointApi
-from m2wr_sim.ros.api_lights import LightApi
-from m2wr_sim.ros.api_links import LinkApi
-from m2wr_sim.ros.api_physics import PhysicsApi
-from m2wr_sim.ros.api_table import SERVICES
-from m2wr_sim.ros.gazebo_api import GazeboApi
+from m2wr_sim.ros.gazebo_services.joints import JointApi
+from m2wr_sim.ros.gazebo_services.lights import LightApi
+from m2wr_sim.ros.gazebo_services.links import LinkApi
+from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
+from m2wr_sim.ros.gazebo_services.table import SERVICES
+from m2wr_sim.ros.gazebo_services.gazebo_api import GazeboApi
 from m2wr_sim.runtime.forces import Forces
 
 FLOATS = (1.7976931348623157e308, -1.7976931348623157e308, 5e-324, 1e16, -1e16, 1e9, -1e9, math.nan, math.inf)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import Pose
 
-from m2wr_sim.model import mesh_files
+from m2wr_sim.model.mesh import files as mesh_files
 from m2wr_sim.model.types import Mesh
-from m2wr_sim.ros import spawning
-from m2wr_sim.ros.spawning import Spawner
+from m2wr_sim.ros.gazebo_services import spawning
+from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.sensors import mesh_tree
 from test_mesh_files import PYRAMID, text_stl
 

@@ -8,10 +8,10 @@ import pytest
 import yaml
 
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.mesh_files import read_mesh_file
+from m2wr_sim.model.mesh.files import read_mesh_file
 from m2wr_sim.model.model_folders import ModelFolders, standard_folders
-from m2wr_sim.model.safe_xml import parse_xml
-from m2wr_sim.model.sdf import load_sdf_models, load_world
+from m2wr_sim.model.xml.safe import parse_xml
+from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.types import Box, Cylinder
 
 PACKAGE = Path(__file__).resolve().parents[2]

@@ -8,10 +8,10 @@ import time
 import pytest
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model import mesh_files
-from m2wr_sim.model.lenient_xml import root_tag, tidy, without_comments
-from m2wr_sim.model.sdf import load_sdf, load_world
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.mesh import files as mesh_files
+from m2wr_sim.model.xml.lenient import root_tag, tidy, without_comments
+from m2wr_sim.model.sdf.loader import load_sdf, load_world
+from m2wr_sim.model.urdf.loader import load_urdf
 
 LEAST = 0.02            # CPU time below which a ratio of two says nothing [s]
 MOST = 5.0              # CPU time that a text of LONG characters may take [s]

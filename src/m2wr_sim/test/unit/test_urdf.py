@@ -8,8 +8,8 @@ from m2wr_sim.api.loading import read_robot
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy
 from m2wr_sim.model.types import Cylinder, Noise, Sphere
-from m2wr_sim.model.urdf import load_urdf
-from m2wr_sim.model.xacro_text import expanded
+from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.model.urdf.xacro_text import expanded
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 DESCRIPTION = Path(__file__).resolve().parents[3] / "m2wr_description"

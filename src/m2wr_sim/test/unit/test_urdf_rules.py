@@ -6,9 +6,9 @@ import pytest
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import rotate
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.model.types import Axis, Surface
-from m2wr_sim.model.urdf import load_urdf
+from m2wr_sim.model.urdf.loader import load_urdf
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
 QUARTER = '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'

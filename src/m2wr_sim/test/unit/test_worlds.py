@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_sim.geometry import compose, matrix_from_quaternion, yaw_of
 from m2wr_sim.model.model_folders import ModelFolders
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 
 PACKAGE = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from m2wr_sim.errors import WorldError
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_tools.map_comparison.agreement import INSIDE, OUTSIDE, WALL, Truth, compare, format_agreement, picture
 
 WORLD = """<sdf version="1.6"><world name="w"><model name="box"><static>true</static><pose>1 0.5 0.5 0 0 0</pose>

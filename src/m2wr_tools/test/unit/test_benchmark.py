@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.sdf import load_sdf_models, load_world
+from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
 from m2wr_tools.benchmark import c_loop, command, in_process, others, reference, table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from m2wr_sim.errors import ModelError
-from m2wr_sim.model.sdf import load_sdf
+from m2wr_sim.model.sdf.loader import load_sdf
 from m2wr_tools.obstacles import commands as obstacle_commands
 from m2wr_tools.obstacles import world as obstacle_world
 from m2wr_tools.obstacles.obstacle import COLOURS, KINDS, Obstacle, draw, read_colour, read_link, wall

@@ -6,13 +6,13 @@ from pathlib import Path
 import rospkg
 
 from m2wr_sim.errors import ModelError, NotFoundError, WorldError
-from m2wr_sim.model.lenient_xml import root_tag
+from m2wr_sim.model.xml.lenient import root_tag
 from m2wr_sim.model.model_folders import standard_folders
-from m2wr_sim.model.safe_xml import errors_as
-from m2wr_sim.model.sdf import load_sdf_models, load_world
+from m2wr_sim.model.xml.safe import errors_as
+from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.types import Model, World
-from m2wr_sim.model.urdf import load_urdf
-from m2wr_sim.model.xacro_text import expand_xacro, expanded
+from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.model.urdf.xacro_text import expand_xacro, expanded
 
 _HERE = Path(__file__).resolve()
 #: Robots that are known by name: package, and file in it.

@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 
-from m2wr_sim.model.sdf_shapes import inertial_moments
+from m2wr_sim.model.sdf.shapes import inertial_moments
 from m2wr_sim.model.types import Box, Cylinder, Inertial, Mesh, Sphere
 
 _NO_SHAPE = 0.1         # m: radius of the ball that stands in for a link without shapes

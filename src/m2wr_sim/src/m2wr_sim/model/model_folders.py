@@ -2,7 +2,7 @@
 import glob
 import os
 
-from m2wr_sim.model.safe_xml import XmlError, parse_xml, read_file
+from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
 
 NEWEST_SDF = (1, 7)
 HOW_TO_INSTALL = "put its folder into ~/.gazebo/models or into a folder that GAZEBO_MODEL_PATH names"

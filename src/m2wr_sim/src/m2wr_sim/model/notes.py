@@ -6,7 +6,7 @@ that.  A *remark* names what belongs to viewers or other programs and is gathere
 """
 from lxml import etree
 
-from m2wr_sim.model.safe_xml import XmlError, file_of
+from m2wr_sim.model.xml.safe import XmlError, file_of
 
 
 MOST_SENTENCES = 1000       # of one document; each becomes a line of the log

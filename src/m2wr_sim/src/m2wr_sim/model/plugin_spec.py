@@ -1,7 +1,7 @@
 """A ``<plugin>`` element of SDF or of a URDF ``<gazebo>`` block -> PluginSpec."""
 from lxml import etree
 
-from m2wr_sim.model.safe_xml import fail, line_of, place
+from m2wr_sim.model.xml.safe import fail, line_of, place
 from m2wr_sim.model.types import PluginSpec
 
 

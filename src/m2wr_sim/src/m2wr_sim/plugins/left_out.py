@@ -8,7 +8,7 @@ import logging
 import re
 from typing import NamedTuple
 
-from m2wr_sim.model.safe_xml import shorten
+from m2wr_sim.model.xml.safe import shorten
 from m2wr_sim.plugins.registry import library_name
 
 log = logging.getLogger(__name__)

@@ -17,20 +17,20 @@ from visualization_msgs.msg import MarkerArray
 from m2wr_node.ros.is_there import alive
 from m2wr_node.ros.starting import master_gone, register
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.model.types import Physics
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
-from m2wr_sim.ros.api_performance import Performance
+from m2wr_sim.ros.gazebo_services.performance import Performance
 from m2wr_sim.ros.diagnostics import Diagnostics
-from m2wr_sim.ros.gazebo_api import GazeboApi
+from m2wr_sim.ros.gazebo_services.gazebo_api import GazeboApi
 from m2wr_sim.ros.lockstep import Lockstep
 from m2wr_sim.ros.lockstep_ports import LockstepPorts
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import find_world, model_folders, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
-from m2wr_sim.ros.spawning import Spawner
+from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator

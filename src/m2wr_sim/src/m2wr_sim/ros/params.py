@@ -13,7 +13,7 @@ from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.physics.factory import ENGINES
-from m2wr_sim.ros.api_reconfigure import PARAMETERS
+from m2wr_sim.ros.gazebo_services.reconfigure import PARAMETERS
 
 
 def _parameter(default, help_text, check=None):

@@ -20,9 +20,9 @@ from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
 from m2wr_sim.angles import quaternion_from_rpy
 from m2wr_sim.command_line import without_exponent
-from m2wr_sim.model.lenient_xml import root_tag
-from m2wr_sim.model.safe_xml import XmlError
-from m2wr_sim.model.xacro_text import expanded
+from m2wr_sim.model.xml.lenient import root_tag
+from m2wr_sim.model.xml.safe import XmlError
+from m2wr_sim.model.urdf.xacro_text import expanded
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
 _LONG_WAIT = 60.0          # s of wall time after which waiting for a service is worth a warning

@@ -11,7 +11,7 @@ import numpy as np
 
 from m2wr_sim.control.diff_drive import wheel_speeds
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.sdf import load_sdf_models
+from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.physics.engine import settings_from_physics
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.base import Plugin

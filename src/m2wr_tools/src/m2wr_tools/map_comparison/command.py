@@ -13,7 +13,7 @@ from PIL import Image
 from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import SimError, WorldError
 from m2wr_sim.model.outlines import obstacle_outlines
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_tools.map_comparison.agreement import LASER_HEIGHT, SLICE, Truth, compare, format_agreement, picture

@@ -14,7 +14,7 @@ from gazebo_msgs.srv import GetWorldProperties, SpawnModel
 from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import quaternion_from_rpy
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.ros.convert import write_pose
 from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service

@@ -8,7 +8,7 @@ import time
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.outlines import obstacle_outlines
-from m2wr_sim.model.sdf import load_world
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.ros.node import package_folder
 from m2wr_sim.ros.params import find_world, model_folders
 from m2wr_tools.runs.experiment import INTERRUPTED, free_port, resolve, run

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Meshes: files, outlines and heightmaps as triangles, and the elements that name them."""

@@ -1,0 +1,200 @@
+"""What becomes of the elements of SDF: which are read, which belong to viewers or others, which are told and why.
+
+The readers ask for what they use, and :class:`~m2wr_sim.model.sdf.node.Node` compares that with what stands in the
+file.  These tables say what to tell of the rest; the README shows them (``python3 -m m2wr_sim.model.sdf.elements``
+prints them as it does), and tests hold both against the readers.  Elements of one name in different places have rows of
+their own (``physics/ode``, ``friction/ode``).
+"""
+import re
+import sys
+
+
+def _words(text):
+    return frozenset(text.split())
+
+
+#: Row -> the elements in it that are read.
+READ = {row: _words(text) for row, text in {
+    "world": "model include light physics gravity plugin state frame",
+    "physics": "max_step_size real_time_update_rate gravity max_contacts ode",
+    "physics/ode": "solver constraints",
+    "solver": "type iters precon_iters sor",
+    "constraints": "cfm erp contact_max_correcting_vel contact_surface_layer",
+    "state": "sim_time model insertions deletions",
+    "state/model": "pose scale link model",
+    "state/link": "pose velocity",
+    "deletions": "name",
+    "insertions": "model include light",
+    "include": "uri name pose static plugin placement_frame",
+    "model": "pose static self_collide allow_auto_disable plugin link joint model include frame",
+    "frame": "pose",
+    "link": "pose inertial collision visual sensor gravity self_collide kinematic velocity_decay",
+    "velocity_decay": "linear angular",
+    "inertial": "pose mass inertia",
+    "inertia": "ixx ixy ixz iyy iyz izz",
+    "collision": "pose geometry surface laser_retro max_contacts",
+    "visual": "pose geometry material",
+    "material": "ambient diffuse script",
+    "script": "name",
+    "geometry": "box cylinder sphere plane mesh heightmap polyline empty",
+    "box": "size",
+    "cylinder": "radius length",
+    "sphere": "radius",
+    "plane": "normal size",
+    "mesh": "uri filename scale submesh",
+    "submesh": "name center",
+    "heightmap": "uri size pos sampling",
+    "polyline": "point height",
+    "surface": "friction contact bounce",
+    "friction": "ode torsional",
+    "friction/ode": "mu mu2 fdir1 slip1 slip2",
+    "torsional": "coefficient use_patch_radius patch_radius surface_radius",
+    "contact": "ode collide_bitmask collide_without_contact elastic_modulus",
+    "contact/ode": "kp kd max_vel min_depth",
+    "bounce": "restitution_coefficient threshold",
+    "joint": "parent child pose axis axis2 physics",
+    "joint/physics": "ode",
+    "joint/ode": "limit fudge_factor",
+    "ode/limit": "erp cfm",
+    "parent": "link",
+    "child": "link",
+    "axis": "xyz use_parent_model_frame dynamics limit",
+    "dynamics": "damping friction spring_stiffness spring_reference",
+    "axis/limit": "lower upper effort velocity",
+    "sensor": "pose update_rate always_on visualize plugin ray imu contact",
+    "ray": "scan range noise",
+    "scan": "horizontal vertical",
+    "horizontal": "samples resolution min_angle max_angle",
+    "vertical": "samples resolution min_angle max_angle",
+    "range": "min max resolution",
+    "noise": "type mean stddev bias_mean bias_stddev precision dynamic_bias_stddev dynamic_bias_correlation_time",
+    "imu": "angular_velocity linear_acceleration noise",
+    "angular_velocity": "x y z",
+    "linear_acceleration": "x y z",
+    "imu/axis": "noise",
+    "imu/noise": "type rate accel",
+    "rate": "mean stddev bias_mean bias_stddev",
+    "sensor/contact": "collision",
+    "light": "cast_shadows pose diffuse specular attenuation direction",
+    "attenuation": "constant linear quadratic",
+}.items()}
+
+#: Row -> the elements in it that have no part in the simulation; told in one quiet line a document.
+QUIET = {row: _words(text) for row, text in {
+    "world": "scene gui audio wind atmosphere magnetic_field spherical_coordinates road",
+    "physics": "real_time_factor bullet simbody dart magnetic_field",
+    "solver": "min_step_size use_dynamic_moi_rescaling friction_model island_threads thread_position_correction",
+    "state": "wall_time real_time iterations light joint",
+    "state/model": "joint",
+    "state/link": "acceleration wrench collision",
+    "model": "enable_wind description author",
+    "link": "enable_wind light audio_sink audio_source must_be_base_link projector particle_emitter",
+    "visual": "cast_shadows transparency laser_retro meta plugin visibility_flags",
+    "material": "specular emissive lighting shader pbr shininess render_order double_sided",
+    "script": "uri",
+    "heightmap": "texture blend use_terrain_paging",
+    "surface": "soft_contact",
+    "friction": "bullet",
+    "torsional": "ode",
+    "contact": "bullet poissons_ratio collide_without_contact_bitmask",
+    "contact/ode": "soft_cfm soft_erp",
+    "joint/physics": "simbody provide_feedback",
+    "joint/ode": "provide_feedback cfm_damping implicit_spring_damper suspension",
+    "axis": "initial_position",
+    "axis/limit": "stiffness dissipation",
+    "sensor": "topic camera depth gps sonar force_torque altimeter magnetometer rfid rfidtag transceiver "
+              "logical_camera",
+    "imu": "topic",
+    "sensor/contact": "topic",
+    "light": "intensity spot light_on visualize",
+    "attenuation": "range",
+}.items()}
+
+#: (row, element) -> why it is not read; told as a warning.
+REASONS = {
+    ("world", "actor"): "nothing here walks along a script",
+    ("world", "population"): "write the models out, or spawn them",
+    ("link", "battery"): "no charge is simulated",
+    ("joint", "sensor"): "a force and torque plugin on the model reads joints",
+    ("joint", "gearbox_ratio"): "gearboxes are not simulated",
+    ("joint", "gearbox_reference_body"): "gearboxes are not simulated",
+    ("joint", "thread_pitch"): "screws are not simulated",
+    ("model", "gripper"): "a closed hand holds by friction alone",
+    ("contact", "category_bitmask"): "<collide_bitmask> decides what touches",
+    ("joint/ode", "cfm"): "<limit> in it is read",
+    ("joint/ode", "erp"): "<limit> in it is read",
+    ("joint/ode", "bounce"): "stops do not spring back",
+    ("joint/ode", "max_force"): "drive plugins and services drive joints",
+    ("joint/ode", "velocity"): "drive plugins and services drive joints",
+    ("imu", "orientation_reference_frame"): "the orientation is in the world's axes; a plugin may turn it",
+    ("imu", "enable_orientation"): "the orientation is always given",
+    ("inertial", "density"): "<mass> and <inertia> are read",
+    ("axis", "mimic"): "the joint moves freely",
+}
+
+#: (row, element) -> the value at which an element that is not read changes nothing, and is not told at all; 0 is also
+#: ``false``.
+IDLE = {("physics", "real_time_factor"): 1.0, ("model", "enable_wind"): 0.0, ("link", "enable_wind"): 0.0,
+        ("link", "must_be_base_link"): 0.0, ("joint/ode", "cfm"): 0.0, ("joint/ode", "erp"): 0.2,
+        ("joint/ode", "bounce"): 0.0, ("joint/ode", "max_force"): 0.0, ("joint/ode", "velocity"): 0.0,
+        ("joint", "gearbox_ratio"): 1.0, ("joint", "thread_pitch"): 1.0, ("contact", "category_bitmask"): 65535.0}
+
+#: Row -> what is other than in Gazebo, for the README.
+DIFFERS = {
+    "world": "`plugin`: named and left out; `light`: for its services",
+    "physics": "`max_step_size`: 0.01 to 100 ms; `type`: always ode",
+    "solver": "`precon_iters` and `sor` are only told back; `~solver` says which",
+    "constraints": "`erp`: 0.2 to 0.8; the others are only told back",
+    "state": "only the first counts, as in Gazebo",
+    "state/model": "`scale` is told where it is not 1 1 1, and not applied",
+    "include": "nothing is downloaded; `placement_frame` names a link",
+    "model": "nested models are told where they alone are `static`; `gripper` does nothing",
+    "inertial": "the mass of a moving link must be positive",
+    "visual": "for viewers; of `geometry` only plain shapes",
+    "geometry": "`image`, `capsule`, `ellipsoid`: told, that shape is left out",
+    "plane": "`size` is for viewers, as in Gazebo",
+    "heightmap": "see Meshes",
+    "torsional": "told where it would act",
+    "contact": "`elastic_modulus` is told where it is not 0",
+    "contact/ode": "limited, see Physics",
+    "joint": "types revolute, continuous, prismatic, fixed, ball, universal; the others are told",
+    "sensor": "types ray, gpu_ray, imu, contact; the others are told",
+    "range": "`resolution` has no effect, as in Gazebo",
+    "noise": "`dynamic_bias_...`: of imu sensors, else told",
+    "light": "for its services; shines on nothing",
+}
+
+#: Row -> attributes besides those that are read that are passed over: names for people and other programs.
+SILENT_ATTRIBUTES = {"physics": ("name",), "state": ("world_name",), "xyz": ("expressed_in",)}
+
+#: (row of the parent, element) -> row, where the element's own name is not one.
+ROWS = {
+    ("physics", "ode"): "physics/ode", ("friction", "ode"): "friction/ode", ("contact", "ode"): "contact/ode",
+    ("state", "model"): "state/model", ("state/model", "model"): "state/model", ("state/model", "link"): "state/link",
+    ("joint", "physics"): "joint/physics", ("joint/physics", "ode"): "joint/ode", ("joint/ode", "limit"): "ode/limit",
+    ("joint", "axis2"): "axis", ("axis", "limit"): "axis/limit", ("sensor", "contact"): "sensor/contact",
+    ("angular_velocity", "x"): "imu/axis", ("angular_velocity", "y"): "imu/axis", ("angular_velocity", "z"): "imu/axis",
+    ("linear_acceleration", "x"): "imu/axis", ("linear_acceleration", "y"): "imu/axis",
+    ("linear_acceleration", "z"): "imu/axis", ("imu", "noise"): "imu/noise", ("imu/noise", "rate"): "rate",
+    ("imu/noise", "accel"): "rate",
+}
+
+
+def table():
+    """Return the lines of the README's table: a row of elements in each."""
+    lines = ["| in | read | differs from Gazebo | no effect, one quiet line | told, not read |",
+             "|---|---|---|---|---|"]
+    for row in READ:
+        told = ["`{}`: {}".format(tag, re.sub("(<.*?>)", r"`\1`", reason))
+                for (parent, tag), reason in REASONS.items() if parent == row]
+        cells = "`%s`" % row, _listed(READ[row]), DIFFERS.get(row, ""), _listed(QUIET.get(row, ())), "; ".join(told)
+        lines.append("| {} |".format(" | ".join(cells)).replace("  ", " "))
+    return lines
+
+
+def _listed(tags):
+    return ", ".join("`{}`".format(tag) for tag in sorted(tags))
+
+
+if __name__ == "__main__":
+    sys.stdout.write("\n".join(table()) + "\n")

@@ -1,0 +1,259 @@
+"""One element of SDF while it is read: hands out values and children, and tells what nobody asked for.
+
+Nothing in a document can be ignored in silence: what a reader does not ask for is named when it is done, by the rules
+of :mod:`m2wr_sim.model.sdf.elements`.  A value that cannot be used is told and the default taken in its place, as
+Gazebo does; what has no default raises an XmlError, and whoever reads the part around it leaves that out.
+"""
+from lxml import etree
+
+from m2wr_sim.model.xml.safe import (XmlError, fail, file_of, line_of, parse_bool, parse_float, parse_int, parse_vector,
+                                     place, required_name)
+from m2wr_sim.model.sdf.elements import IDLE, QUIET, REASONS, ROWS, SILENT_ATTRIBUTES
+
+_FIRST, _ALL = 1, 2
+
+
+def shown(value):
+    """Return a default as one would write it in a file."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (tuple, list)):
+        return " ".join(shown(part) for part in value)
+    return "{:g}".format(value) if isinstance(value, (int, float)) else str(value)
+
+
+class Node:
+    """An element that is being read, or the lack of one: then everything in it has its default.
+
+    Parameters
+    ----------
+    element : lxml element or None
+    notes : Notes
+    row : str, optional
+        Its row in the tables of :mod:`m2wr_sim.model.sdf.elements`; by default its tag.
+
+    Attributes
+    ----------
+    element, notes, row
+        As given.
+    """
+
+    __slots__ = ("element", "notes", "row", "_children", "_asked", "_attributes", "_kept", "_lists")
+
+    def __init__(self, element, notes, row=None):
+        self.element, self.notes = element, notes
+        self._children, self._asked, self._attributes, self._kept, self._lists = {}, {}, set(), {}, {}
+        self.row = row
+        if element is not None:
+            self.row = row or etree.QName(element).localname
+            for child in element:
+                self._children.setdefault(child.tag, []).append(child)
+
+    def __bool__(self):
+        return self.element is not None
+
+    @property
+    def tag(self):
+        """The element's own tag."""
+        return self.element.tag
+
+    @property
+    def file(self):
+        """The document it stands in."""
+        return file_of(self.element)
+
+    @property
+    def line(self):
+        """``file:line`` of it."""
+        return line_of(self.element)
+
+    @property
+    def place(self):
+        """``file:line: <path>`` of it."""
+        return place(self.element)
+
+    def fail(self, found, expected):
+        """Raise XmlError: what was found here and what was expected."""
+        fail(self.element, found, expected)
+
+    # ---- what is in it -----------------------------------------------------------------------------------------
+
+    def name(self):
+        """Return the attribute ``name``; XmlError where it is missing or blank."""
+        self._attributes.add("name")
+        return required_name(self.element)
+
+    def attribute(self, name):
+        """Return an attribute without spaces around it; empty where it is missing."""
+        self._attributes.add(name)
+        return "" if self.element is None else (self.element.get(name) or "").strip()
+
+    def own_text(self):
+        """Return the text of the element itself, without spaces around it."""
+        return "" if self.element is None else (self.element.text or "").strip()
+
+    def tags(self):
+        """Return the tags of all children, in the order of the document."""
+        return [] if self.element is None else [child.tag for child in self.element]
+
+    def has(self, tag):
+        """Tell whether there is a child ``tag``; that alone does not count as reading it."""
+        return tag in self._children
+
+    def child(self, tag):
+        """Return the first child ``tag`` as a Node, which is false where there is none."""
+        node = self._kept.get(tag)
+        if node is None:
+            node = self._kept[tag] = Node(self._ask(tag), self.notes, ROWS.get((self.row, tag), tag))
+        return node
+
+    def children(self, tag):
+        """Return all children ``tag`` as Nodes."""
+        self._asked[tag] = _ALL
+        row = ROWS.get((self.row, tag), tag)
+        nodes = self._lists.get(tag)
+        if nodes is None:
+            nodes = self._lists[tag] = [Node(found, self.notes, row) for found in self._children.get(tag, ())]
+        return nodes
+
+    def _ask(self, tag):
+        self._asked.setdefault(tag, _FIRST)
+        found = self._children.get(tag)
+        return None if found is None else found[0]
+
+    def text(self, tag):
+        """Return the text of the first child ``tag``, or None where it is missing."""
+        found = self._ask(tag)
+        return None if found is None else (found.text or "").strip()
+
+    def value(self, tag, default, parse, *extra):
+        """Return ``parse(element, text, tag, *extra)`` of child ``tag``, or the default as :meth:`number` does."""
+        found = self._ask(tag)
+        text = "" if found is None else (found.text or "").strip()
+        if found is not None and (len(found) or found.keys()):
+            self._tell_more(found)
+        if not text:
+            return default
+        try:
+            return parse(found, text, tag, *extra)
+        except XmlError as error:
+            self.notes.add("{}; {} is taken.".format(error, shown(default)))
+            return default
+
+    def number(self, tag, default, least=None, allow_infinite=False):
+        """Return the number in child ``tag``; ``default`` where it is missing, no number (told), or below ``least``."""
+        def parse(element, text, what):
+            value = parse_float(element, text, what, allow_infinite)
+            if least is not None and value < least:
+                fail(element, "{} is {}".format(what, text),
+                     "zero or a positive number" if least == 0.0 else "a number of at least {:g}".format(least))
+            return value
+        return self.value(tag, default, parse)
+
+    def whole(self, tag, default, least=None):
+        """Return the whole number in child ``tag``, or the default as :meth:`number` does."""
+        return self.value(tag, default, parse_int, least)
+
+    def flag(self, tag, default):
+        """Return the truth value in child ``tag``, or the default as :meth:`number` does."""
+        return self.value(tag, default, parse_bool)
+
+    def vector(self, tag, count, default):
+        """Return the ``count`` numbers in child ``tag`` as a tuple, or the default as :meth:`number` does."""
+        return self.value(tag, default, lambda element, text, what: parse_vector(element, text, count, what))
+
+    def strict_vector(self, tag, count, default):
+        """Return as :meth:`vector`, but raise XmlError where the child is there and does not hold the numbers."""
+        found = self._ask(tag)
+        text = "" if found is None else (found.text or "").strip()
+        return parse_vector(found, text, count, tag) if text else default
+
+    def positive(self, tag, default=None):
+        """Return the positive number in child ``tag``; XmlError where there is none and no ``default`` either."""
+        found = self._ask(tag)
+
+        def parse(element, text, what):
+            value = parse_float(element, text, what)
+            if value <= 0.0:
+                fail(element, "{} is {}".format(what, text), "a positive number")
+            return value
+
+        if default is not None:
+            return self.value(tag, default, parse)
+        if found is None:
+            self.fail("<{}> is missing".format(tag), "a positive number there")
+        return parse(found, (found.text or "").strip(), tag)
+
+    def extent(self, tag, count):
+        """Return ``count`` positive numbers in child ``tag``, which must be there."""
+        found = self._ask(tag)
+        expected = "{} positive numbers".format({2: "two", 3: "three"}[count])
+        if found is None:
+            self.fail("<{}> is missing".format(tag), expected + " there")
+        values = parse_vector(found, found.text or "", count, tag)
+        if min(values) <= 0.0:
+            fail(found, '{} is "{}"'.format(tag, (found.text or "").strip()), expected)
+        return values
+
+    def _tell_more(self, leaf):
+        """Tell attributes and children of an element that should hold nothing but a value."""
+        for name in leaf.keys():
+            if "}" not in name and name not in SILENT_ATTRIBUTES.get(leaf.tag, ()):
+                self.notes.add("{}: attribute {} of <{}> is not read.".format(line_of(leaf), name, _local(leaf.tag)),
+                               ("attribute", leaf.tag, name))
+        for child in leaf:
+            self.notes.add("{}: <{}> in <{}> is not read.".format(line_of(child), _local(child.tag), _local(leaf.tag)),
+                           ("unread", leaf.tag, child.tag))
+
+    # ---- the rest ----------------------------------------------------------------------------------------------
+
+    def pass_over(self):
+        """Count everything in it as read: it belongs to something that is left out, or to a plugin."""
+        self._children, self._kept, self._lists = {}, {}, {}
+        self._attributes.update(() if self.element is None else self.element.keys())
+
+    def done(self):
+        """Tell what nobody asked for, here and in the children that were handed out."""
+        for tag, elements in self._children.items():
+            asked = self._asked.get(tag, 0)
+            if not asked:
+                self._tell(tag, elements[0])
+            elif asked == _FIRST and len(elements) > 1:
+                self.notes.add("{}: there is another <{}> in <{}>; the first is read.".format(
+                    line_of(elements[1]), _local(tag), self._local_tag()), ("again", self.row, tag))
+        for name in () if self.element is None else self.element.keys():
+            if name not in self._attributes and "}" not in name and name not in SILENT_ATTRIBUTES.get(self.row, ()):
+                self.notes.add("{}: attribute {} of <{}> is not read.".format(self.line, name, self._local_tag()),
+                               ("attribute", self.row, name))
+        for node in list(self._kept.values()) + [node for nodes in self._lists.values() for node in nodes]:
+            node.done()
+        self.pass_over()
+
+    def _local_tag(self):
+        return etree.QName(self.element).localname
+
+    def _tell(self, tag, element):
+        idle = IDLE.get((self.row, tag))
+        if idle is not None and _is_idle(element.text, idle):
+            return
+        if tag in QUIET.get(self.row, ()):
+            self.notes.remark(element, "<{}>".format(self._local_tag()))
+            return
+        reason = REASONS.get((self.row, tag))
+        self.notes.add("{}: <{}> in <{}> is not read{}.".format(
+            line_of(element), _local(tag), self._local_tag(), "; " + reason if reason else ""),
+            ("unread", self.row, tag))
+
+
+def _local(tag):
+    return tag.rpartition("}")[2]
+
+
+def _is_idle(text, value):
+    text = (text or "").strip()
+    try:
+        return float(text) == value
+    except ValueError:
+        return value == 0.0 and text.lower() == "false"

@@ -1,0 +1,143 @@
+"""``<sensor>`` elements -> Sensor, the same for SDF files and for URDF ``<gazebo>`` blocks."""
+from m2wr_sim.model.plugin_spec import read_plugin
+from m2wr_sim.model.sdf.frames import raw_pose
+from m2wr_sim.model.types import Noise, RayScan, Sensor
+
+RAY_KINDS = ("ray", "gpu_ray")
+NOISE_KINDS = ("none", "custom", "gaussian", "gaussian_quantized")
+MOST_RAYS = 1000000         # rays of one sensor, and readings; 16 MB a scan
+#: Sensors of SDF that plugins here read.
+READ_KINDS = RAY_KINDS + ("imu", "contact")
+#: Sensors of SDF that nothing here simulates; what they hold is not looked at.
+OTHER_KINDS = ("camera", "depth", "depth_camera", "multicamera", "rgbd_camera", "wideanglecamera", "thermal_camera",
+               "altimeter", "air_pressure", "force_torque", "gps", "navsat", "logical_camera", "magnetometer", "rfid",
+               "rfidtag", "sonar", "wireless_receiver", "wireless_transmitter", "lidar", "gpu_lidar", "custom", "none")
+
+
+def read_noise(node, wanders=False):
+    """Read ``<noise>``; a missing one gives no noise, an element without type is gaussian, as in SDF.
+
+    An unknown type is noted and gives no noise.  ``wanders`` tells whether the sensor has a bias that changes.
+    """
+    if not node:
+        return Noise()
+    kind = node.attribute("type") or node.text("type") or "gaussian"
+    node.text("type")
+    if kind not in NOISE_KINDS:
+        node.pass_over()
+        node.notes.add('{}: noise type "{}" is unknown (expected one of {}); no noise is applied.'.format(
+            node.line, kind, ", ".join(NOISE_KINDS)))
+        return Noise()
+    wander = node.number("dynamic_bias_stddev", 0.0, 0.0), node.number("dynamic_bias_correlation_time", 0.0, 0.0)
+    if wander[0] > 0.0 and not (wanders and wander[1] > 0.0):
+        node.notes.add("{}: <dynamic_bias_stddev> in <noise> is not read; {}.".format(
+            node.line, "it needs a <dynamic_bias_correlation_time> above 0" if wanders else
+            "the bias of an imu sensor alone wanders"), ("unread", "noise", "dynamic_bias_stddev", wanders))
+        wander = (0.0, 0.0)
+    return Noise(kind, node.number("mean", 0.0), node.number("stddev", 0.0, 0.0), node.number("bias_mean", 0.0),
+                 node.number("bias_stddev", 0.0, 0.0), node.number("precision", 0.0, 0.0), *wander)
+
+
+def _fan(node, default):
+    """Return samples, resolution, least and greatest angle of ``<horizontal>`` or ``<vertical>``."""
+    samples, resolution, low, high = default
+    return (node.whole("samples", samples, 1), node.positive("resolution", resolution),
+            node.number("min_angle", low), node.number("max_angle", high))
+
+
+def read_ray(node):
+    """Read ``<ray>`` (a missing one: all defaults) into a RayScan."""
+    base, scan, limits = RayScan(), node.child("scan"), node.child("range")
+    across = _fan(scan.child("horizontal"), (base.samples, base.resolution, base.min_angle, base.max_angle))
+    upwards = _fan(scan.child("vertical"), (base.vertical_samples, base.vertical_resolution, base.vertical_min_angle,
+                                            base.vertical_max_angle))
+    readings = across[0] * max(across[1], 1.0) * upwards[0] * max(upwards[1], 1.0)
+    if readings > MOST_RAYS:
+        node.notes.add("{}: {} x {} samples, resolution {:g} x {:g}; expected at most {} readings; one row of {} is "
+                       "taken.".format(node.place, across[0], upwards[0], across[1], upwards[1], MOST_RAYS,
+                                       base.samples))
+        across, upwards = (base.samples, 1.0) + across[2:], (1, 1.0) + upwards[2:]
+    return RayScan(*across, *upwards, range_min=limits.number("min", 0.0, 0.0),
+                   range_max=limits.number("max", 0.0, 0.0), range_resolution=limits.number("resolution", 0.0),
+                   noise=read_noise(node.child("noise")))
+
+
+def read_imu(node):
+    """Read ``<imu>`` (a missing one: no noise) into the noise of angular velocity x y z and linear acceleration x y z.
+
+    SDF 1.5 has one ``<noise>`` an axis, earlier versions one for the rates and one for the accelerations.
+    """
+    if not node:
+        return ()
+    early = node.child("noise")
+    if early:
+        kind = early.text("type") or "gaussian"
+        return tuple(noise for tag in ("rate", "accel") for noise in 3 * [_early_noise(early.child(tag), kind)])
+    return tuple(read_noise(node.child(quantity).child(axis).child("noise"), True)
+                 for quantity in ("angular_velocity", "linear_acceleration") for axis in "xyz")
+
+
+def _early_noise(node, kind):
+    if not node or kind not in NOISE_KINDS:
+        return Noise()
+    return Noise(kind=kind, mean=node.number("mean", 0.0), stddev=node.number("stddev", 0.0, 0.0),
+                 bias_mean=node.number("bias_mean", 0.0), bias_stddev=node.number("bias_stddev", 0.0, 0.0))
+
+
+def read_sensor(node, link_name, resolve_pose=None):
+    """Read one ``<sensor>`` of a link.
+
+    Parameters
+    ----------
+    node : Node
+        The sensor; ``name`` and ``type`` are required.
+    link_name : str
+        The link that carries it, kept in its plugins' ``reference``.
+    resolve_pose : callable or None
+        ``resolve_pose(node) -> pose`` in the link frame, where poses may be relative to other frames.
+
+    Returns
+    -------
+    Sensor
+        ``ray`` is filled for ray and gpu_ray only, ``imu_noise`` for imu, ``contact_collisions`` for contact; other
+        kinds keep name, rate, pose and plugins.
+
+    Raises
+    ------
+    XmlError
+        If name or type are missing.
+    """
+    name, kind = node.name(), node.attribute("type")
+    if not kind:
+        node.fail("attribute type is missing or empty", "a sensor type, e.g. ray")
+    parts = {"ray": node.child("ray"), "imu": node.child("imu"), "contact": node.child("contact")}
+    ray = read_ray(parts["ray"]) if kind in RAY_KINDS else None
+    imu = read_imu(parts["imu"]) if kind == "imu" else ()
+    contact = tuple(child.own_text() for child in parts["contact"].children("collision"))
+    for part, kinds in (("ray", RAY_KINDS), ("imu", ("imu",)), ("contact", ("contact",))):
+        if parts[part] and kind not in kinds:
+            parts[part].pass_over()
+            node.notes.add('{}: <{}> in a sensor of type {} is not read.'.format(parts[part].line, part, kind),
+                           ("unread", kind, part))
+    plugins = tuple(plugin for plugin in (
+        node.notes.attempt("this plugin", read_plugin, child.element, link_name, node.notes)
+        for child in node.children("plugin")) if plugin is not None)
+    for child in node.children("plugin"):
+        child.pass_over()
+    _tell_idle(node, name, kind, plugins)
+    sensor = Sensor(name=name, kind=kind, pose=raw_pose(node)[0] if resolve_pose is None else resolve_pose(node),
+                    update_rate=node.number("update_rate", 0.0, 0.0), always_on=node.flag("always_on", False),
+                    visualize=node.flag("visualize", False), ray=ray, imu_noise=imu,
+                    contact_collisions=contact if kind == "contact" else (), plugins=plugins)
+    node.done()
+    return sensor
+
+
+def _tell_idle(node, name, kind, plugins):
+    """Tell of a sensor that measures nothing: of an unknown type, or one that only a plugin could make speak."""
+    if kind not in READ_KINDS + OTHER_KINDS:
+        node.notes.add('{}: sensor "{}" is of the unknown type "{}" (expected one of {}); it measures nothing by '
+                       'itself.'.format(node.line, name, kind, ", ".join(READ_KINDS)))
+    elif kind in OTHER_KINDS and not plugins:
+        node.notes.add('{}: sensor "{}" of type {} is not simulated.'.format(node.line, name, kind),
+                       ("sensor", kind))

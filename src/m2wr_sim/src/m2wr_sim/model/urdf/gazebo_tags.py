@@ -1,0 +1,306 @@
+"""The ``<gazebo>`` blocks of a URDF -> surfaces, sensors, plugins and switches.
+
+Values stand in an element's text or in its ``value`` attribute.  A block with ``reference`` belongs to that link or
+joint, one without to the model.
+"""
+from dataclasses import replace
+
+from m2wr_sim.geometry import compose
+from m2wr_sim.model.urdf.lumping import LUMP_MARK
+from m2wr_sim.model.plugin_spec import read_plugin, tag_value
+from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_float, parse_int, parse_vector, shorten
+from m2wr_sim.model.sdf.node import Node, shown
+from m2wr_sim.model.sdf.sensor import read_sensor
+from m2wr_sim.model.sdf.shapes import read_surface
+from m2wr_sim.model.urdf.checks import some_names
+
+_MOST_PLACES = 10       # of a mark in a name; names that are made here have one
+_SURFACE_TAGS = {"mu1": "mu", "mu2": "mu2", "kp": "kp", "kd": "kd", "minDepth": "min_depth", "maxVel": "max_vel"}
+_COLLISION_TAGS = frozenset(_SURFACE_TAGS) | {"fdir1", "maxContacts", "laserRetro"}
+_LINK_TAGS = frozenset(("turnGravityOff", "dampingFactor", "selfCollide", "gravity", "self_collide", "kinematic",
+                        "velocity_decay"))
+_LINK_BLOBS = frozenset(("sensor", "collision", "material"))
+_LINK_QUIET = frozenset(("canonicalBody", "visual", "light", "projector", "audio_sink", "audio_source", "enable_wind"))
+_AXIS_TAGS = {"stopErp": "stop_erp", "stopCfm": "stop_cfm", "springStiffness": "spring_stiffness",
+              "springReference": "spring_reference", "fudgeFactor": "fudge_factor"}
+_JOINT_TAGS = frozenset(_AXIS_TAGS) | {"disableFixedJointLumping", "preserveFixedJoint"}
+_JOINT_QUIET = frozenset(("provideFeedback", "cfmDamping", "implicitSpringDamper"))
+_MODEL_TAGS = frozenset(("static", "plugin", "self_collide", "allow_auto_disable"))
+_MODEL_QUIET = frozenset(("enable_wind", "canonicalBody"))
+_INSTEAD = {
+    "mu": "<mu1> and <mu2> are read", "plugin": "a plugin is read inside a <sensor>, or in a <gazebo> block without "
+    "reference", "pose": "the joint's <origin> places a link", "inertial": "the URDF link's <inertial> is read",
+    "surface": "<mu1>, <mu2>, <kp>, ... are read directly in the <gazebo> block",
+    "friction": "<mu1> and <mu2> are read",
+    "slip1": "<surface> in the link's <collision> is read", "slip2": "<surface> in the link's <collision> is read",
+    "torque": "<wheelTorque> of the drive plugin is read",
+}
+
+
+def tag_float(element):
+    """Return the number an extension tag holds."""
+    return parse_float(element, tag_value(element), element.tag)
+
+
+def tag_bool(element):
+    """Return the truth value an extension tag holds: true, yes, 1 or false, no, 0."""
+    word = tag_value(element).lower()
+    if word not in ("true", "yes", "1", "false", "no", "0"):
+        fail(element, '{} is "{}"'.format(element.tag, shorten(word)), "true or false")
+    return word in ("true", "yes", "1")
+
+
+class GazeboTags:
+    """All ``<gazebo>`` blocks of one robot, ready to be asked link by link.
+
+    Parameters
+    ----------
+    root : lxml element
+        The ``<robot>``.
+    links, joints : containers of str
+        Names that a ``reference`` may have.
+    notes : Notes
+        Receives references that name nothing, and tags that nobody reads.
+    """
+
+    def __init__(self, root, links, joints, notes):
+        self._notes = notes
+        self._links, self._joints, self._model = {}, {}, []
+        for block in root.findall("gazebo"):
+            reference = (block.get("reference") or "").strip()
+            if not reference:
+                self._model.extend(block)
+            elif reference in links or reference in joints:
+                if reference in links:
+                    self._links.setdefault(reference, []).extend(block)
+                if reference in joints:
+                    self._joints.setdefault(reference, []).extend(block)
+            else:
+                notes.add('{}: <gazebo reference="{}"> names no link or joint of the robot and has no effect (links: '
+                          '{}; joints: {}).'.format(line_of(block), reference, some_names(sorted(links)),
+                                                    some_names(sorted(joints)) or "none"))
+        self._note_unread()
+
+    def _note_unread(self):
+        both = set(self._links) & set(self._joints)
+        for name, elements in self._links.items():
+            joint_tags, joint_quiet = (_JOINT_TAGS, _JOINT_QUIET) if name in both else (frozenset(), frozenset())
+            self._unread(elements, _COLLISION_TAGS | _LINK_TAGS | _LINK_BLOBS | joint_tags, _LINK_QUIET | joint_quiet,
+                         'link "{}"'.format(name))
+        for name, elements in self._joints.items():
+            if name not in both:
+                self._unread(elements, _JOINT_TAGS, _JOINT_QUIET, 'joint "{}"'.format(name))
+        self._unread(self._model, _MODEL_TAGS, _MODEL_QUIET, "the model")
+
+    def _unread(self, elements, known, quiet, owner):
+        for element in elements:
+            if element.tag in known:
+                continue
+            if element.tag in quiet:
+                self._notes.remark(element, "a <gazebo> block")
+                continue
+            instead = _INSTEAD.get(element.tag)
+            self._notes.add("{}: <{}> in a <gazebo> block of {} is not read{}.".format(
+                line_of(element), element.tag, owner, "; " + instead if instead else ""),
+                ("gazebo", element.tag, owner.split(" ")[0]))
+
+    def _value(self, element, parse, default):
+        """Return ``parse(element)``; where the tag holds no such value that is told, and the default taken."""
+        try:
+            return parse(element)
+        except XmlError as error:
+            self._notes.add("{}; {} is taken.".format(error, shown(default)))
+            return default
+
+    def _last(self, elements, tag):
+        """Return the last element of a tag (later blocks win), or None."""
+        found = [element for element in elements if element.tag == tag]
+        return found[-1] if found else None
+
+    # -- the model ----------------------------------------------------------------------------------------------
+
+    def model_switch(self, tag, default):
+        """Return a model-level truth value such as ``static``."""
+        element = self._last(self._model, tag)
+        return default if element is None else self._value(element, tag_bool, default)
+
+    def model_plugins(self):
+        """Return the PluginSpecs of the model, in document order; what cannot be read is left out (noted)."""
+        found = (self._notes.attempt("this plugin", read_plugin, element, None, self._notes)
+                 for element in self._model if element.tag == "plugin")
+        return tuple(plugin for plugin in found if plugin is not None)
+
+    # -- joints -------------------------------------------------------------------------------------------------
+
+    def joint_switch(self, joint, tag):
+        """Return a joint-level truth value, False where it is not given."""
+        element = self._last(self._joints.get(joint, ()), tag)
+        return False if element is None else self._value(element, tag_bool, False)
+
+    def joint_axis(self, joint, axis):
+        """Return an Axis with what the joint's tags tell of stops and springs put in."""
+        elements = self._joints.get(joint, ())
+        for tag, name in _AXIS_TAGS.items():
+            element = self._last(elements, tag)
+            if element is not None:
+                axis = replace(axis, **{name: self._value(element, tag_float, getattr(axis, name))})
+        return axis
+
+    # -- links --------------------------------------------------------------------------------------------------
+
+    def tagged(self, sources):
+        """Return which tags may reach the collisions and visuals of a link, for :meth:`collision` and :meth:`material`.
+
+        Parameters
+        ----------
+        sources : sequence of str
+            The link and those lumped into it, in the order in which their tags count (later ones win).
+
+        Returns
+        -------
+        dict
+            Name of a link -> (its place in that order, elements for collisions, last ``<material>`` or None).
+        """
+        found = {}
+        for index, source in enumerate(sources):
+            elements = self._links.get(source, ())
+            mine = [element for element in elements if element.tag in _COLLISION_TAGS or element.tag == "collision"]
+            material = self._last(elements, "material")
+            if mine or material is not None:
+                found[source] = index, mine, material
+        return found
+
+    def collision(self, collision, origin, carrier, tagged):
+        """Return a Collision with the tags that reach it.
+
+        Parameters
+        ----------
+        collision : Collision
+            With its final name.
+        origin : str
+            Link of the URDF that the collision stands in.
+        carrier : str
+            Link that carries it now.
+        tagged : dict
+            Of the carrier; see :meth:`tagged`.
+
+        Notes
+        -----
+        As in Gazebo a tag reaches a collision through the name alone: the carrier's own tags those without a lump
+        prefix, a lumped link's tags those whose name tells that link.
+        """
+        reaching = _reaching(collision.name, carrier, tagged)
+        for source in reaching:
+            for element in tagged[source][1]:
+                collision = self._apply(collision, element)
+        if origin in tagged and tagged[origin][1] and origin not in reaching:
+            element = tagged[origin][1][0]
+            self._notes.add('{}: <{}> for link "{}" does not reach the collision "{}": only a collision without '
+                            'name, or whose name begins with "{}", receives it.'.format(
+                                line_of(element), element.tag, origin, collision.name, origin))
+        return collision
+
+    def _apply(self, collision, element):
+        tag = element.tag
+        if tag == "maxContacts":
+            return replace(collision, max_contacts=self._value(
+                element, lambda given: parse_int(given, tag_value(given), tag, 0), collision.max_contacts))
+        if tag == "laserRetro":
+            return replace(collision, laser_retro=self._value(element, tag_float, collision.laser_retro))
+        if tag == "collision":
+            node = Node(element, self._notes, "collision")
+            surface = read_surface(node.child("surface"), collision.surface)
+            collision = replace(collision, surface=surface,
+                                max_contacts=node.whole("max_contacts", collision.max_contacts, 0),
+                                laser_retro=node.number("laser_retro", collision.laser_retro))
+            node.attribute("name")
+            node.done()
+            return collision
+        name = "fdir1" if tag == "fdir1" else _SURFACE_TAGS[tag]
+        parse = (lambda given: parse_vector(given, tag_value(given), 3, tag)) if tag == "fdir1" else tag_float
+        value = self._value(element, parse, getattr(collision.surface, name))
+        return replace(collision, surface=replace(collision.surface, **{name: value}))
+
+    def material(self, visual, carrier, tagged):
+        """Return the Gazebo material name that reaches a Visual, or None; the rule is that of collisions."""
+        found = None
+        for source in _reaching(visual.name, carrier, tagged, "_visual"):
+            if tagged[source][2] is not None:
+                found = tag_value(tagged[source][2]) or None
+        return found
+
+    def link_values(self, sources):
+        """Return the keyword arguments of Link that the tags of these links set; later ones win."""
+        values = {}
+
+        def take(name, element, parse, default):
+            values[name] = self._value(element, parse, values.get(name, default))
+
+        for element in (element for source in sources for element in self._links.get(source, ())):
+            if element.tag == "turnGravityOff":
+                take("gravity", element, lambda given: not tag_bool(given), True)
+            elif element.tag in ("gravity", "kinematic"):
+                take(element.tag, element, tag_bool, element.tag == "gravity")
+            elif element.tag in ("selfCollide", "self_collide"):
+                take("self_collide", element, tag_bool, False)
+            elif element.tag == "dampingFactor":
+                take("linear_damping", element, tag_float, 0.0)
+                take("angular_damping", element, tag_float, 0.0)
+            elif element.tag == "velocity_decay":
+                for child, name in (("linear", "linear_damping"), ("angular", "angular_damping")):
+                    if element.find(child) is not None:
+                        take(name, element.find(child), tag_float, 0.0)
+        return values
+
+    def sensors(self, carrier, lumped):
+        """Return the Sensors on a link.
+
+        Parameters
+        ----------
+        carrier : str
+        lumped : sequence of (str, Pose)
+            Links lumped into the carrier with their frames' poses in it; the sensors of those are moved along.
+
+        Notes
+        -----
+        The pose is the lumped frame's pose times the sensor's own; one given with ``relative_to`` stays as it is.
+        """
+        found = []
+        for source, carrier_from_source in [(carrier, None)] + list(lumped):
+            for element in self._links.get(source, ()):
+                if element.tag != "sensor":
+                    continue
+                sensor = self._notes.attempt("this sensor", read_sensor, Node(element, self._notes), carrier)
+                if sensor is None:
+                    continue
+                pose = element.find("pose")
+                relative = None if pose is None else pose.get("relative_to") or pose.get("frame")
+                if relative:
+                    self._notes.add('{}: the sensor\'s pose is relative to "{}"; it is taken in the frame of link '
+                                    '"{}".'.format(line_of(pose), relative, carrier))
+                elif carrier_from_source is not None:
+                    sensor = replace(sensor, pose=compose(carrier_from_source, sensor.pose))
+                found.append(sensor)
+        return tuple(found)
+
+
+def _reaching(name, carrier, tagged, kind="_collision"):
+    """Return the links of ``tagged`` whose tags reach a collision or visual, in the order in which they count.
+
+    Those that a name may tell are looked up rather than all tried: a text may hold thousands of both.
+    """
+    if LUMP_MARK not in name:
+        return [carrier] if carrier in tagged else []
+    starts, ends = _places(name, LUMP_MARK), _places(name, kind)
+    told = {name[start + len(LUMP_MARK):end] for start in starts for end in ends if end >= start + len(LUMP_MARK)}
+    return sorted((source for source in told if source in tagged and source != carrier),
+                  key=lambda source: tagged[source][0])
+
+
+def _places(name, part):
+    """Return where a part of a name begins, of many places the first ones."""
+    places, at = [], name.find(part)
+    while at >= 0 and len(places) < _MOST_PLACES:
+        places.append(at)
+        at = name.find(part, at + 1)
+    return places

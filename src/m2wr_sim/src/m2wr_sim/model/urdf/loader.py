@@ -1,0 +1,208 @@
+"""URDF text (or raw xacro) -> Model, converted by the rules of Gazebo.
+
+The document is checked (:mod:`.checks`), read (:mod:`.reader`), its fixed joints are merged away
+(:mod:`.lumping`), and the ``<gazebo>`` blocks (:mod:`.gazebo_tags`) are applied to what is left.
+"""
+import math
+from dataclasses import replace
+
+from m2wr_sim.errors import ModelError
+from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_quaternion
+from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
+from m2wr_sim.model.inertials import usable
+from m2wr_sim.model.urdf.lumping import WORLD, children_of, depth_first, lump, part_names
+from m2wr_sim.model.mesh.shapes import MeshReader
+from m2wr_sim.model.notes import Notes
+from m2wr_sim.model.xml.safe import XmlError, errors_as, fail, line_of, parse_xml, place
+from m2wr_sim.model.types import Collision, Joint, Link, Model, Visual
+from m2wr_sim.model.urdf.checks import attribute_numbers, check_urdf
+from m2wr_sim.model.urdf.reader import NO_MASS, parse_robot, read_body, read_connection
+from m2wr_sim.model.urdf.xacro_text import xacro_in
+
+
+def _drop_massless(bodies, connections, order, root, elements, notes):
+    """Return the surviving link names: a link without mass goes, with its joint and everything behind it."""
+    children, dropped = children_of(connections), set()
+    for name in order:
+        inertial = bodies[name].inertial
+        if name in dropped or (name == WORLD and name == root) or (inertial is not None and inertial.mass > NO_MASS):
+            continue
+        subtree = list(depth_first(name, children))
+        dropped.update(subtree)
+        with_it = ", and with it " + ", ".join(subtree[1:]) if len(subtree) > 1 else ""
+        if inertial is not None and inertial.mass < 0.0:
+            mass = _negative_mass(elements, [name])     # None where only merged links make it negative
+            notes.add('{}: mass is {:g}; expected a positive mass in kg; link "{}" is dropped, as in Gazebo{}.'.format(
+                place(elements[name] if mass is None else mass), inertial.mass, name, with_it))
+        else:
+            notes.add('{}: link "{}" has no mass and is dropped, as in Gazebo{}; give it an <inertial>.'.format(
+                line_of(elements[name]), name, with_it))
+    connections[:] = [connection for connection in connections if connection.child not in dropped]
+    return [name for name in order if name not in dropped and not (name == WORLD and name == root)]
+
+
+def _negative_mass(elements, names):
+    """Return the first ``<mass>`` below 0 of these links, or None."""
+    for mass in (elements[name].find("inertial/mass") for name in names):
+        if mass is not None and float(mass.get("value")) < 0.0:
+            return mass
+    return None
+
+
+def _refuse_nothing(root, elements):
+    """Raise XmlError: no link is left of the robot."""
+    negative = _negative_mass(elements, elements)
+    if negative is not None:
+        fail(negative, "mass is {}, so nothing is left of the robot".format(negative.get("value")),
+             "a positive mass in kg")
+    fail(root, "no link has mass, so nothing is left of the robot", "a root link with <inertial>, or one that a link "
+         "with <inertial> is fixed to")
+
+
+def _link(body, pose, element, tags, notes):
+    """Return the finished Link of a surviving body."""
+    inertial, told = usable(body.inertial, body.collisions)
+    if told is not None:
+        notes.add("{}: {}.".format(place(element if element.find("inertial") is None else element.find("inertial")),
+                                   told))
+    sources = [body.name] + [name for name, _ in body.lumped]
+    tagged = tags.tagged(sources)
+    collisions = [tags.collision(Collision(name, part.geometry, part.pose, part.surface), part.origin, body.name,
+                                 tagged)
+                  for name, part in zip(part_names(body.name, body.collisions, "_collision"), body.collisions)]
+    visuals = [Visual(name, part.geometry, part.pose, part.rgba)
+               for name, part in zip(part_names(body.name, body.visuals, "_visual"), body.visuals)]
+    visuals = [replace(visual, material=tags.material(visual, body.name, tagged)) for visual in visuals]
+    return Link(name=body.name, pose=pose, inertial=inertial, collisions=tuple(collisions), visuals=tuple(visuals),
+                sensors=tags.sensors(body.name, body.lumped),
+                **dict({"self_collide": tags.model_switch("self_collide", False)}, **tags.link_values(sources)))
+
+
+def _offset(plugin, tag, notes):
+    text = plugin.find(tag)
+    try:
+        numbers = tuple(float(word) for word in text.split()) if text else (0.0, 0.0, 0.0)
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
+        notes.add('{}: {} is "{}"; expected three numbers; 0 0 0 is taken.'.format(plugin.where, tag, text))
+        return (0.0, 0.0, 0.0)
+    return numbers
+
+
+def _retarget(plugin, lumped, notes):
+    """Return a model plugin whose ``bodyName`` or ``frameName`` names a lumped link, pointed at the carrying link.
+
+    The lumped link's pose in the carrier goes in front of what ``xyzOffset`` and ``rpyOffset`` [m, rad] say.
+    """
+    for tag in ("bodyName", "frameName"):
+        if plugin.find(tag) not in lumped:
+            continue
+        carrier, carrier_from_lumped = lumped[plugin.find(tag)]
+        own = (_offset(plugin, "xyzOffset", notes), quaternion_from_rpy(*_offset(plugin, "rpyOffset", notes)))
+        position, orientation = compose(carrier_from_lumped, own)
+        kept = tuple((name, carrier if name == tag else text) for name, text in plugin.parameters
+                     if name not in ("xyzOffset", "rpyOffset"))
+        plugin = replace(plugin, parameters=kept + tuple(
+            (name, " ".join(repr(float(value)) for value in values))
+            for name, values in (("xyzOffset", position), ("rpyOffset", rpy_from_quaternion(orientation)))))
+    return plugin
+
+
+def _joints(connections, order, notes):
+    """Return the Joints that are left, in the order of their child links; floating and planar ones have no joint."""
+    joints, places = [], {name: place for place, name in enumerate(order)}
+    for connection in sorted(connections, key=lambda connection: places[connection.child]):
+        if connection.kind in ("floating", "planar"):
+            notes.add('joint "{}" of type {} connects nothing here, as in Gazebo: link "{}" moves freely.'.format(
+                connection.name, connection.kind, connection.child))
+            continue
+        joints.append(Joint(connection.name, connection.kind, connection.parent, connection.child, IDENTITY,
+                            connection.axis))
+    return tuple(joints)
+
+
+def _link_poses(order, connections):
+    """Return link name -> pose in the model frame with every joint at zero."""
+    by_child = {connection.child: connection for connection in connections}
+    poses = {WORLD: IDENTITY}
+    for name in order:      # parents stand before their children
+        connection = by_child.get(name)
+        poses[name] = IDENTITY if connection is None else compose(poses[connection.parent], connection.pose)
+    return poses
+
+
+def _document(text, source):
+    """Return the root element of the URDF; xacro is refused, for it is a program that runs while it is expanded."""
+    root = parse_xml(text, source)
+    found = xacro_in(root) if root.tag == "robot" else None
+    if found:
+        raise XmlError("{}: this is xacro, not yet URDF; expected URDF. Expand it first: xacro FILE.xacro > FILE.urdf, "
+                       "or spawn the file: rosrun m2wr_sim spawn_model -urdf -file FILE.xacro -model "
+                       "NAME".format(found))
+    return root
+
+
+def _origin(element):
+    """Return the pose in the xyz and rpy attributes of an ``<origin>``; identity where there is none."""
+    if element is None:
+        return IDENTITY
+    xyz = attribute_numbers(element, "xyz", 3) if element.get("xyz") is not None else (0.0, 0.0, 0.0)
+    rpy = attribute_numbers(element, "rpy", 3) if element.get("rpy") is not None else (0.0, 0.0, 0.0)
+    return xyz, quaternion_from_rpy(*rpy)
+
+
+def load_urdf(text, source="robot_description", model_name=None, resolve_package=None, honour_collision_surface=True,
+              resolve_model=None):
+    """Convert a robot description the way Gazebo does.
+
+    Parameters
+    ----------
+    text : str or bytes
+        URDF. Xacro is refused; see :func:`m2wr_sim.model.urdf.xacro_text.expanded`.
+    source : str
+        Name of the document for messages.
+    model_name : str or None
+        Name of the model; the robot's own where None.
+    resolve_package : callable or None
+        ``resolve_package(name) -> folder``, for ``package://`` of collision meshes.
+    honour_collision_surface : bool
+        Apply mu, mu2, slip1 and slip2 of a ``<surface>`` inside a URDF collision, which Gazebo drops.
+    resolve_model : callable or None
+        For ``model://`` of collision meshes; see :class:`m2wr_sim.model.model_folders.ModelFolders`.
+
+    Returns
+    -------
+    Model
+        Links root first, depth first, siblings in alphabetical order of their joints; ``pose`` from an ``<origin>``
+        directly under ``<robot>``; ``notes`` tell what was read but not used.
+
+    Raises
+    ------
+    ModelError
+        If the document is not a usable URDF; names file, line, element, what was found and what was expected.
+    """
+    with errors_as(ModelError):
+        notes = Notes()
+        root = _document(text, source)
+        elements, joint_elements, root_link = check_urdf(root, notes)
+        tags = GazeboTags(root, elements, joint_elements, notes)
+        robot = parse_robot(root, source, notes)
+        colours = {material.name: material.color for material in robot.materials}
+        files = MeshReader(notes, resolve_model, resolve_package)
+        bodies = {link.name: read_body(link, elements[link.name], colours, honour_collision_surface, notes, files)
+                  for link in robot.links}
+        connections = [read_connection(joint, joint_elements[joint.name], tags, notes) for joint in robot.joints]
+        order = lump(bodies, connections, root_link)
+        order = _drop_massless(bodies, connections, order, root_link, elements, notes)
+        if not order:
+            _refuse_nothing(root, elements)
+        poses = _link_poses(order, connections)
+        lumped = {name: (body, pose) for body in order for name, pose in bodies[body].lumped}
+        links = tuple(_link(bodies[name], poses[name], elements[name], tags, notes) for name in order)
+        model = Model(name=model_name or root.get("name"), links=links, joints=_joints(connections, order, notes),
+                      pose=_origin(root.find("origin")), static=tags.model_switch("static", False),
+                      plugins=tuple(_retarget(plugin, lumped, notes) for plugin in tags.model_plugins()),
+                      lumped=tuple((name, body, pose) for name, (body, pose) in lumped.items()),
+                      allow_auto_disable=tags.model_switch("allow_auto_disable", True))
+        return replace(model, notes=notes.sentences(), remarks=notes.remarks())
