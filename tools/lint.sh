@@ -54,7 +54,7 @@ lint_flake8() {
 lint_licence() {
     mapfile -d '' -t files < <(sources \( -name '*.py' -o -name '*.sh' -o -name CMakeLists.txt -o -perm -u+x \) \
         ! -path '*/test/data/*' ! -path './dropin/gazebo_ros_pkgs/CMakeLists.txt' \
-        ! -path './src/m2wr_sim/*' ! -path './src/m2wr_gmapping/*')
+        ! -path './src/m2wr_sim/*')
     "$PYTHON" tools/check_spdx.py "$@" "${files[@]}"
 }
 

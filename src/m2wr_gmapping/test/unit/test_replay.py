@@ -6,14 +6,13 @@ import signal
 
 import numpy as np
 import pytest
-
 import rosbag
 import rospy
-from conftest import drive, odometry
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
+from conftest import drive, odometry
 from m2wr_gmapping.replay import replay_command as command
 from m2wr_gmapping.replay.bag_messages import BagError, BagFile
 

@@ -13,8 +13,15 @@ from std_msgs.msg import Header
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.filter.occupancy import Grid
 from m2wr_gmapping.ros import node_parameters as params
-from m2wr_gmapping.ros.message_conversion import (ArrayGrid, ArrayMapAnswer, covariance36, grid_message, path_message,
-                                                  pose_message, poses_message)
+from m2wr_gmapping.ros.message_conversion import (
+    ArrayGrid,
+    ArrayMapAnswer,
+    covariance36,
+    grid_message,
+    path_message,
+    pose_message,
+    poses_message,
+)
 from m2wr_gmapping.ros.node_parameters import NODE_PARAMETERS, NodeOptions, read_parameters
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, description
 

@@ -407,10 +407,10 @@ def looked_through(scene, pose, around):
     wanted = scene.along[-1] - np.linspace(0.0, WIDE_PATH, LOOKS)
     nodes = np.unique(np.clip(np.searchsorted(scene.along, wanted), 0, len(path) - 1))
     through = total = 0
-    for pose, node in zip(compose(pose, between(path[-1], path[nodes])), nodes):
+    for moved, node in zip(compose(pose, between(path[-1], path[nodes])), nodes):
         for other in around[:4 * LOOKS:4]:
-            for eye, seen, reading, others in ((pose, path[other], readings[node], readings[other]),
-                                               (path[other], pose, readings[other], readings[node])):
+            for eye, seen, reading, others in ((moved, path[other], readings[node], readings[other]),
+                                               (path[other], moved, readings[other], readings[node])):
                 a, b = _through(reading.rays, between(eye, seen), others.points)
                 through, total = through + a, total + b
     return through / max(1, total)

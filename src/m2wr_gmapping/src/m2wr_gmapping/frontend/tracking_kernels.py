@@ -8,7 +8,12 @@ import math
 from numba import njit
 
 from m2wr_gmapping.frontend.odometry_kernels import (
-    corrected, expected_variances, learn, update_noise_scales, user_noise)
+    corrected,
+    expected_variances,
+    learn,
+    update_noise_scales,
+    user_noise,
+)
 from m2wr_gmapping.frontend.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_gmapping.frontend.track_layout import (
     ASIDE,

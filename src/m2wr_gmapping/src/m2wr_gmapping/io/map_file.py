@@ -106,7 +106,7 @@ def save(name, data, resolution, origin, free=25, occupied=65):
             raise
     except OSError as error:
         raise MapFileError("cannot write the map {}.pgm and .yaml: {}; what was there before is kept".format(
-            name, error.strerror or error))
+            name, error.strerror or error)) from error
     try:
         write_whole((picture_path, parts))
         write_whole((yaml_path, described(picture_path)))

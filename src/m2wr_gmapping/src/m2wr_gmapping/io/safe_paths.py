@@ -40,7 +40,8 @@ def confined(folder, name, parameter):
     except (OSError, ValueError) as error:
         if isinstance(error, OutsideError):
             raise
-        raise OutsideError("{!r:.120}: {}{}".format(name, getattr(error, "strerror", None) or error, expected))
+        raise OutsideError("{!r:.120}: {}{}".format(
+            name, getattr(error, "strerror", None) or error, expected)) from error
     if not stat.S_ISREG(found):
         raise OutsideError("{!r:.120} is no regular file{}".format(name, expected))
     return path

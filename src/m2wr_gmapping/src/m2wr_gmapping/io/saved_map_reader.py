@@ -40,7 +40,7 @@ def read_map(path):
         dark = 1.0 - read_pixels(at, lambda picture: "L")[::-1] / 255.0
     except (OSError, MapInputError) as error:
         raise MapReadingError("map {}: {}{}".format(
-            path, "" if at == path else at + ": ", getattr(error, "strerror", None) or error))
+            path, "" if at == path else at + ": ", getattr(error, "strerror", None) or error)) from error
     if negate:
         dark = 1.0 - dark
     data = np.select([dark > occupied, dark < free], [100, 0], -1).astype(np.int8)

@@ -70,7 +70,7 @@ def snapshot(mapper, host=None):
             state_layout.GIVEN.take(mapper._occupancy._given, "saved_map", store)
         state_layout.mapper_part(given).take(mapper, "", store)
     except KindError as error:
-        raise StateError("this mapper cannot be saved: {}".format(error))
+        raise StateError("this mapper cannot be saved: {}".format(error)) from error
     return Snapshot(dict(config=mapper.config.as_dict(), host=dict(host or {}), values=store.values), store.arrays)
 
 
@@ -98,11 +98,12 @@ def load(path, live=None):
         return State(_mapper(config, Store(_plain(document.get("values"), "values"), arrays)),
                      _plain(document.get("host"), "host", words_only=True), differing)
     except (KindError, ConfigError) as error:
-        raise StateError("{}: it was damaged, or written by another version of this program: {}".format(path, error))
+        raise StateError("{}: it was damaged, or written by another version of this program: {}".format(
+            path, error)) from error
     except (ValueError, ArithmeticError) as error:
-        raise StateError("{}: its parts do not fit together: {}".format(path, str(error)[:300]))
+        raise StateError("{}: its parts do not fit together: {}".format(path, str(error)[:300])) from error
     except MemoryError:
-        raise StateError("{}: there is not enough memory for it".format(path))
+        raise StateError("{}: there is not enough memory for it".format(path)) from None
 
 
 def _plain(found, name, words_only=False):

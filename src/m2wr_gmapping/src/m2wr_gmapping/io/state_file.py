@@ -85,7 +85,7 @@ def write(path, document, arrays):
         write_whole((path, stream.parts))
     except OSError as error:
         raise StateError("cannot write the state {}: {}; what was there before is kept".format(
-            path, error.strerror or error))
+            path, error.strerror or error)) from error
 
 
 def read(path):
@@ -104,14 +104,14 @@ def read(path):
                 document = _document(archive, members)
                 arrays = {name[:-4]: _array(archive, info) for name, info in members.items() if name != _JSON}
     except StateError as error:
-        raise StateError("{}: {}".format(path, error))
+        raise StateError("{}: {}".format(path, error)) from error
     except OSError as error:
-        raise StateError("cannot read the state {}: {}".format(path, error.strerror or error))
+        raise StateError("cannot read the state {}: {}".format(path, error.strerror or error)) from error
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError,
             struct.error) as error:
-        raise StateError("{}: the file is damaged or cut off: {}".format(path, str(error)[:200]))
+        raise StateError("{}: the file is damaged or cut off: {}".format(path, str(error)[:200])) from error
     except MemoryError:
-        raise StateError("{}: there is not enough memory for it".format(path))
+        raise StateError("{}: there is not enough memory for it".format(path)) from None
     return document, arrays
 
 

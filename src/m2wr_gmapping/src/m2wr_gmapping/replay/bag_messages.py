@@ -94,7 +94,7 @@ class BagFile:
             self._size = os.fstat(self._stream.fileno()).st_size
             magic = self._stream.read(len(MAGIC))
         except OSError as error:
-            raise BagError("{}: {}".format(path, error.strerror or error))
+            raise BagError("{}: {}".format(path, error.strerror or error)) from error
         if magic != MAGIC:
             self._stream.close()
             raise BagError("{}: begins with {!r}; expected a ROS 1 bag, {!r}".format(path, magic[:13], MAGIC))

@@ -97,7 +97,7 @@ def as_node(options):
         return None
     if not master_answers():
         return None
-    from m2wr_gmapping.ros.replay_node import ReplayNode        # not where no master is needed
+    from m2wr_gmapping.ros.replay_node import ReplayNode  # not where no master is needed
     return ReplayNode((log.name, "m2wr_gmapping"))
 
 

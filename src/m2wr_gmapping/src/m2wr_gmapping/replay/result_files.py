@@ -28,7 +28,8 @@ def _write(path, text):
     try:
         write_whole((path, [text.encode()]))
     except OSError as error:
-        raise OSError("cannot write {}: {}; what was there before is kept".format(path, error.strerror or error))
+        raise OSError("cannot write {}: {}; what was there before is kept".format(
+            path, error.strerror or error)) from error
     return [path]
 
 

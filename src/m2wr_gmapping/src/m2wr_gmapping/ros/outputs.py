@@ -15,8 +15,14 @@ from tf2_msgs.msg import TFMessage
 from m2wr_gmapping.filter.pose_covariance import covariance
 from m2wr_gmapping.filter.resampling import normalise
 from m2wr_gmapping.replay.run_statistics import peak_memory_mib
-from m2wr_gmapping.ros.message_conversion import (ArrayMapAnswer, covariance36, grid_message, path_message,
-                                                  pose_message, poses_message)
+from m2wr_gmapping.ros.message_conversion import (
+    ArrayMapAnswer,
+    covariance36,
+    grid_message,
+    path_message,
+    pose_message,
+    poses_message,
+)
 from m2wr_gmapping.se2 import compose, inverse
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall

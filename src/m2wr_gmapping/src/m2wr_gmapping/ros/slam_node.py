@@ -23,8 +23,16 @@ from m2wr_gmapping.io.saved_map_reader import MapReadingError
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.missing_inputs import name_what_is_missing
-from m2wr_gmapping.ros.node_parameters import (check_frames, frame, private_parameters, read_parameters, read_ranges,
-                                               tf_prefix, trouble_at_exit, with_prefix)
+from m2wr_gmapping.ros.node_parameters import (
+    check_frames,
+    frame,
+    private_parameters,
+    read_parameters,
+    read_ranges,
+    tf_prefix,
+    trouble_at_exit,
+    with_prefix,
+)
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.ros.scan_input import Intake
@@ -103,7 +111,7 @@ class SlamNode:
             try:
                 return confined(folder, request.file, "~state_folder")
             except OutsideError as error:
-                raise state.StateError(str(error))
+                raise state.StateError(str(error)) from error
         if not self._options.state_file:
             raise state.StateError("no file name: expected one in the request or in the parameter ~state_file")
         return os.path.abspath(os.path.expanduser(self._options.state_file))
