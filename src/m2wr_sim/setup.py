@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 # shellcheck shell=sh
 # Nodes, master and launch servers listen at the loopback address unless the user says otherwise: ROS gives no one a
 # password, so whoever reaches a node commands it. ROS_IP or ROS_HOSTNAME set to this machine's address opens them; where

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Drive a robot along two sides of a square and print where it is: simulation, true pose, odometry, scan."""
 import math
 

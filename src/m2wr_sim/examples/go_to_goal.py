@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Play episodes of the Gymnasium environment with a simple controller: turn to the goal, slow down near obstacles."""
 import sys
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Robots in one world that wander about and turn away from what their lasers see, one another included."""
 import math
 import sys

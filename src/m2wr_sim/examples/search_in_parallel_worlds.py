@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Find the constant command that brings the robot farthest in ten seconds without a touch, by trying many at once."""
 import sys
 

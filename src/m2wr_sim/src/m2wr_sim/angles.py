@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Angles and quaternions ``(x, y, z, w)`` as plain numbers, for what must start quickly: numpy is not imported here."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Words of a command line."""
 import re
 from decimal import Decimal

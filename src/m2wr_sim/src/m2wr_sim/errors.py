@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The errors this package raises on purpose; each message says what was read, where, and what was expected."""
 
 

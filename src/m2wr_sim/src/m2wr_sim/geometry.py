@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Rotations and rigid transforms on plain arrays.
 
 Quaternions are ``(x, y, z, w)`` as in ROS messages.  Roll, pitch, yaw are fixed-axis angles in that order (the

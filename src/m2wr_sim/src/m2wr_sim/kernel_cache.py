@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Keeps numba's caches on disk true: numba looks only at the file of a function, not at those it calls into.
 
 A kernel that calls kernels of another file, or takes constants from there, would go on with what it was compiled with

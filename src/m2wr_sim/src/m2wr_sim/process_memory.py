@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Memory of a process, as the system tells it."""
 from typing import Union
 

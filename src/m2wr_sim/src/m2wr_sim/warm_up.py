@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Compile every kernel, or load it from its cache, before anything waits for it: ``python3 -m m2wr_sim.warm_up``."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Models made in one line, for tests of this package and of m2wr_tools."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Worlds, robots and simulators for the tests of this folder, all in this process and without a ROS master."""
 import pickle
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Loads launch files as roslaunch does, with no master and nothing started."""
 import os
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every example runs as it stands and prints what its first line promises."""
 import importlib.util
 import re

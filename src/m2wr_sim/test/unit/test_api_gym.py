@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The Gymnasium environment: passes the library's own check, pays for progress, ends at the goal and at a touch."""
 import math
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The library: worlds and robots in, numbers out; the same ones as the node's, and the same ones every time."""
 import copy
 import hashlib

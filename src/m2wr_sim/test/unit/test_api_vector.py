@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Many worlds at once: each row is what a simulation of its own would give."""
 import numpy as np
 import pytest

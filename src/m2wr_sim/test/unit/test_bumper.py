@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The bumper plugin: names, places, forces in the axes of the link, rate, and what is wrong with a sensor."""
 from dataclasses import replace
 

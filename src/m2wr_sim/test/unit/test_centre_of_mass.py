@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A centre of mass that is moved while the link lives: as if it had been built so, without a jolt."""
 import math
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Changes to a running world: link states, masses, joints, wrenches in frames, and the physics itself."""
 import math
 from dataclasses import replace

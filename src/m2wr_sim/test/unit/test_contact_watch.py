@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Contact reports of both engines: forces against weights, sides, the newest step, and no trace in the motion."""
 import pytest
 

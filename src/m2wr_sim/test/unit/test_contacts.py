@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The surface a pair of collisions makes, and the choice among its contacts."""
 import math
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Coulomb's law where wheels press a robot against something: friction cones, sliding along walls, climbing edges."""
 import math
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Crowds: what hangs together in too many contacts is solved iteratively, and nothing else is."""
 import math
 import random

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Damped joints: the closed forms, and that no damping at any step ever drives a joint."""
 import math
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The same seed gives the same bytes on every topic, in another process too; another seed gives other noise only."""
 import json
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the simulation says about itself, on a simulator that a test plays."""
 import pytest
 import rospy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The arithmetic of a differential drive: sides, rim speeds, the acceleration ramp, encoder odometry."""
 import math
 

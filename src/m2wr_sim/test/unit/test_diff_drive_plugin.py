@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The differential drive plugin in a running simulation: topics, gate times, odometry, sides, refusals, resets."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Bodies, joints and contacts in the engine, against closed forms; and that what is removed is gone."""
 import gc
 import math
@@ -10,8 +11,20 @@ import pytest
 from conftest import SOURCE
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import compose, quaternion_from_rpy, rotate
-from m2wr_sim.model.types import (Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, Physics, Plane, Sphere,
-                                  Surface)
+from m2wr_sim.model.types import (
+    Axis,
+    Box,
+    Collision,
+    Cylinder,
+    Inertial,
+    Joint,
+    Link,
+    Model,
+    Physics,
+    Plane,
+    Sphere,
+    Surface,
+)
 from m2wr_sim.physics.engine import Touch, settings_from_physics
 
 GRAVITY = 9.8

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Live models: their pose, moving and bending them, finding links and frames by name, rows in the scene."""
 import math
 from dataclasses import replace

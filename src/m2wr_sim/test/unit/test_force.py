@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The force and force-torque plugins: Newton's law, the weight in a joint, the side it acts on, refusals."""
 import math
 from dataclasses import replace

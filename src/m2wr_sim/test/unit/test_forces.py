@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Wrenches and efforts in time: when they act, which one counts, what ends them."""
 import math
 

@@ -1,12 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What programs written for Gazebo stumble over unless it is as there; most points stand beside their module."""
 from pathlib import Path
 
 import pytest
-from gazebo_msgs.msg import LinkStates, ModelStates
-from gazebo_msgs.srv import SpawnModelRequest
 from geometry_msgs.msg import Point, Pose, Quaternion
 
 from conftest import at, package_folder
+from gazebo_msgs.msg import LinkStates, ModelStates
+from gazebo_msgs.srv import SpawnModelRequest
 from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.model.urdf.xacro_text import expand_xacro
 from m2wr_sim.ros.gazebo_services.spawning import Spawner

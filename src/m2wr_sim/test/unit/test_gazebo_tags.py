@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<gazebo>`` blocks: which tag reaches what, sensors and plugins, and what is told about the rest."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Both inertial units, against closed forms: at rest, in a circle, while speeding up, in free fall."""
 import math
 from dataclasses import replace

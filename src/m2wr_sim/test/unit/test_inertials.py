@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Tensors of inertia that no solver can use give way to one that it can; the robot stays."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Joint states: those a plugin tag asks for, and those of robots whose description asks for none."""
 from dataclasses import replace
 

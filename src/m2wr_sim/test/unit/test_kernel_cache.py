@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Compiled kernels on disk are dropped when any module beside them has changed."""
 import os
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The laser: what a scan of known worlds reads, to Gazebo's rules."""
 import math
 

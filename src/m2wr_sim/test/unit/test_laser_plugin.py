@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The laser plugin in a running simulation: when it measures, what it says, where it says it."""
 import copy
 import math

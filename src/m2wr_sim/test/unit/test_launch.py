@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The launch files, loaded as roslaunch loads them but with no master and nothing started."""
 import glob
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What is said of plugins that are not here: reason, topics, consequence, what to do; once for a description."""
 import logging
 import re

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Documents that Gazebo's parser takes although they break rules of XML."""
 import logging
 
 import pytest
 
+from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.model.xml.lenient import tidy
 from m2wr_sim.model.xml.safe import XmlError, parse_xml
-from m2wr_sim.model.sdf.loader import load_world
 
 BODY = '<sdf version="1.6">\n<world name="w"><x>1</x></world>\n</sdf>'
 

@@ -1,13 +1,14 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a world survives: closed forms of the limits, and that no finite request of a service tears it apart."""
 import math
 
 import pytest
 import rospy
-from gazebo_msgs import srv
-from gazebo_msgs.msg import ODEJointProperties
 from geometry_msgs.msg import Point, Vector3, Wrench
 
 from conftest import at
+from gazebo_msgs import srv
+from gazebo_msgs.msg import ODEJointProperties
 from m2wr_sim.errors import ModelError
 from m2wr_sim.model.types import Axis, Box, Collision, Inertial, Joint, Link, Model
 from m2wr_sim.physics.engine import FASTEST

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The edge of lockstep as far as it needs no master: entries of parameters, and what the kernel tells of sockets."""
 import logging
 import socket
@@ -14,7 +15,9 @@ from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_hea
 from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import LockstepError, ParameterError
-from m2wr_sim.ros import lockstep as edge, lockstep_ports, ports as plain_ports
+from m2wr_sim.ros import lockstep as edge
+from m2wr_sim.ros import lockstep_ports
+from m2wr_sim.ros import ports as plain_ports
 from m2wr_sim.ros.lockstep import Lockstep, read_listeners, read_replies
 from m2wr_sim.ros.lockstep_gate import Connection, Gate, Listener, Look
 from m2wr_sim.ros.lockstep_sockets import Link, UnreadBytes, find_ends

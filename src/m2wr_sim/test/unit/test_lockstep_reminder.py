@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Connections that do not come: who is told what, and when."""
 import logging
 from types import SimpleNamespace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node's loop: pacing against a clock, requests from other threads, pause and end."""
 import signal
 import threading

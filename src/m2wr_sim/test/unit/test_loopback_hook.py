@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Sourcing the workspace binds ROS to the loopback address, unless the user's variables say otherwise."""
 import os
 import subprocess

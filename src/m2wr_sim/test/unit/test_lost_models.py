@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A model that is thrown out of the world is removed and named, and the rest of the simulation goes on."""
 import math
 
 import numpy as np
 import pytest
-from conftest import at
 from geometry_msgs.msg import Twist
 
+from conftest import at
 from m2wr_sim.errors import LostError, ModelError
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST
 from m2wr_sim.runtime.forces import Forces

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Merging over fixed joints: inertia against closed forms, order and names against Gazebo's rules."""
 import math
 
@@ -5,9 +6,9 @@ import numpy as np
 import pytest
 
 from m2wr_sim.geometry import IDENTITY, compose, matrix_from_quaternion, quaternion_from_rpy
-from m2wr_sim.model.urdf.lumping import Body, Connection, Part, lump, merge_inertials, part_names
 from m2wr_sim.model.sdf.shapes import inertia_matrix
 from m2wr_sim.model.types import Box, Inertial, Sphere
+from m2wr_sim.model.urdf.lumping import Body, Connection, Part, lump, merge_inertials, part_names
 
 UNIT_BALL = Inertial(1.0, IDENTITY, (0.4, 0.0, 0.0, 0.4, 0.0, 0.4))
 

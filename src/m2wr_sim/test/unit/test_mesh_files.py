@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Mesh files: what comes out of them, and what is said of those that cannot be used."""
 import os
 import struct

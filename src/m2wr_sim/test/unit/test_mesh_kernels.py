@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Rays against meshes and heightmaps: the trees against every triangle one by one, and against ODE's own rays."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Extruded outlines: closed bodies of the right volume, seen from outside, holes included."""
 import math
 import random

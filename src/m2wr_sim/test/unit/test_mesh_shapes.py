@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Meshes, heightmaps and polylines in SDF and URDF: where files are looked for, what they become, what is told."""
 import numpy as np
 import pytest

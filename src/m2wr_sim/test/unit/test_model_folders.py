@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where models and other files are found: the environment, what this package ships, and what packages export."""
 import pytest
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The compiled loop against the Python loop: the same numbers to the last bit."""
 import ctypes
 import math
@@ -5,9 +6,10 @@ import random
 
 import numpy as np
 import pytest
+
 from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy
-from m2wr_sim.model.types import (Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, Plane, Sphere, Surface)
+from m2wr_sim.model.types import Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, Plane, Sphere, Surface
 from m2wr_sim.physics import native_ode
 from m2wr_sim.physics.engine import Engine, EngineSettings
 from m2wr_sim.physics.factory import make_engine

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What libode says when it ends the process."""
 import signal
 import subprocess

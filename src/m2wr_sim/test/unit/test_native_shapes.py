@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Meshes and heightmaps as ground, obstacles and bodies: rest, drive, slide, come and go."""
 import gc
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Plugins of models inside models work on those, by the names that they know; names may be given with the model's."""
 import pytest
 from geometry_msgs.msg import Twist

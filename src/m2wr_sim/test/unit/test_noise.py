@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Noise: statistics, bias, repeatability."""
 import logging
 import math

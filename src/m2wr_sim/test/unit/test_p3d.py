@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The p3d plugin: true pose and velocity, offsets, frames of reference, noise, rate."""
 import math
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node's parameters: types, ranges, unknown names, and where a world's name leads."""
 import pytest
 

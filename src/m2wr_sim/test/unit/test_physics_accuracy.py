@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """How true the report's robot drives, stands and bumps, at steps of 1 to 10 ms."""
 import math
 import random

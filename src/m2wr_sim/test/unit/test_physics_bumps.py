@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What happens when things hit, push, fall and jam: bounded, without explosions, and quiet afterwards."""
 import math
 import time
@@ -232,9 +233,9 @@ def test_two_thousand_obstacles_out_of_reach_change_nothing_and_cost_little(make
 @pytest.mark.parametrize("step_ms", STEPS)
 def test_thirty_robots_at_random_among_obstacles_and_one_another_never_tilt(build, drive, step_ms):
     """Their wheels slip: one pressed with mu W lifts with mu^2 W by friction, W / 25; with a mu of 1 it climbs."""
-    from test_physics_accuracy import roam
     from m2wr_sim.physics.engine import EngineSettings
     from m2wr_sim.physics.factory import make_engine
+    from test_physics_accuracy import roam
     side, robot = 8.0, with_friction(balanced_robot(), ["link_left", "link_right"], 0.2)
     walls = [build.box("wall%d" % k, x, y, 0.5, size=size) for k, (x, y, size) in enumerate((
         (side, 0.0, (0.2, 16.2, 1.0)), (-side, 0.0, (0.2, 16.2, 1.0)), (0.0, side, (16.2, 0.2, 1.0)),

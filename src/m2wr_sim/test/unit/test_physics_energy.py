@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """No body, and no heap of bodies, gains energy by itself: falling, sliding, rolling, tumbling, bumping, coasting."""
 import math
 

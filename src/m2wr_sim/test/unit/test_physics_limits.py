@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The ends of what the engines can do: bodies thrown out of the world, heaps, and the end of the process."""
 import math
 import subprocess

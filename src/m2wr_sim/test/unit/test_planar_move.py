@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The planar move plugin: velocity by decree, odometry by differences, tf, time-out, refusals."""
 import math
 from dataclasses import replace

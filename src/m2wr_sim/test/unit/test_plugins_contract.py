@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What every registered plugin must do: start, keep its rate, reset, let go, and name what it does not read."""
 import logging
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """However something is moved, physics, lasers, published states, pictures and the comparison of maps agree on where.
 
 What libode itself holds is the truth; everything else is compared with that.
@@ -6,26 +7,41 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist
+
 from conftest import UPRIGHT, at, ground
 from gazebo_msgs.msg import LinkState, LinkStates, ModelStates
 from gazebo_msgs.srv import GetLinkStateRequest, SetLinkStateRequest
-from geometry_msgs.msg import Point, Pose, Quaternion, Twist
-from m2wr_view.solids import Solids
-
 from m2wr_sim.api.sim import Sim
 from m2wr_sim.api.vector import VectorSim
 from m2wr_sim.geometry import compose, quaternion_from_rpy
-from m2wr_sim.model.placed import placed_collisions
-from m2wr_sim.model.types import (Axis, Box, Collision, Cylinder, Inertial, Joint, Link, Model, ModelStateEntry, Plane,
-                                  PluginSpec, RayScan, Sphere, World, WorldState)
-from m2wr_sim.plugins.world_states import WorldStates
 from m2wr_sim.model.outlines import obstacle_outlines, outline_of
+from m2wr_sim.model.placed import placed_collisions
+from m2wr_sim.model.types import (
+    Axis,
+    Box,
+    Collision,
+    Cylinder,
+    Inertial,
+    Joint,
+    Link,
+    Model,
+    ModelStateEntry,
+    Plane,
+    PluginSpec,
+    RayScan,
+    Sphere,
+    World,
+    WorldState,
+)
+from m2wr_sim.plugins.world_states import WorldStates
 from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.world_markers import WorldMarkers
 from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.scene import Scene
+from m2wr_view.solids import Solids
 
 REST = (0.0, 0.0, 0.0)
 LIGHT = Inertial(1.0, inertia=(0.05, 0.0, 0.0, 0.05, 0.0, 0.05))

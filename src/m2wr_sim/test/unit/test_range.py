@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The range plugin: the nearest of a cone, the longest range in the empty, noise, names."""
 import math
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The ray kernels against slow twins: surfaces one by one, ODE's own rays, closed forms."""
 import math
 import subprocess

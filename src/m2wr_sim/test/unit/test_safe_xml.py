@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Parsing of foreign XML: what is refused, and how errors name the place."""
 import time
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The table of shapes: rows, owners, poses, growth."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """When rate-limited work is due: Gazebo's rule for model plugins and its rule for sensors."""
 import pytest
 

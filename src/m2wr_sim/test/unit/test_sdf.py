@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """SDF worlds and models: values, versions, frames, includes, stored state, and what is refused or told."""
 import math
 import time

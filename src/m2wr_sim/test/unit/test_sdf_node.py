@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Reading an element: defaults, values that are none, and that nothing is ignored in silence."""
 import pytest
 
-from m2wr_sim.model.sdf import elements as sdf_elements
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.xml.safe import XmlError, parse_xml
+from m2wr_sim.model.sdf import elements as sdf_elements
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.sdf.node import Node
+from m2wr_sim.model.xml.safe import XmlError, parse_xml
 
 
 def node_of(text, row=None):

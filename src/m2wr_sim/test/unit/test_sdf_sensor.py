@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What sensors other than lasers say of themselves: noise of inertial units, collisions of contact sensors."""
 from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.model.types import Noise

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Bytes on the wire: the fast ways give what genpy gives, for every message that has one."""
 import math
 import struct
@@ -7,13 +8,13 @@ import numpy as np
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from gazebo_msgs.msg import LinkStates, ModelStates
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan
 from tf2_msgs.msg import TFMessage
 
+from gazebo_msgs.msg import LinkStates, ModelStates
 from m2wr_sim.plugins.world_states import StateTable
 from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.ros.serialise import _FAST, plainly, serialiser_of

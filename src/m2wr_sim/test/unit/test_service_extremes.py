@@ -1,17 +1,18 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Every number of every service at the ends of its type: an answer, and a simulation that goes on, all finite."""
 import math
 from types import SimpleNamespace
 
 import pytest
 import rospy
-from conftest import at
 
+from conftest import at
+from m2wr_sim.ros.gazebo_services.gazebo_api import GazeboApi
 from m2wr_sim.ros.gazebo_services.joints import JointApi
 from m2wr_sim.ros.gazebo_services.lights import LightApi
 from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
 from m2wr_sim.ros.gazebo_services.table import SERVICES
-from m2wr_sim.ros.gazebo_services.gazebo_api import GazeboApi
 from m2wr_sim.runtime.forces import Forces
 
 FLOATS = (1.7976931348623157e308, -1.7976931348623157e308, 5e-324, 1e16, -1e16, 1e9, -1e9, math.nan, math.inf)
@@ -89,7 +90,7 @@ def test_every_number_of_every_service_at_its_ends(apis, m2wr):
         try:
             answer = apis.handler(name)(request)
         except Exception as error:
-            raise AssertionError("%s: %s: %s" % (where, type(error).__name__, error))
+            raise AssertionError("%s: %s: %s" % (where, type(error).__name__, error)) from error
         assert isinstance(answer, SERVICES[name]._response_class), where
         for _ in range(3):
             rig.simulator.advance(rig.simulator.now_ns + rig.simulator.step_ns)

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The services about joints, called without a network."""
 import math
 
 import pytest
 import rospy
+
 from gazebo_msgs import srv
 from gazebo_msgs.msg import ODEJointProperties
-
 from m2wr_sim.model.types import Axis, Inertial, Joint, Link, Model
 from m2wr_sim.ros.gazebo_services.joints import JointApi
 from m2wr_sim.ros.gazebo_services.table import SERVICES

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The services about lights, called without a network."""
 import math
 
 import pytest
-from gazebo_msgs import srv
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
 
+from gazebo_msgs import srv
 from m2wr_sim.model.types import Light, World
 from m2wr_sim.ros.gazebo_services.lights import LightApi
 from m2wr_sim.ros.gazebo_services.table import SERVICES

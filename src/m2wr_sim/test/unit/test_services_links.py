@@ -1,13 +1,14 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The services about links, called without a network: texts, frames, Gazebo's faults and the right thing."""
 import math
 
 import pytest
 import rospy
-from gazebo_msgs import srv
-from gazebo_msgs.msg import LinkState
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3, Wrench
 
 from conftest import at
+from gazebo_msgs import srv
+from gazebo_msgs.msg import LinkState
 from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.gazebo_services.table import SERVICES
 from m2wr_sim.runtime.forces import Forces

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Performance metrics: rates between two messages, at most five a second, and nothing while nobody listens."""
 import pytest
 

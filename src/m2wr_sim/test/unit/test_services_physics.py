@@ -1,12 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The services about the physics, called without a network."""
 import math
 from dataclasses import replace
 
 import pytest
-from gazebo_msgs import srv
-from gazebo_msgs.msg import ODEPhysics
 from geometry_msgs.msg import Vector3
 
+from gazebo_msgs import srv
+from gazebo_msgs.msg import ODEPhysics
 from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
 from m2wr_sim.ros.gazebo_services.table import SERVICES
 

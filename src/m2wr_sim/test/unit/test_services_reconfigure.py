@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The dynamic parameters: Gazebo's names, kinds and ranges, and the way to the physics and back."""
 from dataclasses import replace
 from types import SimpleNamespace

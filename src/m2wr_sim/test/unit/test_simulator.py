@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The order of events in a step, models coming and going, states and frames, resets, and plugins that fail."""
 import gc
 import logging

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Time that passes before the bodies move: what is published is the same, and who looks finds everything in place."""
 import pytest
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The skid steering plugin: wheel speeds, sides, odometry, tf, names, refusals; how it turns is in test_robots."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The spawn_model command: its command line, and reading a description from wherever that points."""
 import io
 

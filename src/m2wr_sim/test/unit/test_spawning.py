@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Spawning beside the loop: what is read where, what is refused for its size, what a URDF's <surface> counts for."""
 import gc
 import logging

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Stand-ins for models of Gazebo's database: each has outer size, place and mass of the original, and is told of."""
 import logging
 import math
@@ -10,9 +11,9 @@ import yaml
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.mesh.files import read_mesh_file
 from m2wr_sim.model.model_folders import ModelFolders, standard_folders
-from m2wr_sim.model.xml.safe import parse_xml
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.types import Box, Cylinder
+from m2wr_sim.model.xml.safe import parse_xml
 
 PACKAGE = Path(__file__).resolve().parents[2]
 MEASURED = yaml.safe_load((PACKAGE / "test" / "data" / "stand_ins.yaml").read_text(encoding="utf-8"))

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What reading costs grows with its input's length and no faster: nobody stops the clock with a short text.
 
 Cost is what Python executes, counted, plus the least CPU time of several tries for what runs in C.
@@ -9,9 +10,9 @@ import pytest
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.mesh import files as mesh_files
-from m2wr_sim.model.xml.lenient import root_tag, tidy, without_comments
 from m2wr_sim.model.sdf.loader import load_sdf, load_world
 from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.model.xml.lenient import root_tag, tidy, without_comments
 
 LEAST = 0.02            # CPU time below which a ratio of two says nothing [s]
 MOST = 5.0              # CPU time that a text of LONG characters may take [s]
@@ -76,7 +77,7 @@ def test_cost_grows_with_length_for_every_piece_repeated(name):
             try:
                 check_growth(READERS[name], lambda length: head + piece * (length // len(piece)))
             except AssertionError as error:
-                raise AssertionError("{!r} + {!r} ...: {}".format(head, piece, error))
+                raise AssertionError("{!r} + {!r} ...: {}".format(head, piece, error)) from error
 
 
 def test_many_prefixes_cost_no_more_than_their_length():

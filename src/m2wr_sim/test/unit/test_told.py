@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What is said of a robot: a warning only for what its reader can change, and each line once."""
 import logging
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages to subscribers over real sockets and rospy's own connections, without a master."""
 import gc
 import logging

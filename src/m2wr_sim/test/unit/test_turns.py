@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Lockstep with controllers that are plain objects: order, waiting, what counts when, and who is to blame."""
 import logging
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """URDF to model: the report's robot, the conversion rules one by one, and what is refused."""
 import math
 from pathlib import Path

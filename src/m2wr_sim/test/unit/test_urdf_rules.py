@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Gazebo's rules from URDF to a simulated robot that no other test shows: what is kept, what counts, what moves how."""
 import math
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The same requests at the same simulated times: what is said does not depend on how time is asked to pass.
 
 Sequences of requests are drawn from a seed and carried out step by step, in stretches, lazily, now so and now so, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Without numba all goes on: in Python, with the same numbers, and said once."""
 import json
 import os

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Markers of a world: every shape once, at its place, in its colour; sent again only when something has changed."""
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import at
 from visualization_msgs.msg import Marker
 
+from conftest import at
 from m2wr_sim.model.types import Box, Collision, Cylinder, Mesh, Sphere, Visual
 from m2wr_sim.ros.world_markers import MOST_TRIANGLES, OTHER_COLOUR, WorldMarkers, colour_of, is_robot, marker_of
 from m2wr_sim.runtime.ports import LocalPort

@@ -1,8 +1,9 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The state topics of the world: who is in them, and that they follow what moves, is moved, comes and goes."""
 import pytest
+
 from conftest import at
 from gazebo_msgs.msg import LinkStates, ModelStates
-
 from m2wr_sim.plugins.world_states import WorldStates
 from m2wr_sim.runtime.ports import LocalPort
 

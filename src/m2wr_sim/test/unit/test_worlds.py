@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The worlds that come with the package: everything loads, lies where it should, and leaves the ways free."""
 import math
 from pathlib import Path

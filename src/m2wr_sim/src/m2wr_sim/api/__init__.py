@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The simulator as a library: worlds, robots, commands and measurements as plain Python and numpy, without ROS running.
 
 >>> from m2wr_sim.api import Sim

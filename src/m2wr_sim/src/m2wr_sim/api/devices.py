@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A robot's drive and lasers without messages: the plugins' own timing and arithmetic, records instead of topics."""
 import logging
 from contextlib import contextmanager

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``m2wr/GoToGoal-v0``: a Gymnasium environment in which a robot drives to a goal without touching anything.
 
 Importing this module registers it.  It needs the Python package gymnasium, which nothing else here does.
@@ -185,7 +186,7 @@ class GoToGoalEnv(gymnasium.Env):
 
     def _begin_picture(self, result):
         if self._picture is None:
-            from m2wr_sim.api.gym_picture import EnvPicture     # what draws is loaded only where pictures are wanted
+            from m2wr_sim.api.gym_picture import EnvPicture  # what draws is loaded only where pictures are wanted
             self._picture = EnvPicture(self._sim, self._name)
         self._picture.begin(self._goal)
         self._picture.take(result)

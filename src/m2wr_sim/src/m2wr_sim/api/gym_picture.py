@@ -1,16 +1,17 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Pictures of a Gymnasium environment, by the renderer of m2wr_view; nothing of ROS runs."""
 import math
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+
+from m2wr_sim.geometry import IDENTITY, compose
+from m2wr_sim.model.outlines import obstacle_outlines
+from m2wr_sim.model.types import World
 from m2wr_view.frames import matrix_of
 from m2wr_view.renderer import Renderer
 from m2wr_view.scene import Scene
-
-from m2wr_sim.geometry import IDENTITY, compose
-from m2wr_sim.model.types import World
-from m2wr_sim.model.outlines import obstacle_outlines
 
 _BASE, _LASER = "base", "laser"
 SIZE = 800              # pixels, width and height

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Worlds and robots from what a caller has at hand: a name, a path, the text itself, or a record read before."""
 import os
 from functools import lru_cache
@@ -6,13 +7,13 @@ from pathlib import Path
 import rospkg
 
 from m2wr_sim.errors import ModelError, NotFoundError, WorldError
-from m2wr_sim.model.xml.lenient import root_tag
 from m2wr_sim.model.model_folders import standard_folders
-from m2wr_sim.model.xml.safe import errors_as
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.model.types import Model, World
 from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.model.urdf.xacro_text import expand_xacro, expanded
+from m2wr_sim.model.xml.lenient import root_tag
+from m2wr_sim.model.xml.safe import errors_as
 
 _HERE = Path(__file__).resolve()
 #: Robots that are known by name: package, and file in it.
@@ -123,7 +124,7 @@ def read_robot(robot, arguments=None):
             text = Path(source).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ModelError("robot \"%s\": %s; expected a readable file, its text, or one of %s"
-                             % (source, error, ", ".join(sorted(ROBOTS))))
+                             % (source, error, ", ".join(sorted(ROBOTS)))) from error
     if root_tag(text) == "robot":
         with errors_as(ModelError):
             given, values = text, {name: str(value) for name, value in (arguments or {}).items()}

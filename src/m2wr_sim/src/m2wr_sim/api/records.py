@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the library hands out: plain records that stay as they are while the simulation goes on."""
 from dataclasses import dataclass, field
 from typing import Any, Dict, Optional, Tuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """One world with its robots, stepped by calls; the same numbers as the node, without ROS running."""
 import math
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Many independent worlds of one make, stepped together: arrays in, arrays out."""
 from dataclasses import dataclass
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Differential drive: between the twist of a robot and the rim speeds of its wheels.
 
 Rim speeds are named by the *joint tags* of the plugin, ``left`` and ``right``; which of the two is physically on the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Motion in the plane by decree: a twist in the robot's frame to velocities in the world, and back from two poses."""
 import math
 

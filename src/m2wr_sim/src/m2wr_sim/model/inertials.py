@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Masses and tensors that descriptions give to bodies: which a solver can use, and what stands in for one it cannot."""
 import math
 

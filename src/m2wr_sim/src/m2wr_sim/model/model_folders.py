@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """From ``model://NAME`` to the SDF file of that model, on this machine's disk only."""
 import glob
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What was read but not used: one sentence a subject, so that nothing is ignored in silence.
 
 Four degrees: a *fault* made something be left out.  A *note* is worth a warning, for the model does not do what its
@@ -7,7 +8,6 @@ that.  A *remark* names what belongs to viewers or other programs and is gathere
 from lxml import etree
 
 from m2wr_sim.model.xml.safe import XmlError, file_of
-
 
 MOST_SENTENCES = 1000       # of one document; each becomes a line of the log
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Outlines of collision shapes, seen from above: what a robot can run into between two heights."""
 import numpy as np
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Where a world's models stand when it has been loaded, for those who look at a world without running it."""
 from m2wr_sim.geometry import compose
 

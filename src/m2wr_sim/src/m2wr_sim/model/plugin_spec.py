@@ -1,8 +1,9 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A ``<plugin>`` element of SDF or of a URDF ``<gazebo>`` block -> PluginSpec."""
 from lxml import etree
 
-from m2wr_sim.model.xml.safe import fail, line_of, place
 from m2wr_sim.model.types import PluginSpec
+from m2wr_sim.model.xml.safe import fail, line_of, place
 
 
 def tag_value(element):

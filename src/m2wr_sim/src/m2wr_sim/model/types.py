@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a world is made of, as frozen records: the one form that URDF and SDF are read into.
 
 Poses are pairs ``((x, y, z), (x, y, z, w))`` in metres and unit quaternions; see :mod:`m2wr_sim.geometry`.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The ODE world: bodies, joints, contacts."""
 from m2wr_sim import kernel_cache
 

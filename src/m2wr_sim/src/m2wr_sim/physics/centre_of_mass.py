@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Moving the centre of mass of a link that lives: it is the origin of its body, to which geoms and joints refer."""
 from types import SimpleNamespace
 

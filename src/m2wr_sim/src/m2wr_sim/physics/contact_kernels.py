@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What becomes of the contacts that libode finds for one pair of geoms, compiled: averaged, thinned out, ordered.
 
 Contacts stand one after another in ``values``, the first at word ``first``; see step_layout.

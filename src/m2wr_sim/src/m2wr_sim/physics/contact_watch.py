@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Contacts of chosen collisions as they come out of the solver, kept for whoever asked until they are fetched."""
 from collections import namedtuple
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Which contacts a pair of collisions makes, and with what surface: pure arithmetic, no engine objects.
 
 A contact is a tuple ``(position, normal, depth)``; the normal points from the second shape into the first.

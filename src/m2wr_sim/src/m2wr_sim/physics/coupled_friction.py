@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Friction where a step holds more than standing, with the direct solver: limits that agree with the normal forces.
 
 That solver limits friction to mu times the normal forces of a world without friction.  Standing on the ground those are
@@ -11,7 +12,6 @@ all others sleep meanwhile.
 import ode
 
 from m2wr_sim.physics.contacts import AGREED, MODE_APPROX1, next_limit
-
 
 UNKNOWN = -1.0          # N: a normal force that nobody has found yet
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Which movable models touch one another, directly or through others, and in how many places.
 
 The direct solver's time grows with the cube of that number: it is for robots and what they push.  Larger crowds are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Damping and springs of joints: as a force found before each step where that is stable, else through the solver.
 
 A damping force that is found from the rate before the step drives a joint instead of braking it once it takes away more

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a physics engine offers to the rest of the simulator; engines differ in speed, never in meaning.
 
 Links and joints are addressed by the integers that :meth:`Engine.add_model` hands out, so that nothing in the loop

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Which engine steps the world."""
 import logging
 
@@ -36,7 +37,7 @@ def make_engine(kind, settings):
     except (ImportError, OSError, RuntimeError) as error:
         if kind == "native":
             raise ParameterError("engine native: the compiled loop cannot be used here (%s); expected numba and libode"
-                                 % error)
+                                 % error) from error
         if str(error) in _told:
             return PyodeEngine(settings)
         _told.add(str(error))

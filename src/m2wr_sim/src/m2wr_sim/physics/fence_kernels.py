@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Models with nothing near them need not ask the whole static space what they touch: it can only be the ground plane.
 
 Round each body of a model stands a cube, its fence: the sphere that holds the body's geoms, however it turns, and
@@ -10,8 +11,21 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 
 from m2wr_sim.physics.step_layout import (
-    FENCE_WORDS, H_ADDRESS, H_BODIES, H_BODY_COUNT, H_FENCES, H_FOUND, H_PLANE, H_PROBE, H_PROBE_CALLBACK, H_STATIC,
-    HEADER_WORDS, S_BODY_COUNT, S_FIRST_BODY, S_FREE)
+    FENCE_WORDS,
+    H_ADDRESS,
+    H_BODIES,
+    H_BODY_COUNT,
+    H_FENCES,
+    H_FOUND,
+    H_PLANE,
+    H_PROBE,
+    H_PROBE_CALLBACK,
+    H_STATIC,
+    HEADER_WORDS,
+    S_BODY_COUNT,
+    S_FIRST_BODY,
+    S_FREE,
+)
 
 MARGIN = 0.25           # m; a robot that goes 1 m/s looks about four times a second
 

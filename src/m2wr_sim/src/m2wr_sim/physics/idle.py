@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """When bodies fall asleep: libode's own rule of auto-disabling, counted by the engine.
 
 libode counts in every solve, but a step may be solved several times, and it does not tell what it has counted.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What ODE can take of a model, checked before anything of it is built: ODE answers some numbers by ending the process.
 
 ODE was compiled with assertions.  These are the ones that numbers can reach, and what keeps models away from them:

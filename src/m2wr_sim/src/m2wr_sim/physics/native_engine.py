@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The world built with pyode and stepped in compiled code; the same numbers as PyodeEngine, several times faster.
 
 pyode gives the native handles of what it builds; from there libode is driven without it.  The block of memory that the
@@ -11,7 +12,9 @@ import numpy as np
 import ode
 
 from m2wr_sim.model.types import Plane
-from m2wr_sim.physics import native_ode, step_kernels as kernels, step_layout as layout
+from m2wr_sim.physics import native_ode
+from m2wr_sim.physics import step_kernels as kernels
+from m2wr_sim.physics import step_layout as layout
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.coupled_friction import Memory

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The few calls of libode that its Python binding does not offer."""
 import ctypes
 import ctypes.util

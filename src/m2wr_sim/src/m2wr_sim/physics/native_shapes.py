@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Triangle meshes and heightfields, which the Python binding does not offer, by native calls.
 
 A :class:`NativeGeom` stands beside the binding's own geoms: it answers to the same calls, lives as long as its Python

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Build ODE bodies, geoms and joints from model records, through the Python binding.
 
 A body's origin must be its centre of mass, a link's frame is where the model says: bodies keep their link's axes and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The world stepped through pyode: one Python callback per pair of geoms that may touch.
 
 It is the reference for faster engines and the fallback where they cannot run.  Two habits here are not taste.  Python
@@ -14,7 +15,8 @@ import ode
 from m2wr_sim.errors import LostError, ModelError
 from m2wr_sim.geometry import cross, rotate
 from m2wr_sim.model.types import Heightmap, Plane
-from m2wr_sim.physics import dampers, native_ode, pyode_bodies as bodies
+from m2wr_sim.physics import dampers, native_ode
+from m2wr_sim.physics import pyode_bodies as bodies
 from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, has_direction, load_class, pair_surface, reduced

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """How the block of memory is laid out that the compiled stepping loop works on; nothing is compiled here.
 
 Everything the callback needs lies in one block of 8-byte words, which it sees as unsigned integers and as floats alike:

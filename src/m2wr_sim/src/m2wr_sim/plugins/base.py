@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a plugin is, and what it is given.
 
 A plugin works at two places of a step.  ``before_step`` runs when simulated time has already advanced but the bodies

@@ -1,7 +1,8 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_bumper.so: what touches the collisions of a contact sensor, as gazebo_msgs/ContactsState."""
-from gazebo_msgs.msg import ContactsState, ContactState
 from geometry_msgs.msg import Vector3, Wrench
 
+from gazebo_msgs.msg import ContactsState, ContactState
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import rotate_inverse
 from m2wr_sim.plugins.base import LazySensor

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_diff_drive.so: two driven wheels, odometry, tf."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_force.so: a wrench from a topic, applied to a link in every step."""
 from geometry_msgs.msg import Wrench
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_ft_sensor.so: force and torque in a joint as geometry_msgs/WrenchStamped."""
 from geometry_msgs.msg import WrenchStamped
 

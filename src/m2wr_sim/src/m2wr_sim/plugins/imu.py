@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_imu.so: orientation, turn rates and acceleration of a link, without gravity, as sensor_msgs/Imu."""
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Empty, EmptyResponse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_imu_sensor.so: the imu sensor, gravity included, as sensor_msgs/Imu."""
 from sensor_msgs.msg import Imu
 
@@ -36,7 +37,7 @@ class SensorImu(LazySensor):
             self._imu = ImuSensor(ctx.sensor.pose, ctx.sensor.imu_noise, ctx.rng("noise"),
                                   start if relative else _WORLD)
         except ValueError as error:
-            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
+            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error)) from error
         self._port = ctx.advertise(topic, Imu)
 
     def wanted(self):

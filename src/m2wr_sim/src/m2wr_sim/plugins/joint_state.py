@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_joint_state_publisher.so, and the joint states of robots whose model names no such plugin."""
 from sensor_msgs.msg import JointState
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_laser.so and libgazebo_ros_gpu_laser.so: a ray sensor as sensor_msgs/LaserScan."""
 import math
 
@@ -8,7 +9,6 @@ from m2wr_sim.errors import PluginError
 from m2wr_sim.plugins.base import LazySensor
 from m2wr_sim.runtime.schedule import SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
-
 
 _LARGEST = float(np.finfo(np.float32).max)
 
@@ -31,7 +31,7 @@ class Laser(LazySensor):
         try:
             self._make_laser()
         except ValueError as error:
-            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
+            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error)) from error
         if self._laser.range_min >= self._laser.range_max:
             spec.problems.append("nothing is between a <min> range of %g m and a <max> of %g m; every reading is inf"
                                  % (self._laser.range_min, self._laser.range_max))

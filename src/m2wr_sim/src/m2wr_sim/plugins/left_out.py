@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Plugins that are not here: what each would have done, what follows without it, and what can be done instead.
 
 One entry a library, see :class:`LeftOut`.  In topics ``{tag=default}`` stands for the text of a tag; a topic whose tag

@@ -1,7 +1,8 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_p3d.so: the true pose and velocity of a link as nav_msgs/Odometry."""
 from nav_msgs.msg import Odometry
 
-from m2wr_sim.geometry import (conjugate, multiply, normalise_quaternion, quaternion_from_rpy, rotate_inverse)
+from m2wr_sim.geometry import conjugate, multiply, normalise_quaternion, quaternion_from_rpy, rotate_inverse
 from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.runtime.schedule import GapSchedule
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_planar_move.so: a model that moves in the plane as it is told, wheels or not; odometry, tf."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_range.so: the nearest hit of a ray sensor's cone as sensor_msgs/Range."""
 import math
 from dataclasses import replace
@@ -36,7 +37,7 @@ class RangeFinder(LazySensor):
             rays = replace(ctx.sensor.ray, noise=Noise(), resolution=1.0, vertical_resolution=1.0)
             self._rays = LaserSensor(rays, ctx.rng("no noise"))
         except ValueError as error:
-            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error))
+            raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error)) from error
         self._message.min_range = told_limit(self._rays.range_min)
         self._message.max_range = told_limit(self._rays.range_max)
         self._port = ctx.advertise(topic, Range, namespace=namespace) if topic else None

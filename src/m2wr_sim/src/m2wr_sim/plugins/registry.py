@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Which class stands for which plugin library: one line each."""
 import importlib
 

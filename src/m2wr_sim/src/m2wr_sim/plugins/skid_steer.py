@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_skid_steer_drive.so: two driven wheels on each side, odometry, tf."""
 import logging
 import math

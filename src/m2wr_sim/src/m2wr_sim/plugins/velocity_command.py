@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The velocity command of a drive plugin: the newest one that makes sense, for as long as it holds."""
 from geometry_msgs.msg import Twist
 

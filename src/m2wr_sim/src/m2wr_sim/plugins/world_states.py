@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The state topics of the world itself: all models, all links."""
 import numpy as np
 from geometry_msgs.msg import Pose, Twist

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Between messages and the plain values that the rest of the package works with."""
 import rospy
 from rospy import rostime

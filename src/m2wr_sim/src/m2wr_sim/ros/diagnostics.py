@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the simulation says about itself on ``/diagnostics``.  Nothing is counted in steps, nothing made for nobody."""
 import time
 

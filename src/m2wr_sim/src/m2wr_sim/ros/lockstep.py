@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Lockstep over rospy: opens when everybody is connected, asks controllers for their turns, waits for who listens."""
 import logging
 import queue
@@ -9,7 +10,8 @@ import time
 
 import rosgraph
 import rospy
-from m2wr_lockstep.srv import Turn, TurnRequest as TurnMessage
+from m2wr_lockstep.srv import Turn
+from m2wr_lockstep.srv import TurnRequest as TurnMessage
 from rospy.impl.tcpros_base import TCPROSTransport
 
 from m2wr_sim.errors import LockstepError, ParameterError

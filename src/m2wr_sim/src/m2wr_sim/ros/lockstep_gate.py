@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Whether everybody who takes part in lockstep is there and connected, looked up in the ROS graph."""
 import re
 import socket

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Topics in lockstep: what is published is counted, what controllers send is held back until they have answered."""
 import rospy
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Tells subscribers of their publishers once more when a connection that should be there does not come.
 
 rospy's subscriber connects once, when the master tells it of a publisher, and gives up for good when that fails: the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Whether other processes of this machine have read what was sent to them, asked of the Linux kernel.
 
 A recorder has no way to say that it has taken a message.  The kernel knows, though, how many bytes lie unread in a

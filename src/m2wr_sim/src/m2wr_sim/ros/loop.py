@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node's loop: one thread owns the world, everybody else asks it."""
 import math
 import queue

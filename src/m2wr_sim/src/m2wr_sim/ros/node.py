@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The simulation node: parameters in, world up, loop until told to stop."""
 import gc
 import logging
@@ -10,10 +11,10 @@ from dataclasses import replace
 import rosgraph
 import rospkg
 import rospy
-from gazebo_msgs.msg import LinkStates, ModelStates
 from rospy.rostime import set_rostime_initialized
 from visualization_msgs.msg import MarkerArray
 
+from gazebo_msgs.msg import LinkStates, ModelStates
 from m2wr_node.ros.is_there import alive
 from m2wr_node.ros.starting import master_gone, register
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
@@ -22,15 +23,15 @@ from m2wr_sim.model.types import Physics
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
-from m2wr_sim.ros.gazebo_services.performance import Performance
 from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.gazebo_services.gazebo_api import GazeboApi
+from m2wr_sim.ros.gazebo_services.performance import Performance
+from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.lockstep import Lockstep
 from m2wr_sim.ros.lockstep_ports import LockstepPorts
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import find_world, model_folders, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
-from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The node's parameters: each read once, checked, and kept in one frozen record."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Topics, transforms and the clock over rospy."""
 import logging
 import threading
@@ -156,7 +157,7 @@ class RosPorts(Ports):
         try:
             return self._call(function)
         except ShuttingDown as error:
-            raise rospy.ServiceException(str(error))
+            raise rospy.ServiceException(str(error)) from error
 
     def waiting(self):
         return bool(self._mailbox.newest)           # asked before every stretch of steps

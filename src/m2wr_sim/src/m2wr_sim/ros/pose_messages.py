@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses of messages and as plain numbers, for what must start quickly: rospy is not imported here."""
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Messages to bytes: the same bytes as genpy's, several times faster for the messages that go out often.
 
 A framed message is its length and then its fields, little-endian, as it stands on the wire.  Number fields may hold

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The spawn_model command: reads a description, asks the simulation to spawn it.  Exit code 0 or 1; 2 on misuse."""
 import argparse
 import math
@@ -5,24 +6,24 @@ import os
 import re
 import sys
 import time
-from html import escape      # of xml.sax.saxutils it is slower to import: all of urllib
+from html import escape  # of xml.sax.saxutils it is slower to import: all of urllib
 
 import rospkg
 import rospy
-from gazebo_msgs.msg import ModelStates
-from gazebo_msgs.srv import DeleteModel, SetModelConfiguration, SpawnModel
 from geometry_msgs.msg import Pose
 from lxml import etree
 from std_srvs.srv import Empty
 
+from gazebo_msgs.msg import ModelStates
+from gazebo_msgs.srv import DeleteModel, SetModelConfiguration, SpawnModel
 from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
 from m2wr_sim.angles import quaternion_from_rpy
 from m2wr_sim.command_line import without_exponent
+from m2wr_sim.model.urdf.xacro_text import expanded
 from m2wr_sim.model.xml.lenient import root_tag
 from m2wr_sim.model.xml.safe import XmlError
-from m2wr_sim.model.urdf.xacro_text import expanded
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
 _LONG_WAIT = 60.0          # s of wall time after which waiting for a service is worth a warning
@@ -102,9 +103,9 @@ def read_description(arguments):
             if root_tag(text) == "robot":       # here and not in the simulator: xacro runs code
                 text = expanded(text, arguments.file, rospkg.RosPack().get_path)
         except XmlError as error:
-            raise SpawnError("Invalid XML: %s" % error)
+            raise SpawnError("Invalid XML: %s" % error) from error
         except (OSError, UnicodeDecodeError) as error:
-            raise SpawnError("Error: cannot read file %s: %s" % (arguments.file, error))
+            raise SpawnError("Error: cannot read file %s: %s" % (arguments.file, error)) from error
     elif arguments.param:
         rospy.loginfo("Loading model XML from ros parameter %s", arguments.param)
         text = rospy.get_param(arguments.param, None)
@@ -137,7 +138,7 @@ def normalise(text, package_to_model=False):
     try:
         root = etree.fromstring(text.encode("utf-8"), parser)
     except etree.XMLSyntaxError as error:
-        raise SpawnError("Invalid XML: %s" % error)
+        raise SpawnError("Invalid XML: %s" % error) from error
     if root.getroottree().docinfo.internalDTD is not None:
         raise SpawnError("Invalid XML: it declares a document type; entities are not expanded here")
     if package_to_model:
@@ -202,7 +203,7 @@ def spawn(arguments, text):
         response = rospy.ServiceProxy(service, SpawnModel)(
             arguments.model, text, namespace, pose, arguments.reference_frame)
     except (rospy.ServiceException, rospy.ROSException) as error:
-        raise SpawnError("Service call failed: %s" % error)
+        raise SpawnError("Service call failed: %s" % error) from error
     rospy.loginfo("Spawn status: %s", response.status_message)
     if not response.success:
         raise SpawnError("Spawn service failed. Exiting.")
@@ -217,7 +218,7 @@ def _configure(arguments):
         response = rospy.ServiceProxy(service, SetModelConfiguration)(
             arguments.model, "", [name for name, _ in arguments.joints], [position for _, position in arguments.joints])
     except (rospy.ServiceException, rospy.ROSException) as error:
-        raise SpawnError("Service call failed: %s" % error, _NOT_CONFIGURED)
+        raise SpawnError("Service call failed: %s" % error, _NOT_CONFIGURED) from error
     rospy.loginfo("Set model configuration status: %s", response.status_message)
     if not response.success:
         raise SpawnError("joint positions were not set: %s" % response.status_message, _NOT_CONFIGURED)
@@ -231,7 +232,7 @@ def _unpause(arguments):
         rospy.wait_for_service(service, timeout=5.0)
         rospy.ServiceProxy(service, Empty)()
     except (rospy.ServiceException, rospy.ROSException) as error:
-        raise SpawnError("Unpause physics service call failed: %s" % error, "")
+        raise SpawnError("Unpause physics service call failed: %s" % error, "") from error
 
 
 def _keep_bond(arguments):

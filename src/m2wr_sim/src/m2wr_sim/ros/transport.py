@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Writing messages to subscribers without a thread for each, and without ever waiting for one of them.
 
 rospy keeps what it is good at: it registers the topics, answers subscribers and counts.  What it does with each

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a viewer needs to show a world from topics alone: markers of everything that stands about, the robots' text.
 
 Markers are of collision shapes, for that is what lasers see and robots bump into; robots themselves are left to viewers

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What plugins want to do next: they are asked, their answers noted, and they are called when it is time."""
 from m2wr_sim.plugins.base import Plugin
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Changes to a running world beyond moving things: links, joints and the physics itself."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the simulator hands to each plugin: its model, the physics, its own randomness, and the ports to outside."""
 import logging
 import zlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Models that live in a running world, and finding them and their links by name."""
 import math
 from collections import namedtuple

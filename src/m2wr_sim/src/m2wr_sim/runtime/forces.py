@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Forces that act for a while: wrenches on links and efforts on joints, as Gazebo's services order them."""
 import logging
 from collections import OrderedDict

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a running world survives: forces, efforts and numbers of joints beyond which it would come apart."""
 import math
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The simulator's doors to outside, as an interface, and the ones that lead nowhere but into lists."""
 import abc
 

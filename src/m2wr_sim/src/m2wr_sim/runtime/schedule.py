@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """When rate-limited work is due, in whole nanoseconds of simulated time, by Gazebo's different rules."""
 
 

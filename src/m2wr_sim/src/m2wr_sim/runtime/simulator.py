@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The simulation: a world, what lives in it, and the one order of events in a step.
 
 A step that ends at time t goes: time becomes t; commands that have arrived are taken; plugins act *before* the bodies

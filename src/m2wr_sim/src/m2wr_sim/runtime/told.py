@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What was said of models and worlds, so that nothing is said twice.
 
 A warning is for what its reader can change: what is left out, differs from Gazebo, or drives a robot astray.

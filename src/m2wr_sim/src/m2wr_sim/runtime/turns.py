@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Lockstep without ROS: whose turn it is, what is waited for, and the order in which commands count.
 
 Simulated time stands still while the controllers take their turns, one after another.  Messages of a controller are

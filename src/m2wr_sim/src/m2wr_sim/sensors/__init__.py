@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What sensors measure, on plain arrays."""
 from m2wr_sim import kernel_cache
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What the kernels of this room share: how they are compiled, an arc tangent, rotations.
 
 A change here reaches all of them, for the room drops their caches when any of its modules has changed.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """An inertial unit: what it reads of the motion of the link that carries it.
 
 Follows Gazebo's imu sensor: the acceleration is the change of velocity since the last reading, gravity's reaction

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A laser scanner: where its beams go, what they read, how the reading is disturbed.
 
 Follows Gazebo's CPU ray sensor: rays start at the shortest range and see every collision shape, the robot's own
@@ -10,7 +11,9 @@ import numpy as np
 
 from m2wr_sim.geometry import IDENTITY
 from m2wr_sim.model.types import Mesh, RayScan, Sphere
-from m2wr_sim.sensors import mesh_kernels, packed_kernels as packed, ray_kernels as kernels, reading_kernels
+from m2wr_sim.sensors import mesh_kernels, reading_kernels
+from m2wr_sim.sensors import packed_kernels as packed
+from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.noise import NoiseModel
 from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
 from m2wr_sim.sensors.scene import Scene

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Exact rays of a scanning range finder against triangle meshes and heightmaps.
 
 Plain arrays in, plain arrays out; layouts of ``frame``, ``beams``, ``rows``, ``spheres`` and ``shapes`` as in

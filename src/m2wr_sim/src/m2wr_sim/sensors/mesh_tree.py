@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Triangles of meshes and heightmaps -> the trees of :mod:`m2wr_sim.sensors.mesh_kernels`."""
 import weakref
 from collections import namedtuple

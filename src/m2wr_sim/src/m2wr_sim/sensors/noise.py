@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Range noise as Gazebo's sensors have it; all randomness comes from a generator that is handed in."""
 import logging
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The kernels of a scan and of moving shapes with their arguments packed: each gets one array of addresses and sizes.
 
 To hand an array to compiled code costs some 50 ns, a call 100 more, and a scan needs a dozen arrays.  Whoever fills a
@@ -12,6 +13,7 @@ from m2wr_sim.sensors.reading_kernels import SETTINGS_SIZE, finish_ranges
 
 if HAVE_NUMBA:
     from numba import carray
+
     from m2wr_sim.sensors.base_kernels import pointer
 
 (S_DISTANCES, S_RANGES, S_BEAMS, S_BEAM_COUNT, S_ROWS, S_ROW_COUNT, S_FRAME, S_SPHERES, S_SHAPES, S_CAPACITY, S_ORDER,

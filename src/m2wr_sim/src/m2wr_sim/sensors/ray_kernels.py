@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Exact rays of a scanning range finder against boxes, spheres, cylinders and planes.
 
 Plain arrays in, plain arrays out.  ``cast_rays`` visits the shapes from near to far and, for each, only the beams

@@ -1,9 +1,25 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The rays of :mod:`m2wr_sim.sensors.ray_kernels` without numba: every shape against all beams, as array operations."""
 import numpy as np
 
 from m2wr_sim.sensors.mesh_kernels import EDGE, GRAZING
-from m2wr_sim.sensors.ray_kernels import (BOX, COUNT, CYLINDER, HALF, IGNORED, KIND, MESH, ORIENTATION, OWNER, PLANE,
-                                          RANGE_MAX, RANGE_MIN, TINY, TREE, rotation)
+from m2wr_sim.sensors.ray_kernels import (
+    BOX,
+    COUNT,
+    CYLINDER,
+    HALF,
+    IGNORED,
+    KIND,
+    MESH,
+    ORIENTATION,
+    OWNER,
+    PLANE,
+    RANGE_MAX,
+    RANGE_MIN,
+    TINY,
+    TREE,
+    rotation,
+)
 
 _PAIRS_AT_ONCE = 2 ** 20        # rays times triangles
 

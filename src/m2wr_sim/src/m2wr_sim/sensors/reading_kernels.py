@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """From distances to readings: what a range finder says of what its rays met.  Plain arrays in, plain arrays out."""
 import math
 

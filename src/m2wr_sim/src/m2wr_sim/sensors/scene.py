@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What rays can hit: the collision shapes of all models, packed into the arrays of the ray kernels."""
 import math
 
@@ -6,8 +7,20 @@ import numpy as np
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Plane, Sphere
 from m2wr_sim.sensors import packed_kernels as packed
 from m2wr_sim.sensors.mesh_tree import Forest
-from m2wr_sim.sensors.ray_kernels import (BOX, CYLINDER, HALF, KIND, MESH, OWNER, PLANE, RETRO, SHAPE_SIZE, SPHERE,
-                                          TREE, write_poses)
+from m2wr_sim.sensors.ray_kernels import (
+    BOX,
+    CYLINDER,
+    HALF,
+    KIND,
+    MESH,
+    OWNER,
+    PLANE,
+    RETRO,
+    SHAPE_SIZE,
+    SPHERE,
+    TREE,
+    write_poses,
+)
 
 
 class Scene:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Mesh files (.stl, .obj, .dae) -> triangles in metres, z up; nothing here knows of URDF or SDF.
 
 The formats are read by trimesh and pycollada, imported when the first mesh is met.

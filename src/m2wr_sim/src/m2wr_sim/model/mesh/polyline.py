@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<polyline>`` of SDF: outlines in the plane, drawn up to a height, as triangles."""
 import numpy as np
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<mesh>``, ``<heightmap>`` and ``<polyline>`` of SDF, ``<mesh>`` of URDF -> Mesh and Heightmap records.
 
 A shape whose file cannot be found or read is named in the notes, with its element, and left out; the rest loads.
@@ -11,8 +12,8 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MAX_TRIANGLES, read_mesh_file
 from m2wr_sim.model.mesh.polyline import extrude
 from m2wr_sim.model.model_folders import tell_stand_in
-from m2wr_sim.model.xml.safe import XmlError, fail, file_of, parse_vector, place
 from m2wr_sim.model.types import Heightmap, Mesh
+from m2wr_sim.model.xml.safe import XmlError, fail, file_of, parse_vector, place
 
 _DEFAULT_SAMPLING = 2       # SDF's
 _PICTURES = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF")     # others may start programs to be read

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What becomes of the elements of SDF: which are read, which belong to viewers or others, which are told and why.
 
 The readers ask for what they use, and :class:`~m2wr_sim.model.sdf.node.Node` compares that with what stands in the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Poses that are given relative to other elements of a model or world (``relative_to``), brought to one frame."""
 import math
 

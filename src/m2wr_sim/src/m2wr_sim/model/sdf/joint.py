@@ -1,9 +1,10 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<joint>`` of SDF -> Joint, with the axis conventions of the SDF versions."""
 import math
 
 from m2wr_sim.geometry import IDENTITY, compose, rotate, rotate_inverse
-from m2wr_sim.model.xml.safe import fail
 from m2wr_sim.model.types import Axis, Joint
+from m2wr_sim.model.xml.safe import fail
 
 NO_LIMIT = 1e16
 

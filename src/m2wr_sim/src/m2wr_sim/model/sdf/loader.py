@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """SDF files: worlds for the simulator to load, and models for spawning.
 
 Reads SDF 1.4 to 1.7.  What cannot be used is left out in its smallest part (a collision, a joint, a model, an include)
@@ -9,13 +10,13 @@ from dataclasses import replace
 
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.xml.safe import errors_as, fail, parse_xml, read_file
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
 from m2wr_sim.model.sdf.light import read_light
 from m2wr_sim.model.sdf.model import SdfContext, add_frames, check_root, read_include, read_model, read_plugins
 from m2wr_sim.model.sdf.node import Node
 from m2wr_sim.model.sdf.physics import read_physics, read_state
 from m2wr_sim.model.types import World
+from m2wr_sim.model.xml.safe import errors_as, fail, parse_xml, read_file
 
 log = logging.getLogger(__name__)
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<model>`` and ``<include>`` of SDF -> Model; nested models are flattened into their outermost one."""
 import logging
 import os
@@ -10,7 +11,6 @@ from m2wr_sim.model.mesh.shapes import MeshReader
 from m2wr_sim.model.model_folders import HOW_TO_INSTALL, NEWEST_SDF, parse_version, tell_stand_in
 from m2wr_sim.model.notes import Notes
 from m2wr_sim.model.plugin_spec import read_plugin
-from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_xml, path_of, read_file
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
 from m2wr_sim.model.sdf.joint import named_end, read_joint
 from m2wr_sim.model.sdf.light import read_light
@@ -18,6 +18,7 @@ from m2wr_sim.model.sdf.node import Node
 from m2wr_sim.model.sdf.sensor import read_sensor
 from m2wr_sim.model.sdf.shapes import inertial_doubt, read_collision, read_inertial, read_visual
 from m2wr_sim.model.types import Heightmap, Link, Model, Plane
+from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_xml, path_of, read_file
 
 log = logging.getLogger(__name__)
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """One element of SDF while it is read: hands out values and children, and tells what nobody asked for.
 
 Nothing in a document can be ignored in silence: what a reader does not ask for is named when it is done, by the rules
@@ -6,9 +7,19 @@ Gazebo does; what has no default raises an XmlError, and whoever reads the part 
 """
 from lxml import etree
 
-from m2wr_sim.model.xml.safe import (XmlError, fail, file_of, line_of, parse_bool, parse_float, parse_int, parse_vector,
-                                     place, required_name)
 from m2wr_sim.model.sdf.elements import IDLE, QUIET, REASONS, ROWS, SILENT_ATTRIBUTES
+from m2wr_sim.model.xml.safe import (
+    XmlError,
+    fail,
+    file_of,
+    line_of,
+    parse_bool,
+    parse_float,
+    parse_int,
+    parse_vector,
+    place,
+    required_name,
+)
 
 _FIRST, _ALL = 1, 2
 

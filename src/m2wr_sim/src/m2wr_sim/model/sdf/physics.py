@@ -1,7 +1,8 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<physics>`` and ``<state>`` of an SDF world -> Physics, WorldState."""
-from m2wr_sim.model.xml.safe import fail, parse_int, parse_vector
 from m2wr_sim.model.sdf.frames import raw_pose
 from m2wr_sim.model.types import ModelStateEntry, Physics, WorldState
+from m2wr_sim.model.xml.safe import fail, parse_int, parse_vector
 
 _SOLVERS = ("quick", "world")
 LATEST = 2 ** 31        # s, of a stored time: a stamp holds 2^32, and the run is to go on

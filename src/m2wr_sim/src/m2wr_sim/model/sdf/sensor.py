@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<sensor>`` elements -> Sensor, the same for SDF files and for URDF ``<gazebo>`` blocks."""
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.sdf.frames import raw_pose

@@ -1,11 +1,12 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``<geometry>``, ``<surface>``, ``<collision>``, ``<visual>`` and ``<inertial>`` of SDF -> plain records."""
 import math
 from functools import lru_cache
 
 import numpy as np
 
-from m2wr_sim.model.xml.safe import fail
 from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Plane, Sphere, Surface, Visual
+from m2wr_sim.model.xml.safe import fail
 
 READABLE = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline")
 KNOWN_UNUSED = ("image", "capsule", "ellipsoid")
@@ -99,7 +100,7 @@ def _torsion(node):
                        "own.".format(node.line), ("unread", "friction", "torsional"))
 
 
-def read_surface(node, base=Surface()):
+def read_surface(node, base=Surface()):     # noqa: B008  (cannot be changed)
     """Read ``<surface>``, a Node, over the values of ``base``; a missing one returns ``base``."""
     if not node:
         return base

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """What a URDF document must satisfy before it is converted, checked where line numbers are still known.
 
 The rules are those of urdfdom, which refuses the whole document at the first breach, and a few more that the physics

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The ``<gazebo>`` blocks of a URDF -> surfaces, sensors, plugins and switches.
 
 Values stand in an element's text or in its ``value`` attribute.  A block with ``reference`` belongs to that link or
@@ -6,13 +7,13 @@ joint, one without to the model.
 from dataclasses import replace
 
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.urdf.lumping import LUMP_MARK
 from m2wr_sim.model.plugin_spec import read_plugin, tag_value
-from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_float, parse_int, parse_vector, shorten
 from m2wr_sim.model.sdf.node import Node, shown
 from m2wr_sim.model.sdf.sensor import read_sensor
 from m2wr_sim.model.sdf.shapes import read_surface
 from m2wr_sim.model.urdf.checks import some_names
+from m2wr_sim.model.urdf.lumping import LUMP_MARK
+from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_float, parse_int, parse_vector, shorten
 
 _MOST_PLACES = 10       # of a mark in a name; names that are made here have one
 _SURFACE_TAGS = {"mu1": "mu", "mu2": "mu2", "kp": "kp", "kd": "kd", "minDepth": "min_depth", "maxVel": "max_vel"}

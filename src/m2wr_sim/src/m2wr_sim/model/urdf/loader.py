@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """URDF text (or raw xacro) -> Model, converted by the rules of Gazebo.
 
 The document is checked (:mod:`.checks`), read (:mod:`.reader`), its fixed joints are merged away
@@ -8,16 +9,16 @@ from dataclasses import replace
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_quaternion
-from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
 from m2wr_sim.model.inertials import usable
-from m2wr_sim.model.urdf.lumping import WORLD, children_of, depth_first, lump, part_names
 from m2wr_sim.model.mesh.shapes import MeshReader
 from m2wr_sim.model.notes import Notes
-from m2wr_sim.model.xml.safe import XmlError, errors_as, fail, line_of, parse_xml, place
 from m2wr_sim.model.types import Collision, Joint, Link, Model, Visual
 from m2wr_sim.model.urdf.checks import attribute_numbers, check_urdf
+from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
+from m2wr_sim.model.urdf.lumping import WORLD, children_of, depth_first, lump, part_names
 from m2wr_sim.model.urdf.reader import NO_MASS, parse_robot, read_body, read_connection
 from m2wr_sim.model.urdf.xacro_text import xacro_in
+from m2wr_sim.model.xml.safe import XmlError, errors_as, fail, line_of, parse_xml, place
 
 
 def _drop_massless(bodies, connections, order, root, elements, notes):

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Merging links over fixed joints, and the names that collisions and visuals bear afterwards (Gazebo's rules).
 
 Works on mutable records of its own: a :class:`Body` for each URDF link, a :class:`Connection` for each URDF joint.

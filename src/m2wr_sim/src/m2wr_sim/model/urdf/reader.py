@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """A checked URDF document -> bodies and connections, by way of urdf_parser_py.
 
 That parser drops names of collisions and visuals, ``<surface>`` and ``<gazebo>``; they come from the XML itself.
@@ -12,13 +13,13 @@ import urdf_parser_py.xml_reflection as xml_reflection
 import urdf_parser_py.xml_reflection.core as xml_core
 
 from m2wr_sim.geometry import IDENTITY, quaternion_from_rpy
-from m2wr_sim.model.urdf.lumping import Body, Connection, Part
-from m2wr_sim.model.xml.safe import XmlError, line_of, place, shorten
 from m2wr_sim.model.sdf.joint import NO_LIMIT, clamp_limit, unit
 from m2wr_sim.model.sdf.node import Node
 from m2wr_sim.model.sdf.shapes import inertial_doubt, read_surface
 from m2wr_sim.model.types import Axis, Box, Cylinder, Inertial, Sphere, Surface
 from m2wr_sim.model.urdf.checks import check_size
+from m2wr_sim.model.urdf.lumping import Body, Connection, Part
+from m2wr_sim.model.xml.safe import XmlError, line_of, place, shorten
 
 NO_MASS = 1e-6                # below it Gazebo takes a mass for zero
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Raw xacro text -> plain URDF text, through the xacro module of ROS.
 
 A xacro document is a program: its expressions are Python, and it reads any file. So only what the user named on a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """XML with the slips that Gazebo's own parser never minded, put right for one that does.
 
 Gazebo reads worlds and models with a parser that knows no encodings, no namespaces, and few of XML's rules.  Files that

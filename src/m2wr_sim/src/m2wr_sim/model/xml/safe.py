@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Reading XML that somebody else wrote: safe parsing, and values with errors that name file, line and element.
 
 No other module of this package parses XML text.  Nothing here knows what a robot or a world is.

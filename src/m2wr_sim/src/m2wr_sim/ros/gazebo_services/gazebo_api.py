@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Gazebo's services and command topics under ``~``, as calls of the simulator; texts are Gazebo's to the letter.
 
 Here are the services about models and the world, and the assembly; the other modules of this folder have the others.
@@ -7,20 +8,26 @@ import logging
 import time
 
 import rospy
-from gazebo_msgs.msg import LinkState, ModelState
-from gazebo_msgs.srv import (DeleteModelResponse, GetModelPropertiesResponse, GetModelStateResponse,
-                             GetWorldPropertiesResponse, SetModelConfigurationResponse, SetModelStateResponse)
 from std_srvs.srv import EmptyResponse, TriggerResponse
 
+from gazebo_msgs.msg import LinkState, ModelState
+from gazebo_msgs.srv import (
+    DeleteModelResponse,
+    GetModelPropertiesResponse,
+    GetModelStateResponse,
+    GetWorldPropertiesResponse,
+    SetModelConfigurationResponse,
+    SetModelStateResponse,
+)
 from m2wr_sim.errors import ModelError, NotFoundError
 from m2wr_sim.physics.engine import FARTHEST
+from m2wr_sim.ros.convert import all_finite, read_pose, read_vector, stamp_of, write_pose
 from m2wr_sim.ros.gazebo_services.joints import JointApi
 from m2wr_sim.ros.gazebo_services.lights import LightApi
 from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
 from m2wr_sim.ros.gazebo_services.reconfigure import make_reconfigure
 from m2wr_sim.ros.gazebo_services.table import SERVICES
-from m2wr_sim.ros.convert import all_finite, read_pose, read_vector, stamp_of, write_pose
 from m2wr_sim.ros.loop import ShuttingDown
 from m2wr_sim.runtime.entities import tell
 from m2wr_sim.runtime.forces import Forces
@@ -77,7 +84,7 @@ class GazeboApi:
         try:
             return self._loop.call(function)
         except ShuttingDown as error:
-            raise rospy.ServiceException(str(error))
+            raise rospy.ServiceException(str(error)) from error
 
     def _in_loop(self, handler, request):
         return self._call(lambda: handler(request))

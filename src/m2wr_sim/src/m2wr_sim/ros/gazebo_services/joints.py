@@ -1,9 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Gazebo's services about joints; the methods answer the services of their names, in the loop's thread."""
 import logging
 
-from gazebo_msgs.srv import (ApplyJointEffortResponse, GetJointPropertiesResponse, JointRequestResponse,
-                             SetJointPropertiesResponse)
-
+from gazebo_msgs.srv import (
+    ApplyJointEffortResponse,
+    GetJointPropertiesResponse,
+    JointRequestResponse,
+    SetJointPropertiesResponse,
+)
 from m2wr_sim.errors import ModelError
 from m2wr_sim.ros.convert import all_finite
 from m2wr_sim.runtime.changes import set_joint_properties

@@ -1,9 +1,9 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Gazebo's services about lights, which have names and colours here but shine on nothing."""
 import logging
 from dataclasses import replace
 
 from gazebo_msgs.srv import DeleteLightResponse, GetLightPropertiesResponse, SetLightPropertiesResponse
-
 from m2wr_sim.geometry import normalise_quaternion
 from m2wr_sim.ros.convert import all_finite, read_pose, read_vector
 

@@ -1,9 +1,15 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Gazebo's services about links; every method but the first answers the service of its name, in the loop's thread."""
 import logging
 
-from gazebo_msgs.srv import (ApplyBodyWrenchResponse, BodyRequestResponse, GetLinkPropertiesResponse,
-                             GetLinkStateResponse, SetLinkPropertiesResponse, SetLinkStateResponse)
-
+from gazebo_msgs.srv import (
+    ApplyBodyWrenchResponse,
+    BodyRequestResponse,
+    GetLinkPropertiesResponse,
+    GetLinkStateResponse,
+    SetLinkPropertiesResponse,
+    SetLinkStateResponse,
+)
 from m2wr_sim.errors import ModelError, NotFoundError
 from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Inertial

@@ -1,8 +1,8 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """``~performance_metrics``: how fast the world and its ray sensors run, while somebody listens."""
 import time
 
 from gazebo_msgs.msg import PerformanceMetrics, SensorPerformanceMetric
-
 from m2wr_sim.ros.convert import stamp_of
 
 _PERIOD = 0.2           # s of wall time: five a second, as Gazebo

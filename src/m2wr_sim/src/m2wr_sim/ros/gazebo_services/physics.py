@@ -1,10 +1,11 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """Gazebo's services about the physics of the world, and pausing; the methods answer the services of their names."""
 import logging
 from dataclasses import replace
 
-from gazebo_msgs.srv import GetPhysicsPropertiesResponse, SetPhysicsPropertiesResponse
 from std_srvs.srv import EmptyResponse
 
+from gazebo_msgs.srv import GetPhysicsPropertiesResponse, SetPhysicsPropertiesResponse
 from m2wr_sim.errors import ParameterError
 from m2wr_sim.ros.convert import read_vector
 from m2wr_sim.runtime.changes import set_physics

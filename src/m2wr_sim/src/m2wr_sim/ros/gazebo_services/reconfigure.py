@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The physics as dynamic parameters (``~set_parameters``, ``rqt_reconfigure``), with Gazebo's names and ranges."""
 import logging
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """spawn_urdf_model and spawn_sdf_model: from the text in a request to a model in the world."""
 import gc
 import logging
@@ -8,16 +9,16 @@ from dataclasses import replace
 
 import rospkg
 import rospy
-from gazebo_msgs.srv import SpawnModelResponse
 
+from gazebo_msgs.srv import SpawnModelResponse
 from m2wr_sim.api.devices import said_once
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.xml.lenient import root_tag, without_comments
 from m2wr_sim.model.sdf.loader import load_sdf
 from m2wr_sim.model.types import Heightmap, Light, Mesh
 from m2wr_sim.model.urdf.loader import load_urdf
+from m2wr_sim.model.xml.lenient import root_tag, without_comments
 from m2wr_sim.physics import native_shapes
 from m2wr_sim.ros.convert import all_finite, read_pose
 from m2wr_sim.sensors.mesh_tree import tree_of
@@ -118,7 +119,7 @@ class Spawner:
         except rospkg.ResourceNotFound:
             log.error("spawn_urdf_model: package://%s: there is no package \"%s\"; expected one that rospack finds",
                       name, name)
-            raise rospy.ServiceException("urdf reference package name does not exist: %s" % name)
+            raise rospy.ServiceException("urdf reference package name does not exist: %s" % name) from None
 
     def spawn_urdf_model(self, request):
         """Answer spawn_urdf_model; without a ``<robot>``, or with an unknown ``package://``, the call itself fails."""

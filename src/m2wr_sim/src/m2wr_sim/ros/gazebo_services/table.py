@@ -1,6 +1,8 @@
+# SPDX-License-Identifier: BSD-3-Clause
 """The services of the simulation by name and type; each name is that of a method of a class of this folder."""
-from gazebo_msgs import srv
 from std_srvs.srv import Empty, Trigger
+
+from gazebo_msgs import srv
 
 SERVICES = {
     "apply_body_wrench": srv.ApplyBodyWrench,
