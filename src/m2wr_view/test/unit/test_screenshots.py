@@ -114,11 +114,12 @@ def test_relative_folders_count_from_where_roslaunch_was_started(monkeypatch):
     assert config.out == "/home/me/screenshots" and config.size == (1280, 720) and config.frame_rate == 10.0
 
 
-def test_every_parameter_is_in_the_readme():
+def test_every_parameter_is_in_the_reference():
     asked = []
     virtual_display.read_parameters(lambda key, default: asked.append(key) or ("/a.rviz" if not default else default))
     folder = os.path.dirname(os.path.abspath(__file__))
-    with open(os.path.join(folder, "..", "..", "README.md"), encoding="utf-8") as stream:
+    page = os.path.join(folder, "..", "..", "..", "..", "docs", "reference", "m2wr_view.md")
+    with open(page, encoding="utf-8") as stream:
         section = stream.read().split("| parameter of `virtual_display`")[1].split("\n\n")[0]
     assert len(asked) > 5 and set(re.findall(r"^\| `(~\w+)`", section, re.M)) == set(asked)
 
