@@ -75,7 +75,7 @@ def make_hills(samples):
     return scene
 
 
-@kernels._kernel
+@kernels.kernel
 def cast_all(ranges, beams, frame, spheres, shapes):
     """Every beam of a single row against every obstacle."""
     sensor = kernels.rotation(frame[3], frame[4], frame[5], frame[6])
