@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Static checks of the whole workspace: a warning is an error. Every check runs, then the exit code tells.
-#   tools/lint.sh [CHECK ...]   only these checks: catkin flake8 ruff mypy licence xml shell structure
+#   tools/lint.sh [CHECK ...]   only these checks: catkin flake8 ruff docstrings mypy licence xml shell structure
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 # shellcheck source=tools/venv.sh
@@ -62,6 +62,11 @@ lint_ruff() {
     "$LINT_VENV/bin/ruff" check --quiet .
 }
 
+# Sections of docstrings. Not yet: m2wr_gmapping, m2wr_lockstep, m2wr_sim, m2wr_tools, m2wr_view, motion_plan, dropin/*.
+lint_docstrings() {
+    "$PYTHON" tools/check_docstrings.py src/m2wr_course/src src/m2wr_node/src
+}
+
 # Types: setup.cfg says what is checked. Without the paths of a build, so that each checkout gives the same result.
 lint_mypy() {
     env -u PYTHONPATH "$LINT_VENV/bin/mypy" --no-error-summary
@@ -77,7 +82,7 @@ lint_structure() {
         test/unit/test_registered.py
 }
 
-[ $# -gt 0 ] || set -- catkin flake8 ruff mypy licence xml shell structure
+[ $# -gt 0 ] || set -- catkin flake8 ruff docstrings mypy licence xml shell structure
 for name in "$@"; do
     [ "$(type -t "lint_$name")" = function ] || die "lint: no check is called $name"
     say "lint: $name"

@@ -31,7 +31,15 @@ def user_folder(words: Optional[Sequence[str]] = None) -> str:
 
 
 def from_user(path: str, words: Optional[Sequence[str]] = None) -> str:
-    """Return the absolute path of a file named by the user; ``~`` is the home. The empty path stays empty."""
+    """Return the absolute path of a file named by the user.
+
+    Parameters
+    ----------
+    path : str
+        As the user gave it; ``~`` is the home. The empty path stays empty.
+    words : list of str, optional
+        The command line, by default this program's.
+    """
     return os.path.normpath(os.path.join(user_folder(words), os.path.expanduser(path))) if path else path
 
 

@@ -94,6 +94,16 @@ def end_run(master: Any = None, kill: Callable[[int, int], object] = os.kill) ->
     """Ask the roslaunch that requires this process to stop, and return whether one was asked.
 
     It then ends all of its nodes in good order, this one too, so whoever calls waits for its own signal.
+
+    Parameters
+    ----------
+    master : rosgraph.Master, optional
+    kill : callable
+        Sends a signal to a process, as ``os.kill``.
+
+    Returns
+    -------
+    bool
     """
     parent = roslaunch_that_requires(ancestry(), master)
     if parent is None:

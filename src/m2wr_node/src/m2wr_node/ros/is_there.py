@@ -33,6 +33,13 @@ def alive(address: str, name: Optional[str] = None) -> bool:
 
     With ``name``: a node of that name, as far as it can be asked.  A master remembers the addresses of nodes of rospy
     after they have ended, and another node may have got the port since.
+
+    Parameters
+    ----------
+    address : str
+        URI of the XML-RPC server.
+    name : str, optional
+        Name of the node, with its leading slash.
     """
     node: Any = xmlrpc.client.ServerProxy(address, transport=PatientTransport())
     try:
@@ -72,7 +79,20 @@ def who_is_there(name: str, master: Any = None, answers: Callable[[str, str], bo
 
 
 def main(words: Optional[Sequence[str]] = None, execute: Callable[[str, List[str]], object] = os.execvp) -> int:
-    """Entry point; returns the exit code, 2 for wrong usage."""
+    """Entry point.
+
+    Parameters
+    ----------
+    words : list of str, optional
+        The arguments, by default this program's.
+    execute : callable
+        Replaces the process by a command, as ``os.execvp``.
+
+    Returns
+    -------
+    int
+        Exit code, 2 for wrong usage.
+    """
     words = sys.argv[1:] if words is None else list(words)
     name, action, rest = "".join(words[:1]), "".join(words[1:2]), words[2:]
     if not name.startswith("/") or not (action == "" or action == "--print" and len(rest) == 2

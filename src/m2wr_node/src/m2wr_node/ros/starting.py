@@ -98,6 +98,13 @@ def wait_for_master(name: str, asked: Callable[[], bool] = rospy.core.is_shutdow
 
     rospy waits as well, but with a lock held that its own end needs: who had forgotten roscore could not stop it.
     Exits with 1, too, where ROS_MASTER_URI is no address: rospy would try it for ever.
+
+    Parameters
+    ----------
+    name : str
+        Name of the node, for messages.
+    asked : callable
+        Returns whether the node is to end.
     """
     try:
         uri, address = _master()

@@ -18,7 +18,14 @@ def is_out_of_range(stamp: Any) -> bool:
 
 
 def fault_of(header: Any, child: str = "") -> str:
-    """Return why tf2 must not see a message with this header, a sentence, or an empty text."""
+    """Return why tf2 must not see a message with this header, a sentence, or an empty text.
+
+    Parameters
+    ----------
+    header : std_msgs.msg.Header
+    child : str
+        Child frame, of a transform.
+    """
     if is_out_of_range(header.stamp):
         return "its stamp is %d s; expected 0 to %d" % (header.stamp.secs, LATEST)
     if "\0" in header.frame_id or "\0" in child:
@@ -46,12 +53,26 @@ class TransformBuffer(tf2_ros.Buffer):
     """A buffer that refuses such transforms, for a ``tf2_ros.TransformListener``."""
 
     def set_transform(self, transform: Any, authority: str) -> None:
-        """Take a transform in."""
+        """Take a transform in.
+
+        Parameters
+        ----------
+        transform : geometry_msgs.msg.TransformStamped
+        authority : str
+            Name of the sender, for messages.
+        """
         if not self._refused(transform, authority):
             super().set_transform(transform, authority)
 
     def set_transform_static(self, transform: Any, authority: str) -> None:
-        """Take a transform in that holds at all times."""
+        """Take a transform in that holds at all times.
+
+        Parameters
+        ----------
+        transform : geometry_msgs.msg.TransformStamped
+        authority : str
+            Name of the sender, for messages.
+        """
         if not self._refused(transform, authority):
             super().set_transform_static(transform, authority)
 
