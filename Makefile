@@ -10,22 +10,22 @@ help:  ## list the targets and the variables they take
 	@echo
 	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
 	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
-	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run side by side"
-	@echo "           MOMENTS=100  interrupts of each launch file by make faults;  PAIRS=10  runs repeated under load"
-	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counted as failed"
+	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run concurrently"
+	@echo "           MOMENTS=100  interrupts of each launch file in make faults;  PAIRS=10  runs repeated under load"
+	@echo "           TEST_TIMEOUT=2400  seconds after which a test run is ended and counts as failed"
 	@echo "           MINUTES=60  how long fuzz runs;  FUZZ_ARGS='--target urdf'  its options (test/fuzz/README.md)"
 	@echo "           HOURS=24  simulated hours of soak;  SOAK_ARGS='--factor 20'  its options (docs/endurance.md)"
 
-setup:  ## system packages, workspace venv and build: all that the other targets need
+setup:  ## system packages, workspace venv and build: needed by the other targets
 	@tools/setup.sh
 
 build:  ## build every package with catkin-tools into devel/
 	@tools/build.sh
 
-demo: setup  ## drive the robot to its goal with no window; ends by itself, exit 0 when the goal was reached
+demo: setup  ## drive the robot to its goal without a window; ends by itself, exit 0 if the goal was reached
 	@tools/demo.sh
 
-demo-mapping: setup  ## map the world while the robot tours it; how well the map agrees with the world, and a picture
+demo-mapping: setup  ## map the world during a tour; print how well the map agrees with the world, and draw it
 	@tools/demo_mapping.sh
 
 gallery: setup  ## make the pictures of README and docs/ again, by the commands beside them; no display needed
@@ -40,10 +40,10 @@ docs: setup  ## write the API reference to api_docs/ from the docstrings; a warn
 test: setup  ## run every test of every package and print one summary; JUnit XML in test_results/
 	@tools/test.sh
 
-fuzz: setup  ## odd input to readers, services, topics and sockets, for MINUTES; what is found can be repeated
+fuzz: setup  ## invalid input to readers, services, topics and sockets, for MINUTES; findings can be repeated
 	@tools/fuzz.sh
 
-soak: setup  ## simulated HOURS of mapping, spawning, resetting and asking; what grows, as a figure
+soak: setup  ## simulated HOURS of mapping, spawning, resetting and service calls; growth of memory as a figure
 	@tools/soak.sh
 
 faults: setup  ## every fault of test/faults, interrupts of every launch file, repeatability under load; hours
@@ -52,5 +52,5 @@ faults: setup  ## every fault of test/faults, interrupts of every launch file, r
 lint: setup  ## catkin_lint, flake8, ruff, mypy, licences, XML, shell, structure; a warning is an error
 	@tools/lint.sh
 
-clean:  ## remove what set-up, build, demo and test made (catkin_build devel install logs .venv ...)
+clean:  ## remove the files made by set-up, build, demo and test (catkin_build devel install logs .venv ...)
 	@tools/clean.sh

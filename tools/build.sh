@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Builds every package with catkin-tools (tracked profile `default`); arguments are handed to `catkin build`.
+# Builds every package with catkin-tools (tracked profile `default`); arguments are passed to `catkin build`.
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -9,11 +9,11 @@ command -v catkin >/dev/null || die "catkin-tools is not installed; run make set
 cd "$WORKSPACE"
 tools/dropins.sh
 hash_before=$(source_hash)
-# A workspace that was moved keeps caches that name its old place, and cmake refuses them.
+# After a move of the workspace its caches contain the old path, and cmake refuses them.
 if [ -r "$CATKIN_BUILD/.m2wr_place" ] && [ "$(cat "$CATKIN_BUILD/.m2wr_place")" != "$WORKSPACE" ]; then
-    say "build: the workspace has moved; starting from nothing"
-    # catkin-tools lists by absolute path what it has put into devel/; of a copy that is the original's devel/, and
-    # a build of the copy would empty it.
+    say "build: the workspace has moved; building from scratch"
+    # catkin-tools lists the files of devel/ by absolute path. In a copy these are the files of the original, which a
+    # build of the copy would delete.
     rm -rf "$CATKIN_BUILD" "$WORKSPACE/devel" "$WORKSPACE/logs" "$WORKSPACE"/.catkin_tools/profiles/*/packages
 fi
 # The relay of a script that moved to another package stays in devel/ and would hide the new one.
@@ -27,19 +27,19 @@ if [ -d "$WORKSPACE/devel/.private" ]; then
     find "$WORKSPACE/devel" -xtype l -delete
 fi
 rm -f "$BUILD_STAMP"
-# PYTHONUNBUFFERED: each package is named when it starts, also where the output goes to a file.
+# PYTHONUNBUFFERED: the name of each package is printed when it starts, also into a file.
 PYTHONUNBUFFERED=1 M2WR_KERNELS_LATER=1 catkin build --workspace "$WORKSPACE" --profile default --no-status --no-notify --summarize "$@"
 printf '%s' "$WORKSPACE" > "$CATKIN_BUILD/.m2wr_place"
 if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
-    say "compiled kernels: filling the cache, so that the first launch need not wait (minutes on a slow machine)"
+    say "compiling the kernels into their cache, so that the first launch does not wait (minutes on a slow machine)"
     (enter_run_environment && "$PYTHON" -m m2wr_sim.warm_up)
     if [ -r "$WORKSPACE/devel/lib/m2wr_gmapping/slam_gmapping_replay" ]; then
-        # numba looks only at a kernel's own file, not at those it calls into
+        # numba checks only a kernel's own file, not those of the kernels it calls
         if [ -n "$(find src/m2wr_gmapping/src -name '*.py' -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
             find src/m2wr_gmapping/src \( -name '*.nbi' -o -name '*.nbc' \) -delete
         fi
         (enter_run_environment && "$PYTHON" -m m2wr_gmapping.kernel_warm_up)
-        touch "$CATKIN_BUILD/.m2wr_kernels"
+        : > "$CATKIN_BUILD/.m2wr_kernels"
     fi
 fi
 if [ $# -eq 0 ]; then

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # What .ci/run does. The steps run in a fresh minimal Debian 12 that is made for them and removed afterwards
-# (tools/fresh_root.sh), so that they prove what the set-up installs and not what this machine happens to have:
-#   1. a user with sudo runs the first step (`make setup`) there, as a newcomer does on a new machine;
-#   2. root runs all steps there, as a container does: set-up again, with nothing left to do, lint, docs, test, demo.
-# Where no such root can be made, a warning says why and the steps run on this machine.
+# (tools/fresh_root.sh), so that they do not depend on packages installed on this machine by chance:
+#   1. a user with sudo runs the first step (`make setup`) there, as a new user does on a new machine;
+#   2. root runs all steps there, as a container does: set-up again (which changes nothing), lint, docs, test, demo.
+# Where no such root can be made, a warning gives the reason and the steps run on this machine.
 # The last line is the test summary; the exit code is that of the step that failed, 124 when CI_LIMIT was reached.
-#   CI_STEPS   steps, separated by blanks (default: setup lint docs test demo); variables of the Makefile are handed on
-#   CI_ROOT    `host` runs the steps on this machine on purpose; `fresh` makes it an error if no root can be made
+#   CI_STEPS   steps, separated by blanks (default: setup lint docs test demo); variables of the Makefile are passed on
+#   CI_ROOT    `host` runs the steps on this machine; with `fresh` it is an error if no root can be made
 #   CI_FOLDER  folder in which the root is made; it takes about 6 GB (default: TMPDIR, or /var/tmp)
 #   CI_LIMIT   seconds after which everything is ended (default 3600)
 # shellcheck source=tools/common.sh
@@ -35,7 +35,7 @@ run_steps() {
     done
 }
 
-# The last words: how it ended and, if the tests ran, their closing line.
+# The last lines: the result and, if the tests ran, their summary.
 tell() {
     progress "ended after $SECONDS s with exit code $1"
     if [ -r "$SUMMARY" ]; then
@@ -55,7 +55,7 @@ main() {
         die "no fresh root: $obstacle"
     else
         printf '\nWARNING: no fresh root: %s\n' "$obstacle" >&2
-        printf 'WARNING: the steps run on this machine; they do not prove that the set-up installs all it must.\n' >&2
+        printf 'WARNING: the steps run on this machine; they do not prove that the set-up installs everything.\n' >&2
         (set -e; run_steps) || status=$?
     fi
     tell "$status"
@@ -66,5 +66,5 @@ case ${1:-} in
     "") main ;;
     --steps) run_steps ;;
     --inside) inside "$2" ;;
-    *) die "ci.sh takes no such argument: $1" ;;
+    *) die "ci.sh: unknown argument: $1" ;;
 esac

@@ -12,9 +12,9 @@ CATKIN_BUILD=$WORKSPACE/catkin_build
 RESULTS=$WORKSPACE/test_results
 BUILD_STAMP=$CATKIN_BUILD/.m2wr_source_hash
 
-# What the caller's shell has sourced must not leak in: another overlay, another interpreter's packages.
+# Ignore the settings of the caller's shell: another overlay, another interpreter's packages.
 unset CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV _CATKIN_SETUP_DIR
-# Debian's base images name no locale; the tools print UTF-8.
+# Debian's base images set no locale; the tools print UTF-8.
 export LC_ALL=C.UTF-8
 export HOME=${HOME:-$(getent passwd "$(id -u)" | cut -d: -f6)}
 
@@ -27,8 +27,8 @@ die() {
     exit 1
 }
 
-# Sets PLATFORM to debian12 or noetic, or ends with what was found and what is supported.
-# M2WR_OS_RELEASE and M2WR_NOETIC_PREFIX stand in for the real files in tests.
+# Sets PLATFORM to debian12 or noetic, or ends with the platform found and the supported ones.
+# M2WR_OS_RELEASE and M2WR_NOETIC_PREFIX replace the real files in tests.
 detect_platform() {
     local os_release=${M2WR_OS_RELEASE:-/etc/os-release} noetic=${M2WR_NOETIC_PREFIX:-/opt/ros/noetic} id version found
     local supported="Supported: Debian 12 (bookworm), and Ubuntu 20.04 with ROS Noetic in /opt/ros/noetic."
@@ -44,7 +44,7 @@ detect_platform() {
                 "(package ros-noetic-ros-base, see wiki.ros.org/noetic/Installation/Ubuntu), then run make setup again."
             PLATFORM=noetic ;;
         *)
-            die "this platform is not one the set-up knows: $os_release says \"$found\". $supported" ;;
+            die "the set-up does not support this platform: $os_release has \"$found\". $supported" ;;
     esac
     NOETIC=$noetic
 }
@@ -58,7 +58,7 @@ source_ros() {
     set -u
 }
 
-# Environment in which catkin runs: Debian's ROS lives in /usr and needs nothing, Noetic's is sourced.
+# Environment in which catkin runs: Debian's ROS is in /usr and needs nothing, Noetic's is sourced.
 enter_build_environment() {
     detect_platform
     if [ "$PLATFORM" = noetic ]; then
@@ -66,8 +66,8 @@ enter_build_environment() {
     fi
 }
 
-# ROS talks to itself over the loopback address where nothing else is asked for, so that a machine whose own host name
-# does not resolve (a container, a chroot) runs all the same. Only the name localhost itself must be known.
+# By default ROS uses the loopback address, so that it works on a machine whose own host name does not resolve (a
+# container, a chroot). Only the name localhost must resolve.
 use_loopback() {
     getent hosts localhost >/dev/null ||
         die "the name localhost does not resolve, which every ROS program needs; add '127.0.0.1 localhost' to" \
@@ -93,7 +93,7 @@ pins() {
     list_entries "$1" | sed -n 's/^\([A-Za-z0-9._-]*==[^ ]*\).*/\1/p'
 }
 
-# One hash over everything a build reads, and over the place it is built for (both spaces hold absolute paths).
+# One hash over all input of a build, and over its location (both spaces contain absolute paths).
 source_hash() {
     (
         cd "$WORKSPACE"

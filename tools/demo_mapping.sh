@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Maps a world while the robot drives along its tour, or Bug 2 drives where a world has none; compares the map with the
-# world and draws both. DEMO_ARGS are launch arguments of mapping.launch, such as "seed:=3" or "drive:=bug2".
+# Maps a world while the robot follows its tour, or Bug 2 where the world has no tour; compares the map with the world
+# and draws both. DEMO_ARGS are launch arguments of mapping.launch, such as "seed:=3" or "drive:=bug2".
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Lets each stand-in package below dropin/ be built only where no real package of its name is found: writes or removes
-# its CATKIN_IGNORE, which catkin, rospack and roslaunch all obey. Says only what changes.
-# M2WR_KEEP_DROPINS="gazebo_ros gazebo_plugins" keeps stand-ins although the real ones are there.
+# its CATKIN_IGNORE, which catkin, rospack and roslaunch respect. Prints only changes.
+# M2WR_KEEP_DROPINS="gazebo_ros gazebo_plugins" keeps stand-ins although the real ones exist.
 set -euo pipefail
 
 WORKSPACE=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -18,7 +18,7 @@ real_package() {
         source=$(sed -n "s/^ *set(${name}_SOURCE_PREFIX \(.*\))$/\1/p" "$config")
         xml=$source/package.xml
     fi
-    # one of our own, installed or built elsewhere, is no reason to step aside
+    # our own package, installed or built elsewhere, is not a real one
     if [ -r "$xml" ] && ! grep -q 'm2wr\.example' "$xml"; then
         printf '%s\n' "$xml"
     fi
@@ -36,7 +36,7 @@ for folder in "$WORKSPACE"/dropin/*/; do
     fi
     if [ -n "$found" ] && [ ! -e "$folder/CATKIN_IGNORE" ]; then
         printf '%s is there\n' "$found" > "$folder/CATKIN_IGNORE"
-        printf '== dropin/%s steps aside for %s\n' "$name" "$found"
+        printf '== dropin/%s is left out: found %s\n' "$name" "$found"
     elif [ -z "$found" ] && [ -e "$folder/CATKIN_IGNORE" ]; then
         rm "$folder/CATKIN_IGNORE"
         printf '== dropin/%s is built: no other package of that name is found\n' "$name"

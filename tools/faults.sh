@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # The long form of the fault tests: every case, MOMENTS interrupts of every launch file, PAIRS runs under load.
 #   MOMENTS  interrupts of each launch file at seeded random moments (default 100)
-#   PAIRS    pairs of runs that must be the same beside a stressed machine (default 10)
+#   PAIRS    pairs of runs that must be equal on a loaded machine (default 10)
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 

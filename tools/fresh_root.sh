@@ -2,13 +2,13 @@
 # shellcheck shell=bash
 # Sourced by tools/ci.sh: makes a fresh minimal Debian 12 in a folder, runs the steps in it, and removes it.
 #
-# Package sources, proxies, certificates and index settings are this machine's own, read when it runs. All mounts are made
-# in a mount namespace of their own and all programs run in a process namespace of their own: both vanish with their
-# first process, however that ends, so nothing keeps running and no mount is left under the folder that is deleted.
+# Package sources, proxies, certificates and index settings are read from this machine at run time. All mounts are made
+# in a mount namespace and all programs run in a process namespace of their own. Both end with their first process, so
+# no process keeps running and no mount remains under the folder that is deleted.
 
 SUITE=bookworm
-NEEDED_GB=8         # 6 GB with a built workspace and the records of its tests
-GUEST=newcomer
+NEEDED_GB=8         # 6 GB with a built workspace and its test results
+GUEST=guest
 HOME_INSIDE=/home/$GUEST
 HANDED_CA=/etc/ssl/handed-in-ca.crt
 
@@ -16,7 +16,7 @@ progress() {
     printf '\n[%s] %s\n' "$(date -u +%H:%M:%S)" "$*"
 }
 
-# Prints why no fresh root can be made here; nothing where it can. Installs mmdebstrap if it is missing.
+# Prints why no fresh root can be made here, or nothing. Installs mmdebstrap if it is missing.
 why_no_fresh_root() {
     local folder free
     folder=$(root_folder)
@@ -54,7 +54,7 @@ install_mmdebstrap() {
         apt-get -q install -y --no-install-recommends mmdebstrap' >&2
 }
 
-# The package sources of Debian itself that apt uses here, one `deb` line each. Other vendors' sources stay out.
+# The package sources of Debian itself that apt uses here, one `deb` line each. Sources of other vendors are excluded.
 debian_sources() {
     if ! apt_targets | grep -q .; then
         rooted apt-get -q update >&2
@@ -63,12 +63,12 @@ debian_sources() {
 }
 
 apt_targets() {
-    # shellcheck disable=SC2016  # the words with a dollar are apt's
+    # shellcheck disable=SC2016  # apt expands the variables
     apt-get indextargets --format '$(ORIGIN)|deb $(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' |
         sed -n "s/^Debian|\(deb [^ ]* $SUITE\(-[a-z-]*\)\? \)/\1/p" | sort -u
 }
 
-# apt's settings about how to fetch: proxies, certificates, dates. What names a program or only this machine stays out.
+# apt's settings about how to fetch: proxies, certificates, dates. Settings that name a program or only this machine are excluded.
 apt_settings() {
     apt-config dump --no-empty Acquire |
         grep -v -e '^Acquire::IndexTargets' -e '^Acquire::cdrom' -e '^Acquire::Changelogs' -e '[Aa]uto-\?[Dd]etect'
@@ -92,7 +92,7 @@ pip_files() {
     done
 }
 
-# Reads settings, prints the absolute paths of this machine that they name and that are there.
+# Reads settings, prints the absolute paths of existing files that they name.
 named_paths() {
     local word
     tr -s "[:space:]=\"',;" '\n' | sed -n -e 's#^file://\(localhost\)\?/#/#' -e 's#^file:/#/#' -e '/^\//p' | sort -u |
@@ -103,7 +103,7 @@ named_paths() {
         done
 }
 
-# Variables that reach the steps: those of the Makefile, proxies, and pip's.
+# Variables passed to the steps: those of the Makefile, proxies, and pip's.
 handed_variables() {
     local name
     for name in CI CI_STEPS DEMO_ARGS TEST_JOBS TEST_TIMEOUT TEST_PACKAGES http_proxy https_proxy no_proxy HTTP_PROXY \
@@ -129,7 +129,7 @@ certificates() {
     done
 }
 
-# Writes to FOLDER what is handed in: sources.list, apt.conf, environment, binds (paths to mount), tree/ (files to copy).
+# Writes the settings to FOLDER: sources.list, apt.conf, environment, binds (paths to mount), tree/ (files to copy).
 prepare() {
     local work=$1 file path tree=$1/tree
     mkdir -p "$tree/etc/apt/trusted.gpg.d" "$tree/etc/ssl" "$tree/usr/local/share"
@@ -152,19 +152,19 @@ prepare() {
     for path in $(named_paths < "$work/apt.conf"); do
         [ ! -f "$path" ] || install -D "$path" "$tree$path"
     done
-    # one after the other, as pip reads them: sections that come again are merged by name
+    # in the order of pip: repeated sections are merged by name
     while read -r file; do
         cat "$file"
         echo
     done < <(pip_files) > "$work/pip.conf"
     merge_sections < "$work/pip.conf" > "$tree/etc/pip.conf"
-    # an index in files names its archives relative to its folder `simple`
+    # a local index names its archives relative to its folder `simple`
     { cat "$work/pip.conf" "$work/environment"; } | named_paths | while read -r path; do
         [ ! -d "$path" ] || printf '%s\n' "${path%/simple}"
     done >> "$work/binds"
 }
 
-# Joins settings files: of a key that comes again in its section the last value counts; a parser refuses a second section.
+# Joins settings files: for a repeated key of a section the last value counts; a parser refuses a second section.
 merge_sections() {
     awk '
         /^[ \t]*[#;]/ || /^[ \t]*$/ { next }
@@ -184,7 +184,7 @@ merge_sections() {
         }'
 }
 
-# Removes the folders of runs that were killed before they could do so themselves: nobody holds their lock.
+# Removes the folders of killed runs: no process holds their lock.
 remove_stale_roots() {
     local folder
     for folder in "$(root_folder)"/m2wr-root.*/; do
@@ -202,7 +202,7 @@ remove_root() {
     rooted rm -rf --one-file-system "$1"
 }
 
-# Makes the root, runs the newcomer's set-up and then the steps in it; returns the exit code of what failed.
+# Makes the root, runs the set-up as a new user and then the steps in it; returns the exit code of the failed step.
 run_in_fresh_root() {
     local work limit=${CI_LIMIT:-3600} runner status=0 interrupted=
     remove_stale_roots
@@ -250,13 +250,13 @@ fetch_results() {
     done
 }
 
-# The rest runs in the namespaces, as their first process; WORK is what `prepare` has written.
+# The rest runs in the namespaces, as their first process; WORK is the folder written by `prepare`.
 inside() {
     local work=$1
     local root=$work/root
     mkdir "$root"
     chmod 755 "$root"
-    # also where the folder's file system forbids set-uid programs and devices
+    # for file systems that forbid set-uid programs and devices
     mount --bind "$root" "$root"
     mount -o remount,bind,dev,suid,exec "$root"
     bootstrap "$work" "$root"
@@ -298,7 +298,7 @@ mount_system() {
     mount -t sysfs -o ro sysfs "$root/sys" 2>/dev/null || true
     mount -t tmpfs -o mode=755,nosuid tmpfs "$root/dev"
     for path in null zero full random urandom tty; do
-        touch "$root/dev/$path"
+        : > "$root/dev/$path"
         mount --bind "/dev/$path" "$root/dev/$path"
     done
     ln -s /proc/self/fd "$root/dev/fd"
@@ -312,7 +312,7 @@ mount_system() {
     while read -r path; do
         read_only "$path" "$root$path"
     done < "$work/binds"
-    # test data beside the checkout is beside it there too
+    # test data next to the checkout is mounted at the same relative path
     if [ -d "$WORKSPACE/../shared" ]; then
         read_only "$WORKSPACE/../shared" "$root$HOME_INSIDE/shared"
     fi
@@ -323,13 +323,13 @@ read_only() {
         mkdir -p "$2"
     else
         mkdir -p "$(dirname "$2")"
-        touch "$2"
+        : > "$2"
     fi
     mount --bind "$1" "$2"
     mount -o remount,bind,ro "$2"
 }
 
-# Copies the sources: what git knows and what it does not ignore; without git all but what builds have written.
+# Copies the sources: files that git tracks or does not ignore; without git all files except those of builds.
 copy_checkout() {
     local git=(git -c "safe.directory=$WORKSPACE" -C "$WORKSPACE")
     mkdir -p "$1"

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Feeds readers, services, topics and sockets with odd input; exit 0 only if nothing was found. Findings: logs/fuzz/.
-#   MINUTES    how long (default 2)
+# Sends invalid input to readers, services, topics and sockets; exit 0 only without findings. Findings: logs/fuzz/.
+#   MINUTES    duration (default 2)
 #   FUZZ_ARGS  options, such as "--target urdf --seed 3" or "--cases 200000" (fuzz.py -h)
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -29,7 +29,7 @@ SMALL = 190000          # bytes; above it a PNG gets a palette
 
 
 def keep(name: str, path: str) -> None:
-    """Put a picture into docs/images, PNGs as small as they get without a visible loss."""
+    """Copy a picture into docs/images; PNGs are compressed without a visible loss."""
     target = os.path.join(IMAGES, name)
     if name.endswith(".png"):
         with Image.open(path) as picture:

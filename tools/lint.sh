@@ -12,14 +12,14 @@ enter_run_environment
 cd "$WORKSPACE"
 failed=()
 
-# Files of the workspace, without what builds have written; arguments are find's tests.
+# Files of the workspace, without those written by builds; arguments are find's tests.
 sources() {
     find . \( -name .git -o -name '.venv*' -o -name build -o -name catkin_build -o -name devel -o -name 'install*' \
         -o -name logs -o -name test_results -o -name demo_output -o -name api_docs -o -name __pycache__ -o -name .pytest_cache \) -prune \
         -o -type f "$@" -print0
 }
 
-# Broken on purpose: the fixtures that tests feed to the readers.
+# test/data is excluded: its fixtures are broken on purpose.
 lint_xml() {
     mapfile -d '' -t files < <(sources \( -name '*.launch' -o -name '*.test' -o -name '*.xacro' -o -name '*.gazebo' \
         -o -name '*.urdf' -o -name '*.world' -o -name '*.sdf' -o -name package.xml -o -name model.config \) \
@@ -84,7 +84,7 @@ lint_structure() {
 
 [ $# -gt 0 ] || set -- catkin flake8 ruff docstrings mypy licence xml shell structure
 for name in "$@"; do
-    [ "$(type -t "lint_$name")" = function ] || die "lint: no check is called $name"
+    [ "$(type -t "lint_$name")" = function ] || die "lint: unknown check $name"
     say "lint: $name"
     "lint_$name" || failed+=("$name")
 done

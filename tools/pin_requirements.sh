@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Writes the hashes in tools/requirements*.txt again: those of every file that PyPI has of each pinned version, so that
-# other processors and Pythons are served too. To be run after a version there was changed; needs uv on PATH
+# Updates the hashes in tools/requirements*.txt: those of every file on PyPI for each pinned version, so that they
+# cover other processors and Pythons. Run it after a version was changed; needs uv on PATH
 # (python3 -m pip install uv).
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

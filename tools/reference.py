@@ -41,17 +41,17 @@ HEAD = """# Reference
 Written by `tools/reference.py` from the code; a test fails when it is out of date. More about the values stands in the
 README of each package.
 """
-#: What every node has, and says nothing about it.
+#: Services and topics that every node has.
 COMMON_TOPICS = {"/rosout", "/rosout_agg"}
 COMMON_SERVICES = ("/get_loggers", "/set_logger_level")
 DIRECTIONS = (("publishes", "out"), ("subscribes", "in"), ("serves", "service"))
-PATIENCE, QUIET = 120.0, 6.0        # s: for the nodes to come up; without a change before the graph counts as complete
+PATIENCE, QUIET = 120.0, 6.0        # s: for the start of the nodes; without a change until the graph is complete
 
 
 # ---- from files ------------------------------------------------------------------------------------------------
 
 def packages(root: str = ROOT) -> List[Tuple[str, str]]:
-    """Return (name, folder) of every package that users meet, in the order of the tree."""
+    """Return (name, folder) of every package for users, in the order of the tree."""
     found = []
     for path in sorted(glob.glob(os.path.join(root, "src", "*", "package.xml"))
                        ) + sorted(glob.glob(os.path.join(root, "dropin", "*", "package.xml"))):
@@ -60,7 +60,7 @@ def packages(root: str = ROOT) -> List[Tuple[str, str]]:
 
 
 def cell(text: Any) -> str:
-    """Return a text as it can stand in a cell of a table."""
+    """Return a text escaped for a cell of a table."""
     return " ".join(str(text).split()).replace("|", "\\|")
 
 
@@ -112,7 +112,7 @@ def launch_files(folder: str) -> List[Tuple[str, str, List[Tuple[Any, Optional[s
 
 
 def readable_default(text: Optional[str]) -> str:
-    """Return a default as a reader understands it: the folders and conditions of launch files in few words."""
+    """Return a default in readable form: the folders and conditions of launch files in few words."""
     if text is None:
         return "required"
     if text == "$(eval optenv('DISPLAY', '') != '')":
@@ -159,9 +159,9 @@ def _parameters_of(node: ast.AST) -> List[Tuple[str, Any]]:
             return [(name, value(node.args[1]) if len(node.args) > 1 else "required")]
         if called == "required_number":
             return [(name, "required")]
-        if called == "_parameter":          # (name, what the command line gave, default)
+        if called == "_parameter":          # (name, value from the command line, default)
             return [("~" + name, value(node.args[2]))]
-    except (ValueError, IndexError):        # no literal: not a parameter of a fixed name
+    except (ValueError, IndexError):        # not a literal: no fixed name
         pass
     return []
 
@@ -189,7 +189,7 @@ def mapper_parameters() -> List[Parameter]:
 # ---- from running nodes ----------------------------------------------------------------------------------------
 
 def free_port() -> int:
-    """Return a port of the loopback interface that nobody uses."""
+    """Return a free port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
@@ -202,7 +202,7 @@ def expected_nodes() -> Set[str]:
 
 
 def graph_of(master: Any) -> Graph:
-    """Return {node: {"publishes", "subscribes", "serves": {name: type}}} of what is registered at a master."""
+    """Return {node: {"publishes", "subscribes", "serves": {name: type}}} of the nodes registered at a master."""
     import rosservice
     publishers, subscribers, services = master.getSystemState()
     types = dict(master.getTopicTypes())
@@ -221,7 +221,7 @@ def graph_of(master: Any) -> Graph:
 
 
 def running_graph() -> Graph:
-    """Start the nodes, wait until all are there and nothing changes any more, and return their graph.
+    """Start the nodes, wait until all are registered and the graph is stable, and return the graph.
 
     Raises
     ------
@@ -239,7 +239,7 @@ def running_graph() -> Graph:
             time.sleep(0.5)
             try:
                 graph = graph_of(master)
-            except (rosgraph.MasterException, OSError, TypeError):      # not there yet
+            except (rosgraph.MasterException, OSError, TypeError):      # not registered yet
                 graph = {}
             if graph != last:
                 last, since = graph, time.monotonic()
@@ -315,7 +315,7 @@ def differences(before: str, now: str, name: str) -> List[str]:
 def main(arguments: Optional[List[str]] = None) -> int:
     """Write or check the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--graph", action="store_true", help="start the nodes and ask them")
+    parser.add_argument("--graph", action="store_true", help="start the nodes and read the graph")
     parser.add_argument("--check", action="store_true", help="write nothing")
     options = parser.parse_args(arguments)
     with open(GRAPH, encoding="utf-8") as stream:

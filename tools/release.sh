@@ -8,6 +8,6 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 cd "$WORKSPACE"
 [ -z "$(git status --porcelain)" ] || die "the checkout has changes; expected a clean one in which .ci/run has passed."
 # stand-ins have the versions of the packages that they stand in for
-touch dropin/CATKIN_IGNORE
+: > dropin/CATKIN_IGNORE
 trap 'rm -f dropin/CATKIN_IGNORE' EXIT
 catkin_prepare_release --no-push "$@"

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Brings a bare machine to a built workspace: system packages, workspace venv, build. A second run changes nothing.
+# Sets up a machine: system packages, workspace venv, build. A second run changes nothing.
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 # shellcheck source=tools/venv.sh
 source "$WORKSPACE/tools/venv.sh"
 
-# Runs a command as root: directly, or through sudo, or not at all with a sentence that says what is missing.
+# Runs a command as root: directly, or through sudo, or ends with a message about what is missing.
 as_root() {
     if [ "$(id -u)" -eq 0 ]; then
         "$@"
@@ -29,7 +29,7 @@ apt_missing() {
     done
 }
 
-# Packages for programs written for Gazebo: column 1 of the list are Debian's names, column 2 those of ROS packages.
+# Packages for programs written for Gazebo: column 1 of the list has Debian's names, column 2 those of ROS packages.
 client_packages() {
     list_entries "$CLIENT_PACKAGES" | awk -v column="$1" '
         column == 2 && $2 != "-" { gsub("_", "-", $2); print "ros-noetic-" $2; next }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Lets simulation and mapper run for simulated hours; exit 0 only if nothing grew. Figure: demo_output/soak.png.
-#   HOURS      simulated (default 24); the counts of all that is done go with them
+# Runs simulation and mapper for simulated hours; exit 0 only if memory, descriptors and threads do not grow. Figure: demo_output/soak.png.
+#   HOURS      simulated (default 24); all counts are proportional
 #   SOAK_ARGS  options, such as "--factor 20" (soak.py -h)
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Runs the tests of every package and prints one summary. The set-up has already built the workspace.
 #   TEST_PACKAGES  names of packages, separated by blanks (default: all)
-#   TEST_JOBS      tests of a package that run side by side (default 2, on one processor 1; a test waits for its nodes
-#                  more than it calculates)
-#   TEST_TIMEOUT   seconds after which the run is ended; what has no result by then counts as failed
+#   TEST_JOBS      tests of a package that run concurrently (default 2, on one processor 1; a test mostly waits for its
+#                  nodes)
+#   TEST_TIMEOUT   seconds after which the run is ended; tests without a result count as failed
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
@@ -25,18 +25,18 @@ ROS_LOG_DIR=$WORKSPACE/logs/ros/$(date +%Y%m%d-%H%M%S)
 export ROS_LOG_DIR
 mkdir -p "$ROS_LOG_DIR"
 
-# With bytecode kept, as on a user's machine: without it each of some hundred nodes compiles its sources anew.
+# With stored bytecode, as on a user's machine: without it each of some hundred nodes compiles its sources again.
 unset PYTHONDONTWRITEBYTECODE
 
 export PYTEST_ADDOPTS=${PYTEST_ADDOPTS:---color=no -q}
 
-# catkin takes -j out of --make-args and hands nothing on for tests, so make is told here; the output of a test stays
-# in one piece.
+# catkin removes -j from --make-args and passes nothing on for tests, so make gets it here; the output of each test is
+# kept together.
 export MAKEFLAGS="-j$jobs --output-sync=target"
 
 say "tests: ${packages[*]:-all packages}, $jobs at a time, at most $limit s"
 status=0
-# A job of its own: `timeout` ends the whole group, and an interrupt at the keyboard is handed on to it.
+# A job of its own: `timeout` ends the whole group, and an interrupt at the keyboard is passed on to it.
 set -m
 timeout --kill-after=60 "$limit" catkin test --workspace "$WORKSPACE" --profile default --no-status --no-notify \
     --continue-on-failure -p 1 "${packages[@]}" < /dev/null &
@@ -49,7 +49,7 @@ say "tests: ended after $(($(date +%s) - started)) s"
 
 problems=()
 case $status in
-    0 | 1) ;;  # 1: a test failed, which the summary tells in full
+    0 | 1) ;;  # 1: a test failed, which the summary reports in full
     124 | 137) problems+=(--problem "the run was ended after TEST_TIMEOUT=$limit s") ;;
     *) problems+=(--problem "catkin test ended with exit code $status") ;;
 esac

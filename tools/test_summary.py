@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Collects the JUnit XML of every package into one folder and prints one summary; exit 0 only if all is well.
+"""Collects the JUnit XML of every package into one folder and prints one summary; exit 0 only if all tests passed.
 
 Reads what the build system promised (the result file of each registered test, from CTestTestfile.cmake) and what the
 tests wrote, so a test that died, was never started or left an empty file counts as failed. Last line on stdout, alone:
@@ -54,7 +54,7 @@ def packages_to_judge(workspace: str, build: str) -> Set[str]:
 
 
 def promised_results(build: str, package: str) -> List[str]:
-    """Result files of the tests that a package has registered, as the build system wrote them down.
+    """Result files of the tests that a package has registered, according to the build system.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def read_cases(path: str) -> List[Case]:
         for child in element:
             if child.tag in ("failure", "error"):
                 outcome = FAILED
-                # roslaunch's file check puts the reason into the output of the whole suite
+                # roslaunch's file check writes the reason to the output of the whole suite
                 message = (child.text or "\n".join(
                     [child.get("message") or child.tag, suite.findtext("system-out") or ""])).strip()
             elif child.tag == "skipped" and outcome == PASSED:
@@ -99,7 +99,7 @@ def read_cases(path: str) -> List[Case]:
 
 
 def is_wrapper(case: Case, suite_name: str, readable: Dict[str, List[Case]]) -> bool:
-    """Whether a case only says that a rostest ran, while the test's own result file says how it went.
+    """Whether a case only represents a rostest, whose own result file has the results.
 
     rostest writes one case ``test<name>`` a ``<test>`` tag beside ``rosunit-<name>.xml`` with the real ones. A failed
     one is kept: it tells of a time limit or a node that died.
@@ -117,7 +117,7 @@ def shared_test_names(readable: Dict[str, List[Case]]) -> List[str]:
 
 
 def package_suites(build: str, package: str, started: float) -> List[Suite]:
-    """Suites of one package, one a result file, with a failed case for each result that is missing or unusable.
+    """Suites of one package, one for each result file, with a failed case for each missing or unusable result.
 
     Parameters
     ----------
@@ -224,10 +224,10 @@ def main(argv: Optional[List[str]] = None, out: TextIO = sys.stdout) -> int:
     parser.add_argument("workspace", help="root of the workspace")
     parser.add_argument("--build", help="catkin build space (default: WORKSPACE/catkin_build)")
     parser.add_argument("--collect", metavar="DIR",
-                        help="folder to gather the XML in, emptied first (default: WORKSPACE/test_results)")
+                        help="folder for the XML files, emptied first (default: WORKSPACE/test_results)")
     parser.add_argument("--since", type=float, default=0.0, help="ignore results older than this [s since the epoch]")
-    parser.add_argument("--problem", action="append", default=[], help="a failure noticed outside the tests")
-    parser.add_argument("packages", nargs="*", help="only these packages (default: all that hold test files)")
+    parser.add_argument("--problem", action="append", default=[], help="a failure outside the tests")
+    parser.add_argument("packages", nargs="*", help="only these packages (default: all with test files)")
     args = parser.parse_intermixed_args(argv)
     build = args.build or os.path.join(args.workspace, "catkin_build")
     target = args.collect or os.path.join(args.workspace, "test_results")

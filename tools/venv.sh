@@ -5,7 +5,7 @@
 
 LINT_VENV=$WORKSPACE/.venv_lint
 
-# True when every distribution that a file of requirements pins is installed in a venv in exactly its version.
+# True if a venv has exactly the pinned version of every distribution in a file of requirements.
 venv_is_current() {
     [ -x "$1/bin/python" ] && pins "$2" | "$1/bin/python" -c '
 import sys
@@ -23,7 +23,7 @@ for line in sys.stdin:
 '
 }
 
-# Makes a venv that holds what a file of requirements pins, where it is not there already.
+# Makes a venv with the pinned distributions of a file of requirements, if it does not exist yet.
 #   make_venv FOLDER REQUIREMENTS [option of python3 -m venv ...]
 make_venv() {
     local venv=$1 requirements=$2
@@ -34,7 +34,7 @@ make_venv() {
     fi
     say "venv ${venv##*/}: $venv from $requirements"
     "$PYTHON" -m venv --clear "$@" "$venv"
-    # without dependencies: pip must not put a second numpy, lxml or yaml over those of the system
+    # without dependencies: pip must not install a second numpy, lxml or yaml over those of the system
     "$venv/bin/python" -m pip --disable-pip-version-check install --quiet --no-deps --require-hashes --retries 5 \
         -r "$requirements"
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The Python package has a name of its own: beside a script teleop_twist_keyboard.py, that name is the script."""
+"""The Python package has another name than the script teleop_twist_keyboard.py, which would hide it."""
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The xacro command under its old name, for launch files written before Noetic; hands all arguments over to it."""
+"""The xacro command under its old name, for launch files written before Noetic; passes all arguments to it."""
 import os
 import sys
 

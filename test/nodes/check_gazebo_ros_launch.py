@@ -88,7 +88,7 @@ class GazeboRosLaunch(unittest.TestCase):
             run.wait_for_models()
             self.assertIs(rospy.get_param("/use_sim_time"), False)
             self.assertEqual(rospy.get_param("/gazebo/seed"), 3)
-            for words in ("option -r has no effect", '"bullet" is not there', "--sparkle is not known",
+            for words in ("option -r has no effect", '"bullet" is not available', "--sparkle is not known",
                           "there is no display"):
                 run.wait_for_text(words)
             self.assertEqual(self.simulation.time(), 0.0)

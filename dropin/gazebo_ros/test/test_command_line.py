@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""gzserver's command line: what acts, what is noted, what is refused."""
+"""gzserver's command line: options with an effect, notes, and errors."""
 import pytest
 
 from gazebo_ros.command_line import OPTIONS, UsageError, parse, usage
@@ -12,7 +12,7 @@ def test_the_line_that_roslaunch_makes():
     assert command.remaps == ['__name:=gazebo', '__log:=/tmp/x.log'] and command.notes == []
 
 
-def test_nothing_at_all():
+def test_an_empty_command_line():
     command = parse([])
     assert (command.world, command.paused, command.notes, command.remaps) == (None, False, [], [])
 
@@ -38,20 +38,20 @@ def test_the_ros_plugins_are_built_in_and_others_are_named():
 
 
 def test_another_engine_is_named():
-    assert parse(['-e', 'bullet']).notes == ['physics engine "bullet" is not there, ODE is used']
+    assert parse(['-e', 'bullet']).notes == ['physics engine "bullet" is not available, ODE is used']
 
 
 @pytest.mark.parametrize('words', [
     ['-r'], ['--record_path', '/tmp/x'], ['-p', 'state.log'], ['--iters', '100'], ['-g', 'libgui.so'],
     ['-o', 'fast'], ['--lockstep'], ['--minimal_comms']])
-def test_options_without_effect_are_named_and_take_their_value_along(words):
+def test_options_without_effect_are_named_with_their_value(words):
     command = parse(words + ['a.world'])
     assert command.world == 'a.world' and len(command.notes) == 1 and words[0] in command.notes[0]
 
 
-def test_unknown_options_are_named_and_their_values_are_no_world():
+def test_values_of_unknown_options_are_not_worlds():
     command = parse(['--sparkle', 'bright', '-k', 'a.world', '__name:=g'])
-    assert command.world == 'bright'            # both may be values, so the first counts
+    assert command.world == 'bright'            # both may be values, so the first is the world
     command = parse(['--sparkle', 'bright', '-e', 'ode', 'a.world'])
     assert command.world == 'a.world' and len(command.notes) == 2
     assert 'option --sparkle is not known' in command.notes[0] and '"bright"' in command.notes[1]
@@ -61,20 +61,20 @@ def test_unknown_options_are_named_and_their_values_are_no_world():
 @pytest.mark.parametrize('words, said', [
     (['-e'], '-e needs a value'), (['--seed', '__name:=x'], '--seed needs a value'),
     (['--seed', 'many'], 'expected a whole number'), (['--seed', '-1'], 'at least 0')])
-def test_what_cannot_be_understood_is_refused(words, said):
+def test_wrong_values_are_refused(words, said):
     with pytest.raises(UsageError) as caught:
         parse(words)
     assert said in str(caught.value)
 
 
-def test_misuse_ends_as_in_gazebo_and_shows_the_usage(capsys):
+def test_wrong_usage_exits_as_in_gazebo_and_shows_the_usage(capsys):
     assert prepare(['--seed', 'many']) == 255
     said = capsys.readouterr().err
     assert 'expected a whole number' in said and 'usage: gzserver' in said
 
 
 @pytest.mark.parametrize('words, said', [(['-h'], 'usage: gzserver'), (['--version'], 'm2wr_sim')])
-def test_help_and_version_end_well(words, said, capsys):
+def test_help_and_version_exit_with_0(words, said, capsys):
     assert prepare(words) == 0
     assert said in capsys.readouterr().out
 
@@ -85,12 +85,12 @@ def test_every_option_is_in_the_help():
         assert option.names[0] in text
 
 
-def test_what_the_user_writes_himself_comes_last_and_wins():
+def test_arguments_of_the_user_have_priority():
     words = node_arguments(parse(['-u', '--seed', '3', '_paused:=false', '__name:=g']), '/w.world')
     assert words[-2:] == ['_paused:=false', '__name:=g']
     assert words[:2] == ['_world:=/w.world', '_paused:=true'] and '_seed:=3' in words
 
 
 def test_pausing_is_always_written():
-    """A value left on the parameter server by an earlier run must not count."""
+    """A value left on the parameter server by an earlier run must be ignored."""
     assert '_paused:=false' in node_arguments(parse([]), '/w.world')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where gzserver looks for a world file, and in which order."""
+"""The search path of gzserver for world files."""
 import os
 
 import pytest
@@ -13,7 +13,7 @@ PACKAGE = '''<package format="2"><name>%s</name><version>1.0.0</version><descrip
 
 @pytest.fixture
 def tree(tmp_path):
-    """Folders for worlds: where the user is, a resource folder, a package that exports one, the shipped ones."""
+    """Folders for worlds: the user's, a resource folder, one exported by a package, the installed ones."""
     for name in ('here', 'resources', 'packages/exporter/media', 'packages/gazebo_ros', 'packages/m2wr_sim'):
         (tmp_path / name / 'worlds').mkdir(parents=True)
     media = '<export><gazebo_ros gazebo_media_path="${prefix}/none:${prefix}/media"/></export>'
@@ -64,7 +64,7 @@ def test_the_places_that_were_searched_are_returned(tree):
     assert str(tree / 'resources' / 'worlds' / 'gone.world') in searched and len(searched) == len(set(searched))
 
 
-def test_a_world_that_is_nowhere_gives_the_empty_one_and_is_named(capsys):
+def test_a_missing_world_is_named_and_replaced_by_the_empty_one(capsys):
     path = server.resolve_world('worlds/no_such.world')
     assert path.endswith('m2wr_sim/worlds/empty.world')
     said = capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The launch files: every argument that Gazebo's have, and what they start."""
+"""The launch files: all arguments of Gazebo's, and the nodes they start."""
 import os
 import re
 
@@ -52,7 +52,7 @@ def test_every_argument_can_be_given(name):
 
 
 @pytest.mark.parametrize('name', sorted(ARGUMENTS))
-def test_no_name_of_a_robot_is_special_and_a_parameter_set_before_stays(name):
+def test_no_robot_name_is_special_and_set_parameters_are_kept(name):
     assert not [key for key in load(name)[1] if 'wheel_convention' in key]
 
 
@@ -97,7 +97,7 @@ def test_the_network_parameter():
     assert load('empty', 'enable_ros_network:=false')[1]['/gazebo/enable_ros_network'] is False
 
 
-def test_elevator_leaves_the_time_alone_if_told_so():
+def test_elevator_keeps_use_sim_time_on_request():
     assert '/use_sim_time' not in load('elevator', 'use_sim_time:=false')[1]
 
 

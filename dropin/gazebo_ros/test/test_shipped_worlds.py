@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The worlds that are shipped under Gazebo's names load, have no unread elements and leave the origin free."""
+"""The worlds with Gazebo's names load, have no unsupported elements and leave the origin free."""
 import logging
 import os
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stacks on a signal, while threads are at work."""
+"""Stacks on a signal, while threads run."""
 import signal
 import subprocess
 import sys
@@ -14,9 +14,9 @@ def deep(levels):
 def come_and_go():
     while True:
         deep(8)
-        newcomer = threading.Thread(target=deep, args=(4,))
-        newcomer.start()
-        newcomer.join()
+        thread = threading.Thread(target=deep, args=(4,))
+        thread.start()
+        thread.join()
 
 def main_thread_is_here():
     print("ready", flush=True)
@@ -30,7 +30,7 @@ for _ in range(3):
 main_thread_is_here()
 print("done", flush=True)
 '''
-SIGNALS = 60        # printed from within the signal, the first to the tenth crash the program
+SIGNALS = 60        # if they were printed in the signal handler, the program would crash within the first ten
 
 
 def test_many_signals_while_threads_come_and_go():

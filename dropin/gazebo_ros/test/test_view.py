@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rviz configuration that gzclient makes, and how it waits for something to show."""
+"""The rviz configuration that gzclient makes, and how it waits for topics."""
 import pytest
 import yaml
 
@@ -47,7 +47,7 @@ def test_the_frame_can_be_chosen():
 
 
 class Master:
-    """Answers with one topic more each time."""
+    """Returns one more topic in each call."""
 
     def __init__(self, *topics):
         self.topics, self.asked = topics, 0
@@ -68,12 +68,12 @@ def test_waits_for_the_first_robot_and_then_for_its_other_topics():
     assert [tuple(pair) for pair in found] == topics
 
 
-def test_does_not_wait_for_ever():
+def test_the_wait_is_limited():
     found, now = wait(Master(('/clock', 'rosgraph_msgs/Clock')), 5.0)
     assert [pair[0] for pair in found] == ['/clock'] and 5.0 <= now[0] < 6.0
 
 
-def test_without_a_display_it_says_so_and_ends_well(monkeypatch, capsys):
+def test_without_a_display_it_prints_a_message_and_exits(monkeypatch, capsys):
     monkeypatch.delenv('DISPLAY', raising=False)
     monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
     monkeypatch.setattr(client.signal, 'pthread_sigmask', lambda *_: None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading of saved maps: thresholds, modes, and what is wrong with a file."""
+"""Reading of saved maps: thresholds, modes, and faulty files."""
 import os
 import sys
 
@@ -27,7 +27,7 @@ def test_grey_values_become_cells_lowest_row_first(tmp_path):
     assert (saved.resolution, saved.origin) == (0.05, (-1.0, 2.0, 0.0))
 
 
-def test_negate_turns_black_and_white_round():
+def test_negate_swaps_black_and_white():
     np.testing.assert_array_equal(cells(GREY, None, negate=True), [[100, -1], [0, 100]])
 
 
@@ -36,7 +36,7 @@ def test_scale_grades_between_the_thresholds():
     np.testing.assert_array_equal(data, [[100, 0, 49]])
 
 
-def test_scale_takes_what_is_not_opaque_for_unknown():
+def test_scale_regards_transparent_pixels_as_unknown():
     data = cells(np.array([[0.0, 255.0]]), np.array([[0, 255]]), mode="scale")
     np.testing.assert_array_equal(data, [[-1, 0]])
 
@@ -54,7 +54,7 @@ def test_raw_keeps_values_up_to_100():
     ("image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nmode: fancy", "trinary, scale, raw"),
     ("image: [", "no YAML"),
 ])
-def test_what_is_wrong_is_named(tmp_path, text, words):
+def test_the_fault_of_a_file_is_named(tmp_path, text, words):
     with pytest.raises(MapError) as caught:
         read_map(write(tmp_path, text))
     assert words in str(caught.value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the keys mean: velocities in closed form, speeds, limits."""
+"""The meaning of the keys: velocities in closed form, speeds, limits."""
 import pytest
 
 from twist_keys.keys import DIRECTIONS, FACTORS, HELP, KeyDriver
@@ -35,7 +35,7 @@ def test_speeds_change_while_driving(key, linear, angular):
     assert driver.command() == pytest.approx((0.5 * linear, 0, 0, 2.0 * angular))
 
 
-def test_speeds_stop_at_their_limits_and_it_is_said():
+def test_speeds_stop_at_their_limits_with_a_message():
     driver = KeyDriver(0.5, 1.0, speed_limit=0.52, turn_limit=1.05)
     said = driver.press('q')
     assert 'Linear speed limit' in said and 'Angular speed limit' in said
@@ -43,7 +43,7 @@ def test_speeds_stop_at_their_limits_and_it_is_said():
     assert 'limit' not in driver.press('z')
 
 
-def test_a_start_beyond_the_limit_is_cut():
+def test_an_initial_speed_beyond_the_limit_is_clipped():
     assert KeyDriver(2.0, 3.0, 1.0, 1.0).speed == 1.0 and KeyDriver(2.0, 3.0, 1.0, 1.0).turn == 1.0
 
 

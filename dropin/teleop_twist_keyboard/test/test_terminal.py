@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Single keys from a terminal or a pipe; the terminal is given back as it was."""
+"""Single keys from a terminal or a pipe; the terminal is restored."""
 import os
 import pty
 import signal
@@ -13,7 +13,7 @@ from twist_keys.terminal import Keys
 
 @pytest.fixture
 def terminal():
-    """A pseudo terminal: the end that types, the end that the program has."""
+    """A pseudo terminal: the end of the keyboard, the end of the program."""
     typing, program = pty.openpty()
     yield typing, program
     for descriptor in (typing, program):
@@ -27,7 +27,7 @@ def echoes(descriptor):
     return bool(termios.tcgetattr(descriptor)[3] & termios.ECHO)
 
 
-def test_keys_come_one_by_one_without_enter(terminal):
+def test_single_keys_arrive_without_enter(terminal):
     typing, program = terminal
     with Keys(program) as keys:
         assert keys.is_terminal and not echoes(program)
@@ -38,7 +38,7 @@ def test_keys_come_one_by_one_without_enter(terminal):
         assert keys.read(0.0) == '' and not keys.ended
 
 
-def test_the_terminal_is_given_back_also_after_an_error(terminal):
+def test_the_terminal_is_restored_after_an_error(terminal):
     _, program = terminal
     before = termios.tcgetattr(program)
     with pytest.raises(ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The hook that setup.sh sources: what it adds to PYTHONPATH, and what it leaves alone."""
+"""The hook that setup.sh sources: what it adds to PYTHONPATH, and what it keeps."""
 import os
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-# The CMake functions of ROS xacro, for packages that expand their descriptions while they are built.
+# The CMake functions of ROS xacro, for packages that expand their descriptions at build time.
 #
 #   xacro_add_xacro_file(<input> [<output>] [INORDER] [REMAP name:=value ...] [DEPENDS file ...])
 #     Expand one file; its path is then in XACRO_OUTPUT_FILE.  Without <output> it is the input's name without .xacro.

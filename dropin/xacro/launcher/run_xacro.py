@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the Python module xacro as a command.
 
-In a folder of its own, since Python puts a script's folder first on the module path: beside ``xacro.py`` this file
-would import that in place of the module.
+It is in a folder of its own, because Python puts a script's folder first on the module path: next to ``xacro.py`` it
+would import that file instead of the module.
 """
 import os
 import signal
@@ -13,16 +13,16 @@ PACKAGE_DIR = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 
 
 def arrange_path():
-    """Make the modules findable with no setup file sourced, and drop the folder that would hide the module xacro."""
+    """Make the modules available without a setup file, and remove the folder that would hide the module xacro."""
     sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry or os.getcwd()) != PACKAGE_DIR]
     sys.path.append(os.path.join(PACKAGE_DIR, 'src'))                                           # source space
     sys.path.append(os.path.join(PACKAGE_DIR, '..', '..', 'lib', 'python3', 'dist-packages'))   # install space
 
 
 def main():
-    """Run xacro with this process's arguments; return 1 if the module is not there."""
+    """Run xacro with this process's arguments; return 1 if the module is missing."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)        # Ctrl-C in a launch file's terminal: no traceback
-    signal.signal(signal.SIGPIPE, signal.SIG_DFL)       # nor when that has ended roslaunch, which reads what is printed
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)       # nor after it has ended roslaunch, which reads the output
     arrange_path()
     try:
         import xacro

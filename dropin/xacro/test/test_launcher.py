@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The xacro command: found and run whatever the folder, PATH and PYTHONPATH; its messages for broken input.
+"""The xacro command: it works in any folder, with any PATH and PYTHONPATH; its messages for broken input.
 
-Runs the files of the source space as launch files do, in processes of their own.
+Runs the files of the source space like launch files, in processes of their own.
 """
 import os
 import shutil
@@ -26,7 +26,7 @@ ROBOT = '''<?xml version="1.0"?>
 
 
 def run(command, *args, cwd='/', **env):
-    """Run a command; variables given as None are taken out of the environment."""
+    """Run a command; variables given as None are removed from the environment."""
     full_env = {key: value for key, value in dict(os.environ, **env).items() if value is not None}
     return subprocess.run([str(command)] + [str(arg) for arg in args], cwd=str(cwd), env=full_env, timeout=60,
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
@@ -69,7 +69,7 @@ class TestCommand:
 
     @pytest.mark.parametrize('cwd', [PACKAGE_DIR, PACKAGE_DIR.parent, PACKAGE_DIR / 'launcher'], ids=str)
     def test_module_is_not_shadowed_by_the_folder_it_runs_in(self, command, robot, cwd):
-        """Here lie a file xacro.py and a folder xacro, either of which could be imported in place of the module."""
+        """The folders contain a file xacro.py and a folder xacro, which could be imported instead of the module."""
         assert '<link name="base">' in run(command, robot, cwd=cwd).stdout
 
     def test_module_is_not_shadowed_by_pythonpath(self, command, robot):
@@ -115,8 +115,8 @@ def make_package(folder, name):
     (folder / 'package.xml').write_text('<package format="2"><name>%s</name></package>' % name)
 
 
-def test_a_reader_that_is_gone_leaves_no_traceback(robot):
-    """As roslaunch is when Ctrl-C ends it while it loads its files."""
+def test_a_closed_pipe_leaves_no_traceback(robot):
+    """Like roslaunch when Ctrl-C ends it while it loads its files."""
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, 'w') as nowhere:
@@ -133,7 +133,7 @@ def test_find_looks_on_the_package_path(tmp_path):
     assert 'value="%s/src/arm/x"' % tmp_path in result.stdout, result.stderr
 
 
-def test_find_of_an_unknown_package_says_what_was_searched(tmp_path):
+def test_find_of_an_unknown_package_names_the_search_path(tmp_path):
     path = tmp_path / 'r.xacro'
     path.write_text(ROBOT.replace('$(arg mass)', '$(find no_such_package)'))
     result = run(COMMANDS[0], path, ROS_PACKAGE_PATH=str(tmp_path))
@@ -149,7 +149,7 @@ def test_venv_above_is_preferred(tmp_path, robot):
     assert result.stdout == 'venv:%s/launcher/run_xacro.py --inorder %s mass:=3\n' % (command.parent, robot)
 
 
-def test_called_through_a_link_it_still_finds_its_workspace(tmp_path, robot):
+def test_a_symbolic_link_still_finds_the_workspace(tmp_path, robot):
     command = workspace(tmp_path, 'echo "venv:$*"\n')
     link = tmp_path / 'elsewhere' / 'xacro'
     link.parent.mkdir()

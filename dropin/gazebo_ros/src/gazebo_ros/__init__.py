@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What Gazebo's ROS package offers, in front of m2wr_sim."""
+"""The interface of Gazebo's ROS package, implemented by m2wr_sim."""

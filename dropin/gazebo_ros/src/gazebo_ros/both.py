@@ -12,7 +12,7 @@ _PATIENCE = 10.0        # s for a program to end after SIGINT
 
 
 def program(name):
-    """Return the path of a command beside this one."""
+    """Return the path of another command of this package."""
     return os.path.join(os.path.dirname(os.path.realpath(sys.argv[0])), name)
 
 
@@ -24,7 +24,7 @@ def main(words=None):
         if command.wants:
             return subprocess.call([program('gzserver')] + words)
     except UsageError:
-        return subprocess.call([program('gzserver')] + words)       # says what is wrong
+        return subprocess.call([program('gzserver')] + words)       # prints the error
     asked = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: asked.append(received))
@@ -38,7 +38,7 @@ def main(words=None):
 
 
 def end(server, client):
-    """End both programs, with force if they do not follow; returns the server's exit code."""
+    """End both programs, by SIGKILL if needed; returns the server's exit code."""
     for process in (client, server):
         if process.poll() is None:
             process.send_signal(signal.SIGINT)

@@ -12,8 +12,8 @@ import rospkg
 
 from gazebo_ros.view import make_view
 
-_WAIT_FOR_ROBOT = 15.0      # s of wall time; robots are spawned right after the world, and the view is made once
-_WAIT_FOR_REST = 1.0        # s between a robot's first topic and the look at all of them
+_WAIT_FOR_ROBOT = 15.0      # s of wall time; robots are spawned right after the world, and rviz is configured once
+_WAIT_FOR_REST = 1.0        # s between a robot's first topic and the list of all its topics
 _LOOK_EVERY = 0.25          # s
 _RVIZ_PLACES = ('/usr/bin/rviz', '/opt/ros/noetic/bin/rviz')
 _ROBOT_TYPES = ('sensor_msgs/LaserScan', 'nav_msgs/Odometry')
@@ -26,7 +26,7 @@ def say(text):
 
 
 def published(master):
-    """Return ``[[topic, type], ...]`` of what is published now, or nothing while there is no master."""
+    """Return ``[[topic, type], ...]`` of the published topics, empty while there is no master."""
     try:
         return master.getPublishedTopics('')
     except (rosgraph.MasterException, OSError):
@@ -42,7 +42,7 @@ def descriptions(master):
 
 
 def wait_for_robot(master, patience=_WAIT_FOR_ROBOT, clock=time.monotonic, sleep=time.sleep):
-    """Wait until a robot's topics are there; returns what is published then, or after ``patience`` seconds."""
+    """Wait at most ``patience`` seconds for a robot's topics; returns all published topics."""
     deadline = clock() + patience
     while clock() < deadline:
         if any(kind in _ROBOT_TYPES for _, kind in published(master)):
@@ -59,7 +59,7 @@ def take_options(words):
     -------
     remaps : list of str
     stay : bool
-        Whether to wait for the end where no window can be opened.
+        Whether to wait for the end if no window can be opened.
     frame : str or None
         Fixed frame.
     """
@@ -79,7 +79,7 @@ def take_options(words):
 
 
 def no_window(why, stay):
-    """Say why there is no window; wait for a signal if that is wanted, because a required node must not end."""
+    """Print why there is no window; wait for a signal if ``stay``, because a required node must not end."""
     ends = {signal.SIGINT, signal.SIGTERM}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)      # for sigwait to get them
     say('%s; the simulation runs without a window%s' % (why, ', waiting for the end' if stay else ''))
@@ -93,7 +93,7 @@ def main(words=None):
     words = sys.argv[1:] if words is None else words
     if '-h' in words or '--help' in words:
         sys.stdout.write('usage: gzclient [--frame=FIXED_FRAME] [--stay] [name:=value ...]\n\nOpens rviz with a view '
-                         'of the running simulation. Without a display it says so and ends '
+                         'of the running simulation. Without a display it prints a message and ends '
                          'with 0,\nor waits (--stay).\n')
         return 0
     remaps, stay, frame = take_options(words)

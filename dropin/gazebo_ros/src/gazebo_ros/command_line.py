@@ -5,8 +5,8 @@ from collections import namedtuple
 
 Option = namedtuple('Option', 'names values effect')
 
-#: Options of gzserver: spellings, number of values, and what becomes of it: an entry of ServerCommand, or a sentence
-#: why it changes nothing ('' where nothing is missed).
+#: Options of gzserver: spellings, number of values, and its effect: an entry of ServerCommand, or the reason
+#: why it has none ('' if the user need not know).
 OPTIONS = (
     Option(('-u', '--pause'), 0, 'paused'),
     Option(('-e', '--physics'), 1, 'engine'),
@@ -16,7 +16,7 @@ OPTIONS = (
     Option(('-h', '--help'), 0, 'help'),
     Option(('--verbose',), 0, ''),
     Option(('-q', '--quiet'), 0, ''),
-    Option(('--lockstep',), 0, 'sensors and physics are always in step'),
+    Option(('--lockstep',), 0, 'sensors and physics are always synchronous'),
     Option(('--minimal_comms',), 0, 'there is no Gazebo transport'),
     Option(('-p', '--play'), 1, "no state log can be played; replay a bag with rosbag"),
     Option(('-r', '--record'), 0, 'no state log is written; record topics with rosbag'),
@@ -27,7 +27,7 @@ OPTIONS = (
     Option(('--record_resources',), 0, 'no state log is written'),
     Option(('--iters',), 1, 'the number of steps cannot be limited'),
     Option(('-g', '--gui-plugin', '--gui-client-plugin'), 1, 'there is no Gazebo window that could load it'),
-    Option(('-o', '--profile'), 1, 'physics profiles are not read; the settings of <physics> are'),
+    Option(('-o', '--profile'), 1, 'physics profiles are not supported; use the settings of <physics>'),
 )
 _BY_NAME = {name: option for option in OPTIONS for name in option.names}
 BUILT_IN_PLUGINS = ('libgazebo_ros_api_plugin.so', 'libgazebo_ros_paths_plugin.so', 'libgazebo_ros_init.so',
@@ -35,11 +35,11 @@ BUILT_IN_PLUGINS = ('libgazebo_ros_api_plugin.so', 'libgazebo_ros_paths_plugin.s
 
 
 class UsageError(Exception):
-    """The command line cannot be understood; the message says why."""
+    """The command line cannot be parsed; the message gives the reason."""
 
 
 class ServerCommand:
-    """What a command line asks for.
+    """The contents of a command line.
 
     Attributes
     ----------
@@ -50,9 +50,9 @@ class ServerCommand:
     remaps : list of str
         Words with ``:=``, for ROS.
     notes : list of str
-        A sentence for each thing that has no effect.
+        A sentence for each argument without effect.
     wants : str or None
-        ``help`` or ``version`` if that was asked for.
+        ``help`` or ``version`` if requested.
     """
 
     def __init__(self):
@@ -63,14 +63,14 @@ class ServerCommand:
 def parse(words):
     """Read gzserver's command line; returns a :class:`ServerCommand`.
 
-    Options may stand anywhere, as ``--name value`` or ``--name=value``; single letters may be joined (``-ur``).  The
-    world is the first other word, unless it may be the value of an option that is not known and there is one more.
-    What is left is noted.
+    Options may be anywhere, as ``--name value`` or ``--name=value``; single letters may be joined (``-ur``).  The
+    world is the first other word, unless it may be the value of an unknown option and there is another word.
+    Remaining words are noted.
 
     Raises
     ------
     UsageError
-        If a value is missing or no number.
+        If a value is missing or not a number.
     """
     command = ServerCommand()
     words = list(words)
@@ -81,7 +81,7 @@ def parse(words):
         if ':=' in word:
             command.remaps.append(word)
         elif not word.startswith('-') or word == '-':
-            if word:                # else an empty launch argument
+            if word:                # otherwise an empty launch argument
                 (doubtful if behind_unknown else worlds).append(word)
         else:
             behind_unknown = not _take_option(command, word, words) and '=' not in word
@@ -94,7 +94,7 @@ def parse(words):
 
 
 def _take_option(command, word, words):
-    """Act on one option, its value being in the word or the first of ``words``; returns whether it is known."""
+    """Apply one option, whose value is in the word or the first of ``words``; returns whether it is known."""
     name, equals, value = word.partition('=')
     option = _BY_NAME.get(name)
     if option is None and not word.startswith('--') and len(word) > 2 and word[:2] in _BY_NAME:
@@ -128,7 +128,7 @@ def _apply(command, option, name, value):
             raise UsageError('option %s is %s; expected at least 0' % (name, value))
     elif option.effect == 'engine':
         if value != 'ode':
-            command.notes.append('physics engine "%s" is not there, ODE is used' % value)
+            command.notes.append('physics engine "%s" is not available, ODE is used' % value)
     elif option.effect == 'plugins':
         if os.path.basename(value) not in BUILT_IN_PLUGINS:
             command.notes.append('system plugin %s is not known and left out' % value)
@@ -141,7 +141,7 @@ def usage():
     lines = ['usage: gzserver [options] [world file] [name:=value ...]', '',
              'Starts the simulation node of m2wr_sim under the name gazebo. A word with := goes to ROS: a remapping,',
              'or _parameter:=value (the parameters are in the README of m2wr_sim).', '',
-             'options of Gazebo that act:']
+             'options of Gazebo with an effect:']
     acting = {'paused': 'start paused', 'engine': 'physics engine: only ode', 'seed': 'seed of all sensor noise',
               'plugins': 'system plugins: the ROS ones are built in', 'version': 'print the version',
               'help': 'print this'}

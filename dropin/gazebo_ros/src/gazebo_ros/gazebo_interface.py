@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Calls of the simulation's services, under the names and with the return values that scripts import from here."""
+"""Calls of the simulation's services, with the names and return values of Gazebo's module."""
 import time
 
 import rospy
 
 from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
 
-_SETTLING_TIME = 1.0        # s of wall time between a spawn and the joint positions, as clients have it from Gazebo
+_SETTLING_TIME = 1.0        # s of wall time between a spawn and the joint positions, as in Gazebo's client
 
 
 def _call(service, kind, told, *arguments):
@@ -53,7 +53,7 @@ def spawn_urdf_model_client(model_name, model_xml, robot_namespace, initial_pose
     Returns
     -------
     bool or None
-        Whether it was spawned; None if the service itself failed. Waits without limit for the service to exist.
+        Whether it was spawned; None if the service itself failed. Waits without limit for the service.
     """
     return _spawn('spawn_urdf_model', gazebo_namespace, model_name, model_xml, robot_namespace, initial_pose,
                   reference_frame)
@@ -66,7 +66,7 @@ def spawn_sdf_model_client(model_name, model_xml, robot_namespace, initial_pose,
 
 
 def set_model_configuration_client(model_name, model_param_name, joint_names, joint_positions, gazebo_namespace):
-    """Put joints to positions, one second after the service is there.
+    """Set joint positions, one second after the service is available.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""gzserver, debug and perf: the simulation node of m2wr_sim behind Gazebo's command line."""
+"""gzserver, debug and perf: the simulation node of m2wr_sim with Gazebo's command line."""
 import cProfile
 import faulthandler
 import os
@@ -17,7 +17,7 @@ _PROFILE_ROWS = 30
 
 
 def say(text, program='gzserver'):
-    """Print a line for the user; before ROS is there."""
+    """Print a line for the user, before ROS is initialised."""
     sys.stderr.write('%s: %s\n' % (program, text))
     sys.stderr.flush()
 
@@ -34,7 +34,7 @@ def node_arguments(command, world):
     Returns
     -------
     list of str
-        Private parameters as ``_name:=value``; what the user wrote himself comes last and wins, as ROS keeps the last.
+        Private parameters as ``_name:=value``; the user's arguments are last, because ROS keeps the last.
     """
     words = ['_world:=' + world, '_paused:=' + ('true' if command.paused else 'false'),
              '_fallback_world:=empty.world']
@@ -44,7 +44,7 @@ def node_arguments(command, world):
 
 
 def resolve_world(name):
-    """Return the path of the world; where there is none, that of the empty one, and say so, as Gazebo does."""
+    """Return the path of the world; if it does not exist, print a message and return the empty one, as Gazebo does."""
     path, searched = find(name)
     if path is None:
         say('Could not open file[%s]: there is no such world; the empty world is used in its place. Searched: %s'
@@ -66,7 +66,7 @@ def prepare(words):
     except UsageError as error:
         say(str(error))
         sys.stderr.write(usage())
-        return 255              # as Gazebo for a command line it cannot read
+        return 255              # Gazebo's exit code for a wrong command line
     if command.wants:
         sys.stdout.write(usage() if command.wants == 'help' else _VERSION)
         return 0
@@ -89,7 +89,7 @@ def gzserver_main(words=None):
 
 
 def debug_main(words=None):
-    """Entry point of ``debug``: no debugger, but a crash or SIGUSR1 prints where every thread is."""
+    """Entry point of ``debug``: no debugger, but a crash or SIGUSR1 prints the stack of every thread."""
     faulthandler.enable()
     show_stacks_on(signal.SIGUSR1)
     say('a crash prints the stack of every thread, and so does `kill -USR1 %d`; to attach a debugger: gdb -p %d'
@@ -110,4 +110,4 @@ def perf_main(words=None):
         os.close(handle)
         profile.dump_stats(path)
         pstats.Stats(profile, stream=sys.stdout).sort_stats('tottime').print_stats(_PROFILE_ROWS)
-        say('the whole profile is in %s; look at it with: python3 -m pstats %s' % (path, path), 'perf')
+        say('the whole profile is in %s; read it with: python3 -m pstats %s' % (path, path), 'perf')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where every thread of a running program is, on a signal."""
+"""The stack of every thread of a running program, on a signal."""
 import faulthandler
 import os
 import signal
@@ -8,16 +8,16 @@ import threading
 
 
 def show_stacks_on(number):
-    """Let a signal print the stack of every thread to stderr; the program goes on.
+    """Let a signal print the stack of every thread to stderr; the program continues.
 
     ``faulthandler.register()`` prints from within the signal, while the other threads run on and change what it reads:
-    a program with threads at work soon crashes of it.  Here the signal only wakes a thread, which prints while it
-    holds the interpreter, so that all stand still; a main thread deep in a library does not delay it.
+    a program with busy threads soon crashes.  Here the signal only wakes a thread, which prints while it holds the
+    interpreter lock, so that no other thread runs; a main thread inside a library does not delay it.
 
     Parameters
     ----------
     number : int
-        The signal.  Handlers that others set for other signals stay theirs.
+        The signal.  Handlers of other signals are not changed.
     """
     heard, wake = os.pipe()
     os.set_blocking(wake, False)

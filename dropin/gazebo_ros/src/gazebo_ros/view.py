@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""An rviz configuration that fits what is being published.  No ROS here."""
+"""An rviz configuration for the published topics.  No ROS here."""
 import yaml
 
 _SHOWN = {'sensor_msgs/LaserScan': 'rviz/LaserScan', 'nav_msgs/OccupancyGrid': 'rviz/Map',
@@ -14,7 +14,7 @@ def namespace_of(name):
 
 
 def fixed_frame(odometry_topics):
-    """Return the frame to draw in: ``odom``, with the namespace of the first robot if none stands in the root."""
+    """Return the frame to draw in: ``odom``, with the namespace of the first robot if none is in the root namespace."""
     namespaces = sorted(namespace_of(topic) for topic in odometry_topics)
     return (namespaces[0] + '/odom').lstrip('/') if namespaces else 'odom'
 

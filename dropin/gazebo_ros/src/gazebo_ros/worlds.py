@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where a world file is looked for: as given, GAZEBO_RESOURCE_PATH, exports of packages, the shipped folders."""
+"""Search path of world files: as given, GAZEBO_RESOURCE_PATH, exports of packages, the installed folders."""
 import os
 import xml.etree.ElementTree as ElementTree
 
@@ -33,12 +33,12 @@ def exported_folders(rospack):
 
 
 def shipped_folders(rospack):
-    """Return the folders below which ``worlds/`` of this package and of m2wr_sim lie."""
+    """Return the folders that contain ``worlds/`` of this package and of m2wr_sim."""
     return [rospack.get_path(name) for name in ('gazebo_ros', 'm2wr_sim')]
 
 
 def candidates(name, environment, folders, rospack):
-    """Yield the paths under which a world may lie, best first.
+    """Yield the possible paths of a world, in order of priority.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def candidates(name, environment, folders, rospack):
     environment : dict
         GAZEBO_RESOURCE_PATH of it is read.
     folders : sequence of str
-        Where the user and this program stand.
+        Folders of the user and of this program.
     rospack : rospkg.RosPack
     """
     if os.path.isabs(name):

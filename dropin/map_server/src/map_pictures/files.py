@@ -25,7 +25,7 @@ def cells(grey, alpha, negate=False, occupied=0.65, free=0.196, mode="trinary"):
     grey : (H, W) float64
         Mean of the colours, 0 to 255, top row first.
     alpha : (H, W) uint8 or None
-        Opaqueness; in the mode ``scale``, what is not opaque is unknown.
+        Opacity; in the mode ``scale``, pixels that are not opaque are unknown.
     negate : bool
         Whether white is occupied.
     occupied, free : float

@@ -14,7 +14,7 @@ USAGE = "usage: map_server MAP.yaml\n       map_server IMAGE RESOLUTION\n"
 
 
 def load(words):
-    """Return the SavedMap that the command line asks for; raises MapError."""
+    """Return the SavedMap named on the command line; raises MapError."""
     if len(words) == 1:
         return read_map(words[0])
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What each key means.  No ROS, no terminal."""
+"""The meaning of each key.  No ROS, no terminal."""
 
 #: key: direction (x, y, z, yaw), each -1, 0 or 1
 DIRECTIONS = {
@@ -13,7 +13,7 @@ DIRECTIONS = {
 }
 #: key: factors of linear and angular speed
 FACTORS = {'q': (1.1, 1.1), 'z': (0.9, 0.9), 'w': (1.1, 1.0), 'x': (0.9, 1.0), 'e': (1.0, 1.1), 'c': (1.0, 0.9)}
-QUIT = '\x03'       # Ctrl-C, where it comes as a key
+QUIT = '\x03'       # Ctrl-C, if it arrives as a key
 SHOW_HELP = '?'
 _STOPPED = (0, 0, 0, 0)
 _HELP_EVERY = 15    # changes of speed
@@ -41,14 +41,14 @@ Keys (the window with this text must have the focus)
 
 
 class KeyDriver:
-    """Keeps the direction and the speeds that the keys have asked for.
+    """Stores the direction and the speeds set by the keys.
 
     Parameters
     ----------
     speed, turn : float
         Linear [m/s] and angular [rad/s] speed of a full direction.
     speed_limit, turn_limit : float
-        What the keys may raise them to.
+        Largest speeds that the keys can set.
     """
 
     def __init__(self, speed=0.5, turn=1.0, speed_limit=1000.0, turn_limit=1000.0):
@@ -58,7 +58,7 @@ class KeyDriver:
         self._changes = 0
 
     def press(self, key):
-        """Take one key; returns a text for the user, often empty."""
+        """Process one key; returns a text for the user, often empty."""
         if key in DIRECTIONS:
             self._direction = DIRECTIONS[key]
             return ''
@@ -80,7 +80,7 @@ class KeyDriver:
         return '\n'.join(said)
 
     def release(self):
-        """Stop, because no key came; returns whether that changes anything."""
+        """Stop, because there was no key; returns whether this is a change."""
         moved = self._direction != _STOPPED
         self._direction = _STOPPED
         return moved

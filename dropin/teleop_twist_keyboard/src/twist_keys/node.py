@@ -14,7 +14,7 @@ from m2wr_node.ros.starting import start_node
 from twist_keys.keys import HELP, QUIT, KeyDriver
 from twist_keys.terminal import Keys
 
-_TURN = 0.1             # s; the longest time that a signal or a shutdown goes unnoticed
+_TURN = 0.1             # s; the longest delay until a signal or a shutdown is noticed
 _DELIVERY = 0.1         # s for the last command to leave this process
 _REMIND_EVERY = 2.0     # s between two lines about a missing subscriber
 
@@ -38,7 +38,7 @@ def read_numbers():
     Raises
     ------
     ParameterError
-        If one is no finite number of at least 0.
+        If one is not a finite number of at least 0.
     """
     found = {}
     for name, default in _DEFAULTS.items():
@@ -50,16 +50,16 @@ def read_numbers():
 
 
 class Teleop:
-    """Turns keys into velocity commands on ``cmd_vel``.
+    """Converts keys to velocity commands on ``cmd_vel``.
 
     Parameters
     ----------
     keys : twist_keys.terminal.Keys
     driver : twist_keys.keys.KeyDriver
     repeat_rate : float
-        The last command is sent again so often [Hz]; 0: once a key.
+        Rate at which the last command is repeated [Hz]; 0: one command for each key.
     key_timeout : float
-        The robot is stopped so long after the last key [s]; 0: never.
+        The robot is stopped this time after the last key [s]; 0: never.
     frame : str or None
         ``frame_id`` of TwistStamped; None: plain Twist.
     """
@@ -73,7 +73,7 @@ class Teleop:
         self._stopped = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda received, _: self._signals.append(received))
-        rospy.on_shutdown(self.stop)        # rosnode kill comes this way
+        rospy.on_shutdown(self.stop)        # for rosnode kill
 
     def _ending(self):
         return bool(self._signals) or rospy.is_shutdown()
@@ -95,7 +95,7 @@ class Teleop:
             time.sleep(_DELIVERY)
 
     def wait_for_robot(self):
-        """Wait until somebody listens, saying so now and then."""
+        """Wait for a subscriber, with a message from time to time."""
         told = time.monotonic()
         while self._publisher.get_num_connections() == 0 and not self._ending():
             if time.monotonic() - told >= _REMIND_EVERY:
@@ -104,7 +104,7 @@ class Teleop:
             time.sleep(_TURN)
 
     def run(self):
-        """Work until Ctrl-C, the end of the input or a shutdown; returns the number of keys that came."""
+        """Run until Ctrl-C, the end of the input or a shutdown; returns the number of keys."""
         count = 0
         now = time.monotonic()
         last_key, next_repeat = now, now + self._period
@@ -127,7 +127,7 @@ class Teleop:
 
 
 def has_keyboard(stream):
-    """Whether a terminal or something that can hold keys is behind a stream; not /dev/null, not a closed one."""
+    """Whether a stream is a terminal or another source of keys; not /dev/null, not a closed stream."""
     try:
         descriptor = stream.fileno()
         return os.isatty(descriptor) or not stat.S_ISCHR(os.fstat(descriptor).st_mode)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Keys one by one from a terminal, which is given back as it was; or from a pipe."""
+"""Single keys from a terminal, which is restored at the end, or from a pipe."""
 import os
 import select
 import signal
@@ -30,7 +30,7 @@ class Keys:
         return self
 
     def _arrange(self):
-        """Single keys without echo, Ctrl-C as a signal; again after Ctrl-Z and fg, where the shell has set its own."""
+        """Single keys without echo, Ctrl-C as a signal; again after Ctrl-Z and fg, where the shell changes it."""
         tty.setcbreak(self._descriptor, termios.TCSADRAIN)
 
     def __exit__(self, *_):
@@ -42,7 +42,7 @@ class Keys:
                 pass
 
     def read(self, timeout):
-        """Return the keys that came within ``timeout`` seconds, '' for none; sets ``ended`` at the end of the input."""
+        """Return the keys received within ``timeout`` seconds, '' for none; sets ``ended`` at the end of the input."""
         if not select.select([self._descriptor], [], [], timeout)[0]:
             return ''
         try:

@@ -24,7 +24,7 @@ def get_package_share_directory(package_name):
     Raises
     ------
     LookupError
-        If no package of that name is on the path; says which path was searched.
+        If no package of that name is on the path; the message contains the path.
     """
     try:
         return rospkg.RosPack().get_path(package_name)
