@@ -38,7 +38,7 @@ def raised_by(function: ast.FunctionDef) -> Set[str]:
         if isinstance(node, (ast.FunctionDef, ast.Lambda, ast.ClassDef)):
             continue
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-            found.add(ast.unparse(node.exc.func) if hasattr(ast, "unparse") else getattr(node.exc.func, "id", ""))
+            found.add(getattr(node.exc.func, "id", getattr(node.exc.func, "attr", "")))
         todo.extend(ast.iter_child_nodes(node))
     return found - {""}
 
@@ -67,7 +67,7 @@ def faults(text: str) -> Iterator[Tuple[int, str]]:
         if not nothing and not text.startswith(("Return", "Yield")) and not {"Returns", "Yields"} & set(found):
             yield function.lineno, "%s: neither Returns nor Yields" % function.name
         for name in sorted(raised_by(function)):
-            if name.rpartition(".")[2] not in found.get("Raises", ""):
+            if name not in found.get("Raises", ""):
                 yield function.lineno, "%s: Raises does not name %s" % (function.name, name)
 
 
