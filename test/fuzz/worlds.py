@@ -12,7 +12,7 @@ from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.runtime.ports import LocalPort, LocalPorts
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 EMPTY = """<sdf version="1.6"><world name="default"><model name="ground_plane"><static>1</static><link name="link">
 <collision name="c"><geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link>
@@ -57,7 +57,7 @@ def make_simulator(world=None, step_ms=1.0, engine="auto"):
     """Return a simulator of a World record, by default of :data:`EMPTY`; must be closed."""
     world = world or load_world(EMPTY)
     settings = EngineSettings(step_ns=int(step_ms * 1e6))
-    simulator = Simulator(make_engine(engine, settings), Scene(), Ports(), SimConfig())
+    simulator = Simulator(make_engine(engine, settings), RayScene(), Ports(), SimConfig())
     try:
         simulator.load_world(world)
     except BaseException:

@@ -33,7 +33,7 @@ from m2wr_sim.physics.engine import settings_from_physics
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 from m2wr_sim.runtime.ports import LocalPorts
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 # run as a file of a test package that is not installed: the modules beside it are not on the path
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -97,7 +97,7 @@ def make_simulator(fixture):
     engine = PyodeEngine(settings_from_physics(world.physics, STEP_NS))
     engine.reseed(fixture.seed)
     ports = LocalPorts(copy.deepcopy)
-    simulator = Simulator(engine, Scene(), ports, SimConfig(seed=fixture.seed, wheel_convention="kinetic"))
+    simulator = Simulator(engine, RayScene(), ports, SimConfig(seed=fixture.seed, wheel_convention="kinetic"))
     simulator.load_world(world)
     x, y, yaw = fixture.start
     simulator.spawn(robot, ((x, y, START_HEIGHT), quaternion_from_rpy(0.0, 0.0, yaw)), namespace="/")

@@ -17,7 +17,7 @@ from m2wr_sim.physics import factory  # noqa: E402
 from m2wr_sim.physics.engine import EngineSettings  # noqa: E402
 from m2wr_sim.runtime.ports import LocalPorts  # noqa: E402
 from m2wr_sim.runtime.simulator import SimConfig, Simulator  # noqa: E402
-from m2wr_sim.sensors.scene import Scene  # noqa: E402
+from m2wr_sim.sensors.ray_scene import RayScene  # noqa: E402
 
 try:
     import numba  # noqa: F401
@@ -135,7 +135,7 @@ def make_rig(engine_kind):
     def make(*models, **options):
         step_ms, world = options.pop("step_ms", 1.0), options.pop("world", None)
         engine = factory.make_engine(engine_kind, EngineSettings(step_ns=int(round(step_ms * 1e6))))
-        rig = Rig(Simulator(engine, Scene(), LocalPorts(copied), SimConfig(**options)))
+        rig = Rig(Simulator(engine, RayScene(), LocalPorts(copied), SimConfig(**options)))
         rigs.append(rig)
         rig.simulator.load_world(world or World(models=(ground(),) + models))
         return rig

@@ -16,10 +16,10 @@ from m2wr_sim.api import Sim, read_robot, read_world
 from m2wr_sim.errors import ModelError, NotFoundError, ParameterError, WorldError
 from m2wr_sim.physics.engine import settings_from_physics
 from m2wr_sim.physics.factory import make_engine
+from m2wr_sim.runtime.once_logger import OnceLogger
 from m2wr_sim.runtime.ports import LocalPorts
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
-from m2wr_sim.runtime.told import Told
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 BOX = """<model name="{name}"><static>{static}</static><pose>{x} {y} 0.25 0 0 0</pose><link name="link">
   <inertial><mass>1</mass><inertia><ixx>0.04</ixx><iyy>0.04</iyy><izz>0.04</izz></inertia></inertial>
@@ -36,7 +36,7 @@ COMMANDS = [((0.6, 0.0), (0.5, 0.4), (-0.4, 0.9)), ((0.2, 1.0), (0.6, -0.3), (0.
             ((-0.5, -0.2), (0.6, 0.1), (0.7, 0.0))]
 
 
-def crowd(seed, engine="auto"):
+def many_robots(seed, engine="auto"):
     """Return a simulation of three robots that get into one another's way and push boxes."""
     sim = Sim(YARD, seed=seed, engine=engine)
     robot = read_robot("m2wr")
@@ -90,7 +90,7 @@ def test_odometry_and_scans_are_those_of_the_node(m2wr_record, engine):
     world = read_world("world02")
     commands = [(0.5, 0.3), (0.3, -0.8), (0.0, 0.7), (0.6, 0.0)]
     settings = settings_from_physics(world.physics, 1000000)
-    node = Simulator(make_engine("auto", settings), Scene(), LocalPorts(copy.deepcopy),
+    node = Simulator(make_engine("auto", settings), RayScene(), LocalPorts(copy.deepcopy),
                      SimConfig(seed=11, wheel_convention="rep103"))
     try:
         node.load_world(world)
@@ -141,8 +141,8 @@ def test_first_measurements_come_when_the_node_sends_them(sim):
 
 
 @pytest.mark.parametrize("engine", ["auto", "pyode"])
-def test_a_reset_repeats_a_crowd_to_the_last_bit(engine):
-    with crowd(3, engine) as sim:
+def test_a_reset_repeats_many_robots_to_the_last_bit(engine):
+    with many_robots(3, engine) as sim:
         first = digest(sim)
         assert any(sim.touch_count(name) for name in sim.robots), "nobody touched anything: the scene tests too little"
         sim.reset(3)
@@ -152,7 +152,7 @@ def test_a_reset_repeats_a_crowd_to_the_last_bit(engine):
         assert other != first
         sim.reset(3)
         assert digest(sim) == first
-    with crowd(4, engine) as sim:
+    with many_robots(4, engine) as sim:
         assert digest(sim) == other
 
 
@@ -167,7 +167,7 @@ def test_a_reset_repeats_a_heap_to_the_last_bit(engine):
 def test_engines_agree_to_the_last_bit():
     found = []
     for engine in ("auto", "pyode"):
-        with crowd(6, engine) as sim:
+        with many_robots(6, engine) as sim:
             found.append(digest(sim, 3))
     assert found[0] == found[1]
 
@@ -183,9 +183,9 @@ def test_steps_may_be_cut_in_any_way(sim):
 
 
 def test_another_process_gets_the_same_numbers():
-    with crowd(9) as sim:
+    with many_robots(9) as sim:
         expected = digest(sim, 3)
-    code = "import test_api_sim as t\nwith t.crowd(9) as sim:\n    print(t.digest(sim, 3))\n"
+    code = "import test_api_sim as t\nwith t.many_robots(9) as sim:\n    print(t.digest(sim, 3))\n"
     environment = dict(os.environ, PYTHONHASHSEED="77", PYTHONPATH=os.pathsep.join(
         [str(Path(__file__).parent)] + [entry for entry in sys.path if entry]))
     done = subprocess.run([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, check=True)
@@ -193,9 +193,9 @@ def test_another_process_gets_the_same_numbers():
 
 
 def test_simulations_side_by_side_do_not_disturb_one_another():
-    with crowd(3) as alone:
+    with many_robots(3) as alone:
         expected = digest(alone, 2)
-    with crowd(3) as one, crowd(8) as two:
+    with many_robots(3) as one, many_robots(8) as two:
         two.step(COMMANDS[0], 0.3)
         assert digest(one, 2) == expected
         two.step(COMMANDS[1], 0.3)
@@ -329,7 +329,7 @@ def test_clearance_is_the_distance_to_what_is_nearest(m2wr_record):
 
 
 def test_second_robot_of_a_record_is_not_warned_of_again(m2wr_record, caplog, monkeypatch):
-    monkeypatch.setattr("m2wr_sim.api.sim._TOLD", Told())
+    monkeypatch.setattr("m2wr_sim.api.sim._ONCE_LOGGER", OnceLogger())
     with caplog.at_level(logging.WARNING), Sim("empty", wheel_convention="noetic") as sim:
         sim.spawn(m2wr_record, name="one")
         said = len(caplog.records)

@@ -17,13 +17,13 @@ from m2wr_sim.api.loading import read_robot
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.runtime.ports import LocalPorts
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 seed, kind, solver = int(sys.argv[1]), sys.argv[2], sys.argv[3]
 robot = read_robot("m2wr")
 engine = conftest.factory.make_engine(kind, EngineSettings(step_ns=int(sys.argv[4]) * 1000000, solver=solver))
 engine.reseed(seed)
-rig = conftest.Rig(Simulator(engine, Scene(), LocalPorts(conftest.copied), SimConfig(seed=seed)))
+rig = conftest.Rig(Simulator(engine, RayScene(), LocalPorts(conftest.copied), SimConfig(seed=seed)))
 for model in (conftest.ground(), conftest.box("wall", 3, 0, 0.5, size=(0.2, 6, 1)),
               conftest.cylinder("post", 2, 1, 0.5),
               conftest.box("crate", 1, 0, 0.2, size=(0.3, 0.3, 0.3), static=False),

@@ -10,7 +10,7 @@ from m2wr_sim.model.types import Box, Cylinder, Noise, Plane, RayScan, Sphere
 from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.sensors import packed_kernels
 from m2wr_sim.sensors.laser import LaserSensor, warm_up
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 ORIGIN = ((0.0, 0.0, 0.0), UPRIGHT)
@@ -23,7 +23,7 @@ def laser(seed=1, **changes):
 
 def world(*shapes):
     """Return a scene of (geometry, (x, y, z)) or (geometry, (x, y, z), retro)."""
-    scene = Scene(4)
+    scene = RayScene(4)
     for k, (geometry, position, *retro) in enumerate(shapes):
         scene.add(geometry, (position, UPRIGHT), k, *retro)
     return scene
@@ -34,7 +34,7 @@ UNIT_BOX = (Box((1.0, 1.0, 1.0)), (1.0, 0.0, 0.0))
 
 
 def test_empty_world_reads_infinity_everywhere():
-    ranges, intensities = laser().cast(Scene(1), ORIGIN)
+    ranges, intensities = laser().cast(RayScene(1), ORIGIN)
     assert ranges.dtype == intensities.dtype == np.float32 and ranges.shape == intensities.shape == (720,)
     assert (ranges == np.inf).all() and (intensities == 0.0).all()
 
@@ -67,7 +67,7 @@ def test_turned_sensor_sees_the_wall_at_the_turned_beam():
 
 
 def test_mirrored_world_gives_the_mirrored_scan():
-    rng, left, right = np.random.default_rng(2), Scene(64), Scene(64)
+    rng, left, right = np.random.default_rng(2), RayScene(64), RayScene(64)
     for k in range(40):
         x, y, yaw = rng.uniform(-8, 8), rng.uniform(-8, 8), rng.uniform(-3, 3)
         size = rng.uniform(0.1, 1.0, 3)
@@ -237,7 +237,7 @@ def test_large_scans_work():
 
 
 def test_scene_may_grow_between_scans():
-    sensor, scene = laser(samples=1), Scene(1)
+    sensor, scene = laser(samples=1), RayScene(1)
     for k in range(10):
         scene.add(Sphere(0.5), ((9.0 - 0.5 * k, 0.0, 0.0), UPRIGHT), k)
         assert sensor.cast(scene, ORIGIN)[0][0] == pytest.approx(8.5 - 0.5 * k)
@@ -270,12 +270,12 @@ def test_warm_up_compiles_everything_a_scan_needs():
 @pytest.mark.parametrize("changes", [{}, dict(vertical_samples=3, vertical_min_angle=-0.2, vertical_max_angle=0.3),
                                      dict(noise=Noise("gaussian", 0.02, 0.05)), dict(samples=1)])
 def test_one_call_scans_as_two_kernels_do_to_the_bit(changes):
-    at_once, apart, scene, draw = laser(**changes), laser(**changes), Scene(2), np.random.default_rng(4)
+    at_once, apart, scene, draw = laser(**changes), laser(**changes), RayScene(2), np.random.default_rng(4)
     apart._block = None
     for turn in range(12):                              # the scene grows meanwhile
         for _ in range(turn % 3):
             shape = (Sphere(0.4), Box((0.5, 1.0, 2.0)))[int(draw.integers(2))]
-            scene.add(shape, (tuple(draw.uniform(-6.0, 6.0, 3) * (1, 1, 0.1)), ORIGIN[1]), "crowd")
+            scene.add(shape, (tuple(draw.uniform(-6.0, 6.0, 3) * (1, 1, 0.1)), ORIGIN[1]), "many")
         pose = (tuple(draw.uniform(-1.0, 1.0, 3)), tuple(draw.normal(size=4)))
         readings = [one.cast(scene, pose)[0].tobytes() for one in (at_once, apart)]
         assert readings[0] == readings[1]

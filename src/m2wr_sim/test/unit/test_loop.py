@@ -237,7 +237,7 @@ def test_the_end_does_not_wait_for_a_batch_of_slow_steps(simulator, build):
         loop.end_if_asked()
 
     loop = Loop(simulator, 0.0, lambda: len(looks) == 3, lambda: None)
-    engine.crowded, engine.between = 0, look        # every step takes long then
+    engine.iterative_above, engine.between = 0, look        # every step takes long then
     loop.run()
     assert looks == [1, 2, 3] and simulator.now_ns >= 10 * MS
     with pytest.raises(ShuttingDown):

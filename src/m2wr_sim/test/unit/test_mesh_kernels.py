@@ -16,7 +16,7 @@ from m2wr_sim.physics import native_shapes, pyode_bodies
 from m2wr_sim.sensors import laser, mesh_kernels, ray_kernels, rays_numpy
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.mesh_tree import corners_of
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 SPANS = (0.0, 1.5, math.pi, 6.2, 2.0 * math.pi, 7.5, -2.5)
@@ -101,7 +101,7 @@ def plain_numpy(monkeypatch):
 
 @pytest.mark.parametrize("seed", [2, 3, 4, 5, 6, 9, 10, 11])
 def test_ranges_are_those_of_every_triangle_one_by_one(seed):
-    draw, scene = random.Random(seed), Scene()
+    draw, scene = random.Random(seed), RayScene()
     meshes = [(soup(draw, 12) if index else hills(draw, 3, 4),
                (tuple(draw.uniform(-2.0, 2.0) for _ in range(3)), any_turn(draw))) for index in range(2)]
     for geometry, pose in meshes:
@@ -119,7 +119,7 @@ def test_ranges_and_hits_are_those_of_the_fallback(seed, plain_numpy):
     if not ray_kernels.HAVE_NUMBA:
         assert laser._cast_meshes is rays_numpy.cast_meshes_numpy
         return
-    draw, scene = random.Random(100 + seed), Scene(2)
+    draw, scene = random.Random(100 + seed), RayScene(2)
     for index in range(draw.randint(1, 4)):
         shape = soup(draw, draw.randint(1, 150)) if draw.random() < 0.6 else hills(draw, draw.randint(2, 12), 7)
         turn = any_turn(draw) if draw.random() < 0.7 else UPRIGHT
@@ -159,7 +159,7 @@ class _OdeRays:
 @pytest.mark.parametrize("seed", range(6))
 def test_ranges_are_those_of_ode(kind, tolerance, seed):
     """ODE meets heightfields in double precision, but keeps distances to meshes in single."""
-    draw, scene = random.Random(seed), Scene()
+    draw, scene = random.Random(seed), RayScene()
     meshes = [(hills(draw, 6, 9) if kind == "hills" else soup(draw, 60),
                (tuple(draw.uniform(-2.0, 2.0) for _ in range(3)),
                 quaternion_from_rpy(draw.gauss(0.0, 0.1), draw.gauss(0.0, 0.1), draw.uniform(-3.0, 3.0))))
@@ -186,14 +186,14 @@ def test_a_box_of_triangles_is_the_box(offset, pose):
     ranges = []
     for shape, place in ((Box((1.0, 2.0, 1.5)), (2.0, 0.0, 0.5)),
                          (block((1.0, 2.0, 1.5), offset), (2.0 - offset[0], -offset[1], 0.5 - offset[2]))):
-        scene = Scene()
+        scene = RayScene()
         scene.add(shape, (place, UPRIGHT), "a")
         ranges.append(distances(scan, scene, pose)[0])
     assert ranges[0] == pytest.approx(ranges[1], abs=1e-9, rel=0.0) and ranges[0].min() < 30.0
 
 
 def test_no_beam_slips_through_an_edge_between_two_triangles():
-    scene = Scene()
+    scene = RayScene()
     scene.add(block((1.0, 2.0, 2.0)), ((2.0, 0.0, 0.0), UPRIGHT), "a")     # the diagonal crosses the middle of the face
     for yaw in (0.0, 1e-13, -1e-13):
         pose = ((0.0, 0.0, 0.0), quaternion_from_rpy(0.0, 0.0, yaw))
@@ -201,7 +201,7 @@ def test_no_beam_slips_through_an_edge_between_two_triangles():
 
 
 def test_a_face_in_the_plane_of_the_scan_is_not_seen_and_its_neighbours_are():
-    scene = Scene()
+    scene = RayScene()
     scene.add(block((1.0, 1.0, 1.0)), ((2.0, 0.0, -0.5), UPRIGHT), "a")
     ranges, _ = distances(RayScan(range_min=0.1, range_max=9.0, samples=3, min_angle=-0.1, max_angle=0.1), scene,
                           ((0.0, 0.0, 0.0), UPRIGHT))
@@ -209,7 +209,7 @@ def test_a_face_in_the_plane_of_the_scan_is_not_seen_and_its_neighbours_are():
 
 
 def test_a_mesh_moves_with_its_row_and_goes_with_its_owner():
-    scene, scan = Scene(), RayScan(samples=1, range_min=0.1, range_max=9.0)
+    scene, scan = RayScene(), RayScan(samples=1, range_min=0.1, range_max=9.0)
     shape = block((1.0, 1.0, 1.0), (0.0, 3.0, 0.0))
     row = scene.add(shape, ((2.0, -3.0, 0.0), UPRIGHT), "a")
     scene.add(shape, ((4.0, -3.0, 0.0), UPRIGHT), "b")
@@ -228,7 +228,7 @@ def test_a_mesh_moves_with_its_row_and_goes_with_its_owner():
 
 
 def test_the_owner_to_be_looked_through_is():
-    scene = Scene()
+    scene = RayScene()
     scene.add(block((1.0, 1.0, 1.0)), ((2.0, 0.0, 0.0), UPRIGHT), "me")
     sensor = LaserSensor(RayScan(samples=1, range_min=0.1, range_max=9.0), np.random.default_rng(0))
     assert sensor.cast(scene, ((0.0, 0.0, 0.0), UPRIGHT), ignore_owner="me")[0] == [math.inf]
@@ -237,7 +237,7 @@ def test_the_owner_to_be_looked_through_is():
 @pytest.mark.parametrize("pose", [((math.nan, 0.0, 0.0), UPRIGHT), ((0.0, 0.0, 0.0), (math.nan,) * 4),
                                   ((math.inf, 0.0, 0.0), UPRIGHT)])
 def test_a_pose_that_is_not_finite_hits_nothing(pose):
-    scene = Scene()
+    scene = RayScene()
     scene.add(block((1.0, 1.0, 1.0)), ((2.0, 0.0, 0.0), UPRIGHT), "a")
     scan = RayScan(samples=50, min_angle=-1.0, max_angle=1.0, range_min=0.1, range_max=9.0)
     assert set(distances(scan, scene, pose)[0]) == {9.0}
@@ -254,8 +254,9 @@ def test_numbers_of_both_kernel_files_agree():
 def test_without_numba_the_kernels_are_plain_functions():
     code = ("import sys; sys.modules['numba'] = None\n"
             "import numpy as np\nfrom m2wr_sim.sensors import laser, mesh_kernels, ray_kernels\n"
-            "from m2wr_sim.sensors.scene import Scene\nfrom m2wr_sim.model.types import Mesh, RayScan\n"
-            "scene = Scene()\nscene.add(Mesh(np.array([[2., -1, -1], [2, 1, -1], [2, 0, 1]]), np.array([[0, 1, 2]])), "
+            "from m2wr_sim.sensors.ray_scene import RayScene\nfrom m2wr_sim.model.types import Mesh, RayScan\n"
+            "scene = RayScene()\n"
+            "scene.add(Mesh(np.array([[2., -1, -1], [2, 1, -1], [2, 0, 1]]), np.array([[0, 1, 2]])), "
             "((0, 0, 0), (0, 0, 0, 1)), 'a')\n"
             "scan = RayScan(samples=9, min_angle=-1.0, max_angle=1.0, range_min=0.1, range_max=9.0)\n"
             "results = []\n"

@@ -18,7 +18,7 @@ from m2wr_sim.physics.pyode_engine import PyodeEngine
 pytest.importorskip("numba", reason="the compiled loop needs numba")
 native_ode.publish_symbols()
 native = pytest.importorskip("m2wr_sim.physics.native_engine")
-kernels = pytest.importorskip("m2wr_sim.physics.fence_kernels")
+kernels = pytest.importorskip("m2wr_sim.physics.broad_phase_kernels")
 
 WHEEL = quaternion_from_rpy(0.0, 1.5707, 1.5707)
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -45,7 +45,7 @@ def solid(name, geometry, mass=None, surface=Surface()):
 
 
 def build(engine_class, step_ns=1000000, solver="step"):
-    """A crowd: floor, obstacles, two robots, things to push."""
+    """Many robots: floor, obstacles, two robots, things to push."""
     engine = engine_class(EngineSettings(step_ns=step_ns, solver=solver))
     engine.reseed(7)
     engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
@@ -95,10 +95,10 @@ def test_same_bits_as_the_python_loop_for_any_batch_length(step_ns, solver):
     assert results[2] == results[0]
 
 
-def test_fences_change_no_number(monkeypatch):
+def test_broad_phase_bounds_change_no_number(monkeypatch):
     results = []
-    for fences in (True, False):
-        monkeypatch.setattr(native.NativeEngine, "fences", fences)
+    for bounds in (True, False):
+        monkeypatch.setattr(native.NativeEngine, "broad_phase_bounds", bounds)
         engine, robots, free = build(native.NativeEngine)
         results.append(drive(engine, robots, free, 50, rounds=20))
         engine.close()
@@ -129,7 +129,7 @@ def skittles(engine_class):
 
 def test_what_sleeps_far_from_all_others_changes_no_number(monkeypatch):
     results = [skittles(native.NativeEngine)]
-    monkeypatch.setattr(native.NativeEngine, "fences", False)
+    monkeypatch.setattr(native.NativeEngine, "broad_phase_bounds", False)
     results += [skittles(native.NativeEngine), skittles(PyodeEngine)]
     seen, touches = results[0]
     assert results[1] == results[0] and results[2] == results[0]
@@ -181,7 +181,7 @@ def free_flags(engine):
 
 
 @pytest.mark.parametrize("arrival", ["spawned", "moved"])
-def test_a_wall_that_arrives_inside_a_fence_stops_the_robot(arrival):
+def test_wall_placed_inside_the_bounds_stops_the_robot(arrival):
     engine = native.NativeEngine(EngineSettings())
     engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
     for index in range(6):                  # more shapes than the robot has: else it asks for everything anyway

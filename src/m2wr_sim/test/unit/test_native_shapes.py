@@ -20,7 +20,7 @@ from m2wr_sim.model.types import Box, Heightmap, Mesh, RayScan, Sphere, Surface
 from m2wr_sim.physics import factory, native_shapes
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.sensors.laser import LaserSensor
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 from test_mesh_kernels import block
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -125,7 +125,7 @@ def test_a_ball_lies_where_the_heights_say_and_where_the_laser_sees_them(make_en
             0.7 * value for value in state(engine, 1).linear_velocity), (0.0,) * 3)
     x, y, z = state(engine, 1).position
     assert math.hypot(x - 1.3, y + 0.8) < 0.11          # a facet is 0.2 m wide
-    scene = Scene()
+    scene = RayScene()
     scene.add(model.links[0].collisions[0].geometry, build.at(), "floor")
     down = ((x, y, z), quaternion_from_rpy(0.0, 0.5 * math.pi, 0.0))
     sensor = LaserSensor(RayScan(samples=1, range_min=0.0, range_max=5.0), np.random.default_rng(0))

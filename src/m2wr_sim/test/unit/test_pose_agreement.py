@@ -40,7 +40,7 @@ from m2wr_sim.ros.world_markers import WorldMarkers
 from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.sensors.laser import LaserSensor
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_view.solids import Solids
 
 REST = (0.0, 0.0, 0.0)
@@ -135,7 +135,7 @@ class Agreement:
             same(read(told[model]), (state.position, state.orientation))
 
     def _check_rays(self, truth):
-        expected = Scene()
+        expected = RayScene()
         expected.add(Plane(), at(), "ground")
         for collision, pose in truth.values():
             expected.add(collision.geometry, pose, "thing")

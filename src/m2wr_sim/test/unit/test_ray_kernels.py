@@ -10,8 +10,8 @@ import pytest
 from m2wr_sim.geometry import matrix_from_quaternion, quaternion_from_rpy, rotate
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 from m2wr_sim.sensors import ray_kernels as kernels
+from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_sim.sensors.rays_numpy import cast_rays_numpy
-from m2wr_sim.sensors.scene import Scene
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 FANS = {
@@ -114,7 +114,7 @@ def random_shapes(rng, count, tilt, side=6.0):
 
 def build(shapes):
     """Return the scene of (geometry, pose) pairs, each its own owner."""
-    scene = Scene(2)
+    scene = RayScene(2)
     for k, (geometry, pose) in enumerate(shapes):
         assert scene.add(geometry, pose, k) == k
     return scene
@@ -142,9 +142,9 @@ def test_random_scenes_match_the_plain_twin(name, tilt, kernel):
 
 @pytest.mark.parametrize("name", sorted(FANS))
 @pytest.mark.parametrize("tilt", [0.0, 0.03, 3.0])
-def test_what_stands_behind_others_in_a_crowd_is_left_out_rightly(name, tilt):
+def test_hidden_shapes_among_many_are_left_out(name, tilt):
     rng = np.random.default_rng(len(name))
-    scene = build(random_shapes(rng, 4 * kernels.CROWD, tilt))
+    scene = build(random_shapes(rng, 4 * kernels.MANY, tilt))
     for _ in range(4):
         place = tuple(rng.uniform(-5.0, 5.0, 2)) + (rng.uniform(-0.4, 0.4),)
         turn = quaternion_from_rpy(*rng.uniform(-tilt, tilt, 2), rng.uniform(-math.pi, math.pi))
@@ -330,8 +330,8 @@ def test_long_walls_close_by_lose_no_beam():
 def test_works_without_compiling(hide):
     program = ("import os, sys\n%s\nimport numpy as np\n"
                "from m2wr_sim.model.types import Box, Noise, RayScan\n"
-               "from m2wr_sim.sensors.laser import LaserSensor\nfrom m2wr_sim.sensors.scene import Scene\n"
-               "scene = Scene(1)\nscene.add(Box((1.0, 1.0, 1.0)), ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 'box')\n"
+               "from m2wr_sim.sensors.laser import LaserSensor\nfrom m2wr_sim.sensors.ray_scene import RayScene\n"
+               "scene = RayScene(1)\nscene.add(Box((1.0, 1.0, 1.0)), ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 'box')\n"
                "ray = RayScan(samples=21, min_angle=-1.0, max_angle=1.0, range_max=9.0)\n"
                "laser = LaserSensor(ray, np.random.default_rng(0))\n"
                "print(laser.cast(scene, ((0, 0, 0), (0, 0, 0, 1)))[0][10])\n" % hide)

@@ -222,7 +222,7 @@ def test_table_has_a_row_for_every_case_and_takes_medians(monkeypatch):
     def run_case(arguments):
         asked.append(arguments)
         return {"factor": 100.0 + len(asked), "step_us": 5.0, "scan_us": 10.0, "messages": 0, "memory_mb": 150.0,
-                "load": 0.02, "ratio": 1.05, "c_step_us": 4.8, "fenced_us": 4.3}
+                "load": 0.02, "ratio": 1.05, "c_step_us": 4.8, "bounded_us": 4.3}
 
     monkeypatch.setattr(table, "run_case", run_case)
     monkeypatch.setattr(table.importlib.util, "find_spec", lambda name: None)       # no other simulator

@@ -16,16 +16,16 @@ from m2wr_sim.model.types import RayScan
 from m2wr_sim.physics.engine import FARTHEST, settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.runtime.entities import tell
+from m2wr_sim.runtime.once_logger import OnceLogger
 from m2wr_sim.runtime.simulator import SimConfig
-from m2wr_sim.runtime.told import Told
 from m2wr_sim.sensors.laser import LaserSensor
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 _NO_CLOCK = 1e-9                # Hz: nobody reads a clock here, and its ticks would cut stretches of steps in two
 _STANDING = 0.1                 # m: height of m2wr's chassis when it stands on the floor
 _CLEARANCE_RAYS = 360
 
-_TOLD = Told()          # what is to be said of a robot is said once, however many simulations it drives in
+_ONCE_LOGGER = OnceLogger()          # what is to be said of a robot is said once, however many simulations it drives in
 
 # libode steps all worlds of a process through one set of thread bookkeeping: two at once end in its assertion
 _ONE_STEPS = threading.Lock()
@@ -88,9 +88,10 @@ class Sim:
         self.world, self.sensing, self._simulator = read_world(world), sensing, None
         step = self.world.physics.max_step_size if step is None else step
         config = SimConfig(seed=_checked_seed(seed), clock_rate=_NO_CLOCK, wheel_convention=wheel_convention,
-                           command_timeout_ns=int(round(command_timeout * 1e9)), told=_TOLD, loss_ends=True)
+                           command_timeout_ns=int(round(command_timeout * 1e9)), once_logger=_ONCE_LOGGER,
+                           loss_ends=True)
         settings = settings_from_physics(self.world.physics, whole_step(step, "world %s" % self.world.name), solver)
-        self._simulator = DirectSimulator(make_engine(engine, settings), Scene(), SilentPorts(), config)
+        self._simulator = DirectSimulator(make_engine(engine, settings), RayScene(), SilentPorts(), config)
         self._robots, self._start_ns, self._spawned = {}, 0, []
         self._surveyor = None
         try:

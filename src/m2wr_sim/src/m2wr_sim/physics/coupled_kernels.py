@@ -12,14 +12,12 @@ from m2wr_sim.physics.step_layout import (
     C_MU2,
     C_NORMAL,
     CONTACT_WORDS,
-    CROWD_WORDS,
     FORMER_WORDS,
     GRIP_WORDS,
     H_ADDRESS,
     H_BODIES,
     H_BODY_COUNT,
     H_CONTACTS,
-    H_CROWDS,
     H_FORMER,
     H_FORMER_COUNT,
     H_FORMER_STEP,
@@ -27,6 +25,7 @@ from m2wr_sim.physics.step_layout import (
     H_GROUP,
     H_IDLER_COUNT,
     H_IDLERS,
+    H_ISLANDS,
     H_KEPT,
     H_SOLVES,
     H_SPACE_COUNT,
@@ -38,6 +37,7 @@ from m2wr_sim.physics.step_layout import (
     I_STEPS,
     I_TIME,
     IDLE_WORDS,
+    ISLAND_WORDS,
     J_COUPLED,
     J_FEEDBACK,
     J_FIRST,
@@ -97,7 +97,7 @@ _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.fl
 @njit(cache=True, nogil=True, error_model="numpy")
 def stands_for(words, model):
     """Return the row of the model that stands for all those that a model touches in this step, directly or not."""
-    row = np.int64(words[H_CROWDS] + model * np.uint64(CROWD_WORDS))
+    row = np.int64(words[H_ISLANDS] + model * np.uint64(ISLAND_WORDS))
     if words[row + X_STEP] != words[H_STEPS]:
         words[row + X_STEP], words[row + X_FOR] = words[H_STEPS], np.uint64(row)
         words[row + X_CONTACTS] = words[row + X_AWAKE] = words[row + X_AGAIN] = np.uint64(0)

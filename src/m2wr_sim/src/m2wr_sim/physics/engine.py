@@ -12,7 +12,7 @@ from typing import Dict, Tuple
 
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import compose
-from m2wr_sim.physics.crowds import CROWDED
+from m2wr_sim.physics.islands import ITERATIVE_ABOVE
 
 log = logging.getLogger(__name__)
 
@@ -73,9 +73,10 @@ class EngineSettings:
 class Engine(abc.ABC):
     """A world of rigid bodies.
 
-    A step in which more than ``crowded`` contacts between movable models hang together is solved iteratively, whatever
-    the solver, and such a step alone: the direct solver would take seconds for robots spawned into one another.  After
-    each of those ``between``, if it is set, is called without arguments; what it raises ends :meth:`step` early.
+    A step with an island of more than ``iterative_above`` contacts between movable models is solved iteratively,
+    whatever the solver, and such a step alone: the direct solver would take seconds for robots spawned into one
+    another.  After each of those ``between``, if it is set, is called without arguments; what it raises ends
+    :meth:`step` early.
 
     The poses of links live here and nowhere else.  ``placements`` counts the calls of :meth:`set_link_pose`;
     ``version`` grows with each of them and with each stretch of steps, so that poses asked for earlier hold while it
@@ -86,7 +87,7 @@ class Engine(abc.ABC):
     solver_messages = 0
     placements = 0
     version = 0
-    crowded = CROWDED
+    iterative_above = ITERATIVE_ABOVE
     between = None
 
     @abc.abstractmethod

@@ -15,17 +15,17 @@ from m2wr_sim.model.types import Plane
 from m2wr_sim.physics import native_ode
 from m2wr_sim.physics import step_kernels as kernels
 from m2wr_sim.physics import step_layout as layout
+from m2wr_sim.physics.broad_phase_kernels import count_solids
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.coupled_friction import Memory
 from m2wr_sim.physics.engine import Touch
-from m2wr_sim.physics.fence_kernels import count_solids
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 
 log = logging.getLogger(__name__)
 
 _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES, layout.H_HINGES,
-             layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_FENCES, layout.H_CROWDS,
+             layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_BOUNDS, layout.H_ISLANDS,
              layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS, layout.H_GRIPS, layout.H_STATES,
              layout.H_IDLERS, layout.H_FORMER)
 _NOWHERE = 1e300        # m: nothing has been looked about yet
@@ -37,10 +37,10 @@ _LEVEL = 0.9            # of a plane's normal, upwards: far from what steep cont
 class NativeEngine(PyodeEngine):
     """See :class:`~m2wr_sim.physics.engine.Engine`.
 
-    ``fences = False`` makes every model ask the whole static space in every step; the numbers are the same.
+    ``broad_phase_bounds = False`` makes every model ask the whole static space in every step; the numbers are the same.
     """
 
-    fences = True
+    broad_phase_bounds = True
 
     def __init__(self, settings):
         super().__init__(settings)
@@ -114,24 +114,24 @@ class NativeEngine(PyodeEngine):
             self._read_log()
         if words[layout.H_REPORT_COUNT]:
             self._read_reports()
-        if words[layout.H_CROWDED]:
-            words[layout.H_CROWDED] = 0
-            self._tell_crowd(self._crowd_members, int(words[layout.H_CROWD]))
+        if words[layout.H_ITERATIVE]:
+            words[layout.H_ITERATIVE] = 0
+            self._warn_of_island(self._island_members, int(words[layout.H_LARGEST_ISLAND]))
         if words[layout.H_LOST]:
             words[layout.H_LOST] = 0
             raise self._lost(left)
 
-    def _crowd_members(self):
-        """Return the names of the models in the largest crowd of the last step."""
+    def _island_members(self):
+        """Return the names of the models in the largest island of the last step."""
         words = self._words
-        start = int(words[layout.H_CROWDS])
-        rows = range(start, start + len(self._moving) * layout.CROWD_WORDS, layout.CROWD_WORDS)
+        start = int(words[layout.H_ISLANDS])
+        rows = range(start, start + len(self._moving) * layout.ISLAND_WORDS, layout.ISLAND_WORDS)
         leaders = {}
         for row in rows:                # who stands for another comes before it
             if words[row + layout.X_STEP] == words[layout.H_STEPS]:
                 leaders[row] = leaders.get(int(words[row + layout.X_FOR]), row)
         largest = [row for row, leader in leaders.items() if leader == row and words[row + layout.X_AWAKE]
-                   and words[row + layout.X_CONTACTS] == words[layout.H_CROWD]]
+                   and words[row + layout.X_CONTACTS] == words[layout.H_LARGEST_ISLAND]]
         return sorted(parts.name for parts, row in zip(self._moving, rows) if leaders.get(row) in largest[:1])
 
     def _make_room(self):
@@ -159,7 +159,7 @@ class NativeEngine(PyodeEngine):
                  len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
                  len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
                  len(self._damped_links) * layout.DAMPED_WORDS, len(self._handles),
-                 len(self._handles) * layout.FENCE_WORDS, len(self._moving) * layout.CROWD_WORDS, touching, touching,
+                 len(self._handles) * layout.BOUNDS_WORDS, len(self._moving) * layout.ISLAND_WORDS, touching, touching,
                  log_room * layout.LOG_WORDS,
                  layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0,
                  most_kept * layout.GRIP_WORDS, len(self._handles) * layout.STATE_WORDS,
@@ -178,7 +178,7 @@ class NativeEngine(PyodeEngine):
         words[layout.H_STATIC], words[layout.H_MOVING] = self._static_space._id(), self._moving_space._id()
         words[layout.H_CLASS_COUNT] = len(representatives)
         words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
-        self._values[layout.H_DT], words[layout.H_CROWD_LIMIT] = self._dt, self.crowded
+        self._values[layout.H_DT], words[layout.H_ISLAND_LIMIT] = self._dt, self.iterative_above
         words[layout.H_QUICK], words[layout.H_STEPS] = self._iterative, self._steps
         words[layout.H_SOLVES] = 0 if words[layout.H_QUICK] else self.settings.friction_solves
         words[layout.H_KEPT_ROOM] = most_kept
@@ -187,7 +187,7 @@ class NativeEngine(PyodeEngine):
         self._fill_geoms(starts[layout.H_GEOMS], geoms, classes)
         self._fill_bodies(starts)
         self._fill_joints(starts)
-        self._fill_fences(starts, geoms)
+        self._fill_bounds(starts, geoms)
         self._restore_touches()
         self._restore_forces(starts[layout.H_FORMER])
 
@@ -252,7 +252,7 @@ class NativeEngine(PyodeEngine):
             if drive.pull:
                 words[row + 5], values[row + 6] = motors[drive.dampers[0]], drive.pull
 
-    def _fill_fences(self, starts, geoms):
+    def _fill_bounds(self, starts, geoms):
         """Prepare to leave the static space alone where nothing is near; worth it, and exact, over one ground plane.
 
         libode goes through the smaller of two spaces first, so a model with more geoms than the static space has is met
@@ -260,8 +260,8 @@ class NativeEngine(PyodeEngine):
         """
         words, values = self._words, self._values
         planes = [geom for geom, shape in geoms if isinstance(shape.collision.geometry, Plane)]
-        words[layout.H_FENCED] = self.fences and len(planes) == 1
-        if not words[layout.H_FENCED]:
+        words[layout.H_BOUNDED] = self.broad_phase_bounds and len(planes) == 1
+        if not words[layout.H_BOUNDED]:
             return
         words[layout.H_PLANE], words[layout.H_PROBE] = planes[0]._id(), self._probe
         words[layout.H_PROBE_CALLBACK] = count_solids.address
@@ -274,8 +274,8 @@ class NativeEngine(PyodeEngine):
             words[row + layout.S_GEOM_COUNT] = count if count < statics else 0
         reach = self._reach(geoms)
         for index, handle in enumerate(self._handles.values()):
-            row = starts[layout.H_FENCES] + index * layout.FENCE_WORDS
-            values[row:row + layout.FENCE_WORDS] = reach.get(handle, 0.0), _NOWHERE, _NOWHERE, _NOWHERE
+            row = starts[layout.H_BOUNDS] + index * layout.BOUNDS_WORDS
+            values[row:row + layout.BOUNDS_WORDS] = reach.get(handle, 0.0), _NOWHERE, _NOWHERE, _NOWHERE
 
     def _reach(self, geoms):
         """Return ``{body: radius}`` [m] of spheres round the bodies that hold their geoms however they turn."""
@@ -382,7 +382,7 @@ class NativeEngine(PyodeEngine):
     def set_link_pose(self, link, pose):
         super().set_link_pose(link, pose)
         if self._links[link].body is None:
-            self._forget_block()                # a static thing has moved: it may now stand inside a fence
+            self._forget_block()                # a static thing has moved: it may now stand inside the bounds of a body
 
     def configure(self, settings):
         super().configure(settings)

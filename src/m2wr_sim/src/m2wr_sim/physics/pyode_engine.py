@@ -21,9 +21,9 @@ from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, has_direction, load_class, pair_surface, reduced
 from m2wr_sim.physics.coupled_friction import Grip, Memory, solve_coupled
-from m2wr_sim.physics.crowds import Crowds
 from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, Engine, LinkState, ModelHandle, Touch
 from m2wr_sim.physics.idle import count_down
+from m2wr_sim.physics.islands import Islands
 from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
 from m2wr_sim.physics.native_shapes import enter_space, leave_space
 from m2wr_sim.physics.step_layout import KEPT_PER_GEOM, LEAST_KEPT
@@ -57,7 +57,7 @@ class PyodeEngine(Engine):
         self._felt_since = {}                   # joint -> number of the step before the first one felt
         self._grips, self._coupled = [], False      # of this step: all contacts, whether one is more than standing
         self._memory = Memory()
-        self._crowds = Crowds()
+        self._islands = Islands()
         self._iterative = False         # whether every step is solved so
         self._messages = native_ode.MessageCounter()
         PyodeEngine.configure(self, settings)
@@ -247,7 +247,7 @@ class PyodeEngine(Engine):
             self._steps += 1
             if self._damped_joints or self._damped_links:
                 dampers.slow_down(self._damped_joints, self._damped_links)
-            self._crowds.clear()
+            self._islands.clear()
             self._grips, self._coupled = [], False
             for parts in moving:
                 ode.collide2(parts.space, static, None, near)
@@ -257,7 +257,7 @@ class PyodeEngine(Engine):
                 self._moving_space.collide(None, near)
             if self._idlers:
                 count_down(self._idlers, self._dt)
-            crowded = self._solve(world)
+            iterative = self._solve(world)
             if self._felt:
                 self._hand_out_contacts()
             group.empty()
@@ -267,8 +267,8 @@ class PyodeEngine(Engine):
                 if not (sum(map(abs, linear() + angular())) < TOO_FAST and sum(map(abs, position())) < TOO_FAR):
                     return count - taken
             self._unwrap()
-            if crowded:
-                self._tell_crowd(self._crowds.members, self._crowds.largest)
+            if iterative:
+                self._warn_of_island(self._islands.members, self._islands.largest)
         return None
 
     def _lost(self, left):
@@ -284,15 +284,15 @@ class PyodeEngine(Engine):
         return LostError("; ".join(found.values()), found, left)
 
     def _solve(self, world):
-        """Find the forces and move the bodies; returns whether that was done iteratively for a crowd's sake."""
+        """Find the forces and move the bodies; returns whether that was done iteratively because of a large island."""
         if self._iterative:
             world.quickStep(self._dt)
-        elif self._crowds.largest <= self.crowded:
+        elif self._islands.largest <= self.iterative_above:
             if self._coupled and 1 < self.settings.friction_solves and len(self._grips) <= self._most_kept():
                 forces = self._memory.forces if self._memory.step + 1 == self._steps else {}
                 forces = solve_coupled(world, self._contact_group, self._grips,
                                        {parts.name: [link.body for link in parts.links] for parts in self._moving},
-                                       self._crowds.stands_for, self._dt, self.settings.friction_solves, forces)
+                                       self._islands.stands_for, self._dt, self.settings.friction_solves, forces)
                 self._memory = Memory(self._steps, forces)
             else:
                 world.step(self._dt)
@@ -308,9 +308,9 @@ class PyodeEngine(Engine):
         """Return how many contacts a step may have that is solved more than once."""
         return max(LEAST_KEPT, KEPT_PER_GEOM * sum(len(self._bodies_geoms(parts)) for parts in self._moving))
 
-    def _tell_crowd(self, names, contacts):
+    def _warn_of_island(self, names, contacts):
         """Say that models are in one another; let the caller end what takes long."""
-        self._crowds.tell(self._steps, self._dt, names, contacts, self.settings.iterations)
+        self._islands.warn(self._steps, self._dt, names, contacts, self.settings.iterations)
         if self.between is not None:
             self.between()
 
@@ -359,7 +359,7 @@ class PyodeEngine(Engine):
                 contact.setContactGeomParams(position, normal, depth, first, second)
             found = found[:len(kept)]
         if one is not None and two is not None:
-            self._crowds.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
+            self._islands.join(pair[1].model, pair[2].model, len(found), one.isEnabled() or two.isEnabled())
         both_move, restless = one is not None and two is not None, pair[1].restless or pair[2].restless
         for number, contact in enumerate(found):
             position, normal, depth = contact.getContactGeomParams()[:3]

@@ -9,9 +9,9 @@ import math
 import numpy as np
 from numba import carray, cfunc, njit, types
 
+from m2wr_sim.physics.broad_phase_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.contact_kernels import FACES, deepest_faces, merge, merge_faces, rotate, spread, with_direction
 from m2wr_sim.physics.coupled_kernels import count_down, restart_countdown, solve_coupled, stands_for
-from m2wr_sim.physics.fence_kernels import is_free, sleeps_apart
 from m2wr_sim.physics.step_layout import (
     C_ALONG,
     C_BOUNCE,
@@ -43,28 +43,28 @@ from m2wr_sim.physics.step_layout import (
     H_BEFORE_COUNT,
     H_BODIES,
     H_BODY_COUNT,
+    H_BOUNDED,
     H_CALLBACK,
     H_CALLBACK_ITSELF,
     H_CLASS_COUNT,
     H_CONTACTS,
     H_COUPLED,
-    H_CROWD,
-    H_CROWD_LIMIT,
-    H_CROWDED,
     H_DAMPED_JOINT_COUNT,
     H_DAMPED_JOINTS,
     H_DAMPED_LINK_COUNT,
     H_DAMPED_LINKS,
     H_DT,
-    H_FENCED,
     H_GEOMS,
     H_GRIPS,
     H_GROUP,
     H_HINGE_COUNT,
     H_HINGES,
     H_IDLER_COUNT,
+    H_ISLAND_LIMIT,
+    H_ITERATIVE,
     H_KEPT,
     H_KEPT_ROOM,
+    H_LARGEST_ISLAND,
     H_LOG,
     H_LOG_COUNT,
     H_LOG_ROOM,
@@ -242,7 +242,7 @@ def _friction_direction(words, values, geom, pair, at):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _join(words, geom_one, geom_two, count):
-    """Count contacts between two movable models, as Crowds does."""
+    """Count contacts between two movable models, as Islands does."""
     first, second = stands_for(words, words[geom_one + G_MODEL]), stands_for(words, words[geom_two + G_MODEL])
     row, other = min(first, second), max(first, second)
     if row != other:
@@ -252,8 +252,8 @@ def _join(words, geom_one, geom_two, count):
     words[row + X_CONTACTS] += np.uint64(count)
     if words[row + X_AWAKE] == 0 and (_is_enabled(words[geom_one + G_BODY]) or _is_enabled(words[geom_two + G_BODY])):
         words[row + X_AWAKE] = np.uint64(1)
-    if words[row + X_AWAKE] != 0 and words[row + X_CONTACTS] > words[H_CROWD]:
-        words[H_CROWD] = words[row + X_CONTACTS]
+    if words[row + X_AWAKE] != 0 and words[row + X_CONTACTS] > words[H_LARGEST_ISLAND]:
+        words[H_LARGEST_ISLAND] = words[row + X_CONTACTS]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -458,7 +458,7 @@ def _solve(words, values, world, dt, quick):
     """Let libode find the forces and move the bodies, as PyodeEngine does."""
     if quick:
         _world_quick_step(world, dt)
-    elif words[H_CROWD] <= words[H_CROWD_LIMIT]:
+    elif words[H_LARGEST_ISLAND] <= words[H_ISLAND_LIMIT]:
         if words[H_COUPLED] == 1 and words[H_SOLVES] > 1:
             solve_coupled(words, values, world, dt)
         else:
@@ -468,7 +468,7 @@ def _solve(words, values, world, dt, quick):
         _seed_random(words[H_STEPS])
         _world_quick_step(world, dt)
         _seed_random(before)
-        words[H_CROWDED] = np.uint64(1)
+        words[H_ITERATIVE] = np.uint64(1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -476,7 +476,7 @@ def run(words, steps):
     """Take ``steps`` steps; ``words`` is the block as uint64.
 
     Returns the number of steps taken, which is less where the log of touches or the ring of reports might overflow,
-    after each step with a crowd in it, and after one that left a body nowhere or too fast; the body's number is then in
+    after each step with a large island, and after one that left a body nowhere or too fast; its number is then in
     ``H_LOST``.  The number is negative where there is anything for the caller to read in the block: most of the time
     there is not, and looking there costs it more than a step.
     """
@@ -484,22 +484,22 @@ def run(words, steps):
     dt = values[H_DT]
     world, group, data, callback = words[H_WORLD], words[H_GROUP], words[H_ADDRESS], words[H_CALLBACK]
     spaces, space_count = np.int64(words[H_SPACES]), np.int64(words[H_SPACE_COUNT])
-    fenced, quick, sleepers = words[H_FENCED] != 0, words[H_QUICK] != 0, words[H_SLEEPERS] != 0
+    bounded, quick, sleepers = words[H_BOUNDED] != 0, words[H_QUICK] != 0, words[H_SLEEPERS] != 0
     damped = words[H_DAMPED_JOINT_COUNT] + words[H_DAMPED_LINK_COUNT] != 0
     idlers = words[H_IDLER_COUNT] != 0
     taken = looked = 0
     astray = 0.0
     while (taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]
-           and words[H_REPORT_COUNT] < MANY_REPORTS and not words[H_CROWDED]):
+           and words[H_REPORT_COUNT] < MANY_REPORTS and not words[H_ITERATIVE]):
         taken += 1
         words[H_STEPS] += np.uint64(1)
         if damped:
             _damp(words, values)
-        words[H_CROWD] = words[H_KEPT] = words[H_COUPLED] = np.uint64(0)
+        words[H_LARGEST_ISLAND] = words[H_KEPT] = words[H_COUPLED] = np.uint64(0)
         asked = 0
         for index in range(space_count):
             row = spaces + index * SPACE_WORDS
-            free = fenced and words[row + S_GEOM_COUNT] != 0 and is_free(words, values, row)
+            free = bounded and words[row + S_GEOM_COUNT] != 0 and is_free(words, values, row)
             if free and sleepers and words[row + S_MEETS_ITSELF] == 0 and sleeps_apart(words, values, row):
                 continue
             asked += 1
@@ -528,8 +528,8 @@ def run(words, steps):
             looked, astray = taken, 0.0
     if taken != looked:
         _unwrap(words, values)
-    crowded = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_TOUCHING_ROOM]
-    return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or words[H_CROWDED] or crowded else taken
+    nearly_full = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_TOUCHING_ROOM]
+    return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or words[H_ITERATIVE] or nearly_full else taken
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ H_CONTACTS            dContact structures of ``CONTACT_WORDS`` words: those of t
                       room for ``MAX_FOUND`` that are being found
 H_GRIPS               ``GRIP_WORDS`` words for each of the former: joint, its bodies, mu, mu2, address of its
                       dJointFeedback, normal force that its limits are taken from (below 0: not known), a movable model
-                      in it, that model's island (a row of H_CROWDS), whether it is coupled, which contact it is, room
+                      in it, that model's island (a row of H_ISLANDS), whether it is coupled, which contact it is, room
                       for a dJointFeedback
 H_FORMER              ``FORMER_WORDS`` words a contact of the last coupled step, H_FORMER_STEP: which, normal force
 H_STATES              ``STATE_WORDS`` words a body: position, orientation, velocities, force and torque before the step;
@@ -23,10 +23,10 @@ H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on;
                       whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none)
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
-H_CROWDS              ``CROWD_WORDS`` words a movable model: step in which it last touched another, who stands for it
+H_ISLANDS             ``ISLAND_WORDS`` words a movable model: step in which it last touched another, who stands for it
                       (itself or one before it); for all those it stands for: contacts, whether any is awake, whether
                       they are to be solved again, change and greatest of their normal forces
-H_FENCES              ``FENCE_WORDS`` words a body: radius round it that holds its geoms, where it was last looked about
+H_BOUNDS              ``BOUNDS_WORDS`` words a body: radius round it that holds its geoms, where it was last checked
 H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns, way since then by its rates
 H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
                       motor that pulls in their place or none, its pull
@@ -44,9 +44,9 @@ import numpy as np
  H_GEOMS, H_SPACES, H_NOW, H_BEFORE, H_LOG, H_NOW_COUNT, H_BEFORE_COUNT, H_LOG_COUNT, H_STEPS, H_QUICK,
  H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
  H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
- H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_FENCED, H_FENCES, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
- H_FOUND, H_SLEEPERS, H_DT, H_CROWDS, H_CROWD, H_CROWD_LIMIT, H_CROWDED, H_GRIPS, H_STATES, H_KEPT, H_COUPLED,
- H_SOLVES, H_KEPT_ROOM, H_IDLERS, H_IDLER_COUNT, H_FORMER, H_FORMER_COUNT,
+ H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_BOUNDED, H_BOUNDS, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
+ H_FOUND, H_SLEEPERS, H_DT, H_ISLANDS, H_LARGEST_ISLAND, H_ISLAND_LIMIT, H_ITERATIVE, H_GRIPS, H_STATES, H_KEPT,
+ H_COUPLED, H_SOLVES, H_KEPT_ROOM, H_IDLERS, H_IDLER_COUNT, H_FORMER, H_FORMER_COUNT,
  H_FORMER_STEP) = range(60)
 HEADER_WORDS = 64
 
@@ -74,9 +74,9 @@ GEOM_WORDS = 7
 G_CLASS, G_BODY, G_LINK, G_WATCHED, G_MODEL, G_RESTLESS, G_IDLER = range(GEOM_WORDS)
 SPACE_WORDS = 6
 S_SPACE, S_MEETS_ITSELF, S_GEOM_COUNT, S_FIRST_BODY, S_BODY_COUNT, S_FREE = range(SPACE_WORDS)
-FENCE_WORDS = 4
-CROWD_WORDS = 7
-X_STEP, X_FOR, X_CONTACTS, X_AWAKE, X_AGAIN, X_CHANGE, X_GREATEST = range(CROWD_WORDS)
+BOUNDS_WORDS = 4
+ISLAND_WORDS = 7
+X_STEP, X_FOR, X_CONTACTS, X_AWAKE, X_AGAIN, X_CHANGE, X_GREATEST = range(ISLAND_WORDS)
 HINGE_WORDS = 3
 DAMPED_WORDS = 7
 

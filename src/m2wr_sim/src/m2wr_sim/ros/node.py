@@ -35,7 +35,7 @@ from m2wr_sim.ros.ports import RosPorts
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_sim.warm_up import warm_up
 
 log = logging.getLogger("m2wr_sim")
@@ -140,7 +140,7 @@ def build(config, folder):
     engine = make_engine(config.engine, settings_from_physics(world.physics, step_ns, config.solver))
     engine.reseed(config.seed)
     ports = LockstepPorts(config.lockstep_tick) if config.lockstep else RosPorts()
-    simulator = Simulator(engine, Scene(), ports, SimConfig(
+    simulator = Simulator(engine, RayScene(), ports, SimConfig(
         seed=config.seed, clock_rate=config.pub_clock_frequency, wheel_convention=config.wheel_convention,
         wheel_conventions=config.wheel_conventions, command_timeout_ns=int(config.command_timeout * 1e9),
         joint_states=config.joint_states, joint_state_rate=config.joint_state_rate, loss_ends=config.loss_ends))

@@ -30,7 +30,7 @@ class ModelContext(PluginContext):
         self.command_timeout_ns = simulator.config.command_timeout_ns
 
     def tell_once(self, level, text, *values):
-        self._simulator.config.told.once(level, self._model.name, text, *values)
+        self._simulator.config.once_logger.log(level, self._model.name, text, *values)
 
     @property
     def step_ns(self):

@@ -19,11 +19,11 @@ from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.plugins.base import PluginReader
 from m2wr_sim.plugins.left_out import AbsentPlugins
 from m2wr_sim.plugins.registry import find_plugin
-from m2wr_sim.runtime.agenda import Agenda
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
+from m2wr_sim.runtime.event_queue import EventQueue
+from m2wr_sim.runtime.once_logger import OnceLogger
 from m2wr_sim.runtime.schedule import first_step, misfit, period_of
-from m2wr_sim.runtime.told import Told
 
 log = logging.getLogger(__name__)
 
@@ -67,7 +67,7 @@ class SimConfig:
     joint_states: bool = True
     joint_state_rate: float = 50.0
     loss_ends: bool = False
-    told: Told = field(default_factory=Told, repr=False, compare=False)
+    once_logger: OnceLogger = field(default_factory=OnceLogger, repr=False, compare=False)
 
     def wheel_convention_of(self, model_name, described=None):
         """Return the convention for one model: what is set for its name, what its description says, the general one.
@@ -85,7 +85,7 @@ class Simulator:
     Parameters
     ----------
     engine : Engine
-    scene : Scene
+    scene : RayScene
         What rays see.
     ports : Ports
     config : SimConfig
@@ -105,7 +105,7 @@ class Simulator:
         self._active = []               # (plugin, context, label) of all models, in load order
         self._scene_version = self._moving_sight = None     # the engine's version that the scene shows
         self._resting_sights = {}       # static link -> SceneRows of its shapes
-        self._agenda = Agenda(self._failed, self._catch_up)
+        self._event_queue = EventQueue(self._failed, self._catch_up)
         self._absent = AbsentPlugins()
         self._misfits = set()           # what was said of rates that do not fit into the steps
         self._lost = []                 # names of models that have been thrown out of the world and are still listed
@@ -119,9 +119,9 @@ class Simulator:
         A model that the engine cannot build is named and left out.
         """
         for note in world.notes:
-            self.config.told.once(logging.WARNING, "", "%s", note)
+            self.config.once_logger.log(logging.WARNING, "", "%s", note)
         for remark in world.remarks:
-            self.config.told.once(logging.INFO, "", "%s", remark)
+            self.config.once_logger.log(logging.INFO, "", "%s", remark)
         self.physics = replace(world.physics, max_step_size=self.step_ns * 1e-9)
         self.lights.update((light.name, light) for light in world.lights)
         for record in world.models:
@@ -184,9 +184,9 @@ class Simulator:
         if not record.links:
             raise ModelError("model \"%s\" has no links" % name)
         for note in record.notes:
-            self.config.told.once(logging.WARNING, name, "%s: %s", name, note)
+            self.config.once_logger.log(logging.WARNING, name, "%s: %s", name, note)
         for remark in record.remarks:
-            self.config.told.once(logging.INFO, name, "%s: %s", name, remark)
+            self.config.once_logger.log(logging.INFO, name, "%s: %s", name, remark)
         pose = _within_reach(name, (tuple(pose[0]), normalise_quaternion(pose[1])))
         for link in record.links:
             for part in (link,) + link.collisions:
@@ -243,12 +243,12 @@ class Simulator:
             context.close()
             log.exception("%s failed to start and will not run", label)
             return
-        self.config.told.parameters(model.name, label, reader)
+        self.config.once_logger.log_parameters(model.name, label, reader)
         self._tell_misfits(label, spec, sensor)
         entry = (plugin, context, label)
         model.plugins.append(entry)
         self._active.append(entry)
-        self._agenda.stale = True
+        self._event_queue.stale = True
 
     def _tell_misfits(self, label, spec, sensor):
         """Say of each rate that does not fit into whole steps how it is kept, once."""
@@ -281,7 +281,7 @@ class Simulator:
         if entry not in self._active:
             return
         self._active.remove(entry)
-        self._agenda.stale = True
+        self._event_queue.stale = True
         plugin, context, label = entry
         try:
             plugin.close()
@@ -301,7 +301,7 @@ class Simulator:
     def add_observer(self, plugin, label):
         """Let a world-level plugin take part in every step; it must already be configured."""
         self.observers.append((plugin, None, label))
-        self._agenda.stale = True
+        self._event_queue.stale = True
 
     # ---- what rays see -----------------------------------------------------------------------------------------
 
@@ -346,8 +346,8 @@ class Simulator:
             self._bury()
         if self.paused or until_ns < first_ns:
             return now_ns
-        agenda = self._agenda
-        anew = not lazily or first_ns > self._hold_ns or agenda.stale or self.ports.waiting()
+        events = self._event_queue
+        anew = not lazily or first_ns > self._hold_ns or events.stale or self.ports.waiting()
         if anew:
             if self._owed:
                 self._catch_up()
@@ -357,27 +357,27 @@ class Simulator:
         if first_ns >= self._clock_due_ns:
             self.ports.clock(first_ns)
             self._clock_due_ns = first_step(first_ns + self._clock_period_ns, first_ns, step_ns)
-        if agenda.stale:
-            agenda.fill(self._active + self.observers)
-        if anew or first_ns > agenda.calm_ns:
-            agenda.act(now_ns, step_ns, anew)
+        if events.stale:
+            events.fill(self._active + self.observers)
+        if anew or first_ns > events.calm_ns:
+            events.act(now_ns, step_ns, anew)
         stop_ns = self._clock_due_ns - step_ns          # the least of these; to compare costs less than to call min
         if until_ns < stop_ns:
             stop_ns = until_ns
-        if agenda.calm_ns < stop_ns:
-            stop_ns = agenda.calm_ns
-        if agenda.sample_ns < stop_ns:
-            stop_ns = agenda.sample_ns
+        if events.calm_ns < stop_ns:
+            stop_ns = events.calm_ns
+        if events.sample_ns < stop_ns:
+            stop_ns = events.sample_ns
         if lazily and self._hold_ns < stop_ns:
             stop_ns = self._hold_ns
         count = (stop_ns - now_ns) // step_ns if stop_ns > first_ns else 1
         self._owed += count
         self.steps += count
         self.now_ns = now_ns = now_ns + count * step_ns
-        if not lazily or now_ns >= agenda.sample_ns:
-            if agenda.stale:
-                agenda.fill(self._active + self.observers)
-            agenda.measure(now_ns, lazily)
+        if not lazily or now_ns >= events.sample_ns:
+            if events.stale:
+                events.fill(self._active + self.observers)
+            events.measure(now_ns, lazily)
             if self._hold_ns - now_ns < _HOLD_NS // 2:
                 self._hold_ns = 0           # to ask all anew costs least now: the bodies are where they are
         return now_ns
@@ -440,7 +440,7 @@ class Simulator:
 
     def _failed(self, entry):
         log.exception("%s failed and is switched off", entry[2])
-        self._agenda.stale = True
+        self._event_queue.stale = True
         self._hold_ns = 0               # the others are asked anew
         if entry in self.observers:
             self.observers.remove(entry)
@@ -522,5 +522,5 @@ class Simulator:
         for entry in list(self._active):
             self._stop_plugin(entry)
         self.observers = []
-        self._agenda.stale = True
+        self._event_queue.stale = True
         self.engine.close()

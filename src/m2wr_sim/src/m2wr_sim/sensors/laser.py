@@ -15,8 +15,8 @@ from m2wr_sim.sensors import mesh_kernels, reading_kernels
 from m2wr_sim.sensors import packed_kernels as packed
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.noise import NoiseModel
+from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
-from m2wr_sim.sensors.scene import Scene
 
 _cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
 _cast_meshes = mesh_kernels.cast_meshes if kernels.HAVE_NUMBA else cast_meshes_numpy
@@ -97,7 +97,7 @@ class LaserSensor:
 
         Parameters
         ----------
-        scene : Scene
+        scene : RayScene
             What can be hit.
         sensor_pose : ((x, y, z), (x, y, z, w)), optional
             Of the sensor's frame in world: beams leave along its x axis at angle 0, its z axis is up.  A pose that is
@@ -185,7 +185,7 @@ class LaserSensor:
 
 def warm_up(rng):
     """Compile the kernels, or load them from their cache, so that no scan has to wait for it."""
-    scene, sensor = Scene(2), LaserSensor(RayScan(samples=2, range_max=2.0), rng)
+    scene, sensor = RayScene(2), LaserSensor(RayScan(samples=2, range_max=2.0), rng)
     row = scene.add(Sphere(1.0), IDENTITY, "warm_up")
     scene.mover(np.array([row], np.int64), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))()
     sensor.cast(scene, IDENTITY)

@@ -36,7 +36,7 @@ RINGS = 64              # classes of distance for the near-to-far order
 AZIMUTH_MARGIN = 5e-5   # rad; more than the error of azimuth and atan together
 TINY = 1e-12            # a direction component below this counts as this: moves a hit by at most 1e-12 of its range
 FEW_BEAMS = 8           # below, an interval costs more than it saves
-CROWD = 100             # shapes within reach from which on most stand behind others, and asking first saves time
+MANY = 100              # shapes within reach from which on most stand behind others, and asking first saves time
 
 
 @kernel
@@ -383,7 +383,7 @@ def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
 def _asks_first(found, beams, rows, frame):
     """Whether it pays to ask for each shape if it is hidden, and the azimuths allow it: within half a turn each way."""
     most = frame[ANGLE_MIN] + frame[ANGLE_STEP] * (beams.shape[1] - 1)
-    if found <= CROWD or not (frame[ANGLE_STEP] > 1e-12 and frame[ANGLE_MIN] >= -math.pi and most <= math.pi):
+    if found <= MANY or not (frame[ANGLE_STEP] > 1e-12 and frame[ANGLE_MIN] >= -math.pi and most <= math.pi):
         return False
     for j in range(rows.shape[0]):
         if not rows[j, 0] > 1e-6:
@@ -448,7 +448,7 @@ def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     q = frame[ORIENTATION:]
     sensor = rotation(q[0], q[1], q[2], q[3])
     found = _near_to_far(order, frame, spheres, _ahead(beams, rows, frame, sensor))
-    crowded, n, beams_per_angle = _asks_first(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
+    many, n, beams_per_angle = _asks_first(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
     for k in range(found):
         row = order[0, k]
         if shapes[row, KIND] == MESH:
@@ -456,7 +456,7 @@ def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
         if frame[IGNORED] >= 0.0 and shapes[row, OWNER] == frame[IGNORED]:
             continue
         centre = (spheres[0, row] - frame[0], spheres[1, row] - frame[1], spheres[2, row] - frame[2])
-        if crowded and shapes[row, KIND] != PLANE and _hidden(
+        if many and shapes[row, KIND] != PLANE and _hidden(
                 ranges, rows, frame, sensor, centre, spheres[3, row], shapes[row], n, beams_per_angle):
             continue
         if shapes[row, KIND] == PLANE:

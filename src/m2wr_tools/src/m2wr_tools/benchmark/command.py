@@ -133,18 +133,18 @@ def compare_with_c(options, folder):
     with c_loop.temporary_folder() as scratch:
         program = c_loop.compile_loop(c_loop.source(), scratch)
         for repeat in range(options.repeats):
-            fenced_us = in_process.time_engine(_case(options, world), steps)[0]
-            engine_us, position, settings = in_process.time_engine(_case(options, world), steps, fences=False)
+            bounded_us = in_process.time_engine(_case(options, world), steps)[0]
+            engine_us, position, settings = in_process.time_engine(_case(options, world), steps, bounds=False)
             text = c_loop.world_text(world, robot, reference.robot_places(options.robots), in_process.motor_rates(),
                                      in_process.FORCE, settings, 1, steps)
             (c_us,), c_position = c_loop.run_loop(program, text)
             if position != c_position:
                 raise SimError("the two loops did not do the same: the first robot ended at %s here and at %s in C"
                                % (position, c_position))
-            pairs.append((engine_us, c_us, fenced_us))
+            pairs.append((engine_us, c_us, bounded_us))
             progress((repeat + 1) / options.repeats)
-    engine_us, c_us, fenced_us = (statistics.median(column) for column in zip(*pairs))
-    return {"step_us": engine_us, "c_step_us": c_us, "fenced_us": fenced_us,
+    engine_us, c_us, bounded_us = (statistics.median(column) for column in zip(*pairs))
+    return {"step_us": engine_us, "c_step_us": c_us, "bounded_us": bounded_us,
             "ratio": statistics.median(one / two for one, two, _ in pairs),
             "steps": steps, "repeats": options.repeats}
 

@@ -20,7 +20,7 @@ from m2wr_sim.runtime.ports import LocalPorts
 from m2wr_sim.runtime.schedule import SensorSchedule
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
 from m2wr_sim.sensors.laser import LaserSensor
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_tools.benchmark import reference
 
 FORCE = 5.0                     # N m
@@ -116,7 +116,7 @@ def build(case):
     """Return a simulator with the robots driving, and their scanners; no plugin of the robots runs."""
     engine = make_engine(case.engine, settings_from_physics(case.world.physics, case.step_ns))
     engine.reseed(0)
-    simulator = Simulator(engine, Scene(), LocalPorts(), SimConfig(clock_rate=_CLOCK_RATE, joint_states=False))
+    simulator = Simulator(engine, RayScene(), LocalPorts(), SimConfig(clock_rate=_CLOCK_RATE, joint_states=False))
     simulator.load_world(case.world)
     record, scanners = robot_model(case.beams), []
     sensor = record.links[0].sensors[0]
@@ -131,8 +131,8 @@ def build(case):
     return simulator, scanners
 
 
-def time_engine(case, steps, fences=True):
-    """Time the engine alone, as the loop in C is timed; without its fences it does just what that loop does.
+def time_engine(case, steps, bounds=True):
+    """Time the engine alone, as the loop in C is timed; without ``bounds`` it does just what that loop does.
 
     Returns
     -------
@@ -141,7 +141,7 @@ def time_engine(case, steps, fences=True):
     """
     settings = settings_from_physics(case.world.physics, case.step_ns)
     engine, record = make_engine(case.engine, settings), robot_model(case.beams)
-    engine.fences = fences
+    engine.broad_phase_bounds = bounds
     try:
         for model in case.world.models:
             engine.add_model(model, model.pose)

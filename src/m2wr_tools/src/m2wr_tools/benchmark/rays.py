@@ -16,7 +16,7 @@ from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Noise, Plane, RayScan
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.laser import LaserSensor
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 SCAN = RayScan(samples=720, min_angle=-0.5 * math.pi, max_angle=0.5 * math.pi, range_min=0.1, range_max=10.0,
                noise=Noise(kind="gaussian", stddev=0.01))
@@ -32,7 +32,7 @@ _BOX_FACES = np.array(((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0
 
 def make_scene(obstacles, side, pillar=None, seed=1):
     """Return a walled square of ``side`` metres on a ground plane, with boxes and cylinders, or thin pillars only."""
-    draw, scene = random.Random(seed), Scene(obstacles + 1)
+    draw, scene = random.Random(seed), RayScene(obstacles + 1)
     scene.add(Plane(), ((0.0, 0.0, 0.0), UPRIGHT), "ground")
     half = 0.5 * side
     for x, y, size in ((half, 0.0, (0.2, side, 2.0)), (-half, 0.0, (0.2, side, 2.0)),
@@ -61,7 +61,7 @@ def make_house(boxes, seed=1):
         turn = np.array(((math.cos(yaw), -math.sin(yaw), 0.0), (math.sin(yaw), math.cos(yaw), 0.0), (0.0, 0.0, 1.0)))
         corners.append((_BOX_CORNERS * size) @ turn.T + (place[0], place[1], 0.7))
         faces.append(_BOX_FACES + 8 * index)
-    scene = Scene()
+    scene = RayScene()
     scene.add(Mesh(np.concatenate(corners), np.concatenate(faces)), ((0.0, 0.0, 0.0), UPRIGHT), "house")
     return scene
 
@@ -70,7 +70,7 @@ def make_hills(samples):
     """Return a heightmap of 24 m, up to 1.1 m high, that beams at half a metre meet again and again."""
     ticks = np.linspace(-12.0, 12.0, samples)
     heights = 0.5 + 0.6 * np.sin(0.9 * ticks)[None, :] * np.cos(0.7 * ticks)[:, None]
-    scene = Scene()
+    scene = RayScene()
     scene.add(Heightmap(heights, (24.0, 24.0)), ((0.0, 0.0, 0.0), UPRIGHT), "hills")
     return scene
 

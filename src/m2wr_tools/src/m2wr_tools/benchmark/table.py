@@ -27,7 +27,7 @@ _MEANINGS = (
     ("touches", "touches of robots", "%d"),
     ("c_step_us", "the same step in C [us]", "%.2f"),
     ("ratio", "ratio to C", "%.3f"),
-    ("fenced_us", "with fences, as it runs [us]", "%.2f"),
+    ("bounded_us", "with broad-phase bounds, as it runs [us]", "%.2f"),
     ("other_factor", "simulated seconds per second of processor time of the other", "%.1f"),
     ("faster", "times as fast as the other", "%.2f"),
     ("speed", "speed that the other reaches, 0.5 asked [m/s]", "%.3f"),
@@ -118,13 +118,14 @@ def make(repeats, progress):
             name, factor, _cell(results, "step_us", "%.1f"), _cell(results, "scan_us", "%.1f"),
             "%.0f %%" % (100.0 * share) if share >= 0.0 else "", _cell(results, "startup_s", "%.2f"),
             _cell(results, "memory_mb", "%.0f"), "%d" % max(result["messages"] for result in results))))
-    text += ["", "| the stepping loop against the same loop in C | this [us] | C [us] | ratio | with fences [us] |",
+    text += ["", "| the stepping loop against the same loop in C | this [us] | C [us] | ratio "
+             "| with broad-phase bounds [us] |",
              "| --- | --- | --- | --- | --- |"]
     for index, (name, arguments) in enumerate(COMPARISONS):
         result = run_case(("--compare", "c", "--repeats", str(2 * repeats + 1)) + arguments)
         progress((repeats * len(CASES) + index + 1) / (repeats * len(CASES) + len(COMPARISONS)))
         text.append("| %s | %.2f | %.2f | %.2f | %.2f |" % (name, result["step_us"], result["c_step_us"],
-                                                            result["ratio"], result["fenced_us"]))
+                                                            result["ratio"], result["bounded_us"]))
     text += _other_simulators(repeats)
     text += ["", "Medians of %d runs in turns, simulated seconds per second of processor time; %s."
              % (repeats, hardware.sentence(hardware.describe()))]

@@ -110,7 +110,7 @@ class Spawner:
         self._packages = rospkg.RosPack()
         self.in_loop = lambda function: function()      # runs what touches the world, between two steps
         self.convention_set_for = lambda name: None     # what ~wheel_conventions says of a model now, or None
-        self._newest = ("", None)       # text and record of the URDF spawned last: robots come in crowds
+        self._newest = ("", None)       # text and record of the URDF spawned last: many robots are often the same
         self._told = (None, "")         # record of which all has been said, and its wheel convention
 
     def _package_folder(self, name):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What was said of models and worlds, so that nothing is said twice.
+"""A logger of remarks on models and worlds that writes each line once.
 
 A warning is for what its reader can change: what is left out, differs from Gazebo, or drives a robot astray.
 What Gazebo does not apply either is told at level INFO.
@@ -8,16 +8,16 @@ import logging
 
 _MOST = 10000           # lines remembered, so that years of spawning take no memory
 
-log = logging.getLogger("m2wr_sim")
+_log = logging.getLogger("m2wr_sim")
 
 
-class Told:
-    """Logs each line once; simulations that share one say it once among them."""
+class OnceLogger:
+    """Logs each line once, also for all simulations that share one."""
 
     def __init__(self):
         self._lines = set()
 
-    def once(self, level, name, text, *values):
+    def log(self, level, name, text, *values):
         """Log a line unless the same was logged before, also of a model by another name.
 
         Parameters
@@ -35,9 +35,9 @@ class Told:
             if len(self._lines) >= _MOST:
                 self._lines.clear()
             self._lines.add(key)
-            log.log(level, "%s", line)
+            _log.log(level, "%s", line)
 
-    def parameters(self, name, label, reader):
+    def log_parameters(self, name, label, reader):
         """Tell which defaults a plugin takes, which values it refuses, and what it does not read.
 
         Parameters
@@ -50,10 +50,10 @@ class Told:
             What it has read its parameters with.
         """
         if reader.defaults:
-            self.once(logging.INFO, name, "%s takes defaults for %s", label,
-                      ", ".join("%s = %s" % pair for pair in reader.defaults))
+            self.log(logging.INFO, name, "%s takes defaults for %s", label,
+                     ", ".join("%s = %s" % pair for pair in reader.defaults))
         for problem in reader.problems:
-            self.once(logging.WARNING, name, "%s: %s", label, problem)
+            self.log(logging.WARNING, name, "%s: %s", label, problem)
         if reader.unread():             # nor does Gazebo's plugin
-            self.once(logging.INFO, name, "%s: nothing reads %s", label,
-                      ", ".join("<%s>" % tag for tag in reader.unread()))
+            self.log(logging.INFO, name, "%s: nothing reads %s", label,
+                     ", ".join("<%s>" % tag for tag in reader.unread()))

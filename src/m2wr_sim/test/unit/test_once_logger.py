@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_sim.api import Sim
 from m2wr_sim.api.loading import read_robot
-from m2wr_sim.runtime.told import Told
+from m2wr_sim.runtime.once_logger import OnceLogger
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def lines(caplog):
 @pytest.fixture
 def fresh(monkeypatch):
     """As if no simulation had been in this process yet."""
-    monkeypatch.setattr("m2wr_sim.api.sim._TOLD", Told())
+    monkeypatch.setattr("m2wr_sim.api.sim._ONCE_LOGGER", OnceLogger())
 
 
 @pytest.mark.parametrize("convention", ["rep103", "kinetic"])
@@ -58,11 +58,11 @@ def test_a_line_is_said_once_of_models_that_differ_in_their_names(fresh, lines):
 
 
 def test_another_line_is_said_and_memory_is_bounded(lines, monkeypatch):
-    told = Told()
+    logger = OnceLogger()
     for text in ("a: x", "b: x", "a: y"):
-        told.once(logging.WARNING, text[0], "%s", text)
+        logger.log(logging.WARNING, text[0], "%s", text)
     assert lines(logging.WARNING) == ["a: x", "a: y"]
-    monkeypatch.setattr("m2wr_sim.runtime.told._MOST", 3)
+    monkeypatch.setattr("m2wr_sim.runtime.once_logger._MOST", 3)
     for number in range(10):
-        told.once(logging.WARNING, "", "%d", number)
-    assert len(told._lines) <= 3 and len(lines(logging.WARNING)) == 10
+        logger.log(logging.WARNING, "", "%d", number)
+    assert len(logger._lines) <= 3 and len(lines(logging.WARNING)) == 10

@@ -23,7 +23,7 @@ from m2wr_sim.sensors.ray_kernels import (
 )
 
 
-class Scene:
+class RayScene:
     """A table of shapes, one row each; a row keeps its number until its owner is removed.
 
     Every shape of every model belongs here, those of the robot that carries the sensor too: rays know no owner.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Crowds: what hangs together in too many contacts is solved iteratively, and nothing else is."""
+"""Islands: models connected by too many contacts are solved iteratively, and no others."""
 import math
 import random
 import time
@@ -8,9 +8,9 @@ import pytest
 
 from conftest import ENGINES, at
 from m2wr_sim.physics import native_ode
-from m2wr_sim.physics.crowds import CROWDED, Crowds
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine as engine_of_kind
+from m2wr_sim.physics.islands import ITERATIVE_ABOVE, Islands
 
 MS = 1000000
 
@@ -31,23 +31,23 @@ def largest_group(meetings):
     return best
 
 
-def test_the_largest_crowd_is_the_one_of_the_slow_way_in_any_order():
-    places, seen, crowds = random.Random(5), set(), Crowds()
+def test_largest_island_agrees_with_plain_search_in_any_order():
+    places, seen, islands = random.Random(5), set(), Islands()
     for _ in range(200):
         meetings = [("m%d" % places.randrange(12), "m%d" % places.randrange(12), places.choice((1, 2, 3, 4, 7, 11)),
                      places.random() < 0.4) for _ in range(places.randrange(10))]
         contacts, names = largest_group(meetings)
         for _ in range(3):
             places.shuffle(meetings)
-            crowds.clear()
+            islands.clear()
             for meeting in meetings:
-                crowds.join(*meeting)
-            assert crowds.largest == contacts
+                islands.join(*meeting)
+            assert islands.largest == contacts
             if contacts:
-                found = crowds.members()
+                found = islands.members()
                 assert sum(count for one, _, count, _ in meetings if one in found) == contacts
         seen.add(len(names))
-    assert {0, 2, 3, 4} <= seen, "too few kinds of crowds: %s" % seen
+    assert {0, 2, 3, 4} <= seen, "too few kinds of islands: %s" % seen
 
 
 def pile(kind, robot, count, step_ms=5):
@@ -90,7 +90,7 @@ def test_robots_spawned_into_one_another_do_not_stall_and_repeat_to_the_last_bit
 
 
 @pytest.mark.parametrize("batch", [1, 40])
-def test_engines_agree_on_a_crowd_to_the_last_bit(robot, batch):
+def test_engines_agree_on_an_island_to_the_last_bit(robot, batch):
     ends = []
     for kind in ENGINES:
         engine = pile(kind, robot, 4)
@@ -127,9 +127,9 @@ def test_a_wall_of_bricks_may_be_run_into(make_engine, m2wr, build, caplog):
                for touch in engine.drain_touches())
 
 
-def test_who_is_in_a_crowd_is_told_now_and_then(make_engine, build, caplog):
+def test_members_of_an_island_are_logged_now_and_then(make_engine, build, caplog):
     engine = make_engine(5, [build.ground()])
-    engine.crowded = 10
+    engine.iterative_above = 10
     for k in range(7):
         engine.add_model(build.box("box", 0, 0, 0, size=(0.2, 0.2, 0.2), static=False), at(0.19 * k, 0.0, 0.1),
                          "box%d" % k)
@@ -141,25 +141,25 @@ def test_who_is_in_a_crowd_is_told_now_and_then(make_engine, build, caplog):
                               "box4 and 2 more.") and "50 iterations" in told[0]
 
 
-def test_what_stands_in_many_small_crowds_is_solved_as_ever(make_engine, build, caplog):
+def test_many_small_islands_are_solved_directly(make_engine, build, caplog):
     ends = []
-    for crowded in (CROWDED, 10 ** 6):
+    for limit in (ITERATIVE_ABOVE, 10 ** 6):
         engine = make_engine(5, [build.ground()])
-        engine.crowded = crowded
+        engine.iterative_above = limit
         crates(engine, build, 20, 2, spacing=0.3)
-        assert 4 * 20 > CROWDED
+        assert 4 * 20 > ITERATIVE_ABOVE
         engine.step(60)
         ends.append(states(engine))
     assert ends[0] == ends[1] and "touch one another" not in caplog.text
 
 
-def test_what_sleeps_is_no_crowd_until_it_is_woken(make_engine, build, caplog):
+def test_sleeping_models_are_no_island_until_woken(make_engine, build, caplog):
     engine = make_engine(5, [build.ground()])
-    engine.crowded = 10
+    engine.iterative_above = 10
     crates(engine, build, 1, 5)
     engine.step(600)
     assert "5 models touch" in caplog.text
-    engine._crowds = Crowds()                       # as if nothing had been told
+    engine._islands = Islands()                       # as if nothing had been told
     caplog.clear()
     engine.step(400)
     assert "touch one another" not in caplog.text
@@ -170,7 +170,7 @@ def test_what_sleeps_is_no_crowd_until_it_is_woken(make_engine, build, caplog):
 
 def test_long_steps_may_be_broken_off(make_engine, build):
     engine, calls = make_engine(5, [build.ground()]), []
-    engine.crowded = 10
+    engine.iterative_above = 10
     crates(engine, build, 1, 5)
 
     def between():

@@ -10,7 +10,7 @@ def _overrides(plugin, name):
     return getattr(getattr(plugin, name), "__func__", None) is not getattr(Plugin, name)
 
 
-class Agenda:
+class EventQueue:
     """Calls plugins, in their order, before and after steps.
 
     Parameters

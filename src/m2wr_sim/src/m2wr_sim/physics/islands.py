@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which movable models touch one another, directly or through others, and in how many places.
+"""Islands: which movable models are in contact with one another, directly or through others, and in how many places.
 
-The direct solver's time grows with the cube of that number: it is for robots and what they push.  Larger crowds are
+The direct solver's time grows with the cube of that number: it is for robots and what they push.  Larger islands are
 solved iteratively, see :class:`~m2wr_sim.physics.engine.Engine`.
 """
 import logging
@@ -13,18 +13,18 @@ log = logging.getLogger(__name__)
 # which is exact, takes some 2 ms a step (10 where all stand on the ground too), then 12 ms for 138 contacts, 49 for
 # 230, seconds for 840, against 0.4, 0.7 and 3 ms.  Ten robots that drive at one another make 19, a robot that runs into
 # a wall of nine bricks 53.
-CROWDED = 64
-TOLD_AGAIN = 10.0       # s of simulated time after which a crowd is told again
+ITERATIVE_ABOVE = 64
+WARNING_PERIOD = 10.0   # s of simulated time between two warnings
 _NAMED = 5              # models in a message
 
 
-class Crowds:
-    """Finds the largest crowd of a step that is not asleep as a whole, and tells of it."""
+class Islands:
+    """Finds the largest island of a step that is not asleep as a whole, and warns of it."""
 
     def __init__(self):
         self.largest = 0            # contacts in it
         self._for, self._contacts, self._awake = {}, {}, set()
-        self._told = -math.inf
+        self._warned = -math.inf
 
     def clear(self):
         """Begin a step."""
@@ -55,12 +55,12 @@ class Crowds:
         return name
 
     def members(self):
-        """Return the names of the models in the largest crowd, sorted."""
+        """Return the names of the models in the largest island, sorted."""
         leaders = [name for name, total in self._contacts.items() if total == self.largest and name in self._awake]
         return sorted(name for name in self._for if self.stands_for(name) in leaders[:1])
 
-    def tell(self, step, dt, names, contacts, iterations):
-        """Say in the log who is in a crowd and what is done; nothing if that was said in the last :data:`TOLD_AGAIN`.
+    def warn(self, step, dt, names, contacts, iterations):
+        """Log which models are in an island and how it is solved, at most once in :data:`WARNING_PERIOD`.
 
         Parameters
         ----------
@@ -73,9 +73,9 @@ class Crowds:
         iterations : int
             Of the iterative solver.
         """
-        if abs(step - self._told) * dt < TOLD_AGAIN:
+        if abs(step - self._warned) * dt < WARNING_PERIOD:
             return
-        self._told, names = step, names()
+        self._warned, names = step, names()
         more = " and %d more" % (len(names) - _NAMED) if len(names) > _NAMED else ""
         log.warning("step %d (%g ms each): %d models touch one another in %d places: %s%s. The exact solver is too "
                     "slow for that, so as long as it lasts steps are solved in %d iterations. If they were spawned "

@@ -9,7 +9,7 @@ from m2wr_sim.geometry import matrix_from_quaternion, quaternion_from_rpy
 from m2wr_sim.model.types import Box, Cylinder, Plane, RayScan, Sphere
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.ray_kernels import HALF, KIND, OWNER, PLANE
-from m2wr_sim.sensors.scene import Scene
+from m2wr_sim.sensors.ray_scene import RayScene
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 ORIGIN = ((0.0, 0.0, 0.0), UPRIGHT)
@@ -26,11 +26,11 @@ def ahead(scene, **kwargs):
 
 
 def test_empty_scene_shows_nothing():
-    assert ahead(Scene(4)) == math.inf and len(Scene(4)) == 0
+    assert ahead(RayScene(4)) == math.inf and len(RayScene(4)) == 0
 
 
 def test_table_grows_and_rows_stay():
-    scene = Scene(1)
+    scene = RayScene(1)
     rows = [scene.add(Sphere(0.5), at(k + 10.0), k) for k in range(20)]
     assert rows == list(range(20)) and scene.count == len(scene) == 20 and scene.capacity >= 20
     assert ahead(scene) == pytest.approx(9.5)
@@ -39,7 +39,7 @@ def test_table_grows_and_rows_stay():
 
 
 def test_removed_owner_is_gone_and_its_rows_are_used_again():
-    scene = Scene(2)
+    scene = RayScene(2)
     scene.add(Sphere(0.5), at(2.0), "near")
     scene.add(Box((1, 1, 1)), at(3.0), "near")
     scene.add(Plane((-1.0, 0.0, 0.0)), at(4.0), "near")
@@ -54,7 +54,7 @@ def test_removed_owner_is_gone_and_its_rows_are_used_again():
 
 
 def test_spawning_and_deleting_for_long_does_not_grow_the_table():
-    scene = Scene(8)
+    scene = RayScene(8)
     for k in range(100):
         for _ in range(5):
             scene.add(Sphere(0.1), at(1.0), k)
@@ -63,7 +63,7 @@ def test_spawning_and_deleting_for_long_does_not_grow_the_table():
 
 
 def test_ignored_owner_is_looked_through_also_after_others_left():
-    scene = Scene(4)
+    scene = RayScene(4)
     for x, owner in ((2.0, "a"), (4.0, "b"), (6.0, "c")):
         scene.add(Sphere(0.5), at(x), owner)
     assert ahead(scene, ignore_owner="a") == pytest.approx(3.5)
@@ -75,7 +75,7 @@ def test_ignored_owner_is_looked_through_also_after_others_left():
 
 
 def test_version_grows_with_every_change():
-    scene, versions = Scene(4), []
+    scene, versions = RayScene(4), []
     row = scene.add(Sphere(0.5), at(2.0), "a")
     versions.append(scene.version)
     scene.set_pose(row, *at(3.0))
@@ -93,7 +93,7 @@ def test_many_poses_equal_single_ones():
     rng = np.random.default_rng(0)
     positions, angles = rng.normal(size=(6, 3)), rng.uniform(-3, 3, (6, 3))
     turns = np.array([quaternion_from_rpy(*row) for row in angles])
-    one, many, moved = Scene(6), Scene(6), Scene(2)
+    one, many, moved = RayScene(6), RayScene(6), RayScene(2)
     for scene in (one, many, moved):
         rows = np.array([scene.add(Box((1, 2, 3)), ORIGIN, 0) for _ in range(6)])
     poses = np.hstack((positions, 3.0 * turns))         # of any length
@@ -119,7 +119,7 @@ def test_many_poses_equal_single_ones():
 
 
 def test_rows_outside_the_table_are_not_written():
-    scene = Scene(2)
+    scene = RayScene(2)
     scene.add(Sphere(0.5), at(2.0), "a")
     before = scene.spheres.copy()
     scene.set_poses(np.array([-1, 2, 99]), np.ones((3, 7)))
@@ -129,7 +129,7 @@ def test_rows_outside_the_table_are_not_written():
 
 def test_wrong_shapes_of_pose_arrays_are_refused():
     with pytest.raises(ValueError, match=r"expected \(1, 7\)"):
-        Scene(2).set_poses(np.array([0]), np.zeros((1, 4)))
+        RayScene(2).set_poses(np.array([0]), np.zeros((1, 4)))
 
 
 @pytest.mark.parametrize("rows, poses", [
@@ -137,11 +137,11 @@ def test_wrong_shapes_of_pose_arrays_are_refused():
     (np.array([0], np.int32), np.zeros((1, 7))), (np.array([0, 1]), np.zeros((2, 14))[:, ::2])])
 def test_arrays_that_cannot_be_handed_over_by_address_are_refused(rows, poses):
     with pytest.raises(ValueError, match="expected"):
-        Scene(2).mover(rows, poses)
+        RayScene(2).mover(rows, poses)
 
 
 def test_plane_keeps_its_normal_when_turned_and_follows_its_position():
-    scene = Scene(1)
+    scene = RayScene(1)
     row = scene.add(Plane((-2.0, 0.0, 0.0)), ((4.0, 7.0, 1.0), quaternion_from_rpy(0.3, 0.2, 0.1)), "wall")
     assert scene.shapes[row, KIND] == PLANE and ahead(scene) == pytest.approx(4.0)
     scene.set_pose(row, (5.0, 0.0, 0.0), quaternion_from_rpy(1.0, 1.0, 1.0))
@@ -149,7 +149,7 @@ def test_plane_keeps_its_normal_when_turned_and_follows_its_position():
 
 
 def test_sizes_are_halved_and_bounding_spheres_enclose():
-    scene = Scene(3)
+    scene = RayScene(3)
     scene.add(Box((2.0, 4.0, 4.0)), ORIGIN, 0)
     scene.add(Cylinder(3.0, 8.0), ORIGIN, 0)
     scene.add(Sphere(2.0), ORIGIN, 0)
@@ -161,7 +161,7 @@ def test_sizes_are_halved_and_bounding_spheres_enclose():
     (Box((1.0, -1.0, 1.0)), "not negative"), (Sphere(math.nan), "finite"), (Cylinder(1.0, math.inf), "finite"),
     (Plane((0.0, 0.0, 0.0)), "plane normal"), (Plane((math.nan, 0.0, 1.0)), "plane normal")])
 def test_bad_sizes_are_named_and_leave_the_scene_alone(geometry, message):
-    scene = Scene(2)
+    scene = RayScene(2)
     with pytest.raises(ValueError, match=message):
         scene.add(geometry, ORIGIN, "a")
     assert len(scene) == 0 and scene.count == 0
@@ -169,4 +169,4 @@ def test_bad_sizes_are_named_and_leave_the_scene_alone(geometry, message):
 
 def test_unknown_geometry_is_named():
     with pytest.raises(TypeError, match="cannot meet a dict"):
-        Scene(2).add({}, ORIGIN, "a")
+        RayScene(2).add({}, ORIGIN, "a")
