@@ -314,9 +314,10 @@ def test_without_enough_torque_it_hardly_accelerates(make):
 @pytest.mark.parametrize("tags, words", [
     ({"leftJoint": "joint_left"}, "\"joint_left\" is no joint of m2wr (it has joint_left_wheel, joint_right_wheel)"),
     ({"rightJoint": None}, "\"right_joint\" is no joint of m2wr"),
-    ({"wheelDiameter": "0"}, "expected positive lengths"), ({"wheelSeparation": "-0.4"}, "expected positive lengths"),
+    ({"wheelDiameter": "0"}, "expected a length from"), ({"wheelSeparation": "-0.4"}, "expected a length from"),
     ({"updateRate": "often"}, "<updateRate> holds \"often\""), ({"wheelTorque": "-1"}, "at least 0"),
-    ({"wheelSeparation": "nan"}, "expected a finite number")])
+    ({"wheelSeparation": "nan"}, "expected a length from"), ({"wheelSeparation": "1e-320"}, "expected a length from"),
+    ({"wheelDiameter": "1e300"}, "expected a length from")])
 def test_a_plugin_that_cannot_work_is_named_and_the_rest_goes_on(make, caplog, tags, words):
     rig = make(tags).run(0.12)
     error, = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]

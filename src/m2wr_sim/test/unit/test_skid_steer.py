@@ -98,7 +98,7 @@ def test_a_reset_stops_it(make):
 
 
 @pytest.mark.parametrize("tags, words", [({"leftRearJoint": "nose"}, "\"nose\" is no joint of m2wr"),
-                                         ({"wheelDiameter": "0"}, "expected positive lengths"),
+                                         ({"wheelDiameter": "0"}, "expected a length from"),
                                          ({"torque": "-1"}, "at least 0")])
 def test_what_cannot_work_is_named(make, caplog, tags, words):
     assert "/odom" not in make(tags).ports.topics and words in caplog.text

@@ -9,6 +9,7 @@ to run; between those times the engine steps without looking back.
 import abc
 
 from m2wr_sim.errors import PluginError
+from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
 
 NEVER = None
 
@@ -119,6 +120,18 @@ class PluginReader:
         if not abs(value) < float("inf") or (minimum is not None and value < minimum):
             raise PluginError("%s: <%s> holds \"%s\"; expected a finite number%s"
                               % (self.spec.where, tag, text, "" if minimum is None else " of at least %g" % minimum))
+        return value
+
+    def length(self, tag, default):
+        """Return a length [m] between the smallest and the largest size of a shape; PluginError for any other value."""
+        text = self.text(tag, default)
+        try:
+            value = float(text)
+        except (TypeError, ValueError):
+            value = float("nan")
+        if not LEAST_SIZE <= value <= FARTHEST:
+            raise PluginError("%s: <%s> holds \"%s\"; expected a length from %g to %g m"
+                              % (self.spec.where, tag, text, LEAST_SIZE, FARTHEST))
         return value
 
     def pass_over(self, *tags):

@@ -8,7 +8,6 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 from m2wr_sim.control.diff_drive import CONVENTIONS, EncoderOdometry, is_swapped, ramp, wheel_speeds
-from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import Plugin, driven_joint
@@ -28,11 +27,8 @@ class DiffDrive(Plugin):
         left_name, right_name = spec.text("leftJoint", "left_joint"), spec.text("rightJoint", "right_joint")
         self._left, self._right = driven_joint(ctx, spec, left_name), driven_joint(ctx, spec, right_name)
         self._joint_names = (right_name, left_name)
-        self._separation = spec.number("wheelSeparation", 0.34)
-        self._radius = 0.5 * spec.number("wheelDiameter", 0.15)
-        if not self._separation > 0.0 or not self._radius > 0.0:
-            raise PluginError("%s: wheelSeparation %g and wheelDiameter %g; expected positive lengths [m]"
-                              % (spec.spec.where, self._separation, 2.0 * self._radius))
+        self._separation = spec.length("wheelSeparation", 0.34)
+        self._radius = 0.5 * spec.length("wheelDiameter", 0.15)
         self._acceleration = spec.number("wheelAcceleration", 0.0, minimum=0.0)
         self._torque = spec.number("wheelTorque", 5.0, minimum=0.0)
         self._schedule = StrictSchedule(spec.number("updateRate", 100.0), ctx.now_ns)

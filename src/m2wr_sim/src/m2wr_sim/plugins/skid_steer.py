@@ -6,7 +6,6 @@ import math
 from nav_msgs.msg import Odometry
 
 from m2wr_sim.control.diff_drive import CONVENTIONS, is_swapped, wheel_speeds
-from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import yaw_of
 from m2wr_sim.plugins.base import Plugin, driven_joint
 from m2wr_sim.plugins.velocity_command import VelocityCommand
@@ -23,11 +22,8 @@ class SkidSteer(Plugin):
         self._ctx, self._physics = ctx, ctx.physics
         names = [spec.text(tag, default) for tag, default in _WHEELS]
         self._joints = [driven_joint(ctx, spec, name) for name in names]
-        self._separation = spec.number("wheelSeparation", 0.4)
-        self._radius = 0.5 * spec.number("wheelDiameter", 0.15)
-        if not self._separation > 0.0 or not self._radius > 0.0:
-            raise PluginError("%s: wheelSeparation %g and wheelDiameter %g; expected positive lengths [m]"
-                              % (spec.spec.where, self._separation, 2.0 * self._radius))
+        self._separation = spec.length("wheelSeparation", 0.4)
+        self._radius = 0.5 * spec.length("wheelDiameter", 0.15)
         self._torque = spec.number("torque", 5.0, minimum=0.0)
         self._schedule = StrictSchedule(spec.number("updateRate", 100.0), ctx.now_ns)
         self._publish_tf = spec.flag("broadcastTF", False)
