@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The errors this package raises on purpose; each message says what was read, where, and what was expected."""
+"""The exceptions of this package. Each message states what was read, where, and what was expected."""
+from __future__ import annotations
+
+from typing import Iterable
 
 
 class SimError(Exception):
-    """Base of all errors below."""
+    """Base class of all exceptions below."""
 
 
 class ModelError(SimError):
@@ -15,32 +18,32 @@ class WorldError(SimError):
 
 
 class LostError(SimError):
-    """Bodies have been thrown out of the world.
+    """Bodies have left the world.
 
     Attributes
     ----------
     models : tuple of str
-        The models they belong to.
+        Models to which these bodies belong.
     left : int
-        How many of the steps that were asked for have not been taken.
+        Number of requested steps that were not made.
     """
 
-    def __init__(self, message, models, left):
+    def __init__(self, message: str, models: Iterable[str], left: int) -> None:
         super().__init__(message)
         self.models, self.left = tuple(models), left
 
 
 class PluginError(SimError):
-    """A plugin cannot be configured; the simulation goes on without it."""
+    """A plugin cannot be configured; the simulation continues without it."""
 
 
 class ParameterError(SimError):
-    """A node parameter has an unusable value."""
+    """A node parameter has an invalid value."""
 
 
 class NotFoundError(SimError):
-    """A model, link, joint or frame of the given name does not exist in the world."""
+    """The world has no model, link, joint or frame of the given name."""
 
 
 class LockstepError(SimError):
-    """A controller that the simulation runs in lockstep with does not answer."""
+    """A controller that runs in lockstep with the simulation does not answer."""

@@ -1,30 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Keeps numba's caches on disk true: numba looks only at the file of a function, not at those it calls into.
+"""Keeps numba's caches on disk up to date.
 
-A kernel that calls kernels of another file, or takes constants from there, would go on with what it was compiled with
-after that other file has changed.  So all caches of a folder are dropped when any module in it has changed.
+numba checks only the file that defines a function.  A kernel may also call kernels of another file, or use constants
+from there.  After a change of that other file, numba would still load the old compiled kernel.  Therefore all caches of
+a folder are deleted when any module in it has changed.
 
-Nor does numba read what was compiled when the package was installed if it cannot write there too: then each user gets
-a copy, which is quicker than to compile anew.
+numba also ignores kernels that were compiled during installation if their folder cannot be written.  Each user then
+gets a copy, which is faster than compiling again.
 """
+from __future__ import annotations
+
 import hashlib
 import os
 import shutil
+from typing import Any, Dict, Optional
 
 try:
     from numba import njit
-except ImportError:             # then there are no compiled kernels
+except ImportError:             # without numba no kernel is compiled
     njit = None
 
 _STAMP = "kernels.sha1"
 
 
-def refresh(path):
-    """Drop the cached kernels of the folder of the file ``path`` if a module there is not what it was.
+def refresh(path: str) -> None:
+    """Delete the cached kernels of the folder that contains the file ``path`` if a module in it has changed.
 
-    To be called by a package of kernels when it is imported, before any of them.  The kernels lie where numba keeps
-    them: beside the modules, or in a folder of the user's where those cannot be written, as after an installation by
-    root.  Dates are not asked: an installation may keep those of the files it copies.
+    A package of kernels calls this when it is imported, before it imports a kernel.  numba stores compiled kernels
+    beside the modules, or in a folder of the user if the former cannot be written.  Changes are found by a checksum and
+    not by dates, because an installation may keep the dates of the files that it copies.
     """
     if njit is None:
         return
@@ -56,26 +60,26 @@ def refresh(path):
         return
 
 
-def _copy(source, cache):
-    """Copy compiled kernels; their indices last, so that whoever reads one finds what it names."""
+def _copy(source: str, cache: str) -> None:
+    """Copy compiled kernels. The indices are copied last, so that each index refers to existing files."""
     for name in sorted(os.listdir(source), key=lambda name: name.endswith(".nbi")):
         if name.endswith((".nbi", ".nbc")):
-            begun = os.path.join(cache, "%s.%d" % (name, os.getpid()))
-            shutil.copyfile(os.path.join(source, name), begun)
-            os.replace(begun, os.path.join(cache, name))
+            temporary = os.path.join(cache, "%s.%d" % (name, os.getpid()))
+            shutil.copyfile(os.path.join(source, name), temporary)
+            os.replace(temporary, os.path.join(cache, name))
 
 
-def _place(module):
-    """Return the folder in which numba keeps what it compiles of a file; None where it keeps nothing."""
-    probe = {"__name__": "probe"}
-    exec(compile("def probe():\n    pass\n", module, "exec"), probe)      # a function of that file, as numba sees it
+def _place(module: str) -> Optional[str]:
+    """Return the folder in which numba caches the compiled kernels of a file; None if it caches nothing."""
+    probe: Dict[str, Any] = {"__name__": "probe"}
+    exec(compile("def probe():\n    pass\n", module, "exec"), probe)      # for numba, a function of that file
     try:
         return njit(cache=True)(probe["probe"]).stats.cache_path
-    except (AttributeError, RuntimeError):      # it does not compile at all; nothing can be written anywhere
+    except (AttributeError, RuntimeError):      # the compiler is off, or there is no writable folder
         return None
 
 
-def _read(path):
+def _read(path: str) -> str:
     try:
         with open(path) as stream:
             return stream.read()
@@ -83,8 +87,8 @@ def _read(path):
         return ""
 
 
-def _remove(path):
+def _remove(path: str) -> None:
     try:
         os.remove(path)
     except FileNotFoundError:
-        pass                    # another process, started at the same moment, was faster
+        pass                    # another process has removed it

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Memory of a process, as the system tells it."""
+"""Memory use of a process, from the operating system."""
 from typing import Union
 
 _KILOBYTES = 1024.0     # a megabyte of this module
 
 
 def memory_mb(name: str, pid: Union[int, str] = "self") -> float:
-    """Return a figure of a process's memory [MB], 0 where the system does not tell it.
+    """Return a figure of a process's memory [MB], 0 if the system does not report it.
 
-    The peak that the system calls report is no less than that of the process which started this one.
+    ``resource.getrusage`` is not used: its peak includes that of the parent process.
 
     Parameters
     ----------

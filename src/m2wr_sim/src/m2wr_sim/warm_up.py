@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compile every kernel, or load it from its cache, before anything waits for it: ``python3 -m m2wr_sim.warm_up``."""
+"""Compile every kernel, or load it from its cache, in advance: ``python3 -m m2wr_sim.warm_up``."""
+from __future__ import annotations
 
 import numpy as np
 
@@ -10,8 +11,8 @@ from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.sensors import laser
 
 
-def warm_up(engine_kind="auto"):
-    """Run the ray kernels and an engine's loop once on a tiny world."""
+def warm_up(engine_kind: str = "auto") -> None:
+    """Run the ray kernels and the loop of an engine once, on a small world."""
     laser.warm_up(np.random.default_rng(0))
     engine = make_engine(engine_kind, EngineSettings())
     try:
@@ -25,12 +26,13 @@ def warm_up(engine_kind="auto"):
         engine.close()
 
 
-def main():
-    """Compile, and say how far it has come; while the workspace is built, what says it may not be there yet."""
+def main() -> None:
+    """Compile all kernels and report the progress."""
     try:
         from m2wr_node.kernel_progress import KernelProgress
-    except ImportError:
-        return warm_up()
+    except ImportError:     # m2wr_node may not be built yet
+        warm_up()
+        return
     with KernelProgress("m2wr_sim"):
         warm_up()
 

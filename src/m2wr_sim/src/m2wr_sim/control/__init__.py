@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drive laws, on plain numbers."""
+"""Kinematics of drives, with plain numbers."""
