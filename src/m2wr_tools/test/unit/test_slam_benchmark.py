@@ -199,7 +199,7 @@ def test_a_benchmark_that_was_ended_goes_on_where_it_was(folder, capsys, monkeyp
     (folder / "kept" / "room_report_2_1.run").write_text('{"key": ')
     assert command.main(words + ["--seeds", "1", "--resume"]) == 0 and len(begun) == 2
     assert command.main(words + ["--seeds", "1", "--resume", "--threads", "2"]) == 0 and len(begun) == 3
-    monkeypatch.setattr(command.finished, "program_digest", lambda: "another one")
+    monkeypatch.setattr(command.finished_runs, "program_digest", lambda: "another one")
     assert command.main(words + ["--seeds", "1", "--resume"]) == 0 and len(begun) == 4
 
 
