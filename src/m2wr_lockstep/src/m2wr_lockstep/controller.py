@@ -164,7 +164,7 @@ class Controller:
         rewound = False
         if self._last is not None and now_ns < self._last:
             rewound = True
-            rospy.logwarn("%s: time jumped back from %.3f s to %.3f s; starting anew", rospy.get_name(),
+            rospy.logwarn("%s: time jumped back from %.3f s to %.3f s; restarting", rospy.get_name(),
                           self._last * 1e-9, now_ns * 1e-9)
             if self._time_reset is not None:
                 self._time_reset()

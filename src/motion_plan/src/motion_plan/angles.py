@@ -13,15 +13,15 @@ _Angle = TypeVar('_Angle', float, 'FloatArray')
 
 
 def wrap_angle(angle: _Angle) -> _Angle:
-    """Return ``angle`` [rad] wrapped to [-pi, pi), whatever number of turns it holds."""
+    """Return ``angle`` [rad] wrapped to [-pi, pi), for any number of revolutions."""
     return (angle + math.pi) % TWO_PI - math.pi
 
 
 def normalize_angle(angle: float) -> float:
-    """Return ``angle`` [rad] moved by one turn towards zero when its size exceeds pi.
+    """Return ``angle`` [rad] moved by one revolution towards zero when its magnitude exceeds pi.
 
-    The report's own formula: it takes away one turn only, so it is right for differences of two wrapped
-    angles and leaves +pi and -pi as they are.
+    The report's own formula: it removes one revolution only, so it is right for differences of two wrapped
+    angles and does not change +pi and -pi.
     """
     if math.fabs(angle) > math.pi:
         angle = angle - (2 * math.pi * angle) / (math.fabs(angle))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The robot's measures that the guards need, in the frame of link_chassis (x forward, y left), in metres."""
+"""Dimensions of the robot for the guards, in the frame of link_chassis (x forward, y left), in metres."""
 
-#: The wheels' axle: the point about which the robot turns on the spot.
+#: The wheels' axle: the robot rotates on the spot about this point.
 AXLE_X = -0.05
 #: The laser (joint_sensor_laser).
 LASER_X = 0.15

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bug 2: towards the goal along the m-line, round an obstacle by wall following, back on the m-line beyond it.
+"""Bug 2: towards the goal along the m-line, around an obstacle by wall following, then along the m-line again.
 
-Decides which behaviour drives; the behaviours themselves (`go_to_point`, `wall_follower`) know nothing of it.
+Selects the active behaviour; the behaviours themselves (`go_to_point`, `wall_follower`) do not depend on it.
 """
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class State(Enum):
     GOAL_UNREACHABLE = 'goal_unreachable'
 
 
-#: Words of the report's log line for the two states it has.
+#: Descriptions for the log line; the first two are those of the report.
 STATE_DESCRIPTIONS = {State.GO_TO_POINT: 'Go to point', State.WALL_FOLLOWING: 'wall following',
                       State.GOAL_REACHED: 'goal reached', State.GOAL_UNREACHABLE: 'goal unreachable'}
 LEAVE_RULES = ('complete', 'report')
 
-#: Distance from the goal at which go_to_point stops [m], with room for measurement.
+#: Distance from the goal at which go_to_point stops [m], with a margin for measurement.
 REACHED_DISTANCE = 0.31
-#: The robot stands when it is slower than this [m/s, rad/s] for so long [s].
+#: The robot is at rest when it is slower than this [m/s, rad/s] for this time [s].
 REST_SPEED = 0.02
 REST_TIME = 0.5
 #: Half-width of the m-line [m].
@@ -48,36 +48,36 @@ REPORT_SECONDS = 5
 REPORT_FRONT = (0.15, 1.0)
 
 # the complete rule
-#: Radius of the disc around the axle for which the way to the goal must be free while driving, and when leaving [m].
+#: Radius of the disc around the axle for which the path to the goal must be free while driving, and when leaving [m].
 HIT_RADIUS = 0.52
 LEAVE_RADIUS = 0.55
-#: The way is obstructed when the disc could go less far than HIT_TRAVEL [m] + HIT_TIME [s] times the speed; at full
-#: speed and head-on that is 1 m before the laser. A standing robot first turns to the goal and then sees the next
-#: obstacle ahead of it, so a way only a little longer than the first part is worth leaving the wall for.
+#: The path is obstructed when the disc can travel less than HIT_TRAVEL [m] + HIT_TIME [s] times the speed; at full
+#: speed and head-on that is 1 m before the laser. A robot at rest first turns to the goal and then sees the next
+#: obstacle ahead, so a free path only a little longer than the first part is a reason to leave the wall.
 HIT_TRAVEL = 0.35
 HIT_TIME = 0.55
 LEAVE_TRAVEL = 0.45
-#: Top speed on the way to the goal [m/s]; an old scan lets the robot go on that much further.
+#: Maximum speed towards the goal [m/s]; the robot travels this much farther for each second of a scan's age.
 APPROACH_SPEED = 0.6
-#: The way to the goal ends where go_to_point stops [m].
+#: The path to the goal ends where go_to_point stops [m].
 STOP_SHORT = 0.28
-#: The leave point must be so much nearer to the goal than the hit point [m].
+#: The leave point must be nearer to the goal than the hit point by this distance [m].
 LEAVE_MARGIN = 0.2
-#: The robot is at the goal while following a wall: so near that it can stop within 0.3 m [m]; tried so often.
+#: The robot passes the goal while following a wall: near enough to stop within 0.3 m [m]; number of attempts.
 AT_GOAL = 0.27
 AT_GOAL_TRIES = 5
-#: A way that closes without passing the hit point went through a gap which at first counted as shut. Then there is more
-#: to try: the m-line is laid anew from there, so many times.
+#: A circuit that closes without passing the hit point went through a gap that was first regarded as closed. Then the
+#: m-line is defined again from there, at most this number of times.
 NEW_LINES = 3
-#: Without a wall within this distance [m] for so long [s] there is nothing left to follow.
+#: Without a wall within this distance [m] for this time [s] there is no wall to follow.
 LOST_WALL_DISTANCE = 2.0
 LOST_WALL_TIME = 1.0
-#: Not getting this far [m] in so long [s] while following a wall means that there is no way out.
+#: A robot that travels less than this distance [m] in this time [s] while following a wall is stuck.
 STUCK = ((0.3, 45.0), (2.0, 150.0))
 
 
 def distance_to_line(point: Sequence[float], start: Point, goal: Point) -> float:
-    """Return the distance [m] of ``point`` from the endless line through ``start`` and ``goal``, each (x, y) [m].
+    """Return the distance [m] of ``point`` from the infinite line through ``start`` and ``goal``, each (x, y) [m].
 
     Formula as in the report: ``|(y2-y1) x0 - (x2-x1) y0 + x2 y1 - y2 x1| / sqrt((y2-y1)^2 + (x2-x1)^2)``.
     """
@@ -104,7 +104,7 @@ class ReportRule:
         self._seconds = 0
 
     def end_turn(self) -> None:
-        """Count one turn of the 20 Hz loop; twenty make a second."""
+        """Count one period of the 20 Hz loop; twenty are a second."""
         self._loops += 1
         if self._loops == REPORT_LOOPS_A_SECOND:
             self._seconds += 1
@@ -134,7 +134,7 @@ class ReportRule:
 
 
 class CompleteRule:
-    """The textbook's rule: leave only on the m-line, nearer to the goal than the hit point, with the way free."""
+    """The textbook's rule: leave only on the m-line, nearer to the goal than the hit point, with a free path."""
 
     def __init__(self, start: Point, goal: Point) -> None:
         self._start, self._goal = start, goal
@@ -157,7 +157,7 @@ class CompleteRule:
         self._anchors = [(now, pose[0], pose[1])] * len(STUCK)
 
     def end_turn(self) -> None:
-        """This rule counts no turns."""
+        """This rule does not count periods."""
 
     def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
             scan_age: float) -> Optional[str]:
@@ -168,7 +168,7 @@ class CompleteRule:
             return 'an obstacle is too close to turn'
         reach = HIT_TRAVEL + HIT_TIME * abs(speed[0]) + APPROACH_SPEED * max(0.0, scan_age - 0.1)
         if not self._way_free(pose, surroundings, HIT_RADIUS, reach):
-            return 'the way to the goal is obstructed'
+            return 'the path to the goal is obstructed'
         return None
 
     def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
@@ -198,13 +198,13 @@ class CompleteRule:
         return None
 
     def unreachable(self, now: float, pose: Pose) -> Optional[str]:
-        """Return why the goal cannot be reached, or None; to be asked every turn of wall following."""
+        """Return why the goal cannot be reached, or None; must be called in every period of wall following."""
         for index, (distance, time) in enumerate(STUCK):
             since, x, y = self._anchors[index]
             if math.hypot(pose[0] - x, pose[1] - y) > distance:
                 self._anchors[index] = (now, pose[0], pose[1])
             elif now - since > time:
-                return 'the robot has not got %.1f m away from (%.2f, %.2f) in %.0f s' % (distance, x, y, time)
+                return 'the robot has moved less than %.1f m from (%.2f, %.2f) in %.0f s' % (distance, x, y, time)
         if self._circuit.add(pose):
             if self._new_lines < NEW_LINES and not self._circuit.passes_start(pose):
                 self._new_lines += 1
@@ -216,7 +216,7 @@ class CompleteRule:
         return None
 
     def new_line(self) -> Optional[Point]:
-        """Return the start (x, y) of an m-line that has been laid anew, once; else None."""
+        """Return the start (x, y) of a newly defined m-line, once; otherwise None."""
         start, self._new_start = self._new_start, None
         return start
 
@@ -224,7 +224,7 @@ class CompleteRule:
         return math.hypot(self._goal[0] - pose[0], self._goal[1] - pose[1])
 
     def _crossed_line(self, pose: Pose) -> bool:
-        """On the m-line, or across it since the last turn."""
+        """On the m-line, or across it since the last period."""
         side = _line_value(pose, self._start, self._goal)
         crossed = side * self._line_side < 0.0
         self._line_side = side
@@ -248,7 +248,7 @@ class Bug2:
     reason : str
         Why the state was entered.
     line_start : (float, float)
-        Where the m-line begins: ``start``, unless the complete rule had to lay it anew.
+        Start of the m-line: ``start``, unless the complete rule had to define it again.
     hit_point, leave_point : (float, float) or None
         The newest ones.
 
@@ -304,7 +304,7 @@ class Bug2:
 
     def update(self, now: float, pose: Pose, regions: Regions, surroundings: Surroundings,
                speed: Tuple[float, float] = (0.0, 0.0), scan_age: float = 0.0) -> State:
-        """Take one turn of the 20 Hz loop.
+        """Run one period of the 20 Hz loop.
 
         Parameters
         ----------
@@ -315,7 +315,7 @@ class Bug2:
         regions : dict of str to float
             Sector minima [m] (see `motion_plan.regions`).
         surroundings : motion_plan.surroundings.Surroundings
-            What has been seen; the complete rule looks at nothing else.
+            Obstacles seen; the only sensor input of the complete rule.
         speed : (float, float)
             Measured linear_x [m/s] and angular_z [rad/s].
         scan_age : float
@@ -324,7 +324,7 @@ class Bug2:
         Returns
         -------
         State
-            The state after this turn; a change is also in `hit_point`, `leave_point` and `reason`.
+            The state after this period; a change is also in `hit_point`, `leave_point` and `reason`.
         """
         if self.finished:
             return self.state
@@ -347,7 +347,7 @@ class Bug2:
             start = self._rule.new_line()
             if start is not None:
                 self.line_start = start
-                LOG.warning('the way round closed, but not where the wall was met; going on along a new m-line from '
+                LOG.warning('the circuit closed, but not at the hit point; continuing along a new m-line from '
                             '(%.2f, %.2f)', *start)
         self._rule.end_turn()
         return self.state

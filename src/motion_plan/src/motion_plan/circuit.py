@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Noticing that the robot drives along its own track again: the way round an obstacle has closed."""
+"""Detects that the robot drives along its own track again: the circuit around an obstacle is closed."""
 from __future__ import annotations
 
 import math
@@ -11,30 +11,30 @@ from motion_plan.planar_types import Pose
 
 #: Spacing of the recorded track [m].
 SPACING = 0.1
-#: The track counts as met again within this distance [m] and heading difference [rad].
+#: The old track is reached again within this distance [m] and heading difference [rad].
 NEAR = 0.3
 ALIGNED = math.radians(50.0)
-#: So much of the track [samples] must have been left behind before it can be met again.
+#: The track [samples] must have at least this length before it can be reached again.
 GAP = 20
 #: The robot must have been this far from the place in between [m].
 AWAY = 0.8
-#: The closed way passes the hit point within this distance [m]; it met the wall up to 0.7 m before reaching it.
+#: The closed circuit passes the hit point within this distance [m]; the hit is up to 0.7 m before the wall.
 NEAR_START = 1.0
 #: Samples at the start that do not count: the robot still joins the wall.
 JOINING = 5
-#: So many samples in a row (1 m of way) must lie on the old track.
+#: This number of consecutive samples (1 m of travel) must lie on the old track.
 CONFIRM = 10
-#: A loop shorter than this [samples] must be driven twice: in a place about as wide as the robot needs, measuring noise
-#: can send it round in the open once.
+#: A loop shorter than this [samples] must be driven twice: in a place about as wide as the robot, noise may cause one
+#: loop in free space.
 SHORT_LOOP = 80
 
 
 class Circuit:
-    """The track since the wall was met.
+    """The track since the hit point.
 
-    Comparing a whole metre with the old track, and not one point with the hit point, needs no fine tolerance: the
-    robot meets the wall some way off the border along which it then goes round, and it may pass near its own track in
-    the other direction.
+    A whole metre is compared with the old track, not one point with the hit point, so no fine tolerance is needed: the
+    hit point is at some distance from the path around the obstacle, and the robot may pass near its own track in the
+    other direction.
     """
 
     def __init__(self) -> None:
@@ -44,13 +44,13 @@ class Circuit:
         self.length = 0.0
 
     def passes_start(self, pose: Pose) -> bool:
-        """Whether the way that has closed at ``pose`` leads past the place where the track began."""
+        """Whether the circuit that closed at ``pose`` passes the place where the track began."""
         loop = self._track[self._count - self._loop_length(pose):self._count]
         distance = np.hypot(loop[:, 0] - self._track[0, 0], loop[:, 1] - self._track[0, 1])
         return bool(len(loop) and np.min(distance) < NEAR_START)
 
     def add(self, pose: Pose) -> bool:
-        """Take the pose (x, y [m], yaw [rad]) of now; return True once the track has closed."""
+        """Add the present pose (x, y [m], yaw [rad]); return True once the track has closed."""
         if self._count:
             step = math.hypot(pose[0] - self._track[self._count - 1, 0], pose[1] - self._track[self._count - 1, 1])
             if step < SPACING:
@@ -65,7 +65,7 @@ class Circuit:
         return self._matches >= (loop if loop < SHORT_LOOP else CONFIRM) > 0
 
     def _loop_length(self, pose: Pose) -> int:
-        """Samples between the newest place of the old track that ``pose`` meets and now; 0 when it meets none."""
+        """Samples since the newest place of the old track that ``pose`` reaches; 0 if there is none."""
         old = self._track[JOINING:max(JOINING, self._count - GAP)]
         if len(old) == 0:
             return 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Go to point: turn towards the goal, drive straight, stop. Looks at the pose only; it does not see obstacles."""
+"""Go to point: turn towards the goal, drive straight, stop. Uses only the pose; it does not see obstacles."""
 from __future__ import annotations
 
 import logging
@@ -41,8 +41,8 @@ class GoToPoint:
         self.state = State.FIX_YAW
 
     def restart(self) -> None:
-        """Begin with state 0, as when the behaviour is switched on: a command left over from state 1 would drive the
-        robot before it has turned to the goal.
+        """Begin with state 0, as when the behaviour is switched on: an old command of state 1 would drive the robot
+        before it has turned to the goal.
         """
         self.state = State.FIX_YAW
 
@@ -52,7 +52,7 @@ class GoToPoint:
         LOG.info('State changed to [%d]', self.state)
 
     def update(self, pose: Pose, regions: Optional[Regions] = None) -> Command:
-        """Return the command for one turn of the loop.
+        """Return the command for one period of the loop.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class GoToPoint:
         return self.done()
 
     def yaw_error(self, pose: Pose) -> float:
-        """Return the turn [rad] in [-pi, pi) that would make the robot face the goal; left is positive."""
+        """Return the rotation [rad] in [-pi, pi) that turns the robot to the goal; left is positive."""
         return wrap_angle(math.atan2(self.goal[1] - pose[1], self.goal[0] - pose[0]) - pose[2])
 
     def fix_yaw(self, pose: Pose) -> Command:
@@ -86,10 +86,10 @@ class GoToPoint:
         return 0.0, 0.0
 
     def go_straight_ahead(self, pose: Pose) -> Command:
-        """State 1: drive, with a small steady correction, until 0.3 m from the goal.
+        """State 1: drive, with a small constant correction, until 0.3 m from the goal.
 
-        Both checks run in the same turn, as in the original: arriving with a heading error above 2 degrees goes
-        back to state 0 first, and then finishes by way of states 1 and 2.
+        Both checks run in the same period, as in the original: on arrival with a heading error above 2 degrees the
+        state changes to 0 first, and then to 1 and 2.
         """
         error = self.yaw_error(pose)
         distance = math.hypot(self.goal[0] - pose[0], self.goal[1] - pose[1])
@@ -105,5 +105,5 @@ class GoToPoint:
         return command
 
     def done(self) -> Command:
-        """State 2: stand still until restarted."""
+        """State 2: stop until restarted."""
         return 0.0, 0.0

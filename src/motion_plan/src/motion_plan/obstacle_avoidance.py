@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Obstacle avoidance without a goal: drive on, turn away from what is nearer than a metre."""
+"""Obstacle avoidance without a goal: drive, turn away from obstacles nearer than a metre."""
 from __future__ import annotations
 
 import logging
@@ -15,7 +15,7 @@ THRESHOLD = 1.0
 
 
 class State(Enum):
-    """What the robot does; the value is its command (linear_x [m/s], angular_z [rad/s])."""
+    """Action of the robot; the value is its command (linear_x [m/s], angular_z [rad/s])."""
 
     GO_STRAIGHT = (0.6, 0.0)
     TURN_LEFT = (0.0, 0.3)
@@ -44,7 +44,7 @@ class ObstacleAvoidance:
         self.case = ''
 
     def take_action(self, regions: Regions) -> None:
-        """Choose the state from ``regions`` (dict of sector to metres). A value equal to 1 m decides nothing."""
+        """Choose the state from ``regions`` (dict of sector to metres). A value equal to 1 m matches no case."""
         values = [regions[name] for name in ('front', 'fleft', 'fright')]
         if not all(value < THRESHOLD or value > THRESHOLD for value in values):
             self.case = 'unknown case'

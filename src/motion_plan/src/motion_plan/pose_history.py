@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The last second of poses, so that a scan is placed where the robot was when it was taken."""
+"""The poses of the last second, to transform a scan by the pose at its stamp."""
 from __future__ import annotations
 
 import math
@@ -9,7 +9,7 @@ from typing import Deque, Optional, Tuple
 from motion_plan.angles import wrap_angle
 from motion_plan.planar_types import Pose
 
-#: No robot of ours gets farther than this between two poses: a length [m], and so much more a second [m/s].
+#: Largest possible distance between two poses: a constant [m], plus this speed [m/s] times the interval.
 JUMP_DISTANCE = 0.3
 JUMP_SPEED = 3.0
 
@@ -27,7 +27,7 @@ class PoseHistory:
         self._poses: Deque[Tuple[float, Pose]] = deque(maxlen=length)
 
     def add(self, stamp: float, pose: Pose) -> None:
-        """Take ``pose`` (x, y [m], yaw [rad]) of time ``stamp`` [s]; a stamp in the past starts a new history."""
+        """Add ``pose`` (x, y [m], yaw [rad]) at ``stamp`` [s]; a stamp in the past starts a new history."""
         if self._poses and stamp < self._poses[-1][0]:
             self._poses.clear()
         if self._poses and stamp == self._poses[-1][0]:
@@ -35,7 +35,7 @@ class PoseHistory:
         self._poses.append((stamp, pose))
 
     def is_jump(self, stamp: float, pose: Pose) -> bool:
-        """Tell whether the robot must have been put to ``pose`` at ``stamp`` [s], for it cannot have driven there."""
+        """Return whether the robot cannot have driven to ``pose`` by ``stamp`` [s], so was moved by other means."""
         if not self._poses or stamp < self._poses[-1][0]:
             return False
         before, (x, y, _) = self._poses[-1]

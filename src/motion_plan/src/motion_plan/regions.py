@@ -28,12 +28,12 @@ REPORT_ANGLE_MAX = 1.570796
 REPORT_INCREMENT = (REPORT_ANGLE_MAX - REPORT_ANGLE_MIN) / (REPORT_BEAMS - 1)
 #: No sector reports more than this [m]; it also stands for "nothing in range".
 MAX_REGION = 10.0
-#: A quarter of the report's beam spacing: beams on a sector's edge count in spite of 32-bit angles.
+#: A quarter of the report's beam spacing: it includes beams on a sector's edge despite 32-bit angles.
 _EDGE_TOLERANCE = 1e-3
 
 
 class ScanError(ValueError):
-    """A scan from which no sectors can be taken; the text says what was read and what was expected."""
+    """A scan without usable sectors; the text gives the value found and the value expected."""
 
 
 def check_scan(count: int, angle_min: float, angle_max: float, angle_increment: float) -> None:
@@ -53,7 +53,7 @@ def check_scan(count: int, angle_min: float, angle_max: float, angle_increment: 
 
 def sector_beams(count: int, angle_min: float, angle_increment: float,
                  bounds: Sequence[Tuple[int, int]]) -> List[IndexArray]:
-    """Return one index array a sector: the beams of a scan that belong to it.
+    """Return one index array for each sector: the beams of a scan that belong to it.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def sector_beams(count: int, angle_min: float, angle_increment: float,
 
 
 class RegionReader:
-    """Takes the sector minima of scans; remembers the beam lists of the last scan layout.
+    """Computes the sector minima of scans; stores the beam lists of the last scan layout.
 
     Parameters
     ----------
@@ -149,4 +149,4 @@ class RegionReader:
         if missing:
             self._notices.append(
                 'laser scan: no beam in sector %s; the scan covers %.1f to %.1f degrees, the sectors -90 to 90; such a '
-                'sector counts as free' % (', '.join(missing), math.degrees(angle_min), math.degrees(angle_max)))
+                'sector is regarded as free' % (', '.join(missing), math.degrees(angle_min), math.degrees(angle_max)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node bug2: puts the robot at the start, switches the two behaviours, tells what it does."""
+"""The node bug2: places the robot at the start, switches the two behaviours, publishes its state."""
 import json
 import math
 import threading
@@ -36,14 +36,14 @@ SET_MODEL_STATE = '/gazebo/set_model_state'
 GET_WORLD_PROPERTIES = '/gazebo/get_world_properties'
 GOAL_TOPIC = '/move_base_simple/goal'
 STATUS_PERIOD = 0.5
-#: Wall seconds that the last latched messages get to leave before the node exits.
+#: Wall seconds for the transmission of the last latched messages before the node exits.
 FAREWELL_SECONDS = 0.5
-#: Wall seconds between two attempts to place the robot, and for how long it may not be there yet: it is being spawned.
+#: Wall seconds between two attempts to place the robot, and for the robot to be spawned.
 PLACE_PAUSE, PLACE_PATIENCE = 0.2, 2.0
 
 
 class Bug2Publishers:
-    """The latched topics that tell what Bug 2 does."""
+    """The latched topics of Bug 2's state."""
 
     def __init__(self, rhythm):
         self._state = rhythm.publisher('bug2/state', String, queue_size=10, latch=True)
@@ -55,11 +55,11 @@ class Bug2Publishers:
         self._shown = Bug2Markers()
 
     def begin(self):
-        """A run begins anew: nothing of the one before is shown."""
+        """Start a new run: remove the markers of the previous one."""
         self._shown.begin()
 
     def markers(self, bug, frame_id, base_frame):
-        """Publish everything that rviz is to show of Bug 2."""
+        """Publish all markers of Bug 2 for rviz."""
         self._markers.publish(self._shown.message(bug, frame_id, base_frame))
 
     def state(self, bug, frame_id, stamp):
@@ -98,9 +98,9 @@ class Bug2Publishers:
 
 
 class Bug2Node:
-    """Reads the parameters, waits for the services, then takes a turn of `Bug2` at 20 Hz.
+    """Reads the parameters, waits for the services, then updates `Bug2` at 20 Hz.
 
-    A new goal, or being put elsewhere, begins a new run of `Bug2` from where the robot is.
+    A new goal, or a robot that was moved, starts a new run of `Bug2` from the robot's pose.
     """
 
     def __init__(self):
@@ -120,10 +120,10 @@ class Bug2Node:
         self._senses = Senses(self._rhythm, remember=True)
         Diagnostics('bug2', self._senses, self._report, ('/odom', SCAN_TOPIC))
         self._switched, self._began = None, False
-        self._start = start             # where a reset of the simulation puts the robot again
+        self._start = start             # pose of the robot after a reset of the simulation
         self._asked, self._asked_lock = None, threading.Lock()
         self._renew = False
-        # not by the rhythm: a click belongs to no turn, and waiting for tf must hold up none
+        # not by the rhythm: a click belongs to no period, and waiting for tf must delay none
         rospy.Subscriber(GOAL_TOPIC, PoseStamped, self.clbk_goal, queue_size=1)
         rospy.on_shutdown(self._leave_nothing_driving)
         self._told_line = None
@@ -139,12 +139,12 @@ class Bug2Node:
         return Report(self._began and not bug.finished, values, bug.state.value if self._began else 'waiting')
 
     def spin(self):
-        """Put the robot at its start and drive it; return the exit code."""
+        """Place the robot at its start and drive it; return the exit code."""
         if not self._rhythm.lockstep:
             wait_for_clock()
         self._wait_for_services()
         self._place_robot()
-        if not self._rhythm.lockstep:       # there messages come with the turns
+        if not self._rhythm.lockstep:       # in lockstep, messages arrive with the requests
             wait_while(self._senses_nothing, self._missing_topics)
             self._begin()
         code = self._rhythm.spin(self._turn, self._time_reset)
@@ -163,7 +163,7 @@ class Bug2Node:
         self._switch_behaviours()
 
     def _begin(self):
-        self._senses.jumped = False         # to the start, by this node itself
+        self._senses.jumped = False         # moved to the start by this node itself
         self.change_state(State.GO_TO_POINT)
 
     def distance_to_line(self, point):
@@ -179,7 +179,7 @@ class Bug2Node:
         if self._rhythm.lockstep:
             self._rhythm.note = self.bug.state.value
             if code is not None:
-                self._leave_nothing_driving()       # while its zero commands still belong to the run
+                self._leave_nothing_driving()       # while the zero commands are still a part of the run
         return code
 
     def _senses_nothing(self):
@@ -193,7 +193,7 @@ class Bug2Node:
             before, stale = self.bug.state, self._senses.stale(now)
             state = self.bug.update(now, pose, regions, self._senses.surroundings, speed, self._senses.scan_age(now))
         if stale and not self.bug.finished:
-            rospy.logwarn_throttle(5.0, 'bug2: nothing new on %s for over a second' % stale)
+            rospy.logwarn_throttle(5.0, 'bug2: no new message on %s for over a second' % stale)
         if state is not before:
             self.change_state(state)
             self._report_end(state, pose)
@@ -223,15 +223,15 @@ class Bug2Node:
     def _report_end(self, state, pose):
         goal = 'goal (%.2f, %.2f)' % self.bug.goal
         if state is State.GOAL_REACHED:
-            rospy.loginfo('%s reached: the robot stands at (%.2f, %.2f), %s', goal, pose[0], pose[1], self.bug.reason)
+            rospy.loginfo('%s reached: the robot is at (%.2f, %.2f), %s', goal, pose[0], pose[1], self.bug.reason)
         elif state is State.GOAL_UNREACHABLE:
-            rospy.logerr('%s cannot be reached: %s; the robot stands at (%.2f, %.2f)', goal, self.bug.reason,
+            rospy.logerr('%s cannot be reached: %s; the robot is at (%.2f, %.2f)', goal, self.bug.reason,
                          pose[0], pose[1])
 
     def _switch_behaviours(self):
-        """Call the two switches in the report's order; what fails is tried again in the next turn."""
+        """Call the two switches in the report's order; a failed call is repeated in the next period."""
         state = self.bug.state
-        # at the goal go_to_point stays on, as in the report: it holds the robot with zero commands
+        # at the goal go_to_point stays on, as in the report: it stops the robot with zero commands
         wanted = {State.WALL_FOLLOWING: (False, True), State.GOAL_UNREACHABLE: (False, False)}.get(state, (True, False))
         calls = list(zip(SWITCHES, wanted))
         if self._renew:
@@ -247,14 +247,14 @@ class Bug2Node:
         self._switched, self._renew = state, False
 
     def _leave_nothing_driving(self):
-        """Nobody would watch the way any more: switch off what this node had switched on."""
+        """Switch off the behaviours, which would drive without supervision."""
         if self._switched is None:
             return
         for service in SWITCHES:
             try:
                 rospy.ServiceProxy(service, SetBool)(False)
             except (rospy.ServiceException, rospy.ROSException):
-                continue    # it is shutting down as well, and stops the robot by itself
+                continue    # it shuts down as well, and stops the robot itself
 
     def _wait_for_services(self):
         for service in SWITCHES + (SET_MODEL_STATE,):
@@ -270,18 +270,18 @@ class Bug2Node:
             return False
 
     def _model_is_there(self):
-        """Return whether the simulator has the robot's model, as far as it tells."""
+        """Return whether the simulator has the robot's model, or does not answer."""
         try:
             return self._model_name in rospy.ServiceProxy(GET_WORLD_PROPERTIES, GetWorldProperties)().model_names
         except (rospy.ServiceException, rospy.ROSException):
-            return True         # it does not tell: the next call will
+            return True         # no answer: the next call will show it
 
     def _place_robot(self):
-        """Set the robot to the start; asked again and again until the simulator has the model."""
+        """Place the robot at the start; repeated until the simulator has the model."""
         state = ModelState()
         state.model_name = self._model_name
         state.pose.position.x, state.pose.position.y = self.bug.start
-        if self._initial_yaw != 0.0:    # else the report's all-zero quaternion, which means no rotation
+        if self._initial_yaw != 0.0:    # otherwise the report's all-zero quaternion, which means no rotation
             state.pose.orientation.z = math.sin(self._initial_yaw / 2)
             state.pose.orientation.w = math.cos(self._initial_yaw / 2)
         wait_while(lambda: not self._model_is_there(),
@@ -291,7 +291,7 @@ class Bug2Node:
             try:
                 answer = rospy.ServiceProxy(SET_MODEL_STATE, SetModelState)(state)
                 if answer.success:
-                    # what was measured before the robot was moved says nothing about where it is now
+                    # measurements before the robot was moved are not valid any more
                     self._senses.forget(not_before=rospy.get_time())
                     return
                 problem = answer.status_message
@@ -318,10 +318,10 @@ class Bug2Node:
         self._publishers.begin()
         self.change_state(State.GO_TO_POINT)
 
-    # ---- another goal, another place ------------------------------------------------------------------------
+    # ---- new goal, moved robot ------------------------------------------------------------------------------
 
     def clbk_goal(self, msg):
-        """Keep a goal for the next turn, in the odometry frame; refuse one that makes no sense."""
+        """Store a goal for the next period, in the odometry frame; refuse an invalid one."""
         try:
             x, y, _ = planar_in(self._senses.frame_id, msg.header.frame_id, msg.pose)
         except PoseError as error:
@@ -332,7 +332,7 @@ class Bug2Node:
             self._asked = (x, y)
 
     def _take_news(self, now):
-        """Begin anew where a goal was given or the robot was put elsewhere; False while no scan has come from there."""
+        """Restart for a new goal or a moved robot; False while there is no scan from the new place."""
         with self._senses.lock:
             pose, jumped = self._senses.pose, self._senses.jumped
             if pose is None:
@@ -345,20 +345,20 @@ class Bug2Node:
         with self._asked_lock:
             goal, self._asked = self._asked, None
         if goal is not None:
-            self._begin_anew(pose, goal, 'new goal (%.2f, %.2f)' % goal)
+            self._restart(pose, goal, 'new goal (%.2f, %.2f)' % goal)
         elif jumped:
-            self._begin_anew(pose, self.bug.goal, 'the robot was put elsewhere')
+            self._restart(pose, self.bug.goal, 'the robot was put elsewhere')
         return True
 
-    def _begin_anew(self, pose, goal, why):
-        """Lay the m-line from ``pose`` to ``goal`` and head for it."""
+    def _restart(self, pose, goal, why):
+        """Define the m-line from ``pose`` to ``goal`` and drive to the goal."""
         try:
             bug = Bug2(pose[:2], goal, self.bug.leave_rule)
             if goal != self.bug.goal:       # go_to_point reads it when it is switched on
                 rospy.set_param('des_pos_x', goal[0])
                 rospy.set_param('des_pos_y', goal[1])
         except (ValueError, OSError, rospy.ROSException) as error:
-            rospy.logwarn('bug2: %s: %s; going on as before', why, error)
+            rospy.logwarn('bug2: %s: %s; continuing as before', why, error)
             return
         self.bug, bug.reason = bug, why
         self._renew, self._switched, self._told_line = True, None, None
@@ -367,5 +367,5 @@ class Bug2Node:
 
 
 def bug2():
-    """Run the node; its own name is bug0, launch files name it bug2."""
+    """Run the node; its default name is bug0, launch files name it bug2."""
     run_node('bug0', Bug2Node)

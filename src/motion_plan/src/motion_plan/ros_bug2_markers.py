@@ -1,32 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What Bug 2 does, as markers for rviz: m-line, start, goal, every hit and leave point, the state above the robot."""
+"""Markers of Bug 2 for rviz: m-line, start, goal, every hit and leave point, the state above the robot."""
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
 from motion_plan.bug2 import STATE_DESCRIPTIONS, State
 
-#: Colours that are told apart without seeing red or green; the same as in the pictures of m2wr_view.
+#: Colours suitable for red-green colour blindness; the same as in the pictures of m2wr_view.
 LINE, START, GOAL = (0.31, 0.31, 0.31), (0.94, 0.89, 0.26), (0.0, 0.62, 0.45)
 HIT, LEAVE, TEXT = (0.84, 0.37, 0.0), (0.0, 0.45, 0.70), (0.08, 0.08, 0.08)
 STATE_COLOURS = {State.GO_TO_POINT: (0.0, 0.45, 0.70), State.WALL_FOLLOWING: (0.84, 0.37, 0.0),
                  State.GOAL_REACHED: (0.0, 0.50, 0.36), State.GOAL_UNREACHABLE: (0.80, 0.10, 0.40)}
 #: Where go_to_point stops [m].
 GOAL_RADIUS = 0.3
-#: Heights of what lies on the floor, and of the texts above points and robot [m].
+#: Heights of the markers on the floor, and of the texts above points and robot [m].
 FLOOR, LABEL, STATE_HEIGHT = 0.02, 0.3, 0.6
 #: Height of the letters [m]: 23 of 720 pixels where a world of 22 m is seen from its lower to its upper edge.
 LETTERS = 0.7
-#: Points of one kind that are shown: the newest ones. A run that never ends must not end in an endless message.
+#: Largest number of points of one kind, the newest ones: bounds the message of a run without end.
 MOST_POINTS = 100
-#: Empty lines below a text: from straight above, too, it stands beside what it names and not on it.
+#: Empty lines below a text: seen from above, it is beside its object and not on it.
 BELOW, FAR_BELOW = '\n ', '\n \n '
-#: Spaces after a text, which is centred: it stands to the left of its point, not on the m-line.
+#: Spaces after a text, which is centred: it is to the left of its point, not on the m-line.
 ASIDE = 5 * ' '
 
 
 def _marker(kind, name, number, frame, colour, size, place):
     marker = Marker(type=kind, action=Marker.ADD, ns=name, id=number)
-    marker.header.frame_id = frame      # stamp zero: where the frame is now, also for one who comes late
+    marker.header.frame_id = frame      # stamp zero: the present pose of the frame, also for late subscribers
     marker.color.r, marker.color.g, marker.color.b = colour
     marker.color.a = 1.0
     marker.scale.x, marker.scale.y, marker.scale.z = size
@@ -46,30 +46,30 @@ def _text(name, number, frame, colour, place, words):
 
 
 class Bug2Markers:
-    """Remembers the points of a run and makes all markers of it."""
+    """Stores the points of a run and makes all its markers."""
 
     def __init__(self):
         self.begin()
 
     def begin(self):
-        """Forget the points: a run begins anew."""
+        """Forget the points for a new run."""
         self._hits, self._leaves = [], []
 
     def note(self, bug):
-        """Take in the point at which the present state was entered, if it has one."""
+        """Add the point at which the present state was entered, if it has one."""
         for points, point, state in ((self._hits, bug.hit_point, State.WALL_FOLLOWING),
                                      (self._leaves, bug.leave_point, State.GO_TO_POINT)):
             if point is not None and bug.state is state:
                 points.append((point[0], point[1]))
 
     def message(self, bug, frame, base_frame):
-        """Return a MarkerArray that replaces the one before.
+        """Return a MarkerArray that replaces the previous one.
 
         Parameters
         ----------
         bug : motion_plan.bug2.Bug2
         frame : str
-            Odometry frame, in which all points are.
+            Odometry frame, the frame of all points.
         base_frame : str
             Frame of the robot, above which the state is written.
         """
@@ -87,5 +87,5 @@ class Bug2Markers:
                                      '%s%d%s' % (letter, index + 1, ASIDE + BELOW)))
         state = _text('state', 0, base_frame, STATE_COLOURS.get(bug.state, TEXT), (0.0, 0.0, STATE_HEIGHT),
                       STATE_DESCRIPTIONS[bug.state] + FAR_BELOW)
-        state.frame_locked = True       # rviz lets it ride along, so nothing need be sent while nothing changes
+        state.frame_locked = True       # rviz moves it with the robot, so no messages are needed without changes
         return MarkerArray(markers=markers + [state])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the nodes say about themselves on /diagnostics, once a second of wall time and only while somebody listens."""
+"""Diagnostics of the nodes on /diagnostics, once a second of wall time and only with a subscriber."""
 import math
 import threading
 from collections import deque, namedtuple
@@ -8,32 +8,32 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 PERIOD = 1.0                    # s of wall time
-#: A robot that was told to drive for so long [s of ROS time] and came no farther than that [m, rad] is stuck.
+#: A robot with a command to drive for this time [s of ROS time] that moved less than this [m, rad] is stuck.
 STUCK_SECONDS, STUCK_DISTANCE, STUCK_TURN = 3.0, 0.02, 0.05
-#: Commands below these [m/s, rad/s] are no wish to drive.
+#: Commands below these [m/s, rad/s] count as zero.
 LEAST_LINEAR, LEAST_ANGULAR = 0.02, 0.05
-STALE = 1.0                     # s of ROS time; older messages are not driven on
+STALE = 1.0                     # s of ROS time; older messages are not used for driving
 
 Sample = namedtuple('Sample', 'time pose command')
 Report = namedtuple('Report', 'active values rest')
-"""What a node adds: whether it drives, {name: value}, and what is said while it does not drive."""
+"""Part of a node: whether it drives, {name: value}, and the message while it does not drive."""
 
 
 class StuckWatch:
-    """Notices a robot that is told to drive and does not."""
+    """Detects a robot that does not follow a command to drive."""
 
     def __init__(self):
         self._samples = deque(maxlen=64)
 
     def add(self, now, pose, command):
-        """Take a look at the time ``now`` [s]: pose (x, y, yaw) and command (linear, angular), None where unknown."""
+        """Add a sample at the time ``now`` [s]: pose (x, y, yaw) and command (linear, angular), None where unknown."""
         if pose is None or command is None or (self._samples and now < self._samples[-1].time):
             self._samples.clear()
         if pose is not None and command is not None:
             self._samples.append(Sample(now, pose, command))
 
     def stuck(self):
-        """Tell whether it was told to drive in all of the last seconds, and stayed where it was."""
+        """Return whether it had a command to drive during the last seconds but did not move."""
         newest = self._samples[-1] if self._samples else None
         recent = [sample for sample in self._samples if newest.time - sample.time <= STUCK_SECONDS + PERIOD]
         if not recent or newest.time - recent[0].time < STUCK_SECONDS:
@@ -46,13 +46,13 @@ class StuckWatch:
 
 
 class Rates:
-    """Messages a second of ROS time, between two looks."""
+    """Messages per second of ROS time, between two calls."""
 
     def __init__(self):
         self._last = None
 
     def look(self, now, counts):
-        """Return the rate of each count since the last look [Hz]; None where no time has passed."""
+        """Return the rate of each count since the last call [Hz]; None if no time has passed."""
         before, self._last = self._last, (now, dict(counts))
         if before is None or now <= before[0]:
             return {name: None for name in counts}
@@ -66,20 +66,20 @@ def judge(report, ages, stuck, missing):
     ----------
     report : Report
     ages : dict
-        Age [s] of the newest message by topic, None for none so far.
+        Age [s] of the newest message by topic, None without a message.
     stuck : bool
     missing : list of str
-        Topics that are needed and have not come.
+        Required topics without a message.
     """
     if not report.active:
         return DiagnosticStatus.OK, report.rest
     if missing:
-        return DiagnosticStatus.ERROR, 'nothing has come on %s' % ' and '.join(missing)
+        return DiagnosticStatus.ERROR, 'no message on %s' % ' and '.join(missing)
     old = ['%s (%.1f s)' % (topic, age) for topic, age in sorted(ages.items()) if age is not None and age > STALE]
     if old:
-        return DiagnosticStatus.WARN, 'nothing new on %s: standing still' % ' and '.join(old)
+        return DiagnosticStatus.WARN, 'no new message on %s: stopped' % ' and '.join(old)
     if stuck:
-        return DiagnosticStatus.WARN, 'stuck: told to drive, but the robot does not move'
+        return DiagnosticStatus.WARN, 'stuck: the robot does not follow the command to drive'
     return DiagnosticStatus.OK, 'driving'
 
 
@@ -94,9 +94,9 @@ class Diagnostics:
     report : callable
         Returns a Report; called under ``senses.lock``.
     needed : sequence of str
-        Topics without which the node cannot work, out of those that ``senses`` counts.
+        Required topics of the node, out of those that ``senses`` counts.
     command : callable, optional
-        Returns the command (linear, angular) that holds, or None.
+        Returns the present command (linear, angular), or None.
     """
 
     def __init__(self, name, senses, report, needed, command=None):
@@ -116,7 +116,7 @@ class Diagnostics:
                 return          # shutting down
 
     def look(self):
-        """Return the message for now."""
+        """Return the present message."""
         senses, now = self._senses, rospy.get_time()
         with senses.lock:
             report = self._report()
@@ -129,9 +129,9 @@ class Diagnostics:
         level, message = judge(report, ages, stuck, [topic for topic, age in ages.items() if age is None])
         values = [('active', report.active), ('stuck', stuck)]
         for topic, rate in sorted(self._rates.look(now, counts).items()):
-            values.append(('%s [Hz]' % topic, 'not known yet' if rate is None else '%.1f' % rate))
+            values.append(('%s [Hz]' % topic, 'unknown' if rate is None else '%.1f' % rate))
         for topic, age in sorted(ages.items()):
-            values.append(('age of the newest on %s [s]' % topic, 'none has come' if age is None else '%.2f' % age))
+            values.append(('age of the newest on %s [s]' % topic, 'no message' if age is None else '%.2f' % age))
         if command is not None:
             values.append(('command', '%.2f m/s, %.2f rad/s' % tuple(command)))
         values += sorted(report.values.items())

@@ -60,7 +60,7 @@ class GoToPointNode:
                 required_number('des_pos_y', 'y of the goal in metres', 'behaviors.launch'))
 
     def _switched(self, on):
-        """Begin anew, with the goal as the parameters have it by now."""
+        """Restart with the present goal of the parameters."""
         if not on:
             return
         try:
@@ -84,7 +84,7 @@ class GoToPointNode:
         if pose is None:
             rospy.logwarn_throttle(5.0, 'go_to_point: switched on, but no /odom has been received yet')
         elif stale:
-            rospy.logwarn_throttle(5.0, 'go_to_point: nothing new on %s for over a second: standing still' % stale)
+            rospy.logwarn_throttle(5.0, 'go_to_point: no new message on %s for over a second: stopped' % stale)
             self._switch.publish((0.0, 0.0))
         else:
             self._switch.publish(self.behaviour.update(pose))
@@ -138,7 +138,7 @@ class WallFollowerNode:
             return None
         stale = senses.stale(now)
         if stale:
-            rospy.logwarn_throttle(5.0, 'wall_follower: nothing new on %s for over a second: standing still' % stale)
+            rospy.logwarn_throttle(5.0, 'wall_follower: no new message on %s for over a second: stopped' % stale)
             return 0.0, 0.0
         return self._guard.update(now, senses.pose, senses.surroundings, self.behaviour.update())
 
@@ -150,7 +150,7 @@ class WallFollowerNode:
 
 
 class ObstacleAvoidanceNode:
-    """Drives about and turns away from what is near; active from the first scan on."""
+    """Drives without a goal and turns away from obstacles; active from the first scan on."""
 
     def __init__(self):
         self.behaviour = ObstacleAvoidance()
@@ -165,7 +165,7 @@ class ObstacleAvoidanceNode:
         try:
             self._publisher.publish(msg)
         except rospy.ROSException:
-            if not rospy.core.is_shutdown_requested():      # which closes the topic under it
+            if not rospy.core.is_shutdown_requested():      # which closes the topic concurrently
                 raise
 
     def _stop(self):

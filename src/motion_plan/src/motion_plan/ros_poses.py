@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses that people click in rviz or publish by hand: checked, and brought into another frame by tf."""
+"""Poses clicked in rviz or published by hand: checked, and transformed to another frame by tf."""
 import math
 import time
 
@@ -7,13 +7,13 @@ import rospy
 
 from motion_plan.angles import wrap_angle, yaw_of_quaternion
 
-#: Wall seconds to wait for a transform: the listener is made anew for each pose, and hears nothing at first.
+#: Wall seconds to wait for a transform: each pose has a new listener, which needs time to receive transforms.
 TF_PATIENCE = 2.0
 TF_PAUSE = 0.02
 
 
 class PoseError(Exception):
-    """A pose cannot be used; the text is a part of a sentence that says why."""
+    """A pose cannot be used; the text is the reason, as a part of a sentence."""
 
 
 def planar(pose):
@@ -41,14 +41,14 @@ def moved_by(transform, pose):
 def look_up(target, source, patience=TF_PATIENCE):
     """Return (x, y, yaw) of the frame ``source`` in the frame ``target``, the newest that tf has.
 
-    Listens to tf for this one answer only: a steady listener costs more than the node it would serve.
+    Listens to tf only for this answer: a permanent listener costs more than the node itself.
 
     Raises
     ------
     PoseError
         If tf does not connect the two within ``patience`` seconds of wall time.
     """
-    import tf2_ros  # takes longer to import than all the rest, and most runs never ask
+    import tf2_ros  # slow to import, and most runs do not need it
 
     from m2wr_node.ros.transform_buffer import TransformBuffer
     buffer = TransformBuffer(debug=False)
@@ -63,7 +63,7 @@ def look_up(target, source, patience=TF_PATIENCE):
                         yaw_of_quaternion(turn.x, turn.y, turn.z, turn.w))
             except tf2_ros.TransformException as error:
                 if time.monotonic() > deadline or rospy.is_shutdown():
-                    raise PoseError('tf does not lead from frame "%s" to "%s" (%s); known frames: %s' % (
+                    raise PoseError('tf has no transform from frame "%s" to "%s" (%s); known frames: %s' % (
                         source, target, error, ', '.join(sorted(_frames(buffer))) or 'none')) from error
             time.sleep(TF_PAUSE)
     finally:
@@ -71,7 +71,7 @@ def look_up(target, source, patience=TF_PATIENCE):
 
 
 def _frames(buffer):
-    """Return the names of the frames a buffer has heard of."""
+    """Return the names of the frames of a buffer."""
     return [line.split(':')[0] for line in buffer.all_frames_as_yaml().splitlines()
             if line.rstrip().endswith(':') and not line.startswith(' ')]
 
@@ -82,9 +82,9 @@ def planar_in(frame, header_frame, pose, transform=look_up):
     Parameters
     ----------
     frame : str
-        Frame that is wanted.
+        Target frame.
     header_frame : str
-        Frame of the pose; empty: that is taken to be ``frame``.
+        Frame of the pose; empty: ``frame``.
     pose : geometry_msgs/Pose
     transform : callable
         As :func:`look_up`.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the nodes share: parameters, logging, the loop, and messages turned into plain values."""
+"""Shared by the nodes: parameters, logging, the loop, and conversion of messages to plain values."""
 import logging
 import math
 import sys
@@ -22,11 +22,11 @@ from motion_plan.regions import RegionReader, ScanError
 from motion_plan.surroundings import Surroundings
 
 RATE_HZ = 20
-#: Wall seconds between two reminders of something that is waited for.
+#: Wall seconds between two messages about a wait.
 REMIND_SECONDS = 5.0
-#: Wall seconds after which waiting is worth a warning.
+#: Wall seconds after which waiting gives a warning.
 LONG_WAIT_SECONDS = 60.0
-#: Messages older than this [s] are not driven on.
+#: Messages older than this [s] are not used for driving.
 STALE_SECONDS = 1.0
 #: Wall seconds that roslaunch has to end this node; then it exits, and roslaunch reports a death.
 PARTING_SECONDS = 15.0
@@ -38,7 +38,7 @@ class NodeError(Exception):
 
 
 class RosoutHandler(logging.Handler):
-    """Passes the log lines of the ROS-free modules on to rospy, so that they reach the screen and /rosout."""
+    """Passes the log lines of the ROS-free modules to rospy, for the screen and /rosout."""
 
     def emit(self, record):
         """Log ``record`` at rospy's level of the same name."""
@@ -47,16 +47,16 @@ class RosoutHandler(logging.Handler):
 
 
 def _end_unread():
-    # not in the midst of the line that could not be written, which shutting down may want to follow with another
-    threading.Thread(target=rospy.signal_shutdown, args=('nobody reads what is printed',), daemon=True).start()
+    # not during the failed write: the shutdown may print more lines
+    threading.Thread(target=rospy.signal_shutdown, args=('the pipe of the output is closed',), daemon=True).start()
 
 
 def run_node(name, make_node, only_prints=False):
     """Start the node ``name``, run what ``make_node()`` returns and leave with its exit code.
 
-    A required node that ends by itself with 0 asks its roslaunch to stop; roslaunch would call its exit a death.
-    A NodeError ends in one fatal line and exit code 1, not in a traceback.  A node that only prints ends when nobody
-    reads it any more; any other goes on.
+    A required node that ends by itself with 0 asks its roslaunch to stop; roslaunch would report its exit as a crash.
+    A NodeError gives one fatal line and exit code 1, no traceback.  A node that only prints ends when its pipe is
+    closed; other nodes continue.
     """
     ignore_closed_pipes(_end_unread if only_prints else None)
     start_node(name)
@@ -74,13 +74,13 @@ def run_node(name, make_node, only_prints=False):
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
-        code = 0        # interrupted in its sleep, or about to publish on a topic that has just been closed
+        code = 0        # interrupted while sleeping, or publishing on a topic that has just been closed
     sys.exit(code or 0)
 
 
 def _end_the_run():
-    """Let roslaunch stop what it started, where it requires this node; by itself the node just ends."""
-    rospy.loginfo('%s has finished: the run ends here', rospy.get_name())
+    """Let roslaunch stop the run if this node is required; without roslaunch the node just ends."""
+    rospy.loginfo('%s has finished: the run ends', rospy.get_name())
     if end_run():
         deadline = time.monotonic() + PARTING_SECONDS
         while not rospy.is_shutdown() and time.monotonic() < deadline:
@@ -93,7 +93,7 @@ def required_number(name, meaning, launch_file):
     Raises
     ------
     NodeError
-        If it is missing, no number or not finite: one sentence that says how to set it.
+        If it is missing, not a number or not finite; the text says how to set it.
     """
     if not rospy.has_param(name):
         raise NodeError('parameter "%s" (%s) is not set: set it with "rosparam set %s VALUE" or start the node by '
@@ -107,7 +107,7 @@ def optional_number(name, default, meaning):
 
 
 def finite_number(name, value, meaning):
-    """Return ``value`` as a float; NodeError when it is no finite number."""
+    """Return ``value`` as a float; NodeError if it is not a finite number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -118,9 +118,9 @@ def finite_number(name, value, meaning):
 
 
 def wait_while(condition, sentence):
-    """Wait in wall time while ``condition()`` holds; say ``sentence()`` every five seconds. Ends on shutdown.
+    """Wait in wall time while ``condition()`` holds; log ``sentence()`` every five seconds. Ends on shutdown.
 
-    A start takes its time on a slow machine: waiting is a warning only after a minute.
+A start takes long on a slow machine: waiting is a warning only after a minute.
     """
     began = last = time.monotonic()
     while condition():
@@ -134,7 +134,7 @@ def wait_while(condition, sentence):
 
 
 def wait_for_clock():
-    """Wait for the simulated clock, if one is to be used."""
+    """Wait for the simulated clock, if it is used."""
     wait_while(lambda: rospy.get_rostime().is_zero(),
                lambda: '%s: /use_sim_time is true but nothing publishes /clock; start the simulator, or "rosparam set '
                        '/use_sim_time false" if none is to run' % rospy.get_name())
@@ -151,7 +151,7 @@ def spin_at_rate(turn, time_reset):
     while not rospy.is_shutdown():
         now = rospy.get_time()
         if now < last:
-            rospy.logwarn('%s: time jumped back from %.3f s to %.3f s; starting anew', rospy.get_name(), last, now)
+            rospy.logwarn('%s: time jumped back from %.3f s to %.3f s; restarting', rospy.get_name(), last, now)
             time_reset()
             rate = rospy.Rate(RATE_HZ, reset=True)
         last = now
@@ -182,16 +182,16 @@ def planar_pose(msg):
 
 
 class Rhythm:
-    """How a node runs by itself: messages are taken when they come, turns at 20 Hz.
+    """Timing of a node on its own: messages are processed on arrival, updates run at 20 Hz.
 
-    :class:`m2wr_lockstep.controller.Controller` has the same methods, for turns when the simulator asks for them.
+:class:`m2wr_lockstep.controller.Controller` has the same methods, for updates on requests of the simulator.
     """
 
     lockstep = False
 
     @staticmethod
     def subscribe(topic, message_class, callback):
-        """Hand each new message to ``callback``, the newest only if several wait."""
+        """Pass each new message to ``callback``; of several waiting ones only the newest."""
         rospy.Subscriber(topic, message_class, callback, queue_size=1, tcp_nodelay=True)
 
     @staticmethod
@@ -206,13 +206,13 @@ class Rhythm:
 
 
 class Lockstep(Controller):
-    """The rhythm of a node in lockstep with the simulation."""
+    """The timing of a node in lockstep with the simulation."""
 
     lockstep = True
 
 
 def choose_rhythm():
-    """Return the Rhythm that ``~lockstep`` asks for; to be called before anything else of a node."""
+    """Return the Rhythm selected by ``~lockstep``; must be the first call of a node."""
     wanted = rospy.get_param('~lockstep', False)
     if not isinstance(wanted, bool):
         raise NodeError('parameter ~lockstep is %r: expected true or false' % (wanted,))
@@ -226,7 +226,7 @@ class Senses:
     ----------
     rhythm : Rhythm
     odom, scan : bool
-        What to listen to.
+        Topics to subscribe to.
     remember : bool
         Whether to fill ``surroundings``.
     bounds : optional
@@ -237,18 +237,18 @@ class Senses:
     Attributes
     ----------
     lock : threading.RLock
-        To be held while several attributes are read together.
+        Must be held while several attributes are read together.
     pose, speed : tuple or None
         Of the newest odometry.
     regions : dict or None
         Sector minima of the newest valid scan.
     surroundings : Surroundings
-        Filled when ``remember`` is true and odometry is there.
+        Filled if ``remember`` is true and there is odometry.
     frame_id, base_frame : str
         Frames of the newest odometry: its own, and that of the robot.
     jumped, scan_since_jump : bool
-        Whether the robot has been put elsewhere since somebody last set ``jumped`` to False, and whether a scan has
-        come from there.
+        Whether the robot has been moved since the node last set ``jumped`` to False, and whether there is a scan from
+        the new place.
     """
 
     def __init__(self, rhythm, odom=True, scan=True, remember=False, bounds=None, on_regions=None):
@@ -257,7 +257,7 @@ class Senses:
         self.reader = RegionReader(bounds) if bounds else RegionReader()
         self.history = PoseHistory()
         self._remember, self._on_regions = remember, on_regions
-        self.counts = {'/odom': 0, SCAN_TOPIC: 0}      # of what was taken, for diagnostics
+        self.counts = {'/odom': 0, SCAN_TOPIC: 0}      # of accepted messages, for diagnostics
         self.forget()
         if odom:
             rhythm.subscribe('/odom', Odometry, self.clbk_odom)
@@ -276,7 +276,7 @@ class Senses:
             self.surroundings.clear()
 
     def clbk_odom(self, msg):
-        """Store pose and speed; refuse what is not finite."""
+        """Store pose and speed; refuse values that are not finite."""
         try:
             pose, speed = planar_pose(msg)
         except ValueError as error:
@@ -291,14 +291,14 @@ class Senses:
             self.frame_id = msg.header.frame_id or 'odom'
             self.base_frame = msg.child_frame_id or 'link_chassis'
             if self.history.is_jump(stamp, pose):
-                # between the two places the robot never was: no scan may be put there
+                # the robot was never between the two places: no scan may be transformed with such a pose
                 self.history.clear()
                 self._not_before = stamp
                 self.jumped, self.scan_since_jump = True, False
             self.history.add(stamp, pose)
 
     def clbk_laser(self, msg):
-        """Store the sector minima and remember the points; refuse scans that make no sense."""
+        """Store the sector minima and remember the points; refuse invalid scans."""
         try:
             regions = self.reader.read(msg.ranges, msg.angle_min, msg.angle_max, msg.angle_increment)
         except ScanError as error:
@@ -320,18 +320,18 @@ class Senses:
                 self._on_regions(regions)
 
     def scan_age(self, now):
-        """Return the age of the newest scan [s]: by its stamp, or by its arrival when stamps are of another clock."""
+        """Return the age of the newest scan [s]: by its stamp, or by its arrival if stamps come from another clock."""
         age = now - self.scan_stamp
         return age if 0.0 <= age < 5.0 else max(0.0, now - self.scan_time)
 
     def stale(self, now):
-        """Return the topics whose newest message is older than a second, as a text; '' when all is well."""
+        """Return the topics whose newest message is older than a second, as a text; '' if there is none."""
         names = [name for name, at in (('/odom', self.odom_time), (SCAN_TOPIC, self.scan_time))
                  if at is not None and now - at > STALE_SECONDS]
         return ' and '.join(names)
 
 
-#: Wall seconds that a shutdown waits for a command that is just being published.
+#: Wall seconds that a shutdown waits for a command in publication.
 SHUTDOWN_PATIENCE = 0.2
 
 
@@ -358,7 +358,7 @@ class Switchable:
     def clbk_switch(self, request):
         """Serve the switch; the reply is the report's: success, 'Done!'."""
         if self.active != request.data:
-            self._on_switch(request.data)       # takes locks of its own: not under this one
+            self._on_switch(request.data)       # acquires other locks: not under this one
         with self._lock:
             changed = self.active != request.data
             self.active = request.data
@@ -376,14 +376,14 @@ class Switchable:
                 self._publisher.publish(msg)
 
     def _shut_down(self):
-        # rospy calls this inside its signal handler, on a thread that may be holding the lock at this very moment:
-        # wait for another thread, but not for ever
+        # rospy calls this inside its signal handler, on a thread that may hold the lock:
+        # wait for another thread, but with a limit
         locked = self._lock.acquire(timeout=SHUTDOWN_PATIENCE)
         try:
             if self.active:
                 self.active = False
                 self._publisher.publish(Twist())
-                time.sleep(0.1)    # the queued message must leave before the process does
+                time.sleep(0.1)    # the queued message must be sent before the process ends
         finally:
             if locked:
                 self._lock.release()

@@ -8,7 +8,7 @@ from geometry_msgs.msg import Twist
 from motion_plan.ros_support import NodeError, Senses, choose_rhythm, finite_number, run_node
 from motion_plan.tour import Tour, TourError
 
-#: Wall seconds that the last command gets to leave before the node exits.
+#: Wall seconds for the transmission of the last command before the node exits.
 FAREWELL_SECONDS = 0.2
 
 
@@ -31,7 +31,7 @@ class TourNode:
         rospy.on_shutdown(self._stop)
 
     def spin(self):
-        """Drive; return the exit code: 0 at the end of the tour, 1 where the robot is stuck."""
+        """Drive; return the exit code: 0 at the end of the tour, 1 if the robot is stuck."""
         code = self._rhythm.spin(self._turn, self._time_reset)
         if code is not None and not rospy.is_shutdown():
             time.sleep(FAREWELL_SECONDS)
@@ -44,7 +44,7 @@ class TourNode:
             rospy.logwarn_throttle(5.0, 'tour: no /odom has been received yet')
             return None
         if stale:
-            rospy.logwarn_throttle(5.0, 'tour: nothing new on %s for over a second: standing still' % stale)
+            rospy.logwarn_throttle(5.0, 'tour: no new message on %s for over a second: stopped' % stale)
             self._command((0.0, 0.0))
             return None
         self._command(self.tour.update(now, pose))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the laser has seen around the robot, also beside and behind it, as points in the odometry frame.
+"""Obstacle points seen by the laser around the robot, also beside and behind it, in the odometry frame.
 
-The laser looks 90 degrees to each side, the robot turns about an axle 0.2 m behind it: a corner leaves the view
-while the robot can still touch it. So points are kept until the robot is far away or a beam goes through them.
-No planning here: only the store and the two questions asked of it.
+The laser covers 90 degrees to each side, and the robot rotates about an axle 0.2 m behind it: a corner leaves the
+field of view while the robot can still collide with it. So points are kept until the robot is far away or a beam
+passes through them. No planning here: only the store and its two queries.
 """
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ FORGET_DISTANCE = 3.0
 KEEP_RANGE = 2.5
 #: Grid on which stored points are thinned [m].
 CELL = 0.04
-#: A beam must go this much behind a point to clear it [m]: range noise, and the pose of a moment before.
+#: A beam must pass a point by this distance to clear it [m]: range noise, and the age of the pose.
 CLEAR_MARGIN = 0.10
-#: A reading so near to where a wheel is, is the wheel [m]: four standard deviations of the noise.
+#: A reading within this distance of a wheel is the wheel [m]: four standard deviations of the noise.
 WHEEL_MARGIN = 0.04
 #: Jump of the pose between two scans that only a teleport can make [m].
 TELEPORT = 0.5
-#: Directions that are looked at in one go.
+#: Directions that are checked in one batch.
 _AT_ONCE = 24
 
 
@@ -64,7 +64,7 @@ class Surroundings:
 
     def update(self, ranges: Sequence[float], angle_min: float, angle_increment: float, pose: Pose,
                range_min: float = 0.10) -> None:
-        """Take one scan in.
+        """Add one scan.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class Surroundings:
         return float(distance[index]), self.points[index]
 
     def free_travel(self, x: float, y: float, directions: ArrayLike, radius: float) -> Tuple[FloatArray, IndexArray]:
-        """How far a disc can go from x, y before a stored point is inside it.
+        """Return how far a disc can travel from x, y before a stored point is inside it.
 
         Parameters
         ----------
@@ -122,10 +122,10 @@ class Surroundings:
         Returns
         -------
         travel : (D,) float64
-            Free travel [m], inf where nothing is in the way. 0 where a point inside the disc would be approached;
-            a point inside the disc that is left behind does not count.
+            Free travel [m], inf without an obstacle. 0 where a point inside the disc would be approached;
+            a point inside the disc behind the motion is ignored.
         blockers : (D,) int64
-            Index in ``points`` of what ends the travel, -1 where nothing does.
+            Index in ``points`` of the point that ends the travel, -1 if there is none.
         """
         directions = np.array(directions, dtype=np.float64, ndmin=1)
         if len(self.points) == 0:
@@ -133,24 +133,24 @@ class Surroundings:
         return _travel(self.points[:, 0] - x, self.points[:, 1] - y, np.cos(directions), np.sin(directions), radius)
 
     def first_free(self, x: float, y: float, directions: FloatArray, radius: float, distance: float) -> Tuple[int, int]:
-        """Find the first of many directions in which a disc can go some way; as free_travel, but for less work.
+        """Find the first of many directions with enough free travel; like free_travel, but faster.
 
         Parameters
         ----------
         x, y, directions, radius
             As for `free_travel`.
         distance : float
-            What the disc must be able to go [m].
+            Required free travel [m].
 
         Returns
         -------
         first : int
-            Index in ``directions``, -1 where the disc can go that far in none.
+            Index in ``directions``, -1 if there is none.
         blocker : int
-            Index in ``points`` of what ends the travel in the direction before that, -1 for the very first direction.
+            Index in ``points`` of the point that ends the travel in the previous direction, -1 for the first direction.
         """
         delta_x, delta_y = self.points[:, 0] - x, self.points[:, 1] - y
-        # nothing farther away can end a travel of this length; a little more, for the rounding
+        # points farther away cannot end a travel of this length; with a margin for rounding
         near = (delta_x * delta_x + delta_y * delta_y < (distance + radius) ** 2 + 1e-6).nonzero()[0]
         if len(near) == 0:
             return 0, -1
@@ -175,7 +175,7 @@ class Surroundings:
 
     def _unseen(self, readings: FloatArray, angle_min: float, angle_increment: float, laser_x: float, laser_y: float,
                 yaw: float) -> FloatArray:
-        """Stored points that the new scan says nothing about: out of its field, or hidden behind something."""
+        """Stored points not covered by the new scan: outside its field of view, or hidden."""
         if len(self.points) == 0:
             return self.points
         delta_x, delta_y = self.points[:, 0] - laser_x, self.points[:, 1] - laser_y
@@ -194,7 +194,7 @@ class Surroundings:
 
 
 def _first_in_cells(cells: IndexArray) -> IndexArray:
-    """Return the row of the first point in each cell, by cells; what np.unique would return, without its ceremony."""
+    """Return the row of the first point in each cell, by cells; the result of np.unique, but faster."""
     number = cells[:, 0] * 1000003 + cells[:, 1]
     order = number.argsort(kind='stable')
     number = number[order]
@@ -205,7 +205,7 @@ def _first_in_cells(cells: IndexArray) -> IndexArray:
 
 
 def _own_wheels(x: FloatArray, y: FloatArray) -> BoolArray:
-    """Tell which points (chassis frame, y without its sign) are wheels: they stand higher than the laser, behind it."""
+    """Return which points (chassis frame, y without its sign) are wheels: they are higher than the laser, behind it."""
     x_min, x_max, y_min, y_max = FOOTPRINT_BOXES[1]
     return ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
             & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
@@ -213,7 +213,7 @@ def _own_wheels(x: FloatArray, y: FloatArray) -> BoolArray:
 
 def _travel(delta_x: FloatArray, delta_y: FloatArray, cos_dir: FloatArray, sin_dir: FloatArray,
             radius: float) -> Tuple[FloatArray, IndexArray]:
-    """Return what free_travel does, for points relative to the disc and directions by their cosine and sine."""
+    """Return the result of free_travel for points relative to the disc and directions as cosine and sine."""
     if len(cos_dir) == 1:
         return _travel_one_way(delta_x, delta_y, cos_dir, sin_dir, radius)
     cos_dir, sin_dir = cos_dir[:, None], sin_dir[:, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drive along way points, turning smoothly: a tour that shows a laser all of a place. Looks at the pose only."""
+"""Drive along way points on a smooth path, so that a laser sees a whole world. Uses only the pose."""
 from __future__ import annotations
 
 import logging
@@ -15,24 +15,24 @@ LOG = logging.getLogger(__name__)
 REACHED = 0.25
 #: Beyond this heading error [rad] the robot turns on the spot.
 TURN_FIRST = 0.4
-#: Speed of turning by heading error [1/s], and its limit [rad/s].
+#: Gain from heading error to rotation rate [1/s], and the limit of the rate [rad/s].
 TURN_GAIN, TURN_MOST = 1.5, 0.7
-#: Within this of a way point [m] the robot slows down, to this share of its speed.
+#: Within this distance of a way point [m] the robot slows down, to this fraction of its speed.
 SLOW_DOWN, SLOWEST = 0.8, 0.4
-#: No robot is driven faster [m/s]; the simulation carries no more either.
+#: Maximum speed [m/s]; also the limit of the simulation.
 FASTEST = 1e4
-#: A robot that has come no nearer for so long [s] will not arrive.
+#: A robot that has not come nearer for this time [s] is stuck.
 PATIENCE = 20.0
-#: What counts as nearer [m], and as turned towards the way point [rad].
+#: Least progress in distance [m], and in heading [rad].
 PROGRESS, PROGRESS_TURN = 0.05, 0.05
 
 
 class TourError(ValueError):
-    """A tour cannot be driven; says what was expected."""
+    """A tour cannot be driven; the text gives the expected value."""
 
 
 class Tour:
-    """Drives to each of several points in turn.
+    """Drives to several points one after another.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ class Tour:
     Attributes
     ----------
     index : int
-        Number of the next way point, from 0; their count at the end.
+        Index of the next way point; the number of way points at the end.
     finished, stuck : bool
-        Whether the last one has been reached; whether the robot comes no nearer.
+        Whether the last one has been reached; whether the robot does not come nearer.
 
     Raises
     ------
     TourError
-        If there is no way point, one is no pair of finite numbers, or the speed is no number above 0.
+        If there is no way point, one is not a pair of finite numbers, or the speed is not a number above 0.
     """
 
     def __init__(self, way_points: Iterable[Sequence[float]], speed: float = 0.5) -> None:
@@ -81,7 +81,7 @@ class Tour:
         return self.index >= len(self.way_points)
 
     def update(self, now: float, pose: Pose) -> Command:
-        """Return the command for one turn.
+        """Return the command for one period.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Tour:
         Returns
         -------
         (float, float)
-            linear_x [m/s] and angular_z [rad/s], positive to the left; zeros at the end and where the robot is stuck.
+            linear_x [m/s] and angular_z [rad/s], positive to the left; zeros at the end and if the robot is stuck.
         """
         while not self.finished and self._distance(pose) <= REACHED:
             LOG.info('way point %d of %d reached: (%.2f, %.2f)', self.index + 1, len(self.way_points),
@@ -124,6 +124,6 @@ class Tour:
             self._since = now
         if not self.stuck and now - self._since > PATIENCE:
             self.stuck = True
-            LOG.error('no nearer to way point %d, (%.2f, %.2f), for %g s: the robot stands at (%.2f, %.2f)',
+            LOG.error('no nearer to way point %d, (%.2f, %.2f), for %g s: the robot is at (%.2f, %.2f)',
                       self.index + 1, *self.way_points[self.index], PATIENCE, pose[0], pose[1])
         return self.stuck

@@ -54,8 +54,8 @@ class WallFollower:
             self.state = State(state)
 
     def take_action(self, regions: Regions) -> None:
-        """Choose the state from the sectors ``regions`` (dict of name to metres). A value equal to 1.5 m decides
-        nothing: the state is kept and the sectors are logged.
+        """Choose the state from the sectors ``regions`` (dict of name to metres). A value equal to 1.5 m matches
+        no case: the state is kept and the sectors are logged.
         """
         self.regions = regions
         key = []
@@ -71,7 +71,7 @@ class WallFollower:
     take_actions = take_action
 
     def update(self, pose: Optional[Pose] = None, regions: Optional[Regions] = None) -> Command:
-        """Return (linear_x [m/s], angular_z [rad/s]); new ``regions``, when given, are judged first.
+        """Return (linear_x [m/s], angular_z [rad/s]); new ``regions``, if given, are evaluated first.
 
         ``pose`` is not used: every behaviour has the same signature.
         """

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The guard of the wall follower: keeps contact with a wall and keeps clear of it.
 
-The report's table looks at three sectors in front of the laser. It cuts corners that have left the view, and it turns
-for ever where the way is narrower than about 0.9 m. The guard lets the table act while no wall is held and nothing is
-near. Once a wall is met it holds it: the robot is taken for a disc around its axle, wide enough to turn on the spot,
-and goes round the wall by the right-hand rule: beginning at the held point of the wall, the first direction to the
-left in which the disc is free. A disc that can always turn is a point in the plane of free centres, so it cannot
-wedge itself, and its way round an obstacle is the border of that plane, which closes.
+The report's table uses three sectors in front of the laser. It cuts corners that have left the field of view, and it
+turns without end where the passage is narrower than about 0.9 m. The guard passes the table's commands while it
+follows no wall and no obstacle is near. Near a wall it stores a contact point and models the robot as a disc around
+its axle, wide enough to rotate on the spot. It follows the wall by the right-hand rule: starting at the contact point,
+the first direction to the left in which the disc is free. The configuration of a disc is a point in the plane of
+free centres, so it cannot get stuck, and its path around an obstacle is the border of that plane, a closed curve.
 """
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ LOG = logging.getLogger(__name__)
 
 #: Distance from the axle to the wall that is kept while following [m]; gaps below twice this are walls.
 FOLLOW_RADIUS = 0.56
-#: The disc that is never to be entered [m]: the turning radius and some room.
+#: Radius of the disc that must stay free [m]: the turning radius and a margin.
 HARD_RADIUS = TURNING_RADIUS + 0.03
-#: Below this a turn on the spot could touch something; only checked single moves are made then [m].
+#: Below this clearance a rotation on the spot could collide; then only checked single moves are made [m].
 ESCAPE_RADIUS = TURNING_RADIUS + 0.015
-#: A direction is free when the disc can go this far in it [m].
+#: A direction is free if the disc can travel this far in it [m].
 LOOK_AHEAD = 0.6
-#: A wall nearer to the axle than this is taken hold of [m].
+#: The guard starts to follow a wall nearer to the axle than this [m].
 HOLD_DISTANCE = 1.35
-#: The held point may slide this far along the wall between two looks [m].
+#: The contact point may move this far along the wall between two updates [m].
 SLIDE = 0.3
-#: In a tight place the disc shrinks to this [m]. A place is tight when no direction is free, or when the robot has not
-#: come STUCK_DISTANCE [m] far in STUCK_TIME [s]; it stays tight for TIGHT_WAY [m].
+#: In a tight place the disc shrinks to this [m]. A place is tight if no direction is free, or if the robot has moved
+#: less than STUCK_DISTANCE [m] in STUCK_TIME [s]; it stays tight for TIGHT_WAY [m].
 TIGHT_RADIUS = 0.50
-#: A disc smaller by the noise of the remembered points [m]: tried, and kept for so much of the way [m], before turning
+#: A disc smaller by the noise of the remembered points [m]: tried, and kept for this distance [m], before a rotation
 #: back by more than TURN_BACK [rad].
 NOISE_RADIUS = 0.53
 NOISE_WAY = 0.5
@@ -55,12 +55,12 @@ CRUISE_SPEED = 0.5
 TURN_SPEED = 0.5
 STEER_GAIN = 2.5
 STEER_LIMIT = 0.8
-#: A heading error above this is turned away on the spot [rad].
+#: A heading error above this is corrected on the spot [rad].
 TURN_ON_SPOT = 0.7
-#: An escape goes on until the axle is this far from everything [m].
+#: An escape continues until the axle is this far from all obstacles [m].
 ESCAPED_RADIUS = HARD_RADIUS + 0.015
-#: Clearance an escaping move keeps from every stored point [m]: the first if it can, the second at least; where there
-#: is less already, no move may lessen it.
+#: Clearance of an escaping move from every stored point [m]: preferred, and least; if it is already smaller, no move
+#: may reduce it.
 ESCAPE_CLEARANCE = (0.06, 0.03)
 ESCAPE_SPEED = 0.15
 ESCAPE_TURN = 0.3
@@ -95,12 +95,12 @@ def drive(pose: Pose, linear_x: float, angular_z: float, dt: float) -> Pose:
 
 
 class WallGuard:
-    """Right-hand rule for a disc; holds one point of the wall from turn to turn.
+    """Right-hand rule for a disc; keeps one contact point of the wall between updates.
 
     Attributes
     ----------
     contact : (2,) float64 or None
-        The held point of the wall, odometry frame [m].
+        The contact point of the wall, odometry frame [m].
     """
 
     def __init__(self) -> None:
@@ -110,14 +110,14 @@ class WallGuard:
         self._escaping = False
 
     def release(self) -> None:
-        """Let go of the wall, as when the behaviour is switched on or off."""
+        """Forget the wall, as when the behaviour is switched on or off."""
         self.contact = None
         self._anchor = None
         self._tight_at = None
         self._escaping = False
 
     def update(self, now: float, pose: Pose, surroundings: Surroundings, nominal: Command) -> Command:
-        """Return the command that keeps clear of everything.
+        """Return the command that keeps clear of all obstacles.
 
         Parameters
         ----------
@@ -126,9 +126,9 @@ class WallGuard:
         pose : (float, float, float)
             x, y [m], yaw [rad] of link_chassis in the odometry frame.
         surroundings : motion_plan.surroundings.Surroundings
-            What has been seen so far.
+            Obstacles seen until now.
         nominal : (float, float)
-            What the report's table commands; passed on while no wall is held.
+            The command of the report's table; returned while no wall is followed.
 
         Returns
         -------
@@ -154,13 +154,13 @@ class WallGuard:
         return self._limited((CRUISE_SPEED * (1.0 - abs(error) / TURN_ON_SPOT), angular_z), x, y, pose[2], surroundings)
 
     def _hold(self, x: float, y: float, yaw: float, surroundings: Surroundings) -> None:
-        """Keep the held point on its wall; take hold of a wall that is near enough."""
+        """Keep the contact point on its wall; start to follow a wall that is near enough."""
         if self.contact is not None:
             distance, point = surroundings.nearest(self.contact[0], self.contact[1])
             if distance < SLIDE:
                 self.contact = point
                 return
-            LOG.debug('the wall that was followed is gone')
+            LOG.debug('the followed wall has disappeared')
             self.contact = None
         travel, blocker = surroundings.free_travel(x, y, [yaw], FOLLOW_RADIUS)
         if travel[0] < HOLD_DISTANCE - FOLLOW_RADIUS:
@@ -171,7 +171,7 @@ class WallGuard:
             self.contact = point
 
     def _watch_progress(self, now: float, x: float, y: float) -> None:
-        """Find out whether the place is tight: widths near the disc's, where noise opens and shuts the way."""
+        """Determine whether the place is tight: about as wide as the disc, where noise opens and closes the passage."""
         if self._tight_at is not None \
                 and math.hypot(x - self._tight_at[0], y - self._tight_at[1]) > self._tight_way:
             self._tight_at = None
@@ -181,7 +181,7 @@ class WallGuard:
             self._tighten(x, y, TIGHT_RADIUS, TIGHT_WAY)
 
     def _direction(self, x: float, y: float, yaw: float, nearest: float, surroundings: Surroundings) -> Optional[float]:
-        """Direction to take [rad] or None; tightens the disc where none is free, or where noise makes it turn back."""
+        """Direction to drive [rad] or None; shrinks the disc if none is free, or if noise makes it turn back."""
         contact = self.contact
         direction = self._first_free(x, y, nearest, surroundings)
         if self._tight_at is not None or (direction is not None and abs(wrap_angle(direction - yaw)) < TURN_BACK):
@@ -201,7 +201,7 @@ class WallGuard:
         self._tight_at, self._radius, self._tight_way = (x, y), radius, way
 
     def _first_free(self, x: float, y: float, nearest: float, surroundings: Surroundings) -> Optional[float]:
-        """Direction [rad] to take, or None when the disc is free in no direction; moves the held point along."""
+        """Direction to drive [rad], or None if no direction is free; moves the contact point along."""
         wanted = FOLLOW_RADIUS if self._tight_at is None else self._radius
         radius = min(wanted, max(HARD_RADIUS, nearest - 0.005))
         assert self.contact is not None         # called only while a wall is held
@@ -212,9 +212,9 @@ class WallGuard:
             return None
         if first == 0:
             return directions[0]
-        # what ends the last blocked direction is the part of the wall that lies next to the way taken
+        # the point that ends the last blocked direction is the part of the wall next to the path
         self.contact = surroundings.points[blocker]
-        # the wall is nearer than it should be: a little more to the left, if that is free as well
+        # the wall is too near: a little more to the left, if that is free as well
         outward = directions[first] + (wanted - radius) / LOOK_AHEAD
         if surroundings.free_travel(x, y, [outward], radius)[0][0] >= 0.5 * LOOK_AHEAD:
             return outward
@@ -222,14 +222,14 @@ class WallGuard:
 
     @staticmethod
     def _limited(command: Command, x: float, y: float, yaw: float, surroundings: Surroundings) -> Command:
-        """Slow ``command`` down so that the robot stops before the hard disc is entered on its present heading."""
+        """Slow ``command`` down so that the robot stops before an obstacle enters the hard disc."""
         linear_x, angular_z = command
         travel = surroundings.free_travel(x, y, [yaw], HARD_RADIUS)[0][0]
         # 0.4 s covers the reaction, late commands and braking
         return max(0.0, min(linear_x, (travel - 0.03) / 0.4)), angular_z
 
     def _escape(self, pose: Pose, nearest: float, surroundings: Surroundings) -> Command:
-        """Something is inside the turning disc: the first checked move of those that lead to a free direction."""
+        """An obstacle is inside the turning disc: the first safe move that leads to a free direction."""
         x, y = axle_of(pose)
         self._hold(x, y, pose[2], surroundings)
         direction = None if self.contact is None else self._first_free(x, y, nearest, surroundings)
@@ -242,7 +242,7 @@ class WallGuard:
             error = wrap_angle(direction - pose[2])
             turn = math.copysign(min(ESCAPE_TURN, STEER_GAIN * abs(error)), error)
             if abs(error) > ESCAPE_ALIGNED and not self._can_turn(points, pose, error, clearance):
-                # something stands in this sense of turning: the long way round, if nothing stands in that
+                # an obstacle blocks this direction of rotation: rotate the other way, if that is free
                 turn = -turn
                 if not self._can_turn(points, pose, error - math.copysign(2 * math.pi, error), clearance):
                     turn = 0.0
@@ -260,7 +260,7 @@ class WallGuard:
 
     @staticmethod
     def _can_turn(points: FloatArray, pose: Pose, angle: float, clearance: float) -> bool:
-        """Whether the robot can turn on the spot by ``angle`` [rad] without coming too near to ``points``."""
+        """Whether the robot can turn on the spot by ``angle`` [rad] with enough clearance to ``points``."""
         for part in np.linspace(0.0, 1.0, 2 + int(abs(angle) / 0.1))[1:]:
             if footprint_clearance(points, drive(pose, 0.0, part * angle, 1.0)) < min(ESCAPE_CLEARANCE[1], clearance):
                 return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Let the tests find the package from the source tree as well."""
+"""Makes the package of the source tree importable."""
 import os
 import sys
 

@@ -13,7 +13,7 @@ def world_01():
 
 
 def world_02():
-    """A wall of three barriers across the way, and another of two behind it."""
+    """A wall of three barriers across the path, and another of two behind it."""
     world = World().arena()
     for x, y, yaw in ((-4.97, 4.73, 0), (-0.94, 4.73, 0), (2.99, 4.72, 0), (-2.28, -0.40, 0), (1.77, -0.39, 0),
                       (-4.71, -2.79, -1.58)):
@@ -31,7 +31,7 @@ def world_03():
 
 
 def u_trap():
-    """A U that is open towards the start at (0, 6); the goal lies behind its bottom."""
+    """A U that is open towards the start at (0, 6); the goal is behind its bottom."""
     return World().box(0.0, 0.0, 5.0, 0.4).box(-2.5, 1.8, 0.4, 4.0).box(2.5, 1.8, 0.4, 4.0)
 
 
@@ -45,13 +45,13 @@ def yard(gap=0.0):
 
 
 def posts():
-    """Thin posts and a turned box in the way."""
+    """Thin posts and a rotated box on the path."""
     world = World().disc(0.1, 3.0, 0.05).disc(-0.6, 1.0, 0.1).disc(1.2, 0.8, 0.05)
     return world.box(0.0, -1.5, 1.2, 0.8, math.radians(30))
 
 
 def corridor(width):
-    """A corridor along y of the given width with a bend's end wall: the way goes on to the left (east going down)."""
+    """A corridor along y of the given width with a bend to the left (east for a robot that drives south)."""
     half = width / 2
     world = World().box(-half - 0.1, 0.0, 0.2, 8.0 + width)
     world.box(half + 0.1, 0.0 + width / 2, 0.2, 8.0)
@@ -59,7 +59,7 @@ def corridor(width):
 
 
 def clutter(number):
-    """The arena with 18 to 37 boxes and discs at random, clear around (0, 8) and (0, -8)."""
+    """The arena with 18 to 37 boxes and discs at random, free around (0, 8) and (0, -8)."""
     rng = np.random.default_rng(number)
     world = World().arena()
     for index in range(18 + number % 20):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A planar twin of the simulator for the unit tests: unicycle, laser, true clearance of the robot's outline.
+"""A planar simulator for the unit tests: unicycle, laser, true clearance of the robot's outline.
 
-No ROS and no physics engine: the axle follows the last command with limited acceleration, the command is taken at the
-ticks of a 20 Hz controller, scans and odometry come at 20 Hz. It drives the same state machines as the nodes do.
+No ROS and no physics engine: the axle follows the last command with limited acceleration, the command is applied at the
+ticks of a 20 Hz controller, scans and odometry have 20 Hz. It runs the same state machines as the nodes.
 """
 import math
 
@@ -94,7 +94,7 @@ def outline_points(spacing=0.02):
 
 
 class World:
-    """Obstacles as the laser sees them and as the body meets them."""
+    """Obstacles as seen by the laser, and as they collide with the body."""
 
     def __init__(self):
         self.seen_boxes, self.solid_boxes, self.discs = [], [], []
@@ -106,7 +106,7 @@ class World:
         return self
 
     def barrier(self, x, y, yaw):
-        """A jersey barrier: its foot stands out below the laser's plane."""
+        """A jersey barrier: its foot is wider, below the laser's plane."""
         self.seen_boxes.append((x, y, BARRIER_LENGTH / 2, BARRIER_LASER, yaw))
         self.solid_boxes.append((x, y, BARRIER_LENGTH / 2, BARRIER_FOOT, yaw))
         return self
@@ -172,7 +172,7 @@ class Robot:
         self.path_length += abs(linear) * STEP
 
     def scan(self):
-        """Ranges as the simulated sensor gives them."""
+        """Ranges of the simulated sensor."""
         x, y, yaw = self.pose
         cast_rays(x + LASER_X * math.cos(yaw), y + LASER_X * math.sin(yaw), yaw, self._seen, self._discs, self._ranges)
         noisy = np.clip(self._ranges + SIGMA * self._rng.standard_normal(BEAMS), RANGE_MIN, RANGE_MAX)
@@ -180,7 +180,7 @@ class Robot:
 
 
 class Result:
-    """What a run ended with."""
+    """Result of a run."""
 
     def __init__(self, state, time, robot, bug, track, hits, reason):
         self.state, self.time, self.robot, self.bug, self.track = state, time, robot, bug, track
@@ -192,8 +192,8 @@ class Result:
 def run_bug2(world, start, goal, yaw=0.0, seed=0, limit=400.0, leave_rule='complete', guard=True, jitter=0.0, gain=1.0):
     """Drive Bug 2 with its two behaviours through ``world``.
 
-    ``jitter`` is the chance that a controller tick, a turn of a node or a scan is left out; as ticks are 50 ms apart,
-    delays of 100 and 150 ms come about in all places. No turn fails more than twice in a row.
+    ``jitter`` is the probability that a controller tick, a period of a node or a scan is skipped; as ticks are 50 ms
+    apart, this gives delays of 100 and 150 ms at all places. At most two periods in a row are skipped.
     """
     rng = np.random.default_rng(seed)
     robot = Robot(world, start, yaw, rng, gain)

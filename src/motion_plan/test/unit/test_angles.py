@@ -7,7 +7,7 @@ from motion_plan.angles import normalize_angle, wrap_angle, yaw_of_quaternion
 
 
 @pytest.mark.parametrize('turns', [-3, -1, 0, 1, 4])
-def test_wrap_takes_away_any_number_of_turns(turns):
+def test_wrap_removes_any_number_of_revolutions(turns):
     assert wrap_angle(0.7 + 2 * math.pi * turns) == pytest.approx(0.7)
 
 
@@ -15,7 +15,7 @@ def test_wrap_maps_pi_to_minus_pi():
     assert wrap_angle(math.pi) == pytest.approx(-math.pi)
 
 
-def test_normalize_takes_away_one_turn_only():
+def test_normalize_removes_one_revolution_only():
     assert normalize_angle(math.pi + 0.5) == pytest.approx(0.5 - math.pi)
     assert normalize_angle(-math.pi - 0.5) == pytest.approx(math.pi - 0.5)
     assert normalize_angle(6 * math.pi) == pytest.approx(4 * math.pi)
@@ -36,7 +36,7 @@ def test_zero_quaternion_is_no_rotation():
 
 
 def test_pitched_robot_keeps_its_yaw():
-    # yaw 0.5 then pitch 0.1 about the turned y axis
+    # yaw 0.5 then pitch 0.1 about the rotated y axis
     cy, sy, cp, sp = math.cos(0.25), math.sin(0.25), math.cos(0.05), math.sin(0.05)
     assert yaw_of_quaternion(-sy * sp, cy * sp, sy * cp, cy * cp) == pytest.approx(0.5)
 

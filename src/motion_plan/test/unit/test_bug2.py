@@ -46,7 +46,7 @@ def test_report_rule_leaves_in_the_sixth_counted_second():
     bug.update(0.0, (0, 5, 0), dict(REGIONS, front=0.5), surroundings())
     turns = 1
     while bug.state is State.WALL_FOLLOWING:
-        bug.update(turns * 0.05, (0.05, 6.5, 0), REGIONS, surroundings())    # farther from the goal: it does not care
+        bug.update(turns * 0.05, (0.05, 6.5, 0), REGIONS, surroundings())    # farther from the goal: ignored
         turns += 1
     assert turns == 121    # six times twenty turns were counted before
     assert bug.leave_point == (0.05, 6.5)
@@ -61,14 +61,14 @@ def test_report_rule_counts_on_off_the_line():
 
 
 def following(hit=(0.0, 2.0)):
-    """A complete Bug 2 that has just met a wall."""
+    """A complete Bug 2 that has just hit a wall."""
     bug = Bug2((0, 8), (0, -4))
     bug.update(0.0, (hit[0], hit[1], -1.57), REGIONS, surroundings((hit[0], hit[1] - 0.7)), (0.6, 0.0))
     assert bug.state is State.WALL_FOLLOWING and bug.hit_point == hit
     return bug
 
 
-def test_complete_rule_hits_one_metre_before_the_laser_at_full_speed():
+def test_complete_rule_hits_one_metre_ahead_at_full_speed():
     for gap, state in ((0.98, State.WALL_FOLLOWING), (1.02, State.GO_TO_POINT)):
         bug = Bug2((0, 8), (0, -4))
         # laser at 0.15 ahead of the chassis
@@ -100,11 +100,11 @@ def test_complete_rule_leaves_only_on_the_m_line():
     bug = following()
     assert bug.update(1.0, (0.5, 1.0, 0.0), REGIONS, surroundings((1.1, 1.0))) is State.WALL_FOLLOWING
     assert bug.update(2.0, (0.2, 1.0, 0.0), REGIONS, surroundings((1.1, 1.0))) is State.WALL_FOLLOWING
-    # across the line between two turns
+    # across the line between two periods
     assert bug.update(3.0, (-0.2, 1.0, 0.0), REGIONS, surroundings((1.1, 1.0))) is State.GO_TO_POINT
 
 
-def test_complete_rule_stays_while_the_way_is_shut():
+def test_complete_rule_stays_while_the_path_is_blocked():
     bug = following()
     assert bug.update(1.0, (0.0, 1.0, 0.0), REGIONS, surroundings((0.2, 0.2))) is State.WALL_FOLLOWING
 

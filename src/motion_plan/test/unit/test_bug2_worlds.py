@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bug 2 and its behaviours driven through whole worlds in the planar rig."""
+"""Bug 2 and its behaviours in whole worlds of the planar rig."""
 import math
 
 import numpy as np
@@ -70,7 +70,7 @@ def test_closed_yard_is_unreachable_from_either_side(start, goal):
     assert result.time < 90.0
 
 
-def test_report_rule_never_notices():
+def test_report_rule_does_not_detect_it():
     result = run_bug2(yard(), (0, 6), (0, 0), leave_rule='report', limit=120.0)
     assert result.state is State.WALL_FOLLOWING and result.hits > 1
 
@@ -88,7 +88,7 @@ def test_gate_of_a_metre_and_a_half_is_found():
     reached(run_bug2(yard(1.5), (6, 0.5), (0, 0)), 120.0)
 
 
-def test_slit_of_a_metre_counts_as_shut():
+def test_gap_of_a_metre_counts_as_closed():
     unreachable(run_bug2(yard(0.9), (6, 0.5), (0, 0)))
 
 
@@ -108,7 +108,7 @@ def test_corridor_with_a_bend(width):
 
 @pytest.mark.parametrize('yaw', [0.0, 3.0, 5.0])
 def test_start_with_a_post_within_the_turning_circle(yaw):
-    # near enough for the caster's tip to sweep over it
+    # near enough to collide with the tip of the caster
     result = run_bug2(World().disc(0.44, 0.25, 0.05), (0, 0), (4.5, 0.0), yaw=yaw, seed=int(yaw))
     reached(result, 60.0)
 

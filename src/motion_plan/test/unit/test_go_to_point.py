@@ -28,7 +28,7 @@ def test_heading_error_while_driving_returns_to_state_0():
     assert go.state == State.FIX_YAW
 
 
-def test_arriving_with_a_heading_error_finishes_by_way_of_state_0():
+def test_arrival_with_a_heading_error_passes_state_0():
     go = GoToPoint((5, 0))
     go.change_state(1)
     go.update((4.8, 0, 0.1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rig itself against closed forms."""
+"""The rig itself, compared with closed forms."""
 import math
 
 import numpy as np
@@ -27,14 +27,14 @@ def test_turned_box_and_disc():
     assert ranges(World().disc(2.0, 0.0, 0.5))[359:361].min() == pytest.approx(1.5, abs=1e-4)
 
 
-def test_outline_touches_a_wall_with_the_caster_first():
+def test_the_caster_is_the_first_to_reach_a_wall():
     robot = Robot(World().box(1.1, 0, 0.2, 4), (0, 0), 0.0, np.random.default_rng(0))
     assert robot.clearance() == pytest.approx(0.6, abs=1e-3)
     robot.pose = (0.7, 0, 0.0)
     assert robot.clearance() < 0.0
 
 
-def test_stops_from_half_a_metre_a_second_in_about_a_seventh_of_a_second():
+def test_stopping_from_half_a_metre_per_second_takes_a_seventh():
     robot = Robot(World(), (0, 0), 0.0, np.random.default_rng(0))
     robot.command = (0.5, 0.0)
     robot.take_command()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the robot was at a time, and whether somebody has put it elsewhere."""
+"""The pose of the robot at a time, and jumps of the pose."""
 import math
 
 import pytest
@@ -20,8 +20,8 @@ def test_between_two_poses_it_is_interpolated():
 
 @pytest.mark.parametrize('stamp, x, expected', [
     (1.05, 0.05, False), (1.05, JUMP_DISTANCE, False), (1.05, 0.5, True), (1.0, 0.5, True),
-    (2.0, 1.0, False),      # messages were lost: in a second a robot may get that far
-    (2.0, 5.0, True), (0.5, 5.0, False)])       # a stamp in the past is a reset of time, and no jump
+    (2.0, 1.0, False),      # lost messages: a robot can drive that far in a second
+    (2.0, 5.0, True), (0.5, 5.0, False)])       # a stamp in the past is a reset of time, not a jump
 def test_a_jump_is_what_no_robot_can_drive(stamp, x, expected):
     assert history((0.95, 0.0), (1.0, 0.0)).is_jump(stamp, (x, 0.0, math.pi)) is expected
 

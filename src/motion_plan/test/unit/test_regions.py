@@ -28,7 +28,7 @@ def test_720_beams_give_the_printed_slices(left_end, bounds):
 
 
 @pytest.mark.parametrize('beam', [143, 287, 431, 575, 719])
-def test_beams_between_the_slices_are_not_looked_at(beam):
+def test_beams_between_the_slices_are_ignored(beam):
     ranges = [5.0] * 720
     ranges[beam] = 1.0
     assert set(read(ranges).values()) == {5.0}
@@ -103,7 +103,7 @@ def test_nan_only_sector_is_refused():
         read(ranges)
 
 
-def test_sector_out_of_the_field_is_told_once_and_free():
+def test_a_sector_outside_the_scan_is_reported_once_and_free():
     reader = RegionReader()
     args = layout(180, -0.6, 0.6)
     regions = reader.read([1.0] * 180, *args)

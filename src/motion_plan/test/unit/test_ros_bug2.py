@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node bug2 without a master: what a new goal, another place and a reset of time make it do."""
+"""The node bug2 without a master: a new goal, a moved robot, and a reset of time."""
 import math
 from types import SimpleNamespace
 
@@ -13,7 +13,7 @@ FREE = {name: 10.0 for name in ('right', 'fright', 'front', 'fleft', 'left')}
 
 
 class Calls:
-    """Everything the node would have said to others."""
+    """All messages and calls of the node."""
 
     def __init__(self):
         self.published, self.switched, self.parameters, self.warnings, self.refusing = {}, [], {}, [], set()
@@ -33,7 +33,7 @@ class Calls:
 
 
 class Rhythm:
-    """Of a node that is turned by the test."""
+    """Timing of a node that the test updates."""
 
     lockstep = False
 
@@ -70,7 +70,7 @@ def calls(monkeypatch):
 
 @pytest.fixture
 def node(calls):
-    """A node under way at (0, 6), with nothing around."""
+    """A node that drives at (0, 6), without obstacles."""
     made = ros_bug2.Bug2Node()
     put(made, 0.0, 6.0)
     made._turn(1.0)
@@ -91,9 +91,9 @@ def goal(x, y, frame='odom'):
     return message
 
 
-def test_a_new_goal_begins_anew_from_where_the_robot_is(node, calls):
+def test_a_new_goal_restarts_from_the_present_pose(node, calls):
     node.clbk_goal(goal(3.0, 5.0))
-    assert node.bug.goal == (0.0, -4.0)             # until the next turn
+    assert node.bug.goal == (0.0, -4.0)             # until the next period
     node._turn(1.05)
     assert (node.bug.start, node.bug.goal, node.bug.state) == ((0.0, 6.0), (3.0, 5.0), State.GO_TO_POINT)
     assert calls.parameters == {'des_pos_x': 3.0, 'des_pos_y': 5.0}
@@ -129,26 +129,26 @@ def test_a_goal_after_the_end_is_driven_to_as_well(node):
 
 
 @pytest.mark.parametrize('bad', [goal(math.nan, 0.0), goal(math.inf, 0.0)])
-def test_a_goal_that_is_no_number_changes_nothing(node, calls, bad):
+def test_a_goal_that_is_not_finite_changes_nothing(node, calls, bad):
     node.clbk_goal(bad)
     node._turn(1.05)
     assert node.bug.goal == (0.0, -4.0) and not calls.switched
     assert 'still heading for (0.00, -4.00)' in calls.warnings[0]
 
 
-def test_the_place_where_the_robot_stands_is_no_goal(node, calls):
+def test_the_present_place_of_the_robot_is_refused_as_a_goal(node, calls):
     node.clbk_goal(goal(0.0, 6.0))
     node._turn(1.05)
     assert node.bug.goal == (0.0, -4.0) and 'same point' in calls.warnings[0] and not calls.parameters
 
 
-def test_put_elsewhere_it_waits_for_a_scan_and_begins_anew(node, calls):
+def test_a_moved_robot_waits_for_a_scan_and_restarts(node, calls):
     node.bug.state = State.WALL_FOLLOWING
     node._senses.jumped, node._senses.scan_since_jump = True, False
     put(node, 4.0, 4.0)
     node._turn(1.05)
     assert node.bug.start == (0.0, 8.0) and not calls.switched and not calls.warnings
-    node._turn(9.0)                 # the laser is dead: that is said, and not that it goes on
+    node._turn(9.0)                 # no scans: this is reported, not that it continues
     assert node.bug.start == (0.0, 8.0) and 'waiting for a scan' in calls.warnings[-1]
     node._senses.scan_since_jump = True
     node._turn(1.1)
@@ -167,7 +167,7 @@ def test_a_switch_that_fails_is_tried_again_in_order(node, calls):
     assert calls.switched[-1] == ('/wall_follower_switch', False) and node._switched is State.GO_TO_POINT
 
 
-def test_a_reset_of_time_keeps_the_goal_and_lays_the_line_from_the_first_start(node, calls):
+def test_a_reset_of_time_keeps_the_goal_and_the_first_start(node, calls):
     node.clbk_goal(goal(3.0, 5.0))
     node._turn(1.05)
     node._time_reset()

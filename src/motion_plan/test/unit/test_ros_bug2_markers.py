@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What rviz gets to show of Bug 2."""
+"""The markers of Bug 2 for rviz."""
 import pytest
 from visualization_msgs.msg import Marker
 
@@ -20,7 +20,7 @@ def by_name(message):
 
 
 def enter(markers, bug, state, point):
-    """Let the bug be in a state that it has entered at a point."""
+    """Set a state that was entered at a point."""
     bug.state = state
     if state is State.WALL_FOLLOWING:
         bug.hit_point = point
@@ -29,7 +29,7 @@ def enter(markers, bug, state, point):
     markers.note(bug)
 
 
-def test_line_start_and_goal_are_where_they_are(bug):
+def test_line_start_and_goal_are_at_their_places(bug):
     message = Bug2Markers().message(bug, 'odom', 'base')
     assert message.markers[0].action == Marker.DELETEALL
     found = by_name(message)
@@ -39,12 +39,12 @@ def test_line_start_and_goal_are_where_they_are(bug):
     assert {marker.header.frame_id for marker in message.markers[:-1]} == {'odom'}
 
 
-def test_the_state_rides_on_the_robot(bug):
+def test_the_state_moves_with_the_robot(bug):
     state = by_name(Bug2Markers().message(bug, 'odom', 'base'))['state'][0]
     assert state.text.startswith('Go to point') and state.header.frame_id == 'base' and state.frame_locked
 
 
-def test_every_marker_is_one_of_its_own_and_valid_at_any_time(bug):
+def test_every_marker_is_unique_and_valid_at_any_time(bug):
     markers = Bug2Markers()
     for number in range(3):
         enter(markers, bug, State.WALL_FOLLOWING, (1.0, number))
@@ -57,7 +57,7 @@ def test_every_marker_is_one_of_its_own_and_valid_at_any_time(bug):
         assert marker.scale.z > 0.0 or marker.type == Marker.LINE_STRIP
 
 
-def test_all_points_of_a_run_are_kept_with_their_numbers_and_forgotten_with_it(bug):
+def test_points_are_numbered_and_kept_until_the_run_ends(bug):
     markers = Bug2Markers()
     enter(markers, bug, State.WALL_FOLLOWING, (0.0, 5.0))
     enter(markers, bug, State.GO_TO_POINT, (0.0, 3.0))
@@ -69,7 +69,7 @@ def test_all_points_of_a_run_are_kept_with_their_numbers_and_forgotten_with_it(b
     assert not {'hit', 'leave'} & set(by_name(markers.message(bug, 'odom', 'base')))
 
 
-def test_a_run_without_end_ends_in_no_endless_message(bug):
+def test_the_message_of_a_long_run_is_bounded(bug):
     markers = Bug2Markers()
     for number in range(MOST_POINTS + 20):
         enter(markers, bug, State.WALL_FOLLOWING, (float(number), 0.0))

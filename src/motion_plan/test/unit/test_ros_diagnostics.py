@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the nodes say on /diagnostics: rates, ages, and when a robot counts as stuck."""
+"""The nodes' /diagnostics: rates, ages, and detection of a stuck robot."""
 import threading
 
 import pytest
@@ -16,8 +16,8 @@ ON, OFF = Report(True, {}, ''), Report(False, {}, 'switched off')
 @pytest.mark.parametrize('report, ages, stuck, missing, level, words', [
     (OFF, {'/odom': None}, False, ['/odom'], OK, 'switched off'),
     (ON, {'/odom': 0.1}, False, [], OK, 'driving'),
-    (ON, {'/odom': None, '/scan': None}, False, ['/odom', '/scan'], ERROR, 'nothing has come on /odom and /scan'),
-    (ON, {'/odom': 0.1, '/scan': 2.5}, False, [], WARN, 'nothing new on /scan (2.5 s)'),
+    (ON, {'/odom': None, '/scan': None}, False, ['/odom', '/scan'], ERROR, 'no message on /odom and /scan'),
+    (ON, {'/odom': 0.1, '/scan': 2.5}, False, [], WARN, 'no new message on /scan (2.5 s)'),
     (ON, {'/odom': 0.1}, True, [], WARN, 'stuck')])
 def test_judgement(report, ages, stuck, missing, level, words):
     found, message = judge(report, ages, stuck, missing)
@@ -32,38 +32,38 @@ def watch(samples):
     return found.stuck()
 
 
-def test_told_to_drive_and_standing_is_stuck():
+def test_a_robot_that_ignores_its_command_is_stuck():
     assert watch([(t, (1.0, 2.0, 0.5), (0.3, 0.0)) for t in range(5)])
     assert watch([(t, (1.0, 2.0, 0.5), (0.0, 0.5)) for t in range(5)])
 
 
 @pytest.mark.parametrize('samples', [
     [],
-    [(t, (1.0, 2.0, 0.5), (0.3, 0.0)) for t in range(3)],                       # not for long yet
+    [(t, (1.0, 2.0, 0.5), (0.3, 0.0)) for t in range(3)],                       # not long enough
     [(t, (1.0 + 0.3 * t, 2.0, 0.5), (0.3, 0.0)) for t in range(5)],             # drives
     [(t, (1.0, 2.0, 0.5 * t), (0.0, 0.5)) for t in range(5)],                   # turns
-    [(t, (1.0, 2.0, 0.5), (0.0, 0.0)) for t in range(5)],                       # is to stand
+    [(t, (1.0, 2.0, 0.5), (0.0, 0.0)) for t in range(5)],                       # zero command
     [(t, (1.0, 2.0, 0.5), (0.3, 0.0) if t != 3 else (0.0, 0.0)) for t in range(5)],
-    [(t, (1.0, 2.0, 0.5), None) for t in range(5)],                             # nobody knows
+    [(t, (1.0, 2.0, 0.5), None) for t in range(5)],                             # unknown command
     [(t, None, (0.3, 0.0)) for t in range(5)],
     [(t, (1.0, 2.0, 0.5), (0.3, 0.0)) for t in (10, 11, 12, 0, 1)]])            # time went back
 def test_not_stuck(samples):
     assert not watch(samples)
 
 
-def test_a_turn_over_the_seam_of_angles_is_a_small_turn():
+def test_a_rotation_across_pi_is_small():
     assert watch([(t, (0.0, 0.0, 3.141 if t % 2 else -3.141), (0.3, 0.0)) for t in range(5)])
 
 
-def test_rates_count_between_two_looks():
+def test_rates_count_between_two_calls():
     rates = Rates()
     assert rates.look(1.0, {'/odom': 5}) == {'/odom': None}
     assert rates.look(3.0, {'/odom': 45}) == {'/odom': 20.0}
-    assert rates.look(3.0, {'/odom': 50}) == {'/odom': None}        # time stands still
+    assert rates.look(3.0, {'/odom': 50}) == {'/odom': None}        # time does not advance
 
 
 class FakeSenses:
-    """What a node has heard."""
+    """The input of a node."""
 
     def __init__(self):
         self.lock = threading.RLock()

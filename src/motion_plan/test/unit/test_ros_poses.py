@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses from other frames, without tf: the transform is handed in."""
+"""Poses from other frames, without tf: the transform is an argument."""
 import math
 
 import pytest
@@ -20,11 +20,11 @@ def no_tf(target, source):
 
 
 @pytest.mark.parametrize('frame', ['odom', '/odom', ''])
-def test_in_its_own_frame_or_without_one_a_pose_stays_as_it_is(frame):
+def test_a_pose_in_its_own_frame_or_without_one_is_unchanged(frame):
     assert planar_in('odom', frame, pose(), no_tf) == pytest.approx((1.0, 2.0, 0.5))
 
 
-def test_from_another_frame_it_is_moved_and_turned():
+def test_from_another_frame_it_is_translated_and_rotated():
     asked = []
 
     def transform(target, source):

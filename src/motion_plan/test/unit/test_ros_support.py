@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The edge to ROS as far as it needs no master: parameters and messages."""
+"""The ROS layer without a master: parameters and messages."""
 import math
 
 import pytest
@@ -18,7 +18,7 @@ def parameters(monkeypatch):
     return values
 
 
-def test_missing_parameter_is_one_sentence_with_the_cure(parameters):
+def test_missing_parameter_is_one_sentence_with_the_remedy(parameters):
     with pytest.raises(ros_support.NodeError) as error:
         ros_support.required_number('des_pos_x', 'x of the goal in metres', 'bug2.launch')
     text = str(error.value)
@@ -58,7 +58,7 @@ def test_odometry_with_nan_is_refused(msg):
         ros_support.planar_pose(msg)
 
 
-class Unheard:
+class NoTopics:
     """A rhythm that subscribes to nothing."""
 
     @staticmethod
@@ -79,9 +79,9 @@ def odometry_at(stamp, x):
     return msg
 
 
-def test_a_robot_that_was_put_elsewhere_is_noticed_and_scans_from_before_are_left_out(monkeypatch):
+def test_a_moved_robot_is_detected_and_old_scans_are_ignored(monkeypatch):
     monkeypatch.setattr(ros_support.rospy, 'get_time', lambda: 2.0)
-    senses = ros_support.Senses(Unheard(), remember=True)
+    senses = ros_support.Senses(NoTopics(), remember=True)
     for stamp, x in ((1.0, 0.0), (1.05, 0.02)):
         senses.clbk_odom(odometry_at(stamp, x))
     senses.clbk_laser(scan_at(1.04))
@@ -89,11 +89,11 @@ def test_a_robot_that_was_put_elsewhere_is_noticed_and_scans_from_before_are_lef
     senses.clbk_odom(odometry_at(1.1, 4.0))
     assert senses.jumped and not senses.scan_since_jump
     before = senses.scan_stamp
-    senses.clbk_laser(scan_at(1.08))            # taken at the old place, came late
+    senses.clbk_laser(scan_at(1.08))            # taken at the old place, received late
     assert senses.scan_stamp == before and not senses.scan_since_jump
     senses.clbk_laser(scan_at(1.12))
     assert senses.scan_since_jump
     senses.clbk_odom(odometry_at(1.15, 4.02))
-    assert senses.jumped                        # until somebody has taken note
+    assert senses.jumped                        # until the node resets it
     senses.forget()
     assert not senses.jumped and senses.scan_since_jump

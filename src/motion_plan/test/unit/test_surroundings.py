@@ -22,7 +22,7 @@ def test_points_lie_on_the_wall():
     assert np.abs(around.points[:, 0] - 1.9).max() < 0.06
 
 
-def test_what_left_the_view_is_remembered_and_what_is_seen_through_is_not():
+def test_hidden_points_are_kept_and_cleared_ones_removed():
     world = World().disc(1.5, 0.0, 0.2)
     around = scanned(world, (0.0, 0.0, 0.0))
     scanned(world, (0.0, 0.0, math.pi), around)
@@ -44,7 +44,7 @@ def test_teleport_forgets():
     assert len(around.points) == 0
 
 
-def test_reading_errors_do_no_harm():
+def test_invalid_readings_are_ignored():
     ranges = np.full(720, np.nan)
     ranges[360], ranges[361] = -np.inf, np.inf
     around = Surroundings()
@@ -67,7 +67,7 @@ def test_point_inside_the_disc_blocks_the_approach_only():
     assert list(travel[:2]) == [0.0, 0.0] and np.isinf(travel[2:]).all()
 
 
-def test_the_first_free_direction_is_the_one_that_free_travel_finds():
+def test_the_first_free_direction_equals_that_of_free_travel():
     rng, outcomes = np.random.default_rng(6), set()
     for count in list(range(0, 60)) * 8:
         around = Surroundings()
@@ -83,7 +83,7 @@ def test_the_first_free_direction_is_the_one_that_free_travel_finds():
             assert blocker == blockers[first - 1]
         outcomes.add(min(first, 1))
         outcomes.add('late' if first > 30 else 'early')
-    assert outcomes == {-1, 0, 1, 'early', 'late'}      # each of the cases has come up
+    assert outcomes == {-1, 0, 1, 'early', 'late'}      # all cases occurred
 
 
 def test_footprint_clearance_agrees_with_the_rig():
@@ -113,7 +113,7 @@ def test_pose_history_interpolates_across_pi():
     assert history.at(0.0) == (0.0, 0.0, 3.0) and history.at(9.0) == (1.0, 0.0, -3.0)
 
 
-def test_pose_history_starts_anew_when_time_jumps_back():
+def test_pose_history_restarts_when_time_jumps_back():
     history = PoseHistory()
     assert history.at(1.0) is None
     history.add(5.0, (1.0, 1.0, 0.0))
@@ -121,11 +121,11 @@ def test_pose_history_starts_anew_when_time_jumps_back():
     assert history.at(5.0) == (2.0, 2.0, 0.0)
 
 
-def test_a_scanner_that_looks_all_round_does_not_store_the_own_wheels():
+def test_a_360_degree_scanner_does_not_store_the_own_wheels():
     increment = 2.0 * math.pi / 720
     angles = np.arange(720) * increment - math.pi
     ranges = np.full(720, np.inf)
-    wheels = np.abs(np.abs(angles) - math.radians(140)) < math.radians(3)     # where they stand, seen from the laser
+    wheels = np.abs(np.abs(angles) - math.radians(140)) < math.radians(3)     # their direction, seen from the laser
     ranges[wheels] = math.hypot(-0.05 - 0.15, 0.18)
     ranges[360] = 1.0
     around = Surroundings()

@@ -7,7 +7,7 @@ from motion_plan.tour import PATIENCE, REACHED, Tour, TourError
 
 
 def drive(tour, pose, seconds, step=0.05, factor=1.0):
-    """Let an ideal robot follow the commands; returns its poses. ``factor``: what the floor makes of its speed."""
+    """Let an ideal robot follow the commands; returns its poses. ``factor``: slip of the floor."""
     poses = [pose]
     for k in range(int(seconds / step)):
         x, y, yaw = poses[-1]
@@ -31,7 +31,7 @@ def test_all_points_are_visited_in_their_order():
     assert tour.update(999.0, poses[-1]) == (0.0, 0.0)
 
 
-def test_between_two_points_the_way_is_nearly_straight():
+def test_the_path_between_two_points_is_nearly_straight():
     poses = drive(Tour([(5.0, 0.0)]), (0.0, 0.0, 0.3), 60.0)
     assert max(abs(y) for _, y, _ in poses) < 0.25
 
@@ -49,7 +49,7 @@ def test_a_point_where_the_robot_stands_is_passed_at_once():
 
 
 @pytest.mark.parametrize('turned', [0.0, 2.0])
-def test_a_robot_that_comes_no_nearer_is_stuck_and_stands_still(turned, caplog):
+def test_a_robot_without_progress_is_stuck_and_stops(turned, caplog):
     tour = Tour([(5.0, 0.0)])
     poses = drive(tour, (0.0, 0.0, turned), 60.0, factor=0.0)
     assert tour.stuck and not tour.finished
@@ -57,7 +57,7 @@ def test_a_robot_that_comes_no_nearer_is_stuck_and_stands_still(turned, caplog):
     assert tour.update(60.0, (0.0, 0.0, turned)) == (0.0, 0.0) and 'no nearer to way point 1' in caplog.text
 
 
-def test_a_long_turn_and_a_slow_floor_are_no_reason_to_give_up():
+def test_a_long_rotation_and_slip_do_not_count_as_stuck():
     tour = Tour([(4.0, 0.0), (-4.0, 0.0)])
     drive(tour, (0.0, 0.0, math.pi), 400.0, factor=0.2)
     assert tour.finished
@@ -74,6 +74,6 @@ def test_restart_begins_with_the_first_point():
                                            ([(1.0, math.nan)], 0.5), ([(1.0, 2.0)], 0.0), ([(1.0, 2.0)], math.inf),
                                            ([(1.0, 2.0)], 'fast'),
                                            ([(10**400, 2.0)], 0.5), ([(1.0, 2.0)], 10**400), ([(1.0, 2.0)], None)])
-def test_what_cannot_be_driven_is_refused(points, speed):
+def test_invalid_tours_are_refused(points, speed):
     with pytest.raises(TourError, match='expected'):
         Tour(points, speed)
