@@ -3,20 +3,18 @@
 import logging
 import math
 
-from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 from m2wr_sim.control.diff_drive import CONVENTIONS, EncoderOdometry, is_swapped, ramp, wheel_speeds
 from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
-from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import Plugin, driven_joint
+from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import StrictSchedule
 
 _POSE_COVARIANCE = [0.0] * 36
 for _index, _value in zip((0, 7, 14, 21, 28, 35), (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)):
     _POSE_COVARIANCE[_index] = _value
-_REFUSAL_PAUSE_NS = 5000000000
 
 
 class DiffDrive(Plugin):
@@ -42,9 +40,8 @@ class DiffDrive(Plugin):
         self._child_frame = ctx.frame(spec.text("robotBaseFrame", "base_footprint"), namespace)
         self._choose_sides(spec, left_name, right_name)
         self._encoder = EncoderOdometry(self._separation, self._swapped) if encoder else None
-        self._command, self._command_ns, self._refused_ns = (0.0, 0.0), ctx.now_ns, None
-        self._instructed, self._last_ns = (0.0, 0.0), ctx.now_ns
-        ctx.subscribe(spec.text("commandTopic", "cmd_vel"), Twist, self._on_command, namespace)
+        self._instructed = 0.0, 0.0
+        self._command = VelocityCommand(ctx, spec.text("commandTopic", "cmd_vel"), namespace, ctx.command_timeout_ns)
         odometry_topic, self._odometry, self._states = spec.text("odometryTopic", "odom"), None, None
         if self._publish_odometry:
             self._odometry = ctx.advertise(odometry_topic, Odometry, namespace=namespace)
@@ -83,23 +80,12 @@ class DiffDrive(Plugin):
                           "turns %.2f times as fast as commanded.",
                           ctx.model_name, self._separation, distance, self._separation / distance)
 
-    def _on_command(self, message):
-        self.command(message.linear.x, message.angular.z)
-
     def command(self, linear, angular):
         """Take a velocity command [m/s, rad/s] that is to hold from the next tick on; refuse what no robot survives."""
-        if abs(linear) <= FASTEST and abs(angular) <= FASTEST:      # false for what is no number, too
-            self._command, self._command_ns = (linear, angular), None       # next_before, which follows, tells the time
-            return
-        if self._refused_ns is None or self._last_ns - self._refused_ns >= _REFUSAL_PAUSE_NS:
-            self._refused_ns = self._last_ns
-            self._ctx.log.warning("%s: refused a velocity command with linear.x = %s, angular.z = %s; expected finite "
-                                  "numbers of at most %g m/s and rad/s. The last valid command (%g m/s, %g rad/s) "
-                                  "stays.", self._ctx.model_name, linear, angular, FASTEST, *self._command)
+        self._command.set(linear, 0.0, angular)
 
     def next_before(self, now_ns):
-        if self._command_ns is None:
-            self._command_ns = now_ns
+        self._command.look(now_ns)
         if self._encoder is not None:
             return now_ns + self._ctx.step_ns
         return self._schedule.next_due(now_ns, self._ctx.step_ns)
@@ -125,9 +111,8 @@ class DiffDrive(Plugin):
 
     def _drive(self, now_ns, elapsed_ns):
         """Turn the newest command into motor targets."""
-        timeout_ns = self._ctx.command_timeout_ns
-        command = (0.0, 0.0) if timeout_ns and now_ns - self._command_ns > timeout_ns else self._command
-        target = wheel_speeds(command[0], command[1], self._separation, self._swapped)
+        linear, _, angular = self._command.at(now_ns)
+        target = wheel_speeds(linear, angular, self._separation, self._swapped)
         if self._acceleration > 0.0:
             current = (self._physics.joint_rate(self._left) * self._radius,
                        self._physics.joint_rate(self._right) * self._radius)
@@ -135,7 +120,6 @@ class DiffDrive(Plugin):
             target, self._instructed = ramp(target, current, self._instructed, limit)
         self._physics.set_joint_motor(self._left, target[0] / self._radius, self._torque)
         self._physics.set_joint_motor(self._right, target[1] / self._radius, self._torque)
-        self._last_ns = now_ns
 
     def measure(self):
         """Return what odometry says now: position, orientation, and linear x, linear y, angular z of the base."""
@@ -170,8 +154,7 @@ class DiffDrive(Plugin):
     def reset(self, now_ns, rewound):
         """As in Gazebo the motors keep their speed until the next tick; only the command is forgotten."""
         self._schedule.restart(now_ns)
-        self._command, self._command_ns, self._last_ns = (0.0, 0.0), now_ns, now_ns
-        self._refused_ns = None
+        self._command.reset(now_ns)
         if self._encoder is not None:
             self._encoder.reset()
         for joint in (self._left, self._right):

@@ -26,7 +26,8 @@ class PlanarMove(Plugin):
         self._schedule = GapSchedule(rate, ctx.now_ns, strict=True) if rate > 0.0 else None
         timeout_ns = int(max(-1.0, min(1e9 * spec.number("cmdTimeout", -1.0), 1e18)))
         self._command = VelocityCommand(ctx, spec.text("commandTopic", "cmd_vel"), namespace,
-                                        max(timeout_ns, 1) if timeout_ns >= 0 else ctx.command_timeout_ns)
+                                        max(timeout_ns, 1) if timeout_ns >= 0 else ctx.command_timeout_ns,
+                                        sideways=True)
         self._port = ctx.advertise(spec.text("odometryTopic", "odom"), Odometry, namespace=namespace)
         self._last = self._planar(ctx.model_state())
 
