@@ -38,8 +38,8 @@ GRAPH = os.path.join(ROOT, "tools", "reference_graph.yaml")
 LAUNCH = os.path.join(ROOT, "test", "rostest", "reference_base.launch")
 HEAD = """# Reference
 
-Written by `tools/reference.py` from the code; a test fails when it is out of date. More about the values stands in the
-README of each package.
+Written by `tools/reference.py` from the code; a test fails when it is out of date. The README of each package
+explains the values or links to the pages that do.
 """
 #: Services and topics that every node has.
 COMMON_TOPICS = {"/rosout", "/rosout_agg"}

@@ -7,11 +7,11 @@ import sys
 import unittest
 
 import rosgraph
-import rospkg
 import rospy
 import rosservice
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from documents import ROOT  # noqa: E402
 from sim_probe import SERVICES, Simulation, run_checks, wait_until  # noqa: E402
 
 PUBLISHED = {
@@ -73,11 +73,9 @@ class Api(unittest.TestCase):
     def test_types_of_services(self):
         self.assertEqual({name: rosservice.get_service_type(name) for name in self.of_gazebo()[2]}, SERVICE_TYPES)
 
-    def test_the_readme_lists_all_services(self):
-        path = os.path.join(rospkg.RosPack().get_path("m2wr_sim"), "README.md")
-        with open(path, encoding="utf-8") as stream:
-            section = stream.read().split("## Services")[1].split("\n## ")[0]
-        listed = re.findall(r"^\| `(\w+)` \|", section, re.M)
+    def test_the_reference_lists_all_services(self):
+        with open(os.path.join(ROOT, "docs", "reference", "services.md"), encoding="utf-8") as stream:
+            listed = re.findall(r"^\| `(\w+)` \|", stream.read(), re.M)
         self.assertEqual(["/gazebo/" + name for name in listed], self.of_gazebo()[2])
 
     def test_use_sim_time_is_set(self):

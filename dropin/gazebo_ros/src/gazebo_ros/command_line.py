@@ -140,7 +140,7 @@ def usage():
     """Return the help text."""
     lines = ['usage: gzserver [options] [world file] [name:=value ...]', '',
              'Starts the simulation node of m2wr_sim under the name gazebo. A word with := goes to ROS: a remapping,',
-             'or _parameter:=value (the parameters are in the README of m2wr_sim).', '',
+             'or _parameter:=value (the parameters are in docs/reference.md).', '',
              'options of Gazebo with an effect:']
     acting = {'paused': 'start paused', 'engine': 'physics engine: only ode', 'seed': 'seed of all sensor noise',
               'plugins': 'system plugins: the ROS ones are built in', 'version': 'print the version',

@@ -81,12 +81,12 @@ def test_the_registry_knows_nothing_else(name):
     assert find_plugin(name) is None
 
 
-def test_the_readme_tells_its_tags_and_their_defaults(make, library, monkeypatch):
+def test_the_reference_lists_its_tags_and_defaults(make, library, monkeypatch):
     readers = []
     monkeypatch.setattr(simulator, "PluginReader", lambda spec: readers.append(PluginReader(spec)) or readers[-1])
     make(library)
-    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
-    row, = [line.split(" | ")[1] for line in readme.splitlines()
+    page = (Path(__file__).resolve().parents[4] / "docs" / "reference" / "plugins.md").read_text(encoding="utf-8")
+    row, = [line.split(" | ")[1] for line in page.splitlines()
             if line.startswith("| `lib") and "`%s`" % library in line.split(" | ")[0]]
     told = dict(re.findall(r"`(\w+)`(?: = ([^,;|]+))?", row.split(", and ")[0]))
     assert set(told) == readers[0].known() - {"robotNamespace", "alwaysOn", "rosDebugLevel"}

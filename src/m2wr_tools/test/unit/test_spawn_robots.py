@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """robots.launch for any number of robots, and what spawn_robots and wander_robots refuse; no master is needed."""
 import os
-import re
 
 import pytest
 import roslib.packages
@@ -60,14 +59,6 @@ def test_what_is_not_wanted_is_not_started(options, absent):
 def test_every_node_exists():
     for node in load("robots.launch", "controller:=wander")[0].values():
         assert roslib.packages.find_node(node.package, node.type), (node.package, node.type)
-
-
-def test_every_argument_is_in_the_readme():
-    with open(os.path.join(LAUNCH_DIR, "robots.launch"), encoding="utf-8") as stream:
-        arguments = set(re.findall(r'<arg name="(\w+)" default=', stream.read()))
-    with open(os.path.join(LAUNCH_DIR, "..", "README.md"), encoding="utf-8") as stream:
-        section = stream.read().split("\n## Many robots")[1].split("\n## ")[0]
-    assert len(arguments) > 10 and not arguments - set(re.findall(r"`(\w+)`", section))
 
 
 @pytest.mark.parametrize("main", [spawn_robots.main, wander.main])

@@ -61,7 +61,7 @@ class Sim:
         of one process draw from one random sequence: they repeat only all together.
     wheel_convention : str
         Which wheel is left: ``rep103`` (by where the wheels are: positive angular commands turn left), ``noetic`` or
-        ``kinetic``, see the package's README.
+        ``kinetic``, see docs/explanation/turning.md.
     command_timeout : float
         A robot stops when its commands have ceased for so long [s]; 0: the last command holds.
 

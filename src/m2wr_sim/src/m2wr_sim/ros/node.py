@@ -199,7 +199,7 @@ def _network(config, simulator, factor, folders, stopping, lockstep):
 
 
 def _view_topics(simulator, config):
-    """Add what viewers and recordings need: markers, the true states of robots, the description; see README."""
+    """Add what viewers and recordings need: markers, true states of robots, description (docs/reference/topics.md)."""
     markers = WorldMarkers(simulator, LatchedPort(simulator.ports, "~world_markers", MarkerArray),
                            config.world_markers_frame, config.world_markers_rate)
     simulator.add_observer(markers, "world markers")

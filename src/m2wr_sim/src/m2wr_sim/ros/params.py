@@ -76,12 +76,12 @@ class NodeConfig:
         0.0, "stop a robot whose commands ceased that long ago [s]; 0: the last command holds", _at_least(0.0))
     enable_ros_network: bool = _parameter(
         True, "off: only /clock, no services, no state topics; plugins keep theirs")
-    gazebo_faults: bool = _parameter(True, "keep the known faults of Gazebo's services; see Services")
+    gazebo_faults: bool = _parameter(True, "keep the known faults of Gazebo's services, see docs/reference/services.md")
     joint_states: bool = _parameter(True, "publish joint_states for robots whose description names no plugin for it")
     joint_state_rate: float = _parameter(50.0, "rate of those [Hz]", _at_least(0.0))
     loss_ends: bool = _parameter(
         False, "a model that is thrown out of the world ends the node with an error, for tests; off: it is removed")
-    lockstep: bool = _parameter(False, "time waits for those named below; see Lockstep")
+    lockstep: bool = _parameter(False, "time waits for the nodes named below, see docs/how-to/lockstep.md")
     lockstep_controllers: List[str] = _names("nodes that take turns, in this order")
     lockstep_replies: List[str] = _names("topics on which others answer: \"/TRIGGER -> /TOPIC [by /NODE] [once]\"")
     lockstep_listeners: List[str] = _names("nodes that hear everything: \"/NODE [respawned][: /TOPIC /TOPIC ...]\"")

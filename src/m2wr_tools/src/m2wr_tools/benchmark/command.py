@@ -51,7 +51,7 @@ def parser():
     made.add_argument("--engine", choices=ENGINES, default="auto", help="default: %(default)s")
     made.add_argument("--clients", type=int, choices=(0, 1), default=0,
                       help="1: the whole node with a process that listens to every topic of the robots, /clock and /tf")
-    made.add_argument("--node", action="store_true", help="the whole node also where nobody listens")
+    made.add_argument("--node", action="store_true", help="the whole node, without a subscriber")
     made.add_argument("--soak", type=_whole(1), metavar="MINUTES",
                       help="the whole node for so many simulated minutes: its memory after each")
     made.add_argument("--factor", type=float, default=0.0,
@@ -61,7 +61,8 @@ def parser():
                       help="c: time the physics loop against the same loop written in C; others: physics and scans in "
                       "turns with that simulator (to be installed from PyPI)")
     made.add_argument("--json", action="store_true", help="print one line of JSON")
-    made.add_argument("--table", action="store_true", help="measure the cases of the README's table and print it")
+    made.add_argument("--table", action="store_true",
+                      help="measure the cases of docs/explanation/performance.md and print its tables")
     made.add_argument("--repeats", type=_whole(1), default=5,
                       help="of a comparison, and of the table's cases (default: %(default)s)")
     return made

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The README's table of speeds, and the plain lines for one case."""
+"""The tables of docs/explanation/performance.md, and the plain lines for one case."""
 import importlib.util
 import json
 import statistics
@@ -42,11 +42,11 @@ CASES = (
     ("10 robots, 5 ms", ("--robots", "10", "--step", "0.005", "--duration", "10")),
     ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005", "--duration", "4")),
     ("1 robot, 1 ms, engine pyode", ("--engine", "pyode", "--duration", "10")),
-    ("node, 1 ms, nobody listens", ("--node", "--duration", "40")),
-    ("node, 1 ms, one process on every topic", ("--clients", "1", "--duration", "40")),
-    ("node, 5 ms, nobody listens", ("--node", "--step", "0.005", "--duration", "100")),
-    ("node, 5 ms, one process on every topic", ("--clients", "1", "--step", "0.005", "--duration", "100")),
-    ("node at real-time factor 1, one process", ("--clients", "1", "--factor", "1", "--duration", "10")),
+    ("node, 1 ms, no subscriber", ("--node", "--duration", "40")),
+    ("node, 1 ms, one subscriber on every topic", ("--clients", "1", "--duration", "40")),
+    ("node, 5 ms, no subscriber", ("--node", "--step", "0.005", "--duration", "100")),
+    ("node, 5 ms, one subscriber on every topic", ("--clients", "1", "--step", "0.005", "--duration", "100")),
+    ("node at real-time factor 1, one subscriber", ("--clients", "1", "--factor", "1", "--duration", "10")),
 )
 COMPARISONS = (("1 robot, 1 ms", ()), ("1 robot, 5 ms", ("--step", "0.005")),
                ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005")))
@@ -106,7 +106,7 @@ def make(repeats, progress):
         for index, (name, arguments) in enumerate(CASES):
             found[name].append(run_case(arguments))
             progress((repeat * len(CASES) + index + 1) / (repeats * len(CASES) + len(COMPARISONS)))
-    text = ["| case | real-time factor | step [us] | scan [us] | messages, rest of the node | start to first scan [s] "
+    text = ["| case | real-time factor | step [us] | scan [us] | messages and the rest | start to first scan [s] "
             "| peak memory [MB] | solver messages |", "| --- " * 8 + "|"]
     for name, arguments in CASES:
         results = found[name]

@@ -69,7 +69,7 @@ class WholeNode:
     case : in_process.Case
         Robots, step, beams and engine; its world is not used.
     clients : int
-        0: nobody listens; 1: one process listens to every topic of the robots, to /clock and to /tf.
+        0: no subscriber; 1: one process listens to every topic of the robots, to /clock and to /tf.
     factor : float
         Real-time factor asked for; 0: as fast as it can.
     port : int

@@ -2,9 +2,9 @@
 """What becomes of the elements of SDF: which are read, which belong to viewers or others, which are told and why.
 
 The readers ask for what they use, and :class:`~m2wr_sim.model.sdf.node.Node` compares that with what stands in the
-file.  These tables say what to tell of the rest; the README shows them (``python3 -m m2wr_sim.model.sdf.elements``
-prints them as it does), and tests hold both against the readers.  Elements of one name in different places have rows of
-their own (``physics/ode``, ``friction/ode``).
+file.  These tables say what to report of the rest; docs/reference/sdf.md shows them
+(``python3 -m m2wr_sim.model.sdf.elements`` prints its table), and tests hold both against the readers.  Elements of one
+name in different places have rows of their own (``physics/ode``, ``friction/ode``).
 """
 import re
 import sys
@@ -113,7 +113,7 @@ QUIET = {row: _words(text) for row, text in {
 
 #: (row, element) -> why it is not read; told as a warning.
 REASONS = {
-    ("world", "actor"): "nothing here walks along a script",
+    ("world", "actor"): "actors are not simulated",
     ("world", "population"): "write the models out, or spawn them",
     ("link", "battery"): "no charge is simulated",
     ("joint", "sensor"): "a force and torque plugin on the model reads joints",
@@ -121,7 +121,7 @@ REASONS = {
     ("joint", "gearbox_reference_body"): "gearboxes are not simulated",
     ("joint", "thread_pitch"): "screws are not simulated",
     ("model", "gripper"): "a closed hand holds by friction alone",
-    ("contact", "category_bitmask"): "<collide_bitmask> decides what touches",
+    ("contact", "category_bitmask"): "<collide_bitmask> decides what collides",
     ("joint/ode", "cfm"): "<limit> in it is read",
     ("joint/ode", "erp"): "<limit> in it is read",
     ("joint/ode", "bounce"): "stops do not spring back",
@@ -140,29 +140,29 @@ IDLE = {("physics", "real_time_factor"): 1.0, ("model", "enable_wind"): 0.0, ("l
         ("joint/ode", "bounce"): 0.0, ("joint/ode", "max_force"): 0.0, ("joint/ode", "velocity"): 0.0,
         ("joint", "gearbox_ratio"): 1.0, ("joint", "thread_pitch"): 1.0, ("contact", "category_bitmask"): 65535.0}
 
-#: Row -> what is other than in Gazebo, for the README.
+#: Row -> what differs from Gazebo, for docs/reference/sdf.md.
 DIFFERS = {
-    "world": "`plugin`: named and left out; `light`: for its services",
+    "world": "`plugin`: named and left out; `light`: only for services",
     "physics": "`max_step_size`: 0.01 to 100 ms; `type`: always ode",
-    "solver": "`precon_iters` and `sor` are only told back; `~solver` says which",
-    "constraints": "`erp`: 0.2 to 0.8; the others are only told back",
+    "solver": "`precon_iters` and `sor` are stored, without effect; `~solver` chooses the solver",
+    "constraints": "`erp`: 0.2 to 0.8; the others are stored, without effect",
     "state": "only the first counts, as in Gazebo",
-    "state/model": "`scale` is told where it is not 1 1 1, and not applied",
+    "state/model": "`scale` other than 1 1 1 is reported and not applied",
     "include": "nothing is downloaded; `placement_frame` names a link",
-    "model": "nested models are told where they alone are `static`; `gripper` does nothing",
+    "model": "a nested model that alone is `static` is reported; `gripper` has no effect",
     "inertial": "the mass of a moving link must be positive",
-    "visual": "for viewers; of `geometry` only plain shapes",
-    "geometry": "`image`, `capsule`, `ellipsoid`: told, that shape is left out",
+    "visual": "for viewers; of `geometry` only simple shapes",
+    "geometry": "`image`, `capsule`, `ellipsoid`: reported, this shape is left out",
     "plane": "`size` is for viewers, as in Gazebo",
-    "heightmap": "see Meshes",
-    "torsional": "told where it would act",
-    "contact": "`elastic_modulus` is told where it is not 0",
-    "contact/ode": "limited, see Physics",
-    "joint": "types revolute, continuous, prismatic, fixed, ball, universal; the others are told",
-    "sensor": "types ray, gpu_ray, imu, contact; the others are told",
+    "heightmap": "see [meshes](meshes.md)",
+    "torsional": "reported where it would have an effect",
+    "contact": "`elastic_modulus` other than 0 is reported",
+    "contact/ode": "limited, see [physics](../explanation/physics.md)",
+    "joint": "types revolute, continuous, prismatic, fixed, ball, universal; others are reported",
+    "sensor": "types ray, gpu_ray, imu, contact; others are reported",
     "range": "`resolution` has no effect, as in Gazebo",
-    "noise": "`dynamic_bias_...`: of imu sensors, else told",
-    "light": "for its services; shines on nothing",
+    "noise": "`dynamic_bias_...`: of imu sensors, else reported",
+    "light": "only for services; no effect on sensors",
 }
 
 #: Row -> attributes besides those that are read that are passed over: names for people and other programs.
@@ -182,8 +182,8 @@ ROWS = {
 
 
 def table():
-    """Return the lines of the README's table: a row of elements in each."""
-    lines = ["| in | read | differs from Gazebo | no effect, one quiet line | told, not read |",
+    """Return the lines of the table in docs/reference/sdf.md: a row of elements in each."""
+    lines = ["| in | read | differs from Gazebo | no effect, one INFO line | not read, reported |",
              "|---|---|---|---|---|"]
     for row in READ:
         told = ["`{}`: {}".format(tag, re.sub("(<.*?>)", r"`\1`", reason))
