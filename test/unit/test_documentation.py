@@ -8,9 +8,13 @@ import pytest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "nodes"))
 import doc_commands  # noqa: E402
-from documents import ROOT, blocks, documents  # noqa: E402
+from documents import COURSE, GUIDES, ROOT, blocks, documents  # noqa: E402
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+README_WORDS = 900              # of a package: what it is, how to start, where to read on
+SENTENCE, MEAN_SENTENCE = 40, 20        # words, in the pages of docs/
+#: READMEs whose details are not in pages of docs/ yet; the list may only become shorter.
+LONG_READMES = ("src/m2wr_description/README.md", "src/m2wr_view/README.md", "src/motion_plan/README.md")
 
 
 def text_of(path):
@@ -27,6 +31,35 @@ def anchors(text):
     """Return the anchors that the headings of a Markdown text make."""
     headings = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), re.M)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def sentences(text):
+    """Return the sentences of a Markdown text, without code, tables and headings; inline code counts as one word."""
+    text = re.sub(r"^(```+).*?^\1$|<!--.*?-->|^(?:#|\||!\[).*?$", "\n", text, flags=re.M | re.S)
+    text = re.sub(r"^\s*(?:[*-]|\d+\.) ", "\n\n", text, flags=re.M)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`", "code", text))
+    return [sentence for paragraph in re.split(r"\n\s*\n", text)
+            for sentence in re.split(r"(?<=[.!?])[\"*)]*\s+(?=\S)", " ".join(paragraph.split())) if sentence]
+
+
+def test_sentences_are_found():
+    text = ("# Title\n\nOne `x = 1. Y` two. [Three](a.md)\nfour: five.\n\n"
+            "```bash\nls. b\n```\n| a. b |\n* Six\n* seven\n")
+    assert sentences(text) == ["One code two.", "Three four: five.", "Six", "seven"]
+
+
+@pytest.mark.parametrize("path", documents(COURSE + GUIDES))
+def test_sentences_of_a_page_are_short(path):
+    lengths = {sentence: len(sentence.split()) for sentence in sentences(text_of(path))}
+    long = ["%d words: %s" % (count, sentence) for sentence, count in lengths.items() if count > SENTENCE]
+    assert not long, "%s: %s" % (path, "\n".join(long))
+    assert sum(lengths.values()) <= MEAN_SENTENCE * len(lengths), path
+
+
+@pytest.mark.parametrize("path", documents(("src/*/README.md", "dropin/*/README.md")))
+def test_the_readme_of_a_package_is_short(path):
+    words = len(text_of(path).split())
+    assert (words > README_WORDS) == (path in LONG_READMES), "%s has %d words; details go to docs/" % (path, words)
 
 
 def test_every_page_below_docs_is_a_document():
