@@ -14,7 +14,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 README_WORDS = 900              # of a package: what it is, how to start, where to read on
 SENTENCE, MEAN_SENTENCE = 40, 20        # words, in the pages of docs/
 #: READMEs whose details are not in pages of docs/ yet; the list may only become shorter.
-LONG_READMES = ("src/m2wr_view/README.md", "src/motion_plan/README.md")
+LONG_READMES = ("src/m2wr_view/README.md",)
 
 
 def text_of(path):
