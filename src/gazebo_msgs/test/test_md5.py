@@ -2,7 +2,7 @@
 """The MD5 sum of every definition equals the one published for ROS Noetic.
 
 ROS compares these sums when a connection is made: one changed field, order or constant and old programs are refused.
-The generated classes are compared, that is what goes on the wire; the tables are complete in both directions.
+The generated classes are compared: they define the transmitted bytes; the tables are complete in both directions.
 """
 import importlib
 from pathlib import Path

@@ -137,13 +137,13 @@ class TestReportValues:
         assert numbers(one(seen[0], 'origin').get('xyz')) == [0, 0, 0]
         assert one(seen[0], 'material').get('name') == 'blue'
 
-    def test_caster_is_seen_behind_where_it_touches(self, robot):
+    def test_visual_caster_is_behind_the_collision_shape(self, robot):
         chassis = one(robot, "link[@name='link_chassis']")
-        touches = one(chassis, "collision[@name='caster_front_collision']")
+        collision = one(chassis, "collision[@name='caster_front_collision']")
         seen = one(chassis, "visual[@name='caster_front_visual']")
-        assert numbers(one(touches, 'origin').get('xyz')) == [0.35, 0, -0.05]
+        assert numbers(one(collision, 'origin').get('xyz')) == [0.35, 0, -0.05]
         assert numbers(one(seen, 'origin').get('xyz')) == [0.2, 0, -0.05]
-        for shape in (touches, seen):
+        for shape in (collision, seen):
             assert float(one(shape, 'geometry/sphere').get('radius')) == 0.05
 
     def test_caster_slides(self, robot):
@@ -167,7 +167,7 @@ class TestReportValues:
         assert one(link, 'visual/material').get('name') == 'white'
 
     def test_robot_stands_level_on_wheels_and_caster(self, robot):
-        """All three touch the floor at the same height below the chassis frame."""
+        """The lowest points of all three are at the same height below the chassis frame."""
         caster = one(robot, "link/collision[@name='caster_front_collision']")
         caster_radius = float(one(caster, 'geometry/sphere').get('radius'))
         caster_bottom = numbers(one(caster, 'origin').get('xyz'))[2] - caster_radius
