@@ -32,7 +32,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
     assert (tmp_path / "a").read_text() == "old" and listing(tmp_path) == ["a"]
 
 
-def test_a_link_stays_a_link(tmp_path):
+def test_symlink_is_kept(tmp_path):
     (tmp_path / "far").mkdir()
     (tmp_path / "near").symlink_to(tmp_path / "far" / "a")
     for text in (b"one", b"two"):
@@ -41,7 +41,7 @@ def test_a_link_stays_a_link(tmp_path):
     assert listing(tmp_path / "far") == ["a"]
 
 
-def test_a_pipe_is_written_to(tmp_path):
+def test_pipe_is_written_to(tmp_path):
     pipe, read = str(tmp_path / "pipe"), []
     os.mkfifo(pipe)
 
@@ -55,12 +55,12 @@ def test_a_pipe_is_written_to(tmp_path):
     assert read == [b"said"] and stat.S_ISFIFO(os.stat(pipe).st_mode) and listing(tmp_path) == ["pipe"]
 
 
-def test_the_programs_own_streams_are_written_to(capfd):
+def test_standard_streams_are_written_to(capfd):
     write_whole(("/dev/stdout", [b"out"]), ("/dev/null", [b"lost"]))
     assert capfd.readouterr().out == "out" and stat.S_ISCHR(os.stat("/dev/null").st_mode)
 
 
-def test_a_folder_is_not_replaced(tmp_path):
+def test_folder_is_not_replaced(tmp_path):
     (tmp_path / "a").mkdir()
     with pytest.raises(OSError):
         write_whole((str(tmp_path / "a"), [b"new"]))

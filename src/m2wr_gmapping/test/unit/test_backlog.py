@@ -27,7 +27,7 @@ def run(ring, laser, waiting):
     return mapper, passed, worst
 
 
-def test_nothing_is_passed_over_while_few_wait(ring, laser):
+def test_short_queue_skips_nothing(ring, laser):
     for waiting, limit in ((0, LIMIT), (9, LIMIT), (2, 5)):
         mapper = Mapper(GmappingConfig.from_mapping({"particles": 2}), laser)
         mapper.process(mapper.reading(ring.ranges(drive()[0], laser.angles)), np.zeros(3), 0.0)
@@ -36,7 +36,7 @@ def test_nothing_is_passed_over_while_few_wait(ring, laser):
 
 
 @pytest.mark.parametrize("waiting, share", [(10, 0.5), (50, 0.9)])
-def test_what_is_processed_is_never_passed_over(ring, laser, waiting, share):
+def test_due_scans_are_never_skipped(ring, laser, waiting, share):
     whole, none, _ = run(ring, laser, 0)
     hasty, passed, worst = run(ring, laser, waiting)
     assert none == 0 and passed > share * (passed + hasty.processed + hasty.tracked)
@@ -45,14 +45,14 @@ def test_what_is_processed_is_never_passed_over(ring, laser, waiting, share):
     assert worst < 0.05
 
 
-def test_time_alone_makes_a_scan_due(ring, laser):
+def test_temporal_update_makes_a_scan_due(ring, laser):
     mapper = Mapper(GmappingConfig.from_mapping({"particles": 2, "temporalUpdate": 1.0}), laser)
     mapper.process(mapper.reading(ring.ranges(drive()[0], laser.angles)), np.zeros(3), 0.0)
     assert may_pass(mapper, np.zeros(3), 0.9, LIMIT, LIMIT) and not may_pass(mapper, np.zeros(3), 1.1, LIMIT, LIMIT)
     mapper.close()
 
 
-def test_far_ones_are_passed_over_only_when_many_wait_and_broken_ones_never(ring, laser):
+def test_distant_scans_are_skipped_only_in_a_long_queue(ring, laser):
     mapper = Mapper(GmappingConfig.from_mapping({"particles": 2}), laser)
     mapper.process(mapper.reading(ring.ranges(drive()[0], laser.angles)), np.zeros(3), 0.0)
     far = np.array([0.3, 0.0, 0.0])
@@ -62,7 +62,7 @@ def test_far_ones_are_passed_over_only_when_many_wait_and_broken_ones_never(ring
     mapper.close()
 
 
-def test_the_original_algorithm_sees_every_scan(ring, laser):
+def test_compatible_mode_skips_nothing(ring, laser):
     mapper = Mapper(GmappingConfig.from_mapping({"particles": 2, "compatible": True}), laser)
     mapper.process(mapper.reading(ring.ranges(drive()[0], laser.angles)), np.zeros(3), 0.0)
     assert not may_pass(mapper, np.zeros(3), 0.1, LIMIT, LIMIT)

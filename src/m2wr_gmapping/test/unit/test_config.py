@@ -10,7 +10,7 @@ from m2wr_gmapping.config import PARAMETERS, ConfigError, GmappingConfig
 from m2wr_node.numbers import number
 
 
-def test_defaults_are_the_original_s():
+def test_defaults_equal_those_of_gmapping():
     config = GmappingConfig.from_mapping()
     wanted = dict(throttle_scans=1, base_frame="base_link", map_frame="map", odom_frame="odom",
                   map_update_interval=5.0, transform_publish_period=0.05, tf_delay=0.05, occ_thresh=0.25,
@@ -33,7 +33,7 @@ def test_numbers_are_converted(name, given, value):
 
 @pytest.mark.parametrize("name, given", [("particles", "many"), ("delta", None), ("map_frame", 3), ("delta", math.nan),
                                          ("particles", True), ("particles", math.inf)])
-def test_values_of_another_kind_leave_the_default_and_are_listed(name, given):
+def test_values_of_a_wrong_type_keep_the_default(name, given):
     config = GmappingConfig.from_mapping({name: given})
     assert config[name] == PARAMETERS[name].default and config.unusable[0].startswith(name)
 
@@ -42,34 +42,34 @@ def test_values_of_another_kind_leave_the_default_and_are_listed(name, given):
     (dict(delta=0.0), "delta is 0.0; expected 0.001"), (dict(delta=-1), "delta"), (dict(particles=0), "particles is 0"),
     (dict(particles=10001), "particles"), (dict(srr=math.inf), "srr is inf"), (dict(stt=1e10), "stt"),
     (dict(xmin=1, xmax=1), "xmin 1.0 and xmax 1.0"), (dict(ymin=5, ymax=-5), "ymin")])
-def test_values_out_of_range_are_named_with_their_range(given, words):
+def test_out_of_range_error_names_the_range(given, words):
     with pytest.raises(ConfigError, match=re.escape(words)):
         GmappingConfig.from_mapping(given)
 
 
 @pytest.mark.parametrize("text", ["1e-3", "+5E2", "-2e0", "1.5e3", ".5e1", "3.e2"])
-def test_numbers_that_yaml_leaves_strings_are_numbers(text):
+def test_numbers_in_yaml_strings_are_read(text):
     assert isinstance(yaml.safe_load(text), str)
     assert number(text) == float(text)
     assert GmappingConfig.from_mapping({"minimumScore": text})["minimumScore"] == float(text)
 
 
 @pytest.mark.parametrize("text", ["5", "e5", ".e5", "1e", "0x1e5", "1e5 m", "", "inf", "1_0e3"])
-def test_other_strings_are_no_numbers(text):
+def test_other_strings_are_not_numbers(text):
     assert number(text) is None and GmappingConfig.from_mapping({"particles": text}).unusable
 
 
-def test_unknown_names_are_listed_and_ten_thousand_particles_are_allowed():
+def test_unknown_names_are_listed():
     config = GmappingConfig.from_mapping(dict(particels=3, inverted_laser=True, particles=10000))
     assert config.unknown == ("particels",) and config["particles"] == 10000
 
 
-def test_noise_has_the_names_the_right_way_round():
+def test_noise_parameters_map_to_the_right_fields():
     noise = GmappingConfig.from_mapping(dict(srr=1, srt=2, str=3, stt=4)).noise
     assert (noise.trans_trans, noise.rot_trans, noise.trans_rot, noise.rot_rot) == (1, 2, 3, 4)
 
 
-def test_a_first_extent_of_too_many_cells_is_refused_and_told():
+def test_initial_map_with_too_many_cells_is_refused():
     with pytest.raises(ConfigError, match="200000 x 200000 cells of delta 0.001 m; expected at most"):
         GmappingConfig.from_mapping({"delta": 0.001})
     assert GmappingConfig.from_mapping({"delta": 0.01})["delta"] == 0.01

@@ -35,7 +35,7 @@ def value(points, pose, corner, raster):
     return total / (255.0 * points.shape[1])
 
 
-def test_block_maximum_equals_its_plain_twin():
+def test_block_maximum_equals_reference():
     raster = np.random.default_rng(0).integers(0, 256, (23, 31)).astype(np.uint8)
     out = np.zeros_like(raster)
     ck.block_maximum(raster, out)
@@ -45,7 +45,7 @@ def test_block_maximum_equals_its_plain_twin():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_bounded_search_finds_what_trying_everything_finds(seed):
+def test_bounded_search_equals_exhaustive_search(seed):
     points, corner = room(seed)
     raster, coarse = drawn(points, corner)
     rng = np.random.default_rng(seed)
@@ -59,7 +59,7 @@ def test_bounded_search_finds_what_trying_everything_finds(seed):
     assert np.abs(best[:2]).max() < 0.15 and abs(best[2]) < 0.06
 
 
-def test_a_second_place_that_fits_as_well_is_reported():
+def test_rival_pose_is_reported():
     points = np.stack([np.linspace(-1, 1, 40), np.full(40, 0.5)])
     corner = np.array([-8.0, -8.0])
     twice = np.concatenate([points, points + [[0.0], [1.5]]], axis=1)
@@ -73,7 +73,7 @@ def test_a_second_place_that_fits_as_well_is_reported():
     assert best[4] < 0.9 * best[3]
 
 
-def test_only_allowed_blocks_are_searched():
+def test_search_is_limited_to_allowed_blocks():
     points, corner = room(3)
     raster, coarse = drawn(points, corner)
     allowed, best = np.zeros((9, 9), np.uint8), np.zeros(7)
@@ -85,7 +85,7 @@ def test_only_allowed_blocks_are_searched():
     assert np.abs(best[:2]).max() < 0.15 and best[3] > 0.95
 
 
-def test_what_has_not_been_looked_at_speaks_neither_for_a_place_nor_against_it():
+def test_unknown_cells_do_not_change_the_rating():
     points, corner = room(5)
     raster, _ = drawn(points[:, points[0] < 1.0], corner)
     seen = np.zeros_like(raster)
@@ -113,7 +113,7 @@ def test_what_has_not_been_looked_at_speaks_neither_for_a_place_nor_against_it()
     assert rating.max() > 0.3           # otherwise this shows nothing
 
 
-def test_rays_mark_the_cells_that_they_go_through():
+def test_rays_mark_traversed_cells():
     seen = np.zeros((40, 40), np.uint8)
     ck.mark_seen(np.array([1.05, 1.05, 0.0]), np.array([[2.0, 0.0], [0.0, 9.0]]), np.zeros(2), 10.0, seen)
     expected = np.zeros_like(seen)
@@ -122,7 +122,7 @@ def test_rays_mark_the_cells_that_they_go_through():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_rays_are_followed_within_the_raster_only(seed):
+def test_rays_are_clipped_to_the_raster(seed):
     rng = np.random.default_rng(seed)
     small, large = np.zeros((20, 30), np.uint8), np.zeros((400, 400), np.uint8)
     rays = rng.uniform(-15.0, 15.0, (2, 50))
@@ -132,7 +132,7 @@ def test_rays_are_followed_within_the_raster_only(seed):
     assert small.any() and (small != large[200:220, 200:230]).mean() < 0.01     # rounding at the edges of cells
 
 
-def test_window_search_finds_the_best_and_prefers_the_middle():
+def test_window_search_prefers_the_centre_on_ties():
     points, corner = room(9)
     raster, _ = drawn(points, corner)
     steps = np.arange(-4, 5) * 0.1
@@ -147,7 +147,7 @@ def test_window_search_finds_the_best_and_prefers_the_middle():
 
 
 @pytest.mark.parametrize("count", [0, 1, 300])
-def test_points_of_another_scan_equal_their_plain_twin(count):
+def test_add_points_equals_reference(count):
     rng = np.random.default_rng(count)
     eye, pose, points = rng.uniform(-3, 3, 3), rng.uniform(-3, 3, 3), rng.uniform(-6, 6, (2, count))
     out = np.zeros((2, count + 5))

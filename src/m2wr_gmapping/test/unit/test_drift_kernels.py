@@ -19,14 +19,14 @@ def walk(seed, count):
 
 
 @pytest.mark.parametrize("count", [1, 2, 200])
-def test_the_way_equals_its_plain_twin(count):
+def test_drift_equals_reference(count):
     path, along = walk(count, count)
     wanted = [sum(float(np.hypot(*(b - a)[:2])) for a, b in zip(path[:k], path[1:k + 1])) for k in range(count)]
     assert along == pytest.approx(np.array(wanted))
 
 
 @pytest.mark.parametrize("node", [0, 5, 120, 199])
-def test_old_nodes_and_those_met_again_equal_their_plain_twins(node):
+def test_loop_candidates_equal_reference(node):
     path, along = walk(3, 200)
     shift = np.random.default_rng(node).uniform(0.5, 4.0, 200)
     old = [k for k in range(200) if along[node] - along[k] > 12.0]
@@ -40,7 +40,7 @@ def test_old_nodes_and_those_met_again_equal_their_plain_twins(node):
     assert node < 199 or (near and far)
 
 
-def test_widths_equal_their_plain_twin():
+def test_search_widths_equal_reference():
     rng = np.random.default_rng(0)
     found, shift, turn = 10.0**rng.uniform(-3.0, 5.0, (300, 3)), np.empty(300), np.empty(300)
     gk.widths(found, 2.5, 0.0005, (0.5, 30.0), (0.1, 0.6), shift, turn)
@@ -50,7 +50,7 @@ def test_widths_equal_their_plain_twin():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_what_a_step_tells_is_the_inverse_of_its_covariance(seed):
+def test_step_information_is_the_inverse_covariance(seed):
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(3, 3)) * 10.0**rng.uniform(-1.0, 3.0, (3, 1))
     told, deviations, out = (root.T @ root)[np.triu_indices(3)], rng.uniform(0.01, 0.3, 3), np.empty((3, 3))
@@ -61,7 +61,7 @@ def test_what_a_step_tells_is_the_inverse_of_its_covariance(seed):
 
 
 @pytest.mark.parametrize("forward, turn, yaw", [(0.5, 0.0, 0.0), (-0.4, 0.3, 2.5), (0.0, 0.4, -1.0)])
-def test_what_the_scan_does_not_hold_moves_with_the_bias(forward, turn, yaw):
+def test_bias_moves_only_unobserved_directions(forward, turn, yaw):
     """A match is the mean of scan and odometry, weighted by their information."""
     rng = np.random.default_rng(5)
     root, deviations = rng.normal(size=(3, 3)) * [40.0, 5.0, 30.0], np.array([0.01, 0.02, 0.015])
@@ -74,7 +74,7 @@ def test_what_the_scan_does_not_hold_moves_with_the_bias(forward, turn, yaw):
     assert out == pytest.approx(np.linalg.solve(held + prior, prior @ leads), rel=1e-9, abs=1e-12)
 
 
-def test_looking_back_equals_least_squares_of_all_that_was_told():
+def test_smoothed_bias_equals_batch_least_squares():
     rng, count, variance, changes = np.random.default_rng(8), 30, 9e-4, np.array([3e-7, 0.0, 5e-7])
     accounts, leverages = np.zeros((count, 6, 3)), rng.normal(size=(count, 3, 3))
     for k in [0, 0, 0, *rng.integers(0, count, 12)]:
@@ -101,7 +101,7 @@ def test_looking_back_equals_least_squares_of_all_that_was_told():
     assert out == pytest.approx(np.einsum("kij,kj->ki", leverages, found - accounts[:, 4]), abs=1e-6)
 
 
-def test_a_path_is_as_long_as_what_was_told_later_makes_it():
+def test_path_length_uses_the_smoothed_bias():
     """Wheels that tell 3 % too much along a plain corridor; only near its end scans tell of it."""
     graph = LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05)
     sees, path = np.array([1e-6, 0.0, 0.0, 2e4, 0.0, 2e4]), np.zeros((101, 3))
@@ -118,7 +118,7 @@ def test_a_path_is_as_long_as_what_was_told_later_makes_it():
     assert bent[100, 0] == pytest.approx(50.0, abs=0.1)
 
 
-def test_a_step_that_was_changed_is_so_ever_after():
+def test_changed_step_stays_changed():
     """Of more steps than there is room for at first."""
     graph, path = LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05), np.zeros((1200, 3))
     path[:, 0] = 0.5 * np.arange(1200)

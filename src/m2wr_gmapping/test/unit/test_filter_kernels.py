@@ -25,7 +25,7 @@ def matches(rng, count):
 
 
 @pytest.mark.parametrize("count", [1, 2, 50])
-def test_draws_equal_their_plain_twin(count):
+def test_draws_equal_reference(count):
     rng = np.random.default_rng(count)
     rows, normals, before = matches(rng, count), rng.normal(size=(count, 3)), rng.normal(size=count)
     sums, poses = before.copy(), np.empty((count, 3))
@@ -43,7 +43,7 @@ def test_draws_equal_their_plain_twin(count):
             assert sums[n] == pytest.approx(wanted[n] - 0.5 * np.square(0.3 * normals[n]).sum())
 
 
-def test_draws_have_the_covariance_of_match_and_motion_together():
+def test_draws_have_the_combined_covariance():
     rng, count = np.random.default_rng(1), 40001
     rows = np.repeat(matches(rng, 1), count, axis=0)
     root = rng.normal(size=(3, 3)) * 30.0
@@ -56,7 +56,7 @@ def test_draws_have_the_covariance_of_match_and_motion_together():
 
 
 @pytest.mark.parametrize("count", [1, 30])
-def test_weights_equal_their_plain_twin(count):
+def test_weights_equal_reference(count):
     rng = np.random.default_rng(count)
     rows, logs, weights = matches(rng, count), -rng.uniform(0.0, 300.0, count), np.empty(count)
     wanted = logs + rows[:, mk.LOG_LIKELIHOOD]

@@ -65,12 +65,12 @@ def left(wanted):
     return float(subprocess.check_output([sys.executable, "-c", LARGE.format(wanted=wanted)], timeout=120))
 
 
-def test_large_arrays_that_are_freed_leave_no_holes_between_small_ones():
+def test_freed_large_arrays_leave_no_holes_in_the_heap():
     assert left(False) > 40.0, "the C library keeps nothing of this: the test tests nothing"
     assert left(True) < 5.0
 
 
-def test_the_node_takes_one_heap_before_numpy_begins_threads():
+def test_node_limits_the_heap_before_importing_numpy():
     program = os.path.join(os.path.dirname(__file__), "..", "..", "nodes", "slam_gmapping")
     with open(program, encoding="utf-8") as stream:
         text = stream.read()
@@ -107,7 +107,7 @@ class OneMapMapper:
         return poses
 
 
-def test_who_makes_maps_holds_no_mapper_that_was_dropped(monkeypatch):
+def test_map_thread_releases_the_mapper(monkeypatch):
     for name in ("Publisher", "Service"):
         monkeypatch.setattr(rospy, name, Outlet)
     monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1))

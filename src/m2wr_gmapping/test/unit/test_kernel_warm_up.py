@@ -16,7 +16,7 @@ def compiled():
             if hasattr(kernel, "signatures")}
 
 
-def test_a_drive_with_loops_compiles_nothing_after_the_warm_up(mapped):
+def test_warm_up_compiles_every_kernel(mapped):
     compile_kernels()
     before = compiled()
     assert len(before) > 15

@@ -86,7 +86,7 @@ def empty(folder):
 
 
 @pytest.mark.parametrize("before", [None, 1])
-def test_a_map_killed_anywhere_is_the_old_or_the_new_pair_and_the_next_leaves_nothing_else(folder, before):
+def test_map_pair_is_consistent_after_a_kill(folder, before):
     def prepare():
         empty(folder)
         if before:
@@ -101,7 +101,7 @@ def test_a_map_killed_anywhere_is_the_old_or_the_new_pair_and_the_next_leaves_no
     assert seen == sorted(seen, key=lambda number: number or 0) and set(seen) == {before, 2}
 
 
-def test_a_map_killed_anywhere_is_tidied_at_the_next_start(folder):
+def test_leftovers_of_a_kill_are_removed_at_the_next_start(folder):
     def prepare():
         empty(folder)
         save(folder, 1)
@@ -113,7 +113,7 @@ def test_a_map_killed_anywhere_is_tidied_at_the_next_start(folder):
         assert {path.name for path in folder.iterdir()} <= {"plan.yaml", "plan.pgm", named}, calls
 
 
-def test_a_file_killed_anywhere_is_the_old_or_the_new_one(folder):
+def test_file_is_old_or_new_after_a_kill(folder):
     path = folder / "state"
     for calls in each_kill(lambda: write_whole((str(path), [b"new" * 9])), lambda: path.write_bytes(b"old")):
         assert path.read_bytes() in (b"old", b"new" * 9), calls
@@ -121,7 +121,7 @@ def test_a_file_killed_anywhere_is_the_old_or_the_new_one(folder):
     assert [entry.name for entry in folder.iterdir()] == ["state"]
 
 
-def test_a_temporary_file_of_a_writer_at_work_and_files_of_others_stay(folder):
+def test_locked_and_foreign_files_are_kept(folder):
     (folder / "plan-0123456789ab.pgm").write_bytes(b"a picture of somebody's own")
     (folder / (PREFIX + "notes")).write_bytes(b"")
     during = []
@@ -137,7 +137,7 @@ def test_a_temporary_file_of_a_writer_at_work_and_files_of_others_stay(folder):
         "plan-0123456789ab.pgm", PREFIX + "notes", "slow", "plan.pgm", "plan.yaml"}
 
 
-def test_where_only_the_picture_cannot_be_replaced_the_new_map_has_another_one(folder, caplog):
+def test_unwritable_picture_leaves_a_digest_picture(folder, caplog):
     save(folder, 1)
     (folder / "plan.pgm").unlink()
     (folder / "plan.pgm").mkdir()

@@ -42,7 +42,7 @@ def moved(particles, deviations):
 
 
 @pytest.mark.parametrize("boxes", [2, 3, 7, 30])
-def test_the_number_is_that_of_the_paper(boxes):
+def test_particle_count_equals_the_formula(boxes):
     poses = np.zeros((2 * boxes, 3))
     poses[:, 0] = np.repeat(np.arange(boxes), 2) * kld_sampling.BIN[0]
     normal = statistics.NormalDist().inv_cdf(0.99)
@@ -50,7 +50,7 @@ def test_the_number_is_that_of_the_paper(boxes):
     assert kld_sampling.needed(poses, 0) == math.ceil(b * (1.0 - a + math.sqrt(a) * normal)**3)
 
 
-def test_particles_of_one_box_are_one_however_they_lie_to_the_grid_and_to_half_a_turn():
+def test_bins_are_centred_on_the_best_particle_and_wrap():
     aside = np.array([[0, 0, 0], [1, -1, 1], [-1, 1, -1]])
     poses = np.array([0.949, -3.051, math.pi]) + 0.3 * kld_sampling.BIN * aside
     poses[:, 2] = (poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
@@ -59,7 +59,7 @@ def test_particles_of_one_box_are_one_however_they_lie_to_the_grid_and_to_half_a
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("count", [1, 3, 10, 11, 60])
-def test_resampling_to_another_number_draws_what_a_plain_wheel_draws(seed, count):
+def test_resampling_to_another_count_equals_reference(seed, count):
     rng = np.random.default_rng(seed)
     weights = rng.random(10)**4
     weights /= weights.sum()
@@ -75,7 +75,7 @@ def test_resampling_to_another_number_draws_what_a_plain_wheel_draws(seed, count
         assert changed == (0 if keep in plain else 2)
 
 
-def test_few_while_they_agree_more_as_they_spread_and_few_again():
+def test_particle_count_follows_the_spread():
     config = GmappingConfig.from_mapping(dict(particles=MOST, min_particles=LEAST))
     particles = ParticleFilter(config, Matches(), np.zeros(3))
     assert particles.count == MOST
@@ -92,7 +92,7 @@ def test_few_while_they_agree_more_as_they_spread_and_few_again():
     assert particles.maps.tiles_in_use == len(np.unique(held))      # the maps of those that went are free
 
 
-def test_the_best_survives_where_most_go():
+def test_best_particle_survives_a_reduction():
     config = GmappingConfig.from_mapping(dict(particles=MOST, min_particles=1))
     particles = ParticleFilter(config, Matches(), np.zeros(3))
     particles.weight_sums[MOST - 1] = 5.0
@@ -101,7 +101,7 @@ def test_the_best_survives_where_most_go():
     assert particles.poses[0] == pytest.approx(STEP + [0.0, 0.01, 0.0], abs=1e-9)
 
 
-def test_the_number_is_fixed_unless_asked(ring, laser):
+def test_particle_count_is_fixed_by_default(ring, laser):
     def counts(**parameters):
         mapper = Mapper(GmappingConfig.from_mapping(dict(
             particles=20, linearUpdate=0.5, angularUpdate=0.3, **parameters)), laser)
@@ -117,7 +117,7 @@ def test_the_number_is_fixed_unless_asked(ring, laser):
     assert min(adapting) == 3 and max(adapting) <= 20
 
 
-def test_more_at_least_than_at_most_is_refused():
+def test_minimum_above_maximum_is_refused():
     with pytest.raises(ConfigError, match="min_particles 31 and particles 30: expected the first not above"):
         GmappingConfig.from_mapping(dict(min_particles=31))
     assert GmappingConfig.from_mapping(dict(min_particles=12.4))["min_particles"] == 12

@@ -131,7 +131,7 @@ def open_ring():
     return mapper, truth
 
 
-def test_a_wide_loop_is_closed_from_its_first_metre_on(open_ring):
+def test_wide_loop_is_closed_over_its_full_length(open_ring):
     mapper, truth = mapped(ring, 11, turn=0.2, finish=False)
     assert apart(mapper, truth).max() < 0.3 and not false_links(mapper, truth)
     along = distances_along(truth)
@@ -151,7 +151,7 @@ def graph_of(mapper):
     return graph, path, mapper.readings
 
 
-def test_a_link_grows_along_the_loop_it_closes(open_ring):
+def test_loop_closure_is_extended_along_the_loop(open_ring):
     mapper, truth = open_ring
     graph, path, readings = graph_of(mapper)
     old = int(np.argmin(np.hypot(*(truth[:150] - truth[-20])[:, :2].T)))
@@ -168,7 +168,7 @@ def test_a_link_grows_along_the_loop_it_closes(open_ring):
         assert math.hypot(error[0], error[1]) < 0.3 and second != link[1]
 
 
-def test_a_link_that_is_wrong_does_not_grow(open_ring):
+def test_wrong_loop_closure_is_not_extended(open_ring):
     mapper, truth = open_ring
     graph, path, readings = graph_of(mapper)
     link = (10, len(path) - 20, np.array([3.0, 0.0, 1.0]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
@@ -179,7 +179,7 @@ def test_a_link_that_is_wrong_does_not_grow(open_ring):
     assert len(graph.links) == 1 and not growth.fronts
 
 
-def test_places_of_long_ago_are_looked_at_again(open_ring):
+def test_old_places_are_searched_again(open_ring):
     mapper, truth = open_ring
     graph, path, readings = graph_of(mapper)
     correct = truth.copy()
@@ -207,12 +207,12 @@ def find(along, correction=0.0, clear=False, alike=False, drift=10.0):
     ([find(0.0, clear=True), find(0.5, clear=True)], False), ([find(0.0, clear=True), find(1.2, clear=True)], True),
     ([find(0.0), find(1.2, drift=3.0)], True), ([find(0.0), find(1.0), find(2.0)], False),
     ([find(1.0 * k, alike=k == 0) for k in range(4)], False), ([find(1.0 * k, alike=k == 0) for k in range(7)], True)])
-def test_what_is_less_clear_must_be_found_more_often(finds, enough):
+def test_ambiguous_candidates_need_more_support(finds, enough):
     assert loop_closing._enough(finds) == enough
 
 
 @pytest.mark.parametrize("alike, beside, believed", [(False, 0.0, True), (True, 0.0, False), (True, 1.2, True)])
-def test_among_places_alike_one_is_believed_only_if_the_robot_cannot_be_where_it_is_thought_to_be(
+def test_similar_place_is_accepted_if_the_current_is_excluded(
         monkeypatch, alike, beside, believed):
     walls = np.array(box(0.0, 0.0, 6.0, 4.0))
     reading = LASER.reading(ranges(walls, np.array([0.0, 0.0, 0.0])))
@@ -227,7 +227,7 @@ def test_among_places_alike_one_is_believed_only_if_the_robot_cannot_be_where_it
         assert np.abs(found.pose).max() < 0.02 and found.correction[1] == pytest.approx(-beside, abs=0.02)
 
 
-def test_fronts_carry_no_correction_that_a_changed_path_has_already():
+def test_frontiers_drop_corrections_that_the_path_contains():
     closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05)
     path = np.array([[0.5 * k, 0.0, 0.0] for k in range(41)])
     for _ in path[1:]:
@@ -253,7 +253,7 @@ def corridor(passages, length=70.0, width=2.0):
 
 
 @pytest.mark.parametrize("passages", [(10.0, 15.0), ()])
-def test_where_ten_metres_look_alike_a_longer_stretch_tells_the_place(passages):
+def test_longer_segment_resolves_similar_places(passages):
     truth = np.zeros((61, 3))
     truth[:, 0] = np.arange(61) * 0.5
     rng = np.random.default_rng(5)
@@ -298,7 +298,7 @@ def come_back(seed, first, last, beside, depth=0.25):
 
 
 @pytest.mark.parametrize("last", [4.0, 4.5])
-def test_a_stretch_that_begins_on_unknown_ground_is_not_pushed_onto_known_one(last):
+def test_segment_from_unknown_area_is_not_shifted(last):
     scene, truth = come_back(0, last - 10.0, last, [1.5, 1.0, 0.0], depth=0.5)
     query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
     cell = place_search.WIDE_RASTER
@@ -308,21 +308,21 @@ def test_a_stretch_that_begins_on_unknown_ground_is_not_pushed_onto_known_one(la
     assert found is None or np.abs(found - truth)[:2].max() < 0.4
 
 
-def test_what_has_drifted_along_with_the_robot_is_no_old_ground():
+def test_nodes_with_common_drift_are_not_old():
     scene, _ = come_back(0, 0.0, 20.0, [1.5, 1.0, 0.0])
     scene.shift[:40] = 0.5
     assert np.array_equal(place_search._before(scene, 10.0, 100.0, 2.0), np.arange(40, 61))
     assert np.array_equal(place_search._before(scene, 10.0, 100.0), np.arange(61))
 
 
-def test_a_place_that_only_looks_the_same_from_afar_is_not_as_good():
+def test_coarsely_similar_place_is_rated_lower():
     scene, truth = come_back(2, 5.0, 15.0, [0.0, 0.0, 0.0])
     query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
     for beside, as_good in (([3.0, 0.0, 0.0], False), ([0.0, 0.0, 0.0], True)):
         assert place_search._as_good(truth + beside, scene.old, truth, scene.old, query, scene) == as_good
 
 
-def test_shallow_niches_tell_the_place_in_a_finer_raster():
+def test_fine_raster_resolves_shallow_niches():
     found = []
     for last in np.arange(11.0, 28.0, 1.0):
         scene, truth = come_back(2, last - 10.0, last, [1.5, 1.0, 0.02])
@@ -335,7 +335,7 @@ def test_shallow_niches_tell_the_place_in_a_finer_raster():
     assert place_search.wide_search(scene, scene.old) is None
 
 
-def test_scans_of_a_stretch_are_joined_as_if_one_had_seen_all():
+def test_scans_of_a_segment_are_merged():
     walls = np.array(box(0.0, 0.0, 8.0, 5.0))
     path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
     readings = [LASER.reading(ranges(walls, pose)) for pose in path]
@@ -353,7 +353,7 @@ def test_scans_of_a_stretch_are_joined_as_if_one_had_seen_all():
 
 
 @pytest.mark.parametrize("end, holds", [(60.0, False), (3.0, True)])
-def test_noise_along_a_plain_wall_does_not_hold_a_match(end, holds):
+def test_noise_along_a_plain_wall_gives_no_information(end, holds):
     rng, walls = np.random.default_rng(4), corridor(())
     walls = np.concatenate([walls, [(end, -1.0, end, 1.0)]])
     path = np.zeros((9, 3))
@@ -368,7 +368,7 @@ def test_noise_along_a_plain_wall_does_not_hold_a_match(end, holds):
         [[heard[0], heard[1], heard[2]], [heard[1], heard[3], heard[4]], [heard[2], heard[4], heard[5]]])[0] > -1e-6
 
 
-def test_an_aisle_that_looks_like_another_is_not_taken_for_it():
+def test_similar_aisles_are_not_confused():
     mapper, truth = mapped(aisles, 12)
     assert mapper.info()["wide_searches"] + mapper.info()["searches"] > 5 and not false_links(mapper, truth)
     path = mapper.filter.tree.path(mapper.filter.best)
@@ -377,7 +377,7 @@ def test_an_aisle_that_looks_like_another_is_not_taken_for_it():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_drift_is_that_of_the_best_way_through_the_graph(seed):
+def test_drift_follows_the_shortest_path_in_the_graph(seed):
     rng = np.random.default_rng(seed)
     path, variances = np.cumsum(rng.normal(0.0, 1.0, (30, 3)), axis=0), rng.uniform(0.0, 0.1, 30)
     links, source = rng.integers(0, 30, (seed, 2)), (29, 29, 0, 12, 20)[seed]
@@ -398,7 +398,7 @@ def test_drift_is_that_of_the_best_way_through_the_graph(seed):
     assert np.allclose(out, [best[k] for k in range(30)])
 
 
-def test_a_loop_that_is_far_off_is_closed_with_a_kernel_that_narrows():
+def test_narrowing_kernel_closes_a_large_loop():
     truth = [np.zeros(3)]
     for _ in range(199):
         truth.append(compose(truth[-1], [0.5, 0.0, 2 * math.pi / 200]))
@@ -416,7 +416,7 @@ def test_a_loop_that_is_far_off_is_closed_with_a_kernel_that_narrows():
     assert weights[-1] > 0.5 and np.hypot(*(found - truth)[:, :2].T).max() < 0.2
 
 
-def test_what_cannot_be_seen_through_speaks_against_a_place():
+def test_occlusion_rejects_a_place():
     near, far = (np.array([(x, -5.0, x, 5.0)]) for x in (2.0, 5.0))
     readings = [LASER.reading(np.minimum(ranges(wall, np.zeros(3)), 9.0)) for wall in (near, far, near)]
     path, along = np.zeros((3, 3)), np.array([0.0, 20.0, 40.0])

@@ -13,11 +13,11 @@ from m2wr_gmapping.io import map_file
 DATA = np.array([[-1, 0, 100], [25, 26, 65]], np.int8)
 
 
-def test_picture_is_the_map_upside_down_in_three_greys():
+def test_picture_has_three_grey_levels_and_the_top_row_first():
     assert map_file.picture(DATA).tolist() == [[254, 205, 0], [205, 254, 0]]
 
 
-def test_files_are_what_map_server_reads(tmp_path):
+def test_map_server_reads_the_files(tmp_path):
     name = str(tmp_path / "plan")
     paths = map_file.save(name, DATA, 0.05, [-1.0, 2.0, 0.0])
     assert paths == [name + ".pgm", name + ".yaml"]
@@ -29,7 +29,7 @@ def test_files_are_what_map_server_reads(tmp_path):
 
 
 @pytest.mark.parametrize("fault", ["mkstemp", "fsync"])
-def test_a_full_disk_keeps_the_old_map(tmp_path, monkeypatch, fault):
+def test_full_disk_keeps_the_old_map(tmp_path, monkeypatch, fault):
     name = str(tmp_path / "plan")
     map_file.save(name, DATA, 0.05, [0.0, 0.0, 0.0])
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -43,7 +43,7 @@ def test_a_full_disk_keeps_the_old_map(tmp_path, monkeypatch, fault):
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path):
+def test_missing_folder_is_named(tmp_path):
     with pytest.raises(map_file.MapFileError, match="nowhere"):
         map_file.save(str(tmp_path / "nowhere" / "plan"), DATA, 0.05, [0.0, 0.0, 0.0])
 
@@ -51,7 +51,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path):
 @pytest.mark.parametrize("arguments, words", [
     (dict(free=70, occupied=65), "thresholds"), (dict(data=np.zeros((0, 3))), "shape"),
     (dict(resolution=0.0), "resolution"), (dict(name=""), "name"), (dict(name="/tmp/"), "name")])
-def test_nonsense_is_refused(tmp_path, arguments, words):
+def test_invalid_arguments_are_refused(tmp_path, arguments, words):
     values = dict(name=str(tmp_path / "plan"), data=DATA, resolution=0.05, origin=[0.0, 0.0, 0.0])
     values.update(arguments)
     with pytest.raises(ValueError, match=words):

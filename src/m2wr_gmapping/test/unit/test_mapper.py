@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The whole filter on a ring of corridors with bad odometry."""
 import hashlib
+import math
+import tracemalloc
 
 import numpy as np
 import pytest
 
+from conftest import drive, odometry
+from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose, wrap
 
 
@@ -21,7 +26,7 @@ def digest(mapper):
     return hashlib.sha256(mapper.occupancy().data.tobytes() + mapper.trajectory()[1].tobytes()).hexdigest()
 
 
-def test_ring_is_closed_although_odometry_is_far_off(mapped):
+def test_ring_is_closed_despite_odometry_drift(mapped):
     mapper, truth, odom = mapped(laps=1.3)
     mapper.finish()
     drift = between(between(truth[0], truth[-1]), between(odom[0], odom[-1]))
@@ -31,20 +36,20 @@ def test_ring_is_closed_although_odometry_is_far_off(mapped):
     mapper.close()
 
 
-def test_a_loop_is_found_and_bends_the_path(mapped):
+def test_loop_closure_corrects_the_path(mapped):
     mapper, _, _ = mapped(laps=1.3)
     assert mapper.info()["links"] > 0
     mapper.close()
 
 
-def test_poor_odometry_is_survived(mapped):
+def test_poor_odometry_gives_a_usable_map(mapped):
     mapper, truth, _ = mapped(laps=0.6, noise=0.15, slip=0.05)
     metres, radians = errors(mapper, truth)
     assert metres.max() < 0.25 and radians.max() < 0.05
     mapper.close()
 
 
-def test_one_seed_gives_one_map_with_one_thread_and_with_two(mapped):
+def test_map_does_not_depend_on_the_number_of_threads(mapped):
     digests = set()
     for threads in (1, 2, 1):
         mapper, _, _ = mapped(laps=1.2, seed=3, threads=threads)
@@ -58,7 +63,7 @@ def test_one_seed_gives_one_map_with_one_thread_and_with_two(mapped):
     mapper.close()
 
 
-def test_compatible_takes_only_due_scans_and_neither_tracks_nor_links(mapped):
+def test_compatible_mode_neither_tracks_nor_closes_loops(mapped):
     mapper, truth, _ = mapped(laps=0.4, compatible=True, particles=6, noise=0.01, slip=0.0)
     assert mapper.tracked == 0 and mapper.info() == {}
     assert len(mapper.trajectory()[0]) == mapper.processed
@@ -67,7 +72,7 @@ def test_compatible_takes_only_due_scans_and_neither_tracks_nor_links(mapped):
     mapper.close()
 
 
-def test_scans_between_have_poses_unless_switched_off(mapped):
+def test_track_between_gives_poses_of_intermediate_scans(mapped):
     mapper, truth, _ = mapped(laps=0.3)
     assert len(mapper.trajectory()[0]) == mapper.processed + mapper.tracked > mapper.processed
     assert len(mapper.trajectory(between_too=False)[0]) == mapper.processed
@@ -77,7 +82,7 @@ def test_scans_between_have_poses_unless_switched_off(mapped):
     mapper.close()
 
 
-def test_map_shows_the_walls_where_they_are(mapped, ring):
+def test_map_shows_the_walls(mapped, ring):
     mapper, truth, _ = mapped(laps=1.2)
     mapper.finish()
     grid = mapper.occupancy()
@@ -92,14 +97,14 @@ def test_map_shows_the_walls_where_they_are(mapped, ring):
     mapper.close()
 
 
-def test_map_from_odom_takes_odometry_to_the_pose(mapped):
+def test_map_from_odom_transforms_odometry_to_the_pose(mapped):
     mapper, _, odom = mapped(laps=0.3)
     found = compose(mapper.map_from_odom, odom[-1])
     assert np.allclose(found[:2], mapper.pose[:2]) and abs(wrap(found[2] - mapper.pose[2])) < 1e-9
     mapper.close()
 
 
-def test_standing_still_changes_nothing(mapped, ring, laser):
+def test_stationary_robot_changes_nothing(mapped, ring, laser):
     mapper, truth, odom = mapped(laps=0.2)
     processed, tracked, tiles = mapper.processed, mapper.tracked, mapper.filter.maps.tiles_in_use
     nodes = len(mapper.filter.tree)
@@ -113,7 +118,7 @@ def test_standing_still_changes_nothing(mapped, ring, laser):
 
 
 @pytest.mark.parametrize("ranges", [np.inf, np.nan, 0.0, -1.0, 1e9])
-def test_scans_that_show_nothing_are_survived(mapped, laser, ranges):
+def test_empty_scans_are_accepted(mapped, laser, ranges):
     mapper, _, odom = mapped(laps=0.1)
     for k in range(12):
         at = compose(odom[-1], [0.3 * k, 0.0, 0.0])
@@ -125,7 +130,7 @@ def test_scans_that_show_nothing_are_survived(mapped, laser, ranges):
     mapper.close()
 
 
-def test_a_pose_that_is_not_finite_is_refused_and_changes_nothing(mapped, laser):
+def test_non_finite_pose_is_refused(mapped, laser):
     mapper, _, odom = mapped(laps=0.1)
     before = mapper.pose
     with pytest.raises(ValueError, match="not finite"):
@@ -134,7 +139,7 @@ def test_a_pose_that_is_not_finite_is_refused_and_changes_nothing(mapped, laser)
     mapper.close()
 
 
-def test_a_robot_two_kilometres_away_is_bounded_in_memory(mapped, laser):
+def test_distant_robot_uses_bounded_memory(mapped, laser):
     mapper, _, odom = mapped(laps=0.1)
     for k in range(8):
         mapper.process(laser.reading(np.full(181, 3.0)), compose(odom[-1], [400.0 * k, 400.0 * k, 0.0]), 500.0 + k)
@@ -143,9 +148,108 @@ def test_a_robot_two_kilometres_away_is_bounded_in_memory(mapped, laser):
     mapper.close()
 
 
-def test_off_centre_laser_moves_the_path_to_the_base(mapped):
+def test_path_is_that_of_the_base(mapped):
     mapper, _, _ = mapped(laps=0.1)
     model = LaserModel.from_message(-1.0, 1.0, 0.1, 21, 0.1, 9.0, ((0.3, 0.1, 0.2), (0.0, 0.0, 0.0, 1.0)))
     mapper.laser = model
     assert np.allclose(mapper.base_poses(np.zeros(3)), [-0.3, -0.1, 0.0])
     mapper.close()
+
+
+def test_map_limits_do_not_change_matches(mapped):
+    paths = []
+    for limit in (10.0, 1.0, 37.3):
+        mapper, _, _ = mapped(laps=0.4, xmin=-limit, xmax=limit, ymin=-limit, ymax=2.0 * limit)
+        paths.append(mapper.trajectory()[1])
+        mapper.close()
+    np.testing.assert_array_equal(paths[0], paths[1])
+    np.testing.assert_array_equal(paths[0], paths[2])
+
+
+def test_temporal_update_counts_from_the_first_scan(ring, laser):
+    mapper = Mapper(GmappingConfig.from_mapping({"particles": 2, "temporalUpdate": 5.0}), laser)
+    reading = mapper.reading(ring.ranges(drive(0.1)[0], laser.angles))
+    done = [mapper.process(reading, np.zeros(3), 1e9 + at).processed for at in (0.0, 0.1, 5.0, 5.1, 10.0, 10.3)]
+    assert done == [True, False, False, True, False, True]
+    mapper.close()
+
+
+def test_nothing_is_printed(mapped, capfd):
+    mapper, _, _ = mapped(laps=0.3)
+    mapper.finish()
+    mapper.occupancy()
+    mapper.close()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_entropy_is_that_of_the_weights(mapped):
+    mapper, _, _ = mapped(laps=0.3, particles=12, resampleThreshold=0.0)
+    weights = mapper.filter.weights
+    assert mapper.entropy == pytest.approx(-np.sum(weights * np.log(weights)))
+    assert 0.0 < mapper.entropy <= math.log(12)
+    mapper.close()
+
+
+def test_memory_is_bounded_while_driving_back_and_forth(laser, ring):
+    """Matching alone keeps nothing; what is registered again and again costs no further tiles."""
+    mapper = Mapper(GmappingConfig.from_mapping({"particles": 4, "linearUpdate": 100.0, "angularUpdate": 100.0}), laser)
+    truth = drive(0.1)
+    for k in range(120):
+        pose = truth[k % 4]
+        mapper.process(mapper.reading(ring.ranges(pose, laser.angles)), pose, 0.1 * k)
+    assert len(mapper.readings) == 1 and len(mapper.filter.tree) == 4
+    assert mapper.filter.maps.tiles_in_use < 4 * 400
+    mapper.close()
+
+
+def test_ten_thousand_particles_map():
+    few = LaserModel.from_message(-1.0, 1.0, 0.25, 9, 0.1, 10.0)
+    mapper = Mapper(GmappingConfig.from_mapping({"particles": 10000, "linearUpdate": 0.1}), few)
+    for k in range(3):
+        mapper.process(mapper.reading(2.0 - 0.12 * k + np.zeros(9)), [0.12 * k, 0.0, 0.0], float(k))
+    assert mapper.processed == 3 and abs(mapper.pose[0] - 0.24) < 0.05
+    mapper.close()
+
+
+def test_one_particle_maps(mapped):
+    mapper, truth, _ = mapped(laps=0.3, particles=1)
+    assert mapper.entropy == 0.0 and mapper.filter.n_eff == 1.0 and mapper.processed > 5
+    mapper.close()
+
+
+def test_run_with_constant_odometry_stays_finite(ring, laser):
+    """Wheels that slip wholly: odometry says nothing has moved."""
+    truth = drive(0.15)[:10]
+    mapper = Mapper(GmappingConfig.from_mapping({"particles": 5, "temporalUpdate": 0.0}), laser)
+    for k, pose in enumerate(truth):
+        mapper.process(mapper.reading(ring.ranges(pose, laser.angles)), np.zeros(3), 0.1 * k)
+        assert np.isfinite(mapper.pose).all()
+    mapper.close()
+
+
+def test_odometry_of_other_number_types_is_accepted(ring, laser):
+    mapper = Mapper(GmappingConfig.from_mapping({"particles": 2}), laser)
+    odom = odometry(drive(0.1), np.random.default_rng(0)).astype(np.float32)
+    reading = mapper.reading(tuple(ring.ranges(drive(0.1)[0], laser.angles)))
+    assert mapper.process(reading, list(odom[0]), 0).processed
+    mapper.close()
+
+
+def test_memory_is_constant_for_a_stationary_robot(ring, laser):
+    """Two thousand scans, a map of each hundredth."""
+    mapper = Mapper(GmappingConfig.from_mapping(dict(particles=5, linearUpdate=0.3)), laser)
+    truth, rng, held = drive(0.2), np.random.default_rng(2), []
+    tracemalloc.start()
+    try:
+        for k in range(len(truth) + 2000):
+            if k < len(truth):
+                pose, ranges = truth[k], ring.ranges(truth[k], laser.angles)
+            mapper.process(mapper.reading(ranges + rng.normal(0.0, 0.01, len(ranges))), pose, 0.1 * k)
+            if k % 100 == 0:
+                mapper.map_of(*mapper.map_request())
+                held.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+        mapper.close()
+    assert mapper.processed > 5
+    assert max(held[3:]) - held[2] < 20000

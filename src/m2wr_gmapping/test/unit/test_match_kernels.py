@@ -72,7 +72,7 @@ def slow_rating(maps, beams, pose, half=1):
 
 
 @pytest.mark.parametrize("pose", [(0, 0, 0), (0.03, -0.02, 0.01), (0.4, 0.3, -0.2), (90.0, 0, 0), (-3.2, 4.1, 3.0)])
-def test_rating_equals_its_plain_twin(pose):
+def test_rating_equals_reference(pose):
     maps, beams = cloud(1)
     row = np.zeros(mk.RESULT_SIZE)
     predictions = np.array([pose], float)
@@ -83,7 +83,7 @@ def test_rating_equals_its_plain_twin(pose):
 
 
 @pytest.mark.parametrize("half", [0, 1, 2])
-def test_original_score_equals_its_plain_twin(half):
+def test_hill_climb_score_equals_reference(half):
     maps, beams = cloud(2)
     settings = np.array([0.05, 0.05, 0, 0.05, 0.075, half, 1e9])        # a score out of reach: the pose stays
     results = np.zeros((1, mk.RESULT_SIZE))
@@ -93,7 +93,7 @@ def test_original_score_equals_its_plain_twin(half):
 
 
 @pytest.mark.parametrize("start", [(0.03, 0.02, 0.01), (-0.04, 0.03, -0.02), (0.0, 0.0, 0.0)])
-def test_both_matchers_find_the_pose_that_made_the_map(start):
+def test_both_matchers_recover_the_pose(start):
     maps, beams = cloud(3)
     starts, results = np.array([start]), np.zeros((1, mk.RESULT_SIZE))
     row = matched(maps, beams, start, start, 1e-6)
@@ -126,7 +126,7 @@ def slow_information(maps, beams, pose, free):
 
 
 @pytest.mark.parametrize("count, free", [(3, 0.0), (64, 0.01), (65, 0.0), (200, 0.02)])     # less and more than a block
-def test_information_equals_its_plain_twin(count, free):
+def test_information_equals_reference(count, free):
     maps, beams = cloud(6, count)
     settings, start = SETTINGS.copy(), [0.01, -0.02, 0.01]
     settings[mk.FREE] = free
@@ -136,7 +136,7 @@ def test_information_equals_its_plain_twin(count, free):
     assert row[3:6] == pytest.approx(slow_rating(maps, beams, row[:3]), rel=1e-2)
 
 
-def test_matching_all_particles_is_matching_each_in_its_own_map():
+def test_match_particles_equals_single_matches():
     maps, beams = cloud(7)
     shifted = TileMaps(3, 0.05, NEVER)
     shifted.cover((-4.0, -4.0), (4.0, 4.0))
@@ -155,7 +155,7 @@ def test_matching_all_particles_is_matching_each_in_its_own_map():
     assert abs(results[2, 0] - results[1, 0]) > 0.01
 
 
-def test_a_prior_holds_a_pose_where_the_scan_says_nothing():
+def test_prior_constrains_unobserved_directions():
     maps, beams = cloud(5)
     empty = np.empty((mk.BEAM_ROWS, 0))
     start, held = [0.2, -0.1, 0.1], [0.0, 0.0, 3.1]
@@ -166,7 +166,7 @@ def test_a_prior_holds_a_pose_where_the_scan_says_nothing():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_small_solver_agrees_with_the_library(seed):
+def test_solver_equals_numpy(seed):
     rng = np.random.default_rng(seed)
     root, g, step = rng.normal(size=(3, 3)), rng.normal(size=3), np.zeros(3)
     h = root @ root.T + np.eye(3) * 0.1

@@ -34,7 +34,7 @@ def corridor(end, particles):
 
 
 @pytest.mark.parametrize("end, along", [(60.0, 0.45), (3.0, 0.5)])
-def test_particles_keep_to_odometry_along_a_plain_wall_only(end, along):
+def test_particles_keep_odometry_along_a_plain_wall(end, along):
     """Odometry is 5 cm short: the end of the corridor tells of it, plain walls do not."""
     matcher, maps, reading = corridor(end, 3)
     predictions = np.tile([0.45, 0.0, 0.0], (3, 1))
@@ -44,7 +44,7 @@ def test_particles_keep_to_odometry_along_a_plain_wall_only(end, along):
 
 
 @pytest.mark.parametrize("end", [60.0, 3.0])
-def test_what_is_tracked_keeps_to_odometry_along_a_plain_wall(end):
+def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
     ask = np.zeros((tl.ASK_ROWS, 3))
     ask[tl.START], ask[tl.WANTED], ask[tl.VARIANCES], ask[tl.INVERSE] = START, WANTED, 0.1, 10.0

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sentences on what is missing: what there is, what was expected, who usually brings it."""
-import pytest
 
-from m2wr_gmapping.ros.missing_inputs import no_scan, usual_source
+import pytest
+import rospy
+
+from m2wr_gmapping.ros.missing_inputs import name_what_is_missing, no_scan, usual_source
 
 SCAN = "sensor_msgs/LaserScan"
 
@@ -14,7 +16,7 @@ SCAN = "sensor_msgs/LaserScan"
     ([("/b/scan", SCAN), ("/a/scan", SCAN)],
      "topics with scans: /a/scan, /b/scan. One of them is taken with scan:=/a/scan"),
 ])
-def test_scans_that_do_not_come(published, wanted):
+def test_missing_scans(published, wanted):
     assert wanted in no_scan("/scan", published)
 
 
@@ -25,14 +27,44 @@ def test_scans_that_do_not_come(published, wanted):
     ({"odom", "laser"}, None, "nothing joins them"),
     ({"odom", "laser"}, 1.7e9, "1699999900.0 s apart: expected the same clock"),
 ])
-def test_transforms_that_do_not_come(frames, newest, wanted):
+def test_missing_transforms(frames, newest, wanted):
     assert wanted in usual_source("odom", "laser", frames, newest, 100.0, "odom_frame")
 
 
 @pytest.mark.parametrize("newest", [0.0, 99.9])
-def test_nothing_is_guessed_where_a_transform_is_only_late(newest):
+def test_late_transform_gives_no_advice(newest):
     assert usual_source("odom", "laser", {"odom", "laser"}, newest, 100.0, "odom_frame") == ""
 
 
-def test_a_base_that_nobody_knows_is_a_question_of_its_parameter():
+def test_unknown_base_names_its_parameter():
     assert "which the parameter base_frame names" in usual_source("base", "laser", {"odom"}, None, 1.0, "base_frame")
+
+
+def test_missing_clock_and_scans_are_named_at_start(monkeypatch):
+    told, naps = [], iter([False] * 3 + [True] * 100)
+
+    class Nothing:
+        arrived = 0
+    monkeypatch.setattr(rospy.rostime, "wallsleep", lambda _: None)
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: next(naps))
+    monkeypatch.setattr(rospy, "get_published_topics", lambda: [["/front/scan", "sensor_msgs/LaserScan"], ["/x", "y"]])
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    monkeypatch.setattr(rospy, "get_time", lambda: 0.0)
+    name_what_is_missing(Nothing(), "/robot/scan")
+    assert "/clock" in told[0] and "use_sim_time" in told[0]
+    assert "/robot/scan" in told[1] and "/front/scan" in told[1]
+
+
+def test_missing_clock_is_named_even_with_scans(monkeypatch):
+    told, clock = [], iter([0.0, 0.0, 5.0])
+
+    class Scans:
+        arrived = 7
+    monkeypatch.setattr(rospy.rostime, "wallsleep", lambda _: None)
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
+    monkeypatch.setattr(rospy, "get_time", lambda: next(clock))
+    name_what_is_missing(Scans(), "/scan")
+    assert len(told) == 2 and "/clock" in told[0]

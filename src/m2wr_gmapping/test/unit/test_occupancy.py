@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.filter.occupancy import Occupancy
+from m2wr_gmapping.frontend.scan import LaserModel
 
 
 class Reading:
@@ -60,7 +61,7 @@ def occupancy(extent=6.4):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_counts_equal_their_plain_twin(seed):
+def test_counts_equal_reference(seed):
     path, readings = scans(seed)
     made = occupancy()
     made.update(path, readings)
@@ -68,7 +69,7 @@ def test_counts_equal_their_plain_twin(seed):
     assert np.array_equal(grid.data, plain(path, readings, grid.origin, grid.data.shape, 0.1, 0.25))
 
 
-def test_a_map_kept_up_equals_one_made_anew():
+def test_incremental_map_equals_a_new_map():
     path, readings = scans(7, 30)
     kept, rng = occupancy(), np.random.default_rng(8)
     for count in (1, 2, 10, 11, 25, 30):
@@ -95,12 +96,12 @@ def test_unchanged_scans_are_not_traced_again():
     assert made.traced > 20
 
 
-def test_sizes_are_whole_patches_rounded_down():
+def test_size_is_a_multiple_of_the_patch():
     for extent, delta, cells in ((100.0, 0.05, 4000), (1.0, 0.05, 32), (50.0, 0.05, 1984)):
         assert Occupancy((-extent, -extent, extent, extent), delta, 0.25).bounds == (cells, cells)
 
 
-def test_a_crossed_side_moves_ten_metres_beyond_and_others_stay():
+def test_grid_grows_by_10_m_on_the_crossed_side():
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25)
     made.update(np.zeros((1, 3)), [Reading([[9.0], [0.0]])])
     grid = made.grid()
@@ -115,21 +116,21 @@ def test_a_crossed_side_moves_ten_metres_beyond_and_others_stay():
 
 @pytest.mark.parametrize("high, columns", [(9.0, 480), (9.02, 480), (9.03, 512), (10.62, 512),
                                            (10.63, 544)])
-def test_a_grid_that_grows_has_the_originals_size(high, columns):
+def test_grown_grid_has_the_size_of_gmapping(high, columns):
     """Cells up to 10 m beyond, counted from the first one, rounded up to patches of 32."""
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25)
     made.update(np.zeros((1, 3)), [Reading([[high], [0.0]])])
     assert made.bounds == (192, columns) and columns == 32 * math.ceil(round((high + 15.0) / 0.05) / 32)
 
 
-def test_half_a_cell_beyond_the_first_centre_is_still_inside():
+def test_first_cell_extends_half_a_cell_outwards():
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25)
     made.update(np.zeros((1, 3)), [Reading([[-5.02, 4.57], [0.0, 0.0]])])
     assert made.bounds == (192, 192) and (made.grid().data == 100).sum() == 2
 
 
 @pytest.mark.parametrize("threshold, looks", [(0.29, 100), (0.1, 30), (0.7, 10), (0.57, 100)])
-def test_a_share_of_hits_that_equals_the_threshold_is_free(threshold, looks):
+def test_hit_ratio_equal_to_threshold_is_free(threshold, looks):
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, threshold)
     hits = round(threshold * looks)
     readings = [Reading([[1.0], [0.0]])] * hits + [Reading([[1.5], [0.0]], [False])] * (looks - hits)
@@ -144,13 +145,13 @@ def test_values_are_unknown_free_and_occupied_only():
     assert set(np.unique(made.grid().data)) == {-1, 0, 100}
 
 
-def test_a_grid_does_not_grow_beyond_its_limit():
+def test_grid_does_not_exceed_its_limit():
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25, most_cells=100000)
     made.update(np.zeros((1, 3)), [Reading([[900.0, 1.0], [0.0, 0.0]])])
     assert made.beyond and (made.grid().data == 100).sum() == 1
 
 
-def test_counts_are_taken_out_exactly_after_the_grid_has_grown():
+def test_counts_are_removed_exactly_after_growth():
     """On cell borders, where another origin would round another way."""
     rng = np.random.default_rng(3)
     made = Occupancy((-0.7, -0.7, 0.7, 0.7), 0.05, 0.25)
@@ -172,7 +173,7 @@ def test_counts_are_taken_out_exactly_after_the_grid_has_grown():
     assert (grid.data >= 0).sum() == (fresh.data >= 0).sum()
 
 
-def test_memory_goes_with_what_was_seen_not_with_the_extent():
+def test_memory_depends_on_the_observed_area():
     made = Occupancy((-200.0, -200.0, 200.0, 200.0), 0.05, 0.25)
     made.update(np.array([[-190.0, -190.0, 0.0], [190.0, 190.0, 0.0]]), [Reading([[1.0], [0.0]])] * 2)
     assert made.bounds == (8000, 8000) and (made.grid().data == 100).sum() == 2
@@ -180,10 +181,20 @@ def test_memory_goes_with_what_was_seen_not_with_the_extent():
 
 
 @pytest.mark.parametrize("far", [1e5, 1e12, 1e200])
-def test_a_beam_or_a_robot_at_an_absurd_place_takes_neither_time_nor_memory(far):
+def test_absurd_coordinates_cost_no_time_or_memory(far):
     made = Occupancy((-5.0, -5.0, 5.0, 5.0), 0.05, 0.25, most_cells=10**6)
     near = Reading([[1.0], [0.0]])
     made.update(np.array([[0.0, 0.0, 0.0], [far, far, 0.0], [0.5, 0.0, 0.0]]), [near, near, near])
     assert made.beyond and made.bounds == (192, 192) and (made.grid().data == 100).sum() == 2
     made.update(np.zeros((4, 3)), [near] * 3 + [Reading([[min(far, 1e5)], [0.0]])])
     assert made.bounds == (192, 192) and len(made._blocks["changed"]) < 200
+
+
+def test_origin_is_the_centre_of_the_first_cell():
+    laser = LaserModel.from_message(0.0, 0.0, 0.1, 1, 0.1, 10.0)
+    grid = Occupancy((-1.0, -1.0, 5.4, 5.4), 0.1, 0.25)
+    grid.update(np.zeros((1, 3)), [laser.reading([2.04])])
+    found = grid.grid()
+    row, column = np.argwhere(found.data == 100)[0]
+    assert found.origin.tolist() == [-1.0, -1.0]
+    assert found.origin[0] + 0.1 * column == pytest.approx(2.0) and found.origin[1] + 0.1 * row == pytest.approx(0.0)

@@ -39,13 +39,13 @@ def driven():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_paths_that_scans_do_not_tell_apart_are_led_by_odometry(driven, seed):
+def test_undistinguished_paths_follow_odometry(driven, seed):
     particles, _ = driven(100, seed=seed)
     assert np.allclose(particles.poses[particles.best], [50.0, 0.0, 0.0], atol=1e-9)
     assert particles.poses[:, 2].std() > 0.02           # the others have gone their ways
 
 
-def test_a_path_that_scans_speak_for_becomes_the_best_and_stays_on_its_matches(driven):
+def test_path_that_scans_support_becomes_the_best(driven):
     particles, matches = driven(10)
     first, other = particles.best, 7
     assert first != other
@@ -59,7 +59,7 @@ def test_a_path_that_scans_speak_for_becomes_the_best_and_stays_on_its_matches(d
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_exact_odometry_is_kept_where_the_laser_sees_nothing(laser, seed):
+def test_odometry_is_kept_without_laser_returns(laser, seed):
     mapper = Mapper(GmappingConfig.from_mapping(dict(particles=COUNT, seed=seed, linearUpdate=0.5)), laser)
     nothing, truth = mapper.reading(np.full(181, np.inf)), [k * STEP for k in range(60)]
     for k, pose in enumerate(truth):
@@ -69,7 +69,7 @@ def test_exact_odometry_is_kept_where_the_laser_sees_nothing(laser, seed):
     mapper.close()
 
 
-def test_after_a_closure_all_particles_begin_anew_on_the_bent_path(driven, laser):
+def test_particles_restart_from_the_optimised_path(driven, laser):
     particles, _ = driven(10)
     particles.log_weights[:], particles.weight_sums[:] = -np.arange(COUNT), np.arange(COUNT)
     rng = np.random.default_rng(0)

@@ -5,16 +5,16 @@ import numpy as np
 from m2wr_gmapping.filter.pose_covariance import FLOOR, covariance
 
 
-def test_particles_at_one_place_leave_the_floor():
+def test_equal_particles_give_the_minimum_covariance():
     np.testing.assert_allclose(covariance(np.ones((4, 3)), np.full(4, 0.25), 2), np.diag(FLOOR))
 
 
-def test_it_is_the_weighted_mean_square_about_the_best():
+def test_covariance_is_weighted_about_the_best_particle():
     poses = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.4, 0.1]])
     found = covariance(poses, np.array([0.5, 0.25, 0.25]), 0) - np.diag(FLOOR)
     np.testing.assert_allclose(found, [[0.01, 0, 0], [0, 0.04, 0.01], [0, 0.01, 0.0025]], atol=1e-12)
 
 
-def test_headings_on_both_sides_of_half_a_turn_are_near():
+def test_headings_wrap_around_pi():
     found = covariance(np.array([[0, 0, 3.1], [0, 0, -3.1]]), np.array([0.5, 0.5]), 0) - np.diag(FLOOR)
     np.testing.assert_allclose(found[2, 2], 0.5 * (2 * np.pi - 6.2) ** 2)

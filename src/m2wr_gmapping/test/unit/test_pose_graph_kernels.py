@@ -51,7 +51,7 @@ SHAPES = [(2, 0, True), (3, 2, True), (30, 0, True), (30, 12, True), (40, 200, T
 
 
 @pytest.mark.parametrize("count, links, chained", SHAPES)
-def test_a_step_equals_that_of_a_dense_solver(count, links, chained):
+def test_step_equals_dense_solver(count, links, chained):
     poses, pairs, measured, information, weights = graph(count + links, count, links, chained)
     residual, squared = np.empty((len(pairs), 3)), np.empty(len(pairs))
     kernels.residuals(poses, pairs, measured, information, residual, squared)
@@ -67,7 +67,7 @@ def test_a_step_equals_that_of_a_dense_solver(count, links, chained):
 
 
 @pytest.mark.parametrize("count, links, chained", SHAPES)
-def test_every_pose_is_eliminated_once_and_leaves_its_neighbours_connected(count, links, chained):
+def test_elimination_order_is_valid(count, links, chained):
     _, pairs, _, _, _ = graph(count + links, count, links, chained)
     order, starts, columns, targets, slots = kernels.plan(count, pairs)
     assert sorted(order) == list(range(1, count)) and starts[-1] == len(columns)
@@ -84,20 +84,20 @@ def test_every_pose_is_eliminated_once_and_leaves_its_neighbours_connected(count
     assert ((slots >= 0) == (pairs != 0).all(axis=1)).all()
 
 
-def test_a_long_chain_costs_no_more_than_its_steps():
+def test_long_chain_has_no_fill_in():
     count = 20000
     chain = np.stack([np.arange(count - 1), np.arange(1, count)], -1)
     order, starts, columns, targets, _ = kernels.plan(count, np.concatenate([chain, [[5, 15000], [300, 19000]]]))
     assert len(columns) < 2 * count + 10 and len(targets) < count + 10
 
 
-def test_a_pose_that_nothing_holds_is_an_error():
+def test_unconnected_pose_is_an_error():
     with pytest.raises(ValueError, match="graph of 4 poses: expected each to be connected"):
         optimise(np.zeros((4, 3)), np.array([[0, 1], [2, 3]]), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)),
                  np.zeros(2, bool))
 
 
-def test_a_graph_without_measurements_stays():
+def test_graph_without_measurements_is_unchanged():
     poses, weights = optimise(np.array([[1.0, 2.0, 4.0]]), np.zeros((0, 2), int), np.zeros((0, 3)),
                               np.zeros((0, 3, 3)), np.zeros(0, bool))
     assert np.allclose(poses, [[1.0, 2.0, 4.0 - 2.0 * math.pi]]) and len(weights) == 0

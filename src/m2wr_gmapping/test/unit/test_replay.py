@@ -78,7 +78,7 @@ def table(path):
 
 
 @pytest.mark.parametrize("late, static, compression", [(0, True, "none"), (12, False, "bz2"), (40, True, "lz4")])
-def test_every_scan_is_used_however_late_its_transform(tmp_path, ring, laser, late, static, compression):
+def test_scans_with_late_transforms_are_used(tmp_path, ring, laser, late, static, compression):
     truth = write_bag(tmp_path / "drive.bag", ring, laser, late, static, compression=compression)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "path"), "--online", str(tmp_path / "online"),
                       "--tracked", str(tmp_path / "tracked"),
@@ -93,7 +93,7 @@ def test_every_scan_is_used_however_late_its_transform(tmp_path, ring, laser, la
     assert (tmp_path / "plan.pgm").stat().st_size > 10000 and (tmp_path / "plan.yaml").exists()
 
 
-def test_one_transform_far_ahead_costs_no_scan(tmp_path, ring, laser):
+def test_transform_far_ahead_drops_no_scan(tmp_path, ring, laser):
     truth = write_bag(tmp_path / "drive.bag", ring, laser, late=12)
     with rosbag.Bag(str(tmp_path / "drive.bag"), "a") as bag:
         messages = list(bag.read_messages())
@@ -115,7 +115,7 @@ def rewrite(path, change):
             bag.write(topic, message, stamp)
 
 
-def test_scans_from_before_the_first_transform_are_no_loss(tmp_path, ring, laser, caplog):
+def test_scans_before_the_first_transform_are_counted_apart(tmp_path, ring, laser, caplog):
     truth = write_bag(tmp_path / "drive.bag", ring, laser)
     rewrite(tmp_path / "drive.bag", lambda all_of_them: [
         entry for entry in all_of_them if entry[0] != "/tf" or entry[2] >= rospy.Time.from_sec(100.25)])
@@ -125,7 +125,7 @@ def test_scans_from_before_the_first_transform_are_no_loss(tmp_path, ring, laser
 
 
 @pytest.mark.parametrize("late", [0, 3])
-def test_time_that_jumps_back_in_a_bag_begins_another_run(tmp_path, ring, laser, caplog, late):
+def test_time_jump_in_a_bag_starts_a_new_run(tmp_path, ring, laser, caplog, late):
     """As where a simulation was reset while it was recorded: the robot stands elsewhere at the same times."""
     write_bag(tmp_path / "drive.bag", ring, laser, late)
     run(tmp_path, "--trajectory", str(tmp_path / "once"))
@@ -161,7 +161,7 @@ def add_scans(path, odd):
     rewrite(path, more)
 
 
-def test_single_scans_of_another_time_or_laser_are_left_out(tmp_path, ring, laser, caplog):
+def test_single_scans_of_other_time_or_laser_are_skipped(tmp_path, ring, laser, caplog):
     truth = write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "--trajectory", str(tmp_path / "once"))
 
@@ -176,7 +176,7 @@ def test_single_scans_of_another_time_or_laser_are_left_out(tmp_path, ring, lase
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
 
 
-def test_a_single_scan_far_ahead_costs_no_map(tmp_path, ring, laser):
+def test_single_scan_far_ahead_is_skipped(tmp_path, ring, laser):
     truth = write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "--trajectory", str(tmp_path / "once"))
 
@@ -187,7 +187,7 @@ def test_a_single_scan_far_ahead_costs_no_map(tmp_path, ring, laser):
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
 
 
-def test_statistics_say_what_was_done(tmp_path, ring, laser):
+def test_statistics_count_the_run(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     _, stats = run(tmp_path)
     assert stats["particles"] == 5 and stats["beams"] == 181 and stats["processScan"]["count"] == stats["processed"]
@@ -197,7 +197,7 @@ def test_statistics_say_what_was_done(tmp_path, ring, laser):
     assert stats["map_updates"]["count"] >= 1 and stats["peak_memory_mib"] > 10.0
 
 
-def test_same_seed_same_files(tmp_path, ring, laser):
+def test_same_seed_gives_the_same_files(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     made = {}
     for name, seed, compatible in (("a", 7, False), ("b", 7, False), ("c", 7, True), ("d", 7, True), ("e", 8, True)):
@@ -209,7 +209,7 @@ def test_same_seed_same_files(tmp_path, ring, laser):
     assert made["c"][1] != made["e"][1]
 
 
-def test_the_first_scans_are_left_out_on_demand(tmp_path, ring, laser):
+def test_settle_time_skips_the_first_scans(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "--trajectory", str(tmp_path / "whole"))
     run(tmp_path, "_settle_time:=1.0", "--trajectory", str(tmp_path / "late"))
@@ -217,13 +217,13 @@ def test_the_first_scans_are_left_out_on_demand(tmp_path, ring, laser):
     assert run(tmp_path, "_settle_time:=soon")[0] == command.USAGE
 
 
-def test_a_run_that_leaves_nothing_behind_says_so(tmp_path, ring, laser, caplog):
+def test_run_without_output_files_warns(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     assert command.main(["--bag_filename", str(tmp_path / "drive.bag")] + SETTINGS) == 0
     assert "nothing is kept" in caplog.text
 
 
-def test_scans_that_are_all_left_out_are_told(tmp_path, ring, laser, caplog):
+def test_error_if_all_scans_are_skipped(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     for parameter in ("_throttle_scans:=5000", "_settle_time:=1e4"):
         assert run(tmp_path, parameter)[0] == command.FAILED and "leave out all" in caplog.text
@@ -232,13 +232,13 @@ def test_scans_that_are_all_left_out_are_told(tmp_path, ring, laser, caplog):
 
 @pytest.mark.parametrize("words", [["--max_duration_buffer", "0"], ["--max_duration_buffer", "nan"],
                                    ["--max_duration_buffer", "1e12"], ["_particles:=[1,2"], ["--seed", "x"]])
-def test_words_that_make_no_sense_are_told_at_once(tmp_path, words, capsys):
+def test_invalid_arguments_are_reported_at_start(tmp_path, words, capsys):
     with pytest.raises(SystemExit) as left:
         run(tmp_path, *words)
     assert left.value.code == command.USAGE and words[0].partition(":=")[0] in capsys.readouterr().err
 
 
-def test_only_processed_scans_where_that_is_wanted(tmp_path, ring, laser):
+def test_track_between_can_be_disabled(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     for parameter in ("_track_between:=false", "_compatible:=true"):
         _, stats = run(tmp_path, parameter, "--trajectory", str(tmp_path / "path"))
@@ -246,7 +246,7 @@ def test_only_processed_scans_where_that_is_wanted(tmp_path, ring, laser):
 
 
 @pytest.mark.parametrize("share", [0.5, 0.77, 0.95])
-def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path, ring, laser, share, caplog):
+def test_truncated_bag_is_read_up_to_its_end(tmp_path, ring, laser, share, caplog):
     truth = write_bag(tmp_path / "drive.bag", ring, laser)
     whole = (tmp_path / "drive.bag").read_bytes()
     (tmp_path / "drive.bag").write_bytes(whole[:int(share * len(whole))])
@@ -261,7 +261,7 @@ def stamps_of(path, topic="/scan"):
             lambda name: name == topic)], bag.damage
 
 
-def test_a_chunk_that_is_cut_off_is_read_up_to_there(tmp_path, ring, laser):
+def test_truncated_chunk_is_read_up_to_its_end(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     whole, _ = stamps_of(tmp_path / "drive.bag")
     content = (tmp_path / "drive.bag").read_bytes()
@@ -275,7 +275,7 @@ def test_a_chunk_that_is_cut_off_is_read_up_to_there(tmp_path, ring, laser):
     assert last == len(whole)
 
 
-def test_a_hole_in_a_chunk_costs_its_rest_and_nothing_behind_it(tmp_path, ring, laser):
+def test_damaged_chunk_does_not_affect_later_chunks(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     whole, _ = stamps_of(tmp_path / "drive.bag")
     content = bytearray((tmp_path / "drive.bag").read_bytes())
@@ -300,7 +300,7 @@ def test_random_bytes_never_raise(tmp_path, ring, laser):
                 pass
 
 
-def test_no_bag_is_told_apart_from_an_empty_one(tmp_path):
+def test_non_bag_and_empty_bag_have_different_errors(tmp_path):
     with pytest.raises(BagError, match="No such file"):
         BagFile(str(tmp_path / "none.bag"))
     (tmp_path / "text.bag").write_text("not a bag")
@@ -313,19 +313,19 @@ def test_no_bag_is_told_apart_from_an_empty_one(tmp_path):
     (dict(tf=False), [], "no transforms on /tf"), (dict(), ["--scan_topic", "/lidar"], "/scan (sensor_msgs/LaserScan)"),
     (dict(), ["_odom_frame:=odometry"], "Frames in the bag: base, laser, odom"),
     (dict(), ["_base_frame:=foot"], "base_frame foot")])
-def test_what_is_missing_is_named(tmp_path, ring, laser, options, more, words, caplog):
+def test_missing_topics_are_named(tmp_path, ring, laser, options, more, words, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser, **options)
     code, stats = run(tmp_path, *more)
     assert code == command.FAILED and stats is None and words in caplog.text
 
 
-def test_scans_of_another_length_are_refused_once_said(tmp_path, ring, laser, caplog):
+def test_scans_of_another_length_are_refused(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser, beams=90)
     code, stats = run(tmp_path)
     assert code == 0 and stats["refused"] > 0 and caplog.text.count("expected 181") == 1
 
 
-def test_unreachable_score_and_unknown_parameters_are_said(tmp_path, ring, laser, caplog):
+def test_unreachable_score_and_unknown_parameters_warn(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "_minimumScore:=200", "_particels:=3")
     assert "can never be reached" in caplog.text and "particels" in caplog.text
@@ -333,7 +333,7 @@ def test_unreachable_score_and_unknown_parameters_are_said(tmp_path, ring, laser
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_to_end_saves_what_is_there(tmp_path, ring, laser, monkeypatch, number):
+def test_signal_saves_the_results_so_far(tmp_path, ring, laser, monkeypatch, number):
     signal.signal(signal.SIGHUP, signal.SIG_DFL)            # whoever runs this may have nohup in front
     write_bag(tmp_path / "drive.bag", ring, laser)
     scan, seen = command.Replay._scan, []
@@ -350,13 +350,13 @@ def test_a_signal_to_end_saves_what_is_there(tmp_path, ring, laser, monkeypatch,
     assert (tmp_path / "plan.yaml").exists()
 
 
-def test_command_at_the_end_is_run_and_its_code_returned(tmp_path, ring, laser):
+def test_on_done_command_returns_its_exit_code(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     code, _ = run(tmp_path, "--on_done", "touch {}; exit 7".format(tmp_path / "done"))
     assert code == 7 and (tmp_path / "done").exists()
 
 
-def test_an_output_whose_folder_is_not_there_is_told_before_the_work(tmp_path, ring, laser, caplog):
+def test_missing_output_folder_is_reported_at_start(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     nowhere = tmp_path / "nowhere"
     for option in ("--map", "--trajectory", "--stats", "--save-state"):
@@ -365,7 +365,7 @@ def test_an_output_whose_folder_is_not_there_is_told_before_the_work(tmp_path, r
         caplog.clear()
 
 
-def test_what_cannot_be_written_keeps_nothing_else_from_being_written(tmp_path, ring, laser, caplog):
+def test_one_unwritable_file_does_not_stop_the_others(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     (tmp_path / "taken").mkdir()                # no file takes the place of a folder
     code, _ = run(tmp_path, "--trajectory", str(tmp_path / "taken"), "--map", str(tmp_path / "plan"))
@@ -394,7 +394,7 @@ def outputs(tmp_path, name, *more):
 
 
 @pytest.mark.parametrize("more", [[], ["_throttle_scans:=3"]])
-def test_two_pieces_give_the_files_of_the_whole(tmp_path, ring, laser, more):
+def test_resumed_replay_gives_the_files_of_one_run(tmp_path, ring, laser, more):
     half_bags(tmp_path, ring, laser)
     state = str(tmp_path / "half.state")
     whole = outputs(tmp_path, "drive", *more)
@@ -403,7 +403,7 @@ def test_two_pieces_give_the_files_of_the_whole(tmp_path, ring, laser, more):
     assert first[1] != whole[1]
 
 
-def test_a_state_that_cannot_be_used_is_told(tmp_path, ring, laser, caplog):
+def test_unusable_state_is_reported(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     (tmp_path / "text.state").write_text("no state")
     for words, told in ((["--load-state", str(tmp_path / "text.state")], "expected a state"),
@@ -418,7 +418,7 @@ def test_a_state_that_cannot_be_used_is_told(tmp_path, ring, laser, caplog):
     assert code == command.FAILED and "cannot write the state" in caplog.text
 
 
-def test_parameters_that_do_not_hold_are_named(tmp_path, ring, laser, caplog):
+def test_overridden_parameters_are_named(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "--save-state", str(tmp_path / "a.state"))
     code, stats = run(tmp_path, "--load-state", str(tmp_path / "a.state"), "--new-odometry", "_particles:=9")
@@ -426,7 +426,7 @@ def test_parameters_that_do_not_hold_are_named(tmp_path, ring, laser, caplog):
     assert caplog.text.count("those of the state hold") == 1 and "begun anew" in caplog.text
 
 
-def test_a_replay_goes_on_on_a_saved_map(tmp_path, ring, laser):
+def test_replay_starts_on_a_saved_map(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     outputs(tmp_path, "drive")
     (tmp_path / "drive.pgm").rename(tmp_path / "old.pgm")
@@ -438,7 +438,7 @@ def test_a_replay_goes_on_on_a_saved_map(tmp_path, ring, laser):
     assert np.hypot(*(after - before)[:, 1:3].T).max() < 0.12
 
 
-def test_a_bag_with_scans_of_no_beams_is_told(tmp_path, ring, laser, caplog):
+def test_bag_of_empty_scans_is_reported(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     with rosbag.Bag(str(tmp_path / "drive.bag")) as bag:
         messages = list(bag.read_messages())

@@ -23,7 +23,7 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.state", "sub/a.state", "kept.state", "inner_link"])
-def test_names_inside_are_taken(folder, name):
+def test_names_inside_the_folder_are_accepted(folder, name):
     assert confined(str(folder), name, "~state_folder").startswith(str(folder.resolve()) + "/")
     assert confined(str(folder), str(folder / name), "~state_folder") == confined(str(folder), name, "~state_folder")
 
@@ -31,12 +31,12 @@ def test_names_inside_are_taken(folder, name):
 @pytest.mark.parametrize("name", [
     "../secret", "sub/../../secret", "/etc/passwd", "~/a", "~root/a", "link", "out/secret", "pipe", "device", "sub",
     ".", "", "a\0b", "x" * 2000, "x" * 300 + "/y", "kept.state/a", "../states_beside/a", "..", "/"])
-def test_names_that_lead_elsewhere_are_refused_with_folder_and_parameter(folder, name):
+def test_names_outside_the_folder_are_refused(folder, name):
     with pytest.raises(OutsideError) as caught:
         confined(str(folder), name, "~state_folder")
     assert str(folder) in str(caught.value) and "~state_folder" in str(caught.value)
     assert len(str(caught.value)) < 500 + len(str(folder))
 
 
-def test_the_folder_is_made(tmp_path):
+def test_folder_is_created(tmp_path):
     assert confined(str(tmp_path / "new"), "a", "~p") == str(tmp_path / "new" / "a") and (tmp_path / "new").is_dir()

@@ -40,7 +40,7 @@ def begun(plan, laser, ring, start, guess, more=None, steps=1):
     return mapper, between(truth[0], truth[start + steps - 1])
 
 
-def test_a_map_that_was_saved_is_read_as_it_was(plan):
+def test_saved_map_round_trip(plan):
     saved = read_map(plan)
     grid = np.array(Image.open(plan + ".pgm"))[::-1]
     np.testing.assert_array_equal(saved.data == 100, grid == 0)
@@ -51,7 +51,7 @@ def test_a_map_that_was_saved_is_read_as_it_was(plan):
 
 @pytest.mark.parametrize("off", [(0.0, 0.0, 0.0), (0.7, -0.5, 0.4), (-0.6, 0.6, -0.4)])
 @pytest.mark.parametrize("start", [0, 30, 120])
-def test_the_robot_is_found_where_it_roughly_is(plan, laser, ring, start, off):
+def test_robot_is_localised_near_the_initial_pose(plan, laser, ring, start, off):
     truth = drive(1.05)
     guess = compose(between(truth[0], truth[start]), off)
     mapper, true = begun(plan, laser, ring, start, guess)
@@ -61,7 +61,7 @@ def test_the_robot_is_found_where_it_roughly_is(plan, laser, ring, start, off):
     mapper.close()
 
 
-def test_without_a_pose_the_odometry_s_is_taken(plan, laser, ring):
+def test_odometry_is_the_default_initial_pose(plan, laser, ring):
     mapper, true = begun(plan, laser, ring, 0, None)
     apart = between(true, mapper.pose)
     assert np.hypot(apart[0], apart[1]) < 0.08
@@ -69,7 +69,7 @@ def test_without_a_pose_the_odometry_s_is_taken(plan, laser, ring):
 
 
 @pytest.mark.parametrize("no_place", [(1e200, 0.0, 0.0), (0.0, np.nan, 0.0)])
-def test_a_first_scan_that_is_refused_begins_nothing(plan, laser, ring, no_place):
+def test_refused_first_scan_starts_nothing(plan, laser, ring, no_place):
     beginning, config = Beginning.from_files(GmappingConfig.from_mapping(VALUES), plan, (0.0, 0.0, 0.0))
     mapper, pose = Mapper(config, laser), drive(1.05)[0]
     reading = mapper.reading(ring.ranges(pose, laser.angles))
@@ -83,7 +83,7 @@ def test_a_first_scan_that_is_refused_begins_nothing(plan, laser, ring, no_place
     mapper.close()
 
 
-def test_the_old_map_is_there_at_once_and_stays_where_it_is_through_loops(plan, laser, ring):
+def test_saved_map_stays_in_place_through_loop_closures(plan, laser, ring):
     saved = read_map(plan)
     truth = drive(1.05)
     mapper, true = begun(plan, laser, ring, 20, between(truth[0], truth[20]), steps=190)
@@ -105,7 +105,7 @@ def test_the_old_map_is_there_at_once_and_stays_where_it_is_through_loops(plan, 
     mapper.close()
 
 
-def test_what_has_gone_is_unlearnt(plan, laser, ring):
+def test_removed_obstacles_are_cleared(plan, laser, ring):
     """A wall that stands in the old map alone, across the corridor that the robot drives along."""
     saved = read_map(plan)
     truth = drive(1.05)
@@ -125,7 +125,7 @@ def test_what_has_gone_is_unlearnt(plan, laser, ring):
     mapper.close()
 
 
-def test_a_run_on_a_map_can_be_saved_and_gone_on_with(plan, laser, ring, tmp_path):
+def test_run_on_a_saved_map_can_be_resumed(plan, laser, ring, tmp_path):
     digests = []
     for stop in (False, True):
         mapper, _ = begun(plan, laser, ring, 0, None, steps=40)
@@ -142,7 +142,7 @@ def test_a_run_on_a_map_can_be_saved_and_gone_on_with(plan, laser, ring, tmp_pat
     assert digests[0] == digests[1]
 
 
-def test_the_plain_algorithm_begins_on_a_map_too(plan, laser, ring):
+def test_compatible_mode_starts_on_a_map(plan, laser, ring):
     mapper, true = begun(plan, laser, ring, 0, None, dict(compatible=True), steps=10)
     apart = between(true, mapper.pose)
     assert np.hypot(apart[0], apart[1]) < 0.15
@@ -169,7 +169,7 @@ def written(tmp_path, **values):
     return str(tmp_path / "a.yaml")
 
 
-def test_rows_begin_below_and_thresholds_hold(tmp_path):
+def test_row_order_and_thresholds(tmp_path):
     saved = read_map(written(tmp_path))
     np.testing.assert_array_equal(saved.data, [[0, 0, -1], [100, 0, -1]])
     assert saved.origin == (1.0, 2.0) and saved.walls().tolist() == [[1.0], [2.1]]
@@ -182,12 +182,12 @@ def test_rows_begin_below_and_thresholds_hold(tmp_path):
     (dict(origin=[1.0, 2.0, 0.5]), "turned"), (dict(origin="[here]"), "origin"), (dict(origin=None), "origin"),
     (dict(mode="raw"), "raw"), (dict(occupied_thresh=65), "occupied_thresh is '65'"),
     (dict(occupied_thresh=1.0), "no cell is occupied"), (dict(image="other.pgm"), "other.pgm: No such file")])
-def test_what_is_wrong_with_a_map_is_told(tmp_path, values, words):
+def test_map_errors_name_the_fault(tmp_path, values, words):
     with pytest.raises(MapReadingError, match=words):
         read_map(written(tmp_path, **values))
 
 
-def test_pictures_that_are_cut_off_or_no_pictures_are_told(tmp_path):
+def test_invalid_pictures_are_reported(tmp_path):
     name = written(tmp_path)
     for content in (b"", b"P5\n3 2\n255\n\x00", b"not a picture"):
         (tmp_path / "a.pgm").write_bytes(content)
@@ -200,11 +200,11 @@ def test_pictures_that_are_cut_off_or_no_pictures_are_told(tmp_path):
         read_map(str(tmp_path / "none"))
 
 
-def test_a_map_and_a_state_together_are_refused(tmp_path):
+def test_map_and_state_together_are_refused(tmp_path):
     with pytest.raises(state.StateError, match="expected one of them"):
         Beginning.from_files(GmappingConfig.from_mapping(), "a.yaml", None, "a.state")
 
 
-def test_the_cell_size_is_that_of_the_map(tmp_path):
+def test_cell_size_is_that_of_the_map(tmp_path):
     _, config = Beginning.from_files(GmappingConfig.from_mapping({"delta": 0.05}), written(tmp_path))
     assert config["delta"] == 0.1

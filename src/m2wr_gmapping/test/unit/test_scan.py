@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from conftest import drive
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError, rotation
 from m2wr_gmapping.frontend.scan_kernels import surface_normals, take_in, with_normals
@@ -31,7 +32,7 @@ def expected(angle_min, increment, ranges, mount):
 @pytest.mark.parametrize("roll", [0.0, math.pi])
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -2.0])
 @pytest.mark.parametrize("angle_min, angle_max", [(-1.0, 1.0), (-0.3, 1.2), (1.2, -0.3), (0.0, 6.0)])
-def test_end_points_lie_where_the_mount_says(roll, yaw, angle_min, angle_max):
+def test_end_points_follow_the_mount(roll, yaw, angle_min, angle_max):
     quaternion = (math.sin(roll / 2) * math.cos(yaw / 2), math.sin(roll / 2) * math.sin(yaw / 2),
                   math.cos(roll / 2) * math.sin(yaw / 2), math.cos(roll / 2) * math.cos(yaw / 2))
     mount = ((0.2, -0.1, 0.3), quaternion)
@@ -45,13 +46,13 @@ def test_end_points_lie_where_the_mount_says(roll, yaw, angle_min, angle_max):
     assert (np.diff(model.angles) > 0).all() and abs(model.angles.sum()) < 1e-9
 
 
-def test_several_thousand_beams_and_one_alone():
+def test_thousands_of_beams_and_a_single_beam():
     model = LaserModel.from_message(-math.pi, math.pi, 2 * math.pi / 5000, 5000, 0.1, 30.0)
     assert model.reading(np.full(5000, 2.0)).points.shape == (2, 5000)
     assert LaserModel.from_message(0.0, 0.0, 0.0, 1, 0.1, 30.0).reading([3.0]).points[0, 0] == 3.0
 
 
-def test_ranges_are_sorted_into_hits_clearing_beams_and_nothing():
+def test_ranges_become_hits_clearing_beams_or_nothing():
     model = LaserModel.from_message(-0.3, 0.3, 0.1, 7, 0.2, 10.0, None, 8.0, 6.0)
     reading = model.reading([0.1, 1.0, 6.0, 7.0, 9.0, math.inf, math.nan])
     assert reading.points.shape[1] == 2                             # 1.0 and 6.0
@@ -59,19 +60,19 @@ def test_ranges_are_sorted_into_hits_clearing_beams_and_nothing():
     assert np.allclose(np.hypot(*reading.rays), [1.0, 6.0, 6.0])    # a longer one clears as far as maxUrange
 
 
-def test_default_limit_is_a_centimetre_below_range_max():
+def test_default_max_range_is_1_cm_below_range_max():
     model = LaserModel.from_message(-0.1, 0.1, 0.1, 3, 0.2, 10.0)
     assert model.max_range == model.max_urange == pytest.approx(9.99)
 
 
-def test_skip_leaves_out_beams_of_the_matching_only():
+def test_lskip_affects_matching_only():
     model = LaserModel.from_message(-0.4, 0.5, 0.1, 10, 0.1, 9.0)
     full, thin = model.reading(np.full(10, 2.0)), model.reading(np.full(10, 2.0), skip=2)
     assert thin.points.shape == full.points.shape
     assert np.allclose(thin.beams[:2], full.beams[:2, [2, 5, 8]])
 
 
-def test_normals_are_across_a_wall_and_corners_have_none():
+def test_normals_of_walls_and_corners():
     model = LaserModel.from_message(-1.0, 1.0, 0.02, 101, 0.1, 20.0)
     wall = model.reading(3.0 / np.cos(model.angles))                # the line x = 3
     inside = wall.beams[:, 1:-1]                                      # the last ones have one neighbour only
@@ -86,7 +87,7 @@ def test_normals_are_across_a_wall_and_corners_have_none():
     (dict(range_max=math.nan), "range_max nan"), (dict(range_max=-5.0), "maxRange"),
     (dict(range_min=9.5), "range_min 9.5"), (dict(max_range=0.0), "up to 0.0 m"),
     (dict(base_from_laser=((0, 0, 0), (0.0, math.sin(0.2), 0.0, math.cos(0.2)))), "tilted")])
-def test_unusable_lasers_are_named(change, words):
+def test_unusable_lasers_raise_an_error(change, words):
     fields = dict(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, count=21, range_min=0.1, range_max=9.0)
     fields.update(change)
     with pytest.raises(ScanError, match=words):
@@ -95,20 +96,20 @@ def test_unusable_lasers_are_named(change, words):
 
 @pytest.mark.parametrize("change", [dict(range_max=0.0, max_range=8.0), dict(range_min=math.nan), dict(range_min=-1.0),
                                     dict(count=1, angle_increment=0.0)])
-def test_lasers_whose_odd_fields_leave_some_range_are_taken(change):
+def test_unusual_but_usable_lasers_are_accepted(change):
     fields = dict(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, count=21, range_min=0.1, range_max=9.0)
     fields.update(change)
     model = LaserModel.from_message(**fields)
     assert model.reading(np.full(fields["count"], 3.0)).points.shape[1] == fields["count"]
 
 
-def test_another_number_of_ranges_is_refused():
+def test_wrong_number_of_ranges_is_refused():
     with pytest.raises(ScanError, match="4 ranges; expected 3"):
         LaserModel.from_message(-0.1, 0.1, 0.1, 3, 0.1, 9.0).reading([1.0] * 4)
 
 
 @pytest.mark.parametrize("range_max", [math.inf, 3.4e38, 1e9])
-def test_a_driver_without_a_limit_of_its_own_has_beams_that_see_nothing(range_max):
+def test_infinite_range_max_leaves_beams_without_return(range_max):
     laser = LaserModel.from_message(-1.0, 1.0, 0.5, 5, 0.1, range_max)
     reading = laser.reading([2.0, math.inf, 0.0, range_max, 3.0])
     assert reading.points.shape[1] == 2 and reading.rays.shape[1] == 2
@@ -135,7 +136,7 @@ def plain_take_in(ranges, directions, limits, skip, gap):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_taking_in_equals_its_plain_twin(seed):
+def test_range_classification_equals_reference(seed):
     rng = np.random.default_rng(seed)
     beams, skip, gap = int(rng.integers(1, 200)), int(rng.integers(0, 4)), float(rng.choice([0.0, 0.04, 0.5]))
     ranges = rng.choice([0.05, 3.0, 6.0, 9.0, 0.0, -1.0, math.inf, -math.inf, math.nan, 1e30], beams)
@@ -154,7 +155,7 @@ def test_taking_in_equals_its_plain_twin(seed):
     np.testing.assert_allclose(rays[:, :seen].T.reshape(-1, 2), np.reshape(wanted_rays, (-1, 2)), rtol=1e-6)
 
 
-def test_noise_does_not_turn_a_wall_whose_end_points_lie_close_together():
+def test_noise_does_not_rotate_a_dense_wall():
     model = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 719, 720, 0.1, 10.0, None, 8.0, 6.0)
     rng, turns = np.random.default_rng(0), []
     for _ in range(60):
@@ -186,7 +187,7 @@ def test_slope_is_the_rise_along_the_centred_laser():
 
 
 @pytest.mark.parametrize("turn", np.linspace(-math.pi, math.pi, 17))
-def test_normals_equal_their_plain_twin_in_all_directions(turn):
+def test_normals_equal_reference_in_all_directions(turn):
     rng, c, s = np.random.default_rng(3), math.cos(turn), math.sin(turn)
     along = np.linspace(-0.2, 0.2, 7)
     points = np.array([[c, -s], [s, c]]) @ np.stack([along, rng.normal(0.0, 0.005, 7)]) + [[3.0], [1.0]]
@@ -201,7 +202,7 @@ def test_normals_equal_their_plain_twin_in_all_directions(turn):
         assert shape[2, b] == pytest.approx(min(1.0, max(0.0, (0.4 - spread) / 0.25)))
 
 
-def test_points_that_lie_alike_in_all_directions_still_have_a_normal():
+def test_isotropic_points_have_a_normal():
     points, shape = np.array([[1.0, 1.1, 1.1, 1.0], [0.0, 0.0, 0.1, 0.1]]), np.empty((3, 4))
     surface_normals(points, 0.3, 4, math.inf, shape)
     assert np.allclose(np.hypot(shape[0], shape[1]), 1.0) and not shape[2].any()
@@ -221,7 +222,7 @@ def test_beams_have_normals_lever_arms_and_weights(count):
                                          1.0 - 0.98 * straightness])
 
 
-def test_a_wall_that_beams_graze_has_its_normal_although_its_points_lie_far_apart():
+def test_sparse_wall_at_grazing_incidence_has_a_normal():
     model = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0)
     with np.errstate(divide="ignore"):
         wall = np.where(model.angles > 0.0, 1.2 / np.sin(model.angles), np.inf)
@@ -233,7 +234,7 @@ def test_a_wall_that_beams_graze_has_its_normal_although_its_points_lie_far_apar
 
 
 @pytest.mark.parametrize("limit", [5.0, 6.0, 7.5])
-def test_where_the_range_ends_a_wall_does_not(limit):
+def test_wall_cut_by_maximum_range_is_no_post(limit):
     """Its last end point, with one neighbour, would hold every match where the robot was before."""
     model = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=limit)
     with np.errstate(divide="ignore"):
@@ -244,3 +245,34 @@ def test_where_the_range_ends_a_wall_does_not(limit):
     post = np.where(np.abs(model.angles - 0.3) < 0.01, 2.0, np.inf)         # nor is a post a wall
     post[np.flatnonzero(np.isfinite(post))[0] + 1] = 2.0
     assert (model.reading(post).beams[mk.SLIDE] == 1.0).all()
+
+
+@pytest.mark.parametrize("last_is_angle_max", [True, False])
+@pytest.mark.parametrize("count", [181, 360])
+def test_each_beam_keeps_its_angle(count, last_is_angle_max):
+    step = math.radians(1.0)
+    laser = LaserModel.from_message(-0.5 * math.pi, -0.5 * math.pi + step * (count - last_is_angle_max), step, count,
+                                    0.1, 10.0)
+    angles = -0.5 * math.pi + step * np.arange(count)
+    reading = laser.reading(np.full(count, 2.0))
+    turn = laser.sensor_pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))[2]
+    c, s = math.cos(turn), math.sin(turn)
+    right = 2.0 * np.stack([np.cos(angles), np.sin(angles)])
+    for ends in (reading.points, reading.beams[:2], reading.rays):
+        np.testing.assert_allclose(np.array([[c, -s], [s, c]]) @ ends, right, atol=1e-6)
+
+
+def test_invalid_ranges_are_ignored(ring, laser):
+    ranges = ring.ranges(drive(0.1)[0], laser.angles)
+    whole = laser.reading(ranges)
+    for value in (0.0, -1.0, math.nan, math.inf, -math.inf, 1e30):
+        few = ranges.copy()
+        few[10:20] = value
+        reading = laser.reading(few)
+        kept = np.r_[0:10, 20:181]
+        assert reading.points.shape[1] == reading.beams.shape[1] == 171
+        np.testing.assert_array_equal(reading.points, whole.points[:, kept])
+        assert np.isfinite(reading.beams).all()
+        # free space is cleared, if at all, to the end of the laser's reach: nothing was there
+        assert reading.rays.shape[1] - 171 in (0, 10)
+        assert reading.ray_hits.sum() == 171

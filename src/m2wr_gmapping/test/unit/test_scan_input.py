@@ -40,7 +40,7 @@ class FakeTime:
         return found
 
 
-def test_threads_that_look_at_the_clock_together_see_no_jump(monkeypatch):
+def test_concurrent_clock_reads_are_no_jump(monkeypatch):
     clock = FakeTime()
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     monkeypatch.setattr(rospy.Time, "now", clock.now)
@@ -58,7 +58,7 @@ def test_threads_that_look_at_the_clock_together_see_no_jump(monkeypatch):
     assert intake.generation == 0
 
 
-def test_a_clock_that_goes_back_is_a_jump(monkeypatch):
+def test_clock_jump_back_is_detected(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     intake = Intake("odom", 10)
     for seconds, generation in ((10.0, 0), (11.0, 0), (11.0, 0), (9.9, 1), (10.0, 1)):
@@ -69,7 +69,7 @@ def test_a_clock_that_goes_back_is_a_jump(monkeypatch):
         assert intake.generation == generation
 
 
-def test_two_clocks_a_little_apart_are_no_jump(monkeypatch):
+def test_small_clock_offset_is_no_jump(monkeypatch):
     """As a bag that was recorded with its /clock gives them, beside that of its player."""
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)
@@ -89,7 +89,7 @@ def intake(monkeypatch):
     return Intake("odom", 500)
 
 
-def test_scans_come_out_in_order_as_soon_as_their_transform_is_known(intake):
+def test_scans_leave_in_order_once_their_transform_is_known(intake):
     for k in range(10, 20):
         intake.on_scan(waiting_scan("laser", 0.1 * k))
     assert intake._ready() is None
@@ -101,7 +101,7 @@ def test_scans_come_out_in_order_as_soon_as_their_transform_is_known(intake):
     assert (intake.early, intake.dropped, intake.without_transform) == (2, 0, 0)
 
 
-def test_only_scans_from_before_the_first_transform_are_no_loss(intake):
+def test_scans_before_the_first_transform_are_not_dropped(intake):
     """Transforms that come later than scans cost none; a scan that nobody has a transform for is counted as lost."""
     intake.on_transforms(TFMessage([transform("odom", "base", seconds) for seconds in (1.0, 1.1)]))
     for at in (0.95, 1.0, 1.05, 1.15):
@@ -118,7 +118,7 @@ def test_only_scans_from_before_the_first_transform_are_no_loss(intake):
     assert (intake.early, intake.dropped, intake.without_transform) == (1, 1, 1)
 
 
-def test_whoever_else_moves_the_odometry_frame_is_named_once(monkeypatch):
+def test_second_parent_of_odom_is_reported_once(monkeypatch):
     told = []
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
     monkeypatch.setattr(rospy, "logwarn", lambda text, *given: told.append(text % given))
@@ -139,7 +139,7 @@ def test_whoever_else_moves_the_odometry_frame_is_named_once(monkeypatch):
     assert len(told) == 2 and "/other publishes map -> odom" in told[0] and "/third publishes earth -> odom" in told[1]
 
 
-def test_a_frame_that_nobody_knows_holds_up_no_other(intake):
+def test_unknown_frame_does_not_block_other_scans(intake):
     intake.on_scan(waiting_scan("nowhere", 1.0))
     intake.on_scan(waiting_scan("laser", 1.1))
     intake.on_transforms(TFMessage([transform("odom", "laser", 1.05), transform("odom", "laser", 1.2)]))
@@ -160,7 +160,7 @@ def stamps_taken(intake, seconds):
 
 
 @pytest.mark.parametrize("odd", [0.0, 1.0, 97.0])
-def test_one_scan_with_a_stamp_of_long_ago_is_no_jump_in_time(intake, odd):
+def test_single_old_stamp_is_no_time_jump(intake, odd):
     intake.on_transforms(TFMessage([transform("odom", "laser", 90.0)]))
     good = [100.0, 100.1, 100.2, 100.3]
     for at in good:
@@ -169,13 +169,13 @@ def test_one_scan_with_a_stamp_of_long_ago_is_no_jump_in_time(intake, odd):
     assert intake.generation == 0 and intake.dropped == len(good)
 
 
-def test_two_scans_of_long_ago_are_a_jump_in_time(intake):
+def test_two_old_stamps_are_a_time_jump(intake):
     assert stamps_taken(intake, [100.0, 100.1, 50.0, 50.1, 50.2]) == [100.0, 100.1, 50.1, 50.2]
     assert intake.generation == 1
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_a_scan_from_the_future_neither_ends_the_map_nor_holds_up_the_others(intake, first):
+def test_scan_from_the_future_does_not_block_the_queue(intake, first):
     intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))
     taken = stamps_taken(intake, [] if first else [10.1])
     intake.on_scan(waiting_scan("laser", 99999.0))
@@ -184,20 +184,20 @@ def test_a_scan_from_the_future_neither_ends_the_map_nor_holds_up_the_others(int
     assert intake.generation == 0
 
 
-def test_transforms_left_over_from_before_a_jump_do_not_push_out_the_new_ones(intake):
+def test_transforms_from_before_a_jump_are_ignored(intake):
     assert stamps_taken(intake, [194.0, 194.1, 0.05, 0.1]) == [194.0, 194.1, 0.1]
     intake.on_transforms(TFMessage([transform("odom", "laser", 194.3)]))
     assert stamps_taken(intake, [0.2, 0.3]) == [0.2, 0.3] and intake.generation == 1
 
 
-def test_one_transform_far_ahead_does_not_push_out_the_others_two_are_believed(intake):
+def test_second_transform_far_ahead_is_accepted(intake):
     intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))
     assert stamps_taken(intake, [10.1]) == [10.1]
     intake.on_transforms(TFMessage([transform("odom", "laser", 5000.0)]))
     assert stamps_taken(intake, [10.2, 10.3, 300.0, 300.1]) == [10.2, 10.3, 300.1]
 
 
-def test_stamps_that_tf2_cannot_calculate_with_are_refused(intake):
+def test_stamps_out_of_range_for_tf2_are_refused(intake):
     for seconds in (2**31, 2**32 - 70, 2**32 - 1):          # each ended the process
         odd = transform("odom", "laser", 10.0)
         odd.header.stamp.secs = seconds
@@ -211,7 +211,7 @@ def test_stamps_that_tf2_cannot_calculate_with_are_refused(intake):
     assert stamps_taken(intake, [10.1]) == [10.1] and intake.generation == 0
 
 
-def test_a_frame_that_no_name_can_be_is_refused(intake):
+def test_invalid_frame_id_is_refused(intake):
     intake.on_transforms(TFMessage([transform("odom", "las\0er", 10.0), transform("od\0om", "laser", 10.0),
                                     transform("odom", "laser", 10.0)]))
     intake.on_scan(waiting_scan("las\0er", 10.1))               # ended the filter's thread
@@ -219,7 +219,7 @@ def test_a_frame_that_no_name_can_be_is_refused(intake):
     assert stamps_taken(intake, [10.2]) == [10.2]
 
 
-def test_the_transform_that_is_published_is_not_taken_in(monkeypatch):
+def test_own_map_to_odom_transform_is_ignored(monkeypatch):
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: True)
     intake = Intake("odom", 5, "map")
     intake.on_transforms(TFMessage([transform("/map", "odom", 1.0), transform("odom", "laser", 1.0)]))
@@ -229,7 +229,7 @@ def test_the_transform_that_is_published_is_not_taken_in(monkeypatch):
     assert intake._buffer.can_transform_core("earth", "laser", rospy.Time(1))[0]
 
 
-def test_scans_out_of_order_are_put_in_order_while_they_wait(intake):
+def test_waiting_scans_are_sorted_by_stamp(intake):
     for at in (1.0, 1.3, 1.1, 1.3, 1.2):
         intake.on_scan(waiting_scan("laser", at))
     intake.on_transforms(TFMessage([transform("odom", "laser", 1.0), transform("odom", "laser", 1.4)]))
@@ -239,14 +239,14 @@ def test_scans_out_of_order_are_put_in_order_while_they_wait(intake):
     assert intake.waiting == 0 and intake.dropped == 2 and intake.generation == 0
 
 
-def test_a_transform_that_holds_at_all_times_is_enough(intake):
+def test_static_transform_is_sufficient(intake):
     intake.on_scan(waiting_scan("laser", 1.0))
     assert intake._ready() is None
     intake.on_transforms(TFMessage([transform("odom", "laser", 0.0)]), static=True)
     assert intake._ready() is not None
 
 
-def test_a_full_queue_without_transforms_costs_no_time(intake, monkeypatch):
+def test_full_queue_without_transforms_is_fast(intake, monkeypatch):
     asked = []
 
     class Buffer:

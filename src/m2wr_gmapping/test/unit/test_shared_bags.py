@@ -33,7 +33,7 @@ def recording(name, folder):
     ("turtlebot.bag", ["_base_frame:=base_footprint"], (20, 40), 0.0005, 0.010),
     ("replay_crash.bag", [], (1, 2), 0.0001, 0.010),
 ])
-def test_a_recording_gives_a_map_within_the_known_bounds(tmp_path, name, words, processed, low, high):
+def test_recorded_bag_gives_a_map_within_bounds(tmp_path, name, words, processed, low, high):
     bag, out, stats = recording(name, tmp_path), str(tmp_path / "map"), str(tmp_path / "stats.json")
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join(
         [os.path.join(PACKAGE, "src")] + os.environ.get("PYTHONPATH", "").split(os.pathsep)))

@@ -72,7 +72,7 @@ def path(tmp_path_factory, ring, laser):
 
 @pytest.mark.parametrize("parameters", [{}, {"compatible": True, "particles": 3}, {"resampleThreshold": 1.0},
                                         {"min_particles": 1}, {"loop_closing": False, "track_between": False}], ids=str)
-def test_going_on_from_a_state_is_as_never_having_stopped(tmp_path, ring, laser, parameters):
+def test_resumed_run_equals_an_uninterrupted_run(tmp_path, ring, laser, parameters):
     without = Ride(ring, laser, **parameters).go(0, LAST).result()
     ride, done = Ride(ring, laser, **parameters), 0
     for stop in (1, 60, 61, 170):           # after the first scan, on the way, at once again, after loops were closed
@@ -82,12 +82,12 @@ def test_going_on_from_a_state_is_as_never_having_stopped(tmp_path, ring, laser,
     assert ride.go(done, LAST).result() == without
 
 
-def test_a_state_is_small(path):
+def test_state_file_is_small(path):
     with open(path, "rb") as stream:
         assert len(stream.read()) < 300000          # some metres of corridor, not 400 x 400 cells of 9 bytes
 
 
-def test_values_of_the_running_program_hold_where_they_are_its_own(path):
+def test_parameters_of_the_running_program_are_kept(path):
     live = GmappingConfig.from_mapping({"map_frame": "plan", "threads": 2, "particles": 99, "delta": 0.05})
     found = state.load(path, live)
     assert (found.mapper.config["map_frame"], found.mapper.config["threads"]) == ("plan", 2)
@@ -96,7 +96,7 @@ def test_values_of_the_running_program_hold_where_they_are_its_own(path):
     found.mapper.close()
 
 
-def test_an_odometry_that_begins_anew_goes_on_where_the_robot_stood(tmp_path, ring, laser):
+def test_reset_odometry_continues_at_the_last_pose(tmp_path, ring, laser):
     for told, runs_on, shift, later in (
             (True, False, (30.0, -4.0, 1.0), 0.0), (True, True, (500.0, 0.0, 0.0), 0.0),        # told, and too fast
             (True, True, (3.0, -4.0, 1.0), 1e5), (False, True, (0.0, 0.0, 0.0), 1e5)):          # found by the scan
@@ -111,7 +111,7 @@ def test_an_odometry_that_begins_anew_goes_on_where_the_robot_stood(tmp_path, ri
         ride.mapper.close()
 
 
-def test_an_odometry_that_has_gone_far_meanwhile_is_believed_where_the_scan_agrees(tmp_path, ring, laser):
+def test_distant_odometry_is_accepted_if_the_scan_agrees(tmp_path, ring, laser):
     ride = Ride(ring, laser).go(0, 240)                 # once round: the whole ring is known
     found = ride.saved(str(tmp_path / "a.state"))
     led = between(ride.truth[239], ride.truth[40])
@@ -121,7 +121,7 @@ def test_an_odometry_that_has_gone_far_meanwhile_is_believed_where_the_scan_agre
     found.mapper.close()
 
 
-def test_an_odometry_before_that_of_the_state_has_begun_anew(path, laser):
+def test_odometry_older_than_the_state_is_a_reset(path, laser):
     mapper = state.load(path).mapper
     nothing = laser.reading(np.full(181, np.nan))
     assert state.go_on(mapper, nothing, mapper.odometry + [0.1, 0.0, 0.0], -5.0) is not None
@@ -163,18 +163,18 @@ def another_document(content, **values):
     (lambda content: another_document(content, config={"particles": 10**9}), "particles is 1000000000; expected 1 to"),
     (lambda content: another_document(content, values={}), "it has no laser.reverse"),
     (lambda content: another_document(content, host={"laser_frame": [1]}), "laser_frame")])
-def test_what_is_no_state_is_told_why(path, tmp_path, change, words):
+def test_invalid_state_file_names_the_reason(path, tmp_path, change, words):
     with pytest.raises(state.StateError, match=words) as caught:
         state.load(spoilt(path, tmp_path, change))
     assert "spoilt.state" in str(caught.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_missing_state_file_is_named(tmp_path):
     with pytest.raises(state.StateError, match="none.state: No such file"):
         state.load(str(tmp_path / "none.state"))
 
 
-def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
+def test_non_regular_file_is_refused(tmp_path):
     os.mkfifo(str(tmp_path / "pipe"))
     for name in (str(tmp_path / "pipe"), "/dev/zero"):
         with pytest.raises(state.StateError, match="no regular file"):
@@ -186,7 +186,7 @@ def test_numpy_opens_a_state_without_pickles(path):
         assert arrays["filter.poses"].shape == (6, 3)
 
 
-def test_an_attribute_that_nobody_declared_is_not_lost_silently(ring, laser):
+def test_undeclared_attribute_is_an_error(ring, laser):
     ride = Ride(ring, laser).go(0, 5)
     ride.mapper.filter.tree.news = 1
     with pytest.raises(state.StateError, match="TrajectoryTree has other attributes than this program stores: news"):
@@ -206,7 +206,7 @@ def full_disk():
     signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_a_full_disk_keeps_the_old_state(path, tmp_path, full_disk):
+def test_full_disk_keeps_the_old_state(path, tmp_path, full_disk):
     name = tmp_path / "a.state"
     name.write_bytes(b"old")
     with pytest.raises(state.StateError, match="is kept"):
@@ -214,12 +214,12 @@ def test_a_full_disk_keeps_the_old_state(path, tmp_path, full_disk):
     assert name.read_bytes() == b"old" and [entry.name for entry in tmp_path.iterdir()] == ["a.state"]
 
 
-def test_a_state_in_no_folder_is_an_error(tmp_path):
+def test_missing_folder_is_an_error(tmp_path):
     with pytest.raises(state.StateError, match="nowhere"):
         state.save(str(tmp_path / "nowhere" / "a.state"), state.Snapshot({}, {}))
 
 
-def test_before_the_first_scan_there_is_nothing_to_save(laser):
+def test_no_state_before_the_first_scan(laser):
     mapper = Mapper(GmappingConfig.from_mapping(), laser)
     with pytest.raises(state.StateError, match="nothing to save"):
         state.snapshot(mapper)

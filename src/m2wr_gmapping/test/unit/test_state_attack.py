@@ -43,7 +43,7 @@ def old_pickle(target):
     return b"m2wr_gmapping state\n" + json.dumps(head).encode() + b"\n" + packed
 
 
-def test_a_pickle_runs_nothing_and_is_refused_by_name(tmp_path):
+def test_pickle_is_refused_and_not_executed(tmp_path):
     target, path = tmp_path / "owned", tmp_path / "evil.state"
     path.write_bytes(old_pickle(str(target)))
     with pytest.raises(state.StateError) as caught:
@@ -75,7 +75,7 @@ def refused(path, words):
         state.load(path).mapper.close()
 
 
-def test_a_pickled_array_is_refused(good, tmp_path):
+def test_pickled_array_is_refused(good, tmp_path):
     stream = io.BytesIO()
     np.save(stream, np.array([print], object), allow_pickle=True)
     refused(rewritten(good, tmp_path / "a.state", raw={"filter.poses.npy": stream.getvalue()}), "type cannot be used")
@@ -129,11 +129,11 @@ def test_json_is_bounded(good, tmp_path, text, words):
     ("_tracker._track", lambda found: found[:20], "_tracker._track: 20 where 28 are expected"),
     ("_tracker.hindsight.steps", lambda found: np.concatenate([found] * 3), "more steps than scans"),
     ("laser.angles", lambda found: found * 1e9, "laser.angles is")])
-def test_what_would_lead_outside_an_array_is_refused(good, tmp_path, name, change, words):
+def test_out_of_bounds_indices_are_refused(good, tmp_path, name, change, words):
     refused(rewritten(good, tmp_path / "a.state", arrays={name: change}), words)
 
 
-def test_values_at_random_are_refused_or_harmless(good, tmp_path, ring, laser):
+def test_random_values_are_refused_or_harmless(good, tmp_path, ring, laser):
     """Compiled code has no checks of its own: a value that leads it astray would end this process."""
     rng, used = np.random.default_rng(3), 0
     with zipfile.ZipFile(good) as archive:

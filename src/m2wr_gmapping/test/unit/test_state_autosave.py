@@ -44,7 +44,7 @@ def finished(keeper):
     keeper._writer.join()
 
 
-def test_a_run_finds_its_own_state_and_no_other_does(files, tmp_path):
+def test_state_is_found_only_by_its_own_run(files, tmp_path):
     path = str(tmp_path / "slam.state")
     keeper = Keeper(path, "run 1", 1e-9)
     assert keeper.resume(None) is None and keeper.due()
@@ -57,7 +57,7 @@ def test_a_run_finds_its_own_state_and_no_other_does(files, tmp_path):
     keeper.forget()
 
 
-def test_one_is_due_after_a_period_and_never_while_one_is_written(files, tmp_path, monkeypatch):
+def test_autosave_is_due_after_a_period_unless_writing(files, tmp_path, monkeypatch):
     now = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     keeper = Keeper(str(tmp_path / "slam.state"), "run", 60.0)
@@ -73,13 +73,13 @@ def test_one_is_due_after_a_period_and_never_while_one_is_written(files, tmp_pat
     assert not keeper.due()
 
 
-def test_without_a_period_or_a_file_nothing_is_kept(tmp_path):
+def test_no_autosave_without_period_or_file(tmp_path):
     for keeper in (Keeper(str(tmp_path / "slam.state"), "run", 0.0), Keeper("", "", 1e-9)):
         assert not keeper.due() and keeper.resume(None) is None
         keeper.forget()
 
 
-def test_what_cannot_be_written_or_read_ends_nothing(files, tmp_path, monkeypatch):
+def test_unreadable_or_unwritable_state_is_no_failure(files, tmp_path, monkeypatch):
     keeper = Keeper(str(tmp_path / "nowhere" / "slam.state"), "run", 1e-9)
     keeper.keep(Mapper(), {})
     finished(keeper)
@@ -93,7 +93,7 @@ def test_what_cannot_be_written_or_read_ends_nothing(files, tmp_path, monkeypatc
     assert Keeper(str(path), "run", 60.0).resume(None) is None
 
 
-def test_a_disk_that_stays_full_is_told_once_and_so_is_its_end(files, tmp_path, monkeypatch):
+def test_full_disk_is_reported_once(files, tmp_path, monkeypatch):
     told = []
     monkeypatch.setattr(state_autosave.rospy, "logwarn", lambda text, *_: told.append(text))
     monkeypatch.setattr(state_autosave.rospy, "loginfo", lambda text, *_: told.append(text))
@@ -113,7 +113,7 @@ def test_a_disk_that_stays_full_is_told_once_and_so_is_its_end(files, tmp_path, 
     assert keep(3) == 3 and told[2] == told[0]
 
 
-def test_an_older_state_that_is_still_there_is_told(files, tmp_path, monkeypatch):
+def test_warning_mentions_an_older_state(files, tmp_path, monkeypatch):
     told = []
     monkeypatch.setattr(state_autosave.rospy, "logwarn", lambda text, *_: told.append(text))
     keeper = Keeper(str(tmp_path / "slam.state"), "run", 1e-9)
@@ -128,7 +128,7 @@ def test_an_older_state_that_is_still_there_is_told(files, tmp_path, monkeypatch
     assert told == ["the disk is full; what was there before is kept: killed now, the map would go on from there"]
 
 
-def test_another_launch_on_the_same_master_is_another_run(monkeypatch):
+def test_new_launch_on_the_same_master_is_a_new_run(monkeypatch):
     monkeypatch.setattr(state_autosave.rospy, "get_param", lambda *_: "some-id")
     words = ["slam_gmapping", "__name:=slam_gmapping", "__log:=/logs/some-id/slam_gmapping-8.log"]
     path, run = state_autosave.place(words)

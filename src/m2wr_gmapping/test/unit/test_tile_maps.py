@@ -48,7 +48,7 @@ def fill(maps, particle, pose, points):
     maps.register(particle, np.array(pose, float), points)
 
 
-def test_registration_equals_its_plain_twin():
+def test_registration_equals_reference():
     rng = np.random.default_rng(0)
     maps, scans = TileMaps(1, 0.05, NEVER), []
     for _ in range(5):
@@ -59,7 +59,7 @@ def test_registration_equals_its_plain_twin():
 
 
 @pytest.mark.parametrize("particles, points", [(1, 1), (20, 300)])
-def test_the_box_of_a_scan_equals_its_plain_twin(particles, points):
+def test_scan_bounds_equal_reference(particles, points):
     rng = np.random.default_rng(points)
     poses, seen = rng.uniform(-9, 9, (particles, 3)), rng.uniform(-4, 4, (2, points))
     reach = max(math.hypot(x, y) for x, y in seen.T)
@@ -68,7 +68,7 @@ def test_the_box_of_a_scan_equals_its_plain_twin(particles, points):
     assert high == pytest.approx([max(poses[:, 0]) + reach, max(poses[:, 1]) + reach])
 
 
-def test_registering_one_scan_for_all_is_registering_it_for_each():
+def test_register_all_equals_register_for_each():
     rng = np.random.default_rng(4)
     poses, points = rng.uniform(-4, 4, (40, 3)), rng.uniform(-30, 30, (2, 500))
     one, all_at_once = TileMaps(40, 0.05, NEVER), TileMaps(40, 0.05, NEVER)
@@ -126,7 +126,7 @@ def test_table_does_not_grow_beyond_its_limit():
     assert maps.beyond == 1 and len(cells(maps, 0)) == 1
 
 
-def test_places_too_far_for_the_table_are_left_out_whatever_their_size():
+def test_points_outside_the_table_limit_are_ignored():
     maps = TileMaps(2, 0.05)
     assert maps.cover(np.zeros(2), np.ones(2))
     shape = maps.table.shape
@@ -140,7 +140,7 @@ def everywhere(maps):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_field_of_marked_tiles_is_complete_where_turned_and_shifted_points_fall(seed):
+def test_marked_tiles_cover_all_shifted_points(seed):
     rng = np.random.default_rng(seed)
     maps = TileMaps(1, 0.05)
     maps.cover(np.full(2, -12.0), np.full(2, 12.0))
@@ -165,7 +165,7 @@ def test_a_field_of_marked_tiles_is_complete_where_turned_and_shifted_points_fal
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_field_has_at_each_cell_the_value_of_the_nearest_mean(seed):
+def test_field_holds_the_value_of_the_nearest_mean(seed):
     rng, sigma = np.random.default_rng(seed), 0.05
     maps = TileMaps(2, 0.05)
     maps.cover(np.full(2, -3.0), np.full(2, 3.0))

@@ -14,7 +14,7 @@ RING = 4.0 * np.stack([np.cos(np.linspace(-1.5, 1.5, 100)), np.sin(np.linspace(-
 NOD = -math.tan(0.08), 0.0
 
 
-def test_a_nod_is_told_from_a_level_laser_and_from_one_that_sees_only_what_is_near():
+def test_pitching_is_detected_unless_all_points_are_near():
     watch = LevelWatch(0.05, 10.0)
     assert not watch.tilted((0.0, 0.0), RING, 0.02) and not watch.rocks
     assert watch.tilted(NOD, RING, 0.02) and watch.rocks
@@ -24,7 +24,7 @@ def test_a_nod_is_told_from_a_level_laser_and_from_one_that_sees_only_what_is_ne
     assert watch.tilted((0.0, 0.08), RING, 0.02)
 
 
-def test_a_slope_that_is_driven_along_becomes_the_usual_one():
+def test_slope_of_a_ramp_becomes_the_reference():
     watch = LevelWatch(0.05, 10.0)
     told = [(watch.tilted(NOD, RING, 0.1), watch.rocks) for _ in range(int(40.0 * MEMORY))]
     tilted, rocks = np.array(told).T
@@ -33,7 +33,7 @@ def test_a_slope_that_is_driven_along_becomes_the_usual_one():
     assert watch.tilted((0.0, 0.0), RING, 0.1)
 
 
-def test_many_nods_are_not_usual():
+def test_repeated_pitching_does_not_become_the_reference():
     """A robot that starts and stops all the time nods one way only, yet level scans stay level and nods tilted."""
     watch = LevelWatch(0.05, 10.0)
     for k in range(600):
@@ -42,7 +42,7 @@ def test_many_nods_are_not_usual():
 
 
 @pytest.mark.parametrize("slope, step", [(NOD, 0.0), ((-0.34, 0.0), 0.1), ((0.0, 0.3), 0.1)])
-def test_a_robot_that_leans_on_a_wall_makes_no_ramp_of_it(slope, step):
+def test_leaning_on_a_wall_is_not_a_ramp(slope, step):
     """Wheels that go on drive it up where it stays, or along the wall; then it comes down again."""
     watch = LevelWatch(0.05, 10.0)
     for _ in range(200):
@@ -52,7 +52,7 @@ def test_a_robot_that_leans_on_a_wall_makes_no_ramp_of_it(slope, step):
     assert not watch.tilted((0.0, 0.0), RING, 0.02) and not watch.rocks
 
 
-def test_of_a_scan_that_is_hardly_tilted_only_what_is_level_is_kept():
+def test_slightly_tilted_scan_keeps_its_level_part():
     model = LaserModel.from_message(-1.5, 1.5, math.pi / 360, 344, 0.05, 10.0, max_range=9.0, max_urange=6.0)
     rng = np.random.default_rng(1)
     reading = model.reading(rng.choice([1.0, 4.0, 8.0], 344, p=[0.7, 0.2, 0.1]) + rng.uniform(-0.2, 0.2, 344), 2, 0.0)
@@ -82,7 +82,7 @@ def room(model, pose, nod=0.0):
 
 
 @pytest.mark.parametrize("compatible", [False, True])
-def test_a_scan_that_shows_the_floor_is_put_off_until_the_robot_is_level(compatible):
+def test_scan_of_the_floor_is_postponed(compatible):
     model = LaserModel.from_message(-1.5, 1.5, math.pi / 360, 344, 0.05, 10.0)
     mapper = Mapper(GmappingConfig.from_mapping(dict(particles=3, linearUpdate=0.5, compatible=compatible)), model)
     processed = []
@@ -101,7 +101,7 @@ def test_a_scan_that_shows_the_floor_is_put_off_until_the_robot_is_level(compati
     mapper.close()
 
 
-def test_on_a_slope_without_an_end_scans_are_processed_after_twice_the_way():
+def test_postponed_scan_is_processed_after_twice_the_distance():
     model = LaserModel.from_message(-1.5, 1.5, math.pi / 360, 344, 0.05, 10.0)
     mapper = Mapper(GmappingConfig.from_mapping(dict(particles=3, linearUpdate=0.5)), model)
     processed = []

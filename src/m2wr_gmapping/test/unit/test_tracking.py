@@ -41,17 +41,17 @@ def taught(true_scale, scan=0.002, steps=300):
 
 
 @pytest.mark.parametrize("true_scale", [0.3, 1.0, 4.0])
-def test_the_scale_becomes_what_odometry_is_like(true_scale):
+def test_noise_scale_converges_to_the_actual_noise(true_scale):
     assert taught(true_scale)[:, 0] == pytest.approx(np.full(2, true_scale), rel=0.4)
     assert taught(true_scale)[1, 1] == pytest.approx(true_scale, rel=0.4)
 
 
-def test_wheels_that_are_exact_straight_ahead_may_scrub_in_turns():
+def test_distance_and_rotation_have_separate_scales():
     scale = taught((0.1, 4.0))
     assert scale[1, 1] > 2.0 and scale[1, 0] < 0.5 and scale[0, 0] < 0.5
 
 
-def test_before_it_has_heard_much_a_way_by_turns_is_trusted_as_straight_ones_are():
+def test_rotation_scale_starts_with_the_distance_scale():
     track, sure = new_track(NOISE), np.square([0.003, 0.003, 0.002])
     for _ in range(6):
         teach(track, np.zeros(3), sure, 0.5, 0.0)
@@ -59,20 +59,20 @@ def test_before_it_has_heard_much_a_way_by_turns_is_trusted_as_straight_ones_are
     assert way[0] < 0.5 and way[0] < way[1] < 0.8 and heading[0] < 0.7 and heading[1] == 1.0
 
 
-def test_the_scale_stays_within_its_bounds():
+def test_noise_scale_is_bounded():
     exact, wild = taught(0.0), taught(1000.0)
     assert (exact >= tl.NARROWEST).all() and (exact[:, 0] < 0.15).all()
     assert (wild <= tl.WIDEST).all() and (wild[:, 0] > 10.0).all()
 
 
-def test_a_scan_that_says_nothing_teaches_nothing():
+def test_uninformative_scan_changes_no_estimate():
     track = new_track(NOISE)
     for _ in range(50):
         teach(track, np.zeros(3), np.square(deviations(track, 0.5, 0.0)), 0.5, 0.0)
     assert (track[tl.SCALE:tl.SCALE_EVIDENCE, :2] == 1.0).all()
 
 
-def test_deviations_grow_with_the_way_and_are_the_user_s_at_first():
+def test_deviations_grow_with_distance_from_user_values():
     track = new_track(NOISE)
     near, far = deviations(track, 0.1, 0.0), deviations(track, 10.0, 3.0)
     assert (near < far).all()
@@ -80,7 +80,7 @@ def test_deviations_grow_with_the_way_and_are_the_user_s_at_first():
 
 
 @pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
-def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
+def test_systematic_odometry_error_is_estimated(ahead):
     rng, track = np.random.default_rng(4), new_track(NOISE, ahead)
     variance, lacks = (1e-4, 1e-4, 1e-4), np.array([-0.02, 0.015, 0.012])
     for k in range(1500):
@@ -94,7 +94,7 @@ def test_what_wheels_err_by_all_the_time_is_learnt(ahead):
 
 @pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
 @pytest.mark.parametrize("off", [0.05, -0.12])
-def test_a_centre_that_is_not_the_axle_s_is_found_by_turning(ahead, off):
+def test_centre_of_rotation_is_estimated_by_turning(ahead, off):
     """Wheels tell of the middle of the axle; published as the base frame's, it goes round what it should be."""
     rng, track = np.random.default_rng(5), new_track(NOISE, ahead)
     point = np.array([off * ahead[0], off * ahead[1], 0.0])
@@ -108,7 +108,7 @@ def test_a_centre_that_is_not_the_axle_s_is_found_by_turning(ahead, off):
     assert np.abs(track[tl.BIAS]).max() < 0.01
 
 
-def test_a_scan_that_says_little_and_an_error_of_another_kind_teach_no_bias():
+def test_uninformative_scans_and_outliers_change_no_bias():
     track, variance = new_track(NOISE), (1e-4, 1e-4, 1e-4)
     for _ in range(50):
         ok.update_bias(track, (0.05, 0.05, 0.05), variance, (0.05, 0.05, 0.05), 0.5, 0.1)
@@ -127,14 +127,14 @@ def slipped(mapped, ring, laser, jump, looks, then=0.05):
     return mapper, between(between(truth[0], at), between(origin, update.pose))
 
 
-def test_a_slip_that_stays_is_followed(mapped, ring, laser):
+def test_persistent_slip_is_tracked(mapped, ring, laser):
     mapper, error = slipped(mapped, ring, laser, [0.0, 0.0, 0.25], 8)
     assert np.abs(error).max() < 0.05 and not mapper._tracker.undecided
     mapper.close()
 
 
 @pytest.mark.parametrize("told", [0.0, 0.25, 0.5])
-def test_wheels_that_go_on_slipping_through_a_turn_are_followed(mapped, ring, laser, told):
+def test_continuous_slip_in_a_turn_is_tracked(mapped, ring, laser, told):
     mapper, truth, odom = mapped(laps=0.4, noise=0.0, slip=0.0)
     at, wheels = truth[-1], odom[-1]
     for k in range(8):              # a turn of which odometry knows only a part
@@ -148,7 +148,7 @@ def test_wheels_that_go_on_slipping_through_a_turn_are_followed(mapped, ring, la
     mapper.close()
 
 
-def test_a_scan_that_contradicts_odometry_for_a_moment_is_not_processed(mapped, ring, laser):
+def test_brief_contradiction_is_not_processed(mapped, ring, laser):
     mapper, truth, odom = mapped(laps=0.4, noise=0.0, slip=0.0)
     processed = mapper.processed
     aside = compose(truth[-1], [0.0, 0.0, 0.25])
@@ -164,7 +164,7 @@ def test_a_scan_that_contradicts_odometry_for_a_moment_is_not_processed(mapped, 
     mapper.close()
 
 
-def test_a_wall_alone_leaves_the_way_along_it_to_odometry(laser):
+def test_plain_wall_leaves_its_direction_to_odometry(laser):
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.mapper import Mapper
     mapper = Mapper(GmappingConfig.from_mapping(dict(particles=4, linearUpdate=0.3, maxUrange=4.0)), laser)
@@ -178,7 +178,7 @@ def test_a_wall_alone_leaves_the_way_along_it_to_odometry(laser):
     mapper.close()
 
 
-def test_exact_odometry_is_believed_after_a_few_steps_and_doubted_again_when_it_errs():
+def test_trust_in_odometry_adapts_within_a_few_steps():
     track, sure = new_track(MotionNoise()), np.square([0.003, 0.003, 0.002])
     before = deviations(track, 1.0, 0.0)
     for _ in range(6):
@@ -216,7 +216,7 @@ def driven(laser, steps, told, room):
     return mapper, at
 
 
-def test_wheels_that_are_exact_straight_ahead_do_not_hold_the_first_turn(laser):
+def test_exact_straight_driving_does_not_constrain_first_turn(laser):
     """Trust that straight ways have earned is none in the scale of turns."""
     steps = [[0.05, 0.0, 0.0]] * 60 + [[0.0, 0.0, 0.05]] * 32
     told = [[x, y, 0.98 * turn] for x, y, turn in steps]
@@ -226,7 +226,7 @@ def test_wheels_that_are_exact_straight_ahead_do_not_hold_the_first_turn(laser):
     mapper.close()
 
 
-def test_a_turn_before_a_long_wall_is_told_later_where_the_robot_s_centre_is(laser):
+def test_turn_at_a_long_wall_is_corrected_later(laser):
     """The place along the wall cannot be seen while odometry goes round the wrong point; a corner tells of it later."""
     told = ([[0.0, 0.0, 0.05]] * 63 + [[0.05, 0.0, 0.0]] * 150 + [[0.0, 0.0, -0.05]] * 60 + [[0.0, 0.0, 0.05]] * 60)
     base = np.array([0.05, 0.0, 0.0])               # ahead of the axle, about which wheels tell

@@ -211,7 +211,7 @@ def step_of(rng):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_drive_is_followed_as_by_the_plain_twin(seed):
+def test_tracking_a_drive_equals_reference(seed):
     rng = np.random.default_rng(seed)
     track, plain, ask = new_track(NOISE, AHEAD), Plain(), np.empty((tl.ASK_ROWS, 3))
     odom, anchor = rng.normal(size=3), np.array([3.0, -2.0, 3.1])
@@ -265,7 +265,7 @@ def test_a_drive_is_followed_as_by_the_plain_twin(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_all_particles_are_led_on_as_by_the_plain_twin(seed):
+def test_prediction_of_particles_equals_reference(seed):
     rng, track, plain = np.random.default_rng(seed), new_track(NOISE, AHEAD), Plain()
     for _ in range(3):
         step = step_of(rng)
@@ -283,7 +283,7 @@ def test_all_particles_are_led_on_as_by_the_plain_twin(seed):
 
 
 @pytest.mark.parametrize("forward, turn", [(0.5, 0.0), (0.0, 0.45), (-0.3, -0.4), (0.6, 0.5)])
-def test_what_is_not_known_of_the_bias_makes_variance_of_where_it_leads(forward, turn):
+def test_bias_uncertainty_adds_pose_variance(forward, turn):
     rng, found = np.random.default_rng(1), []
     track = new_track(NOISE, AHEAD)
     track[tl.COVARIANCE:tl.CENTRE] = np.diag(np.square([0.02, 0.03, 0.0]))
@@ -300,7 +300,7 @@ def test_what_is_not_known_of_the_bias_makes_variance_of_where_it_leads(forward,
     assert np.sqrt(ok.bias_variances(exact, forward, turn)) == pytest.approx(np.std(found, axis=0), rel=0.1, abs=1e-3)
 
 
-def test_a_match_is_led_back_only_in_a_direction_in_which_its_scan_says_nothing():
+def test_match_is_projected_only_onto_degenerate_direction():
     row, expected = np.zeros(mk.RESULT_SIZE), np.array([2.0, 1.0, 0.5])
     c, s = math.cos(0.4), math.sin(0.4)         # a wall along that direction of the laser's frame
     for weak, silent in ((0.01, True), (0.15, False)):
@@ -318,7 +318,7 @@ def test_a_match_is_led_back_only_in_a_direction_in_which_its_scan_says_nothing(
     assert tk.degenerate_direction(row) == (0.0, 0.0, 0.0)
 
 
-def test_the_cost_of_a_match_is_that_of_its_beams_and_of_its_distance_from_odometry():
+def test_match_cost_is_beam_cost_plus_odometry_prior():
     row, expected, variances = np.zeros(mk.RESULT_SIZE), np.array([1.0, 2.0, 3.1]), np.array([0.01, 0.04, 0.0025])
     row[:3], row[mk.COST] = compose(expected, [0.1, -0.4, 0.1]), 30.0
     cost, pull = tk.cost_of(row, expected, variances)
