@@ -4,7 +4,8 @@ import pytest
 
 from m2wr_sim.errors import ParameterError, WorldError
 from m2wr_sim.ros import params
-from m2wr_sim.ros.params import NodeConfig, find_world, read_config
+from m2wr_sim.ros.params import NodeConfig, read_config
+from m2wr_sim.ros.shared_files import find_world
 
 
 def refusal(**parameters):
@@ -90,7 +91,7 @@ def test_worlds_are_found_by_path_then_in_the_folder(tmp_path, monkeypatch):
     (elsewhere / "a.world").write_text("<sdf/>")
     assert find_world("a.world", str(folder)) == str(elsewhere / "a.world")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(params, "user_folder", lambda: str(elsewhere))
+    monkeypatch.setattr("m2wr_sim.ros.shared_files.user_folder", lambda: str(elsewhere))
     assert find_world("b", str(folder)) == str(elsewhere / "b.world")
     with pytest.raises(WorldError, match="nowhere.world.*cannot be read.*%s.*%s" % (elsewhere, folder)):
         find_world("nowhere.world", str(folder))

@@ -15,6 +15,7 @@ from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine
 from m2wr_tools.benchmark import c_loop, command, in_process, others, reference, table
+from m2wr_tools.benchmark.arguments import OTHERS
 
 PACKAGE = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
 SIMULATOR = os.path.join(os.path.dirname(PACKAGE), "m2wr_sim")
@@ -189,6 +190,10 @@ def test_arguments_out_of_range_are_refused(arguments, capsys):
     with pytest.raises(SystemExit) as ended:
         command.main(arguments)
     assert ended.value.code == 2 and arguments[0] in capsys.readouterr().err
+
+
+def test_other_simulators_of_the_command_line_are_those_there_are():
+    assert sorted(OTHERS) == sorted(others.MAKERS)
 
 
 def test_a_world_that_does_not_exist_is_named(from_source, capsys):

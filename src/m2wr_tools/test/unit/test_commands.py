@@ -42,7 +42,8 @@ def loaded(command, words):
 PICTURES = {"numba", "llvmlite", "matplotlib", "scipy", "PIL", "cairo", "ode", "tf2_ros"}
 
 
-@pytest.mark.parametrize("command", [name for name, _ in CALLS] + ["doctor"])
+@pytest.mark.parametrize("command", [name for name, _ in CALLS] + [
+    "doctor", "demo", "benchmark", "compare_map", os.path.join("..", "m2wr_gmapping", "plot_map")])
 def test_help_loads_nothing_heavy(command):
     assert not loaded(command, HELP) & set(HEAVY + ("genpy", "gazebo_msgs"))
 

@@ -120,7 +120,7 @@ def finite_number(name, value, meaning):
 def wait_while(condition, sentence):
     """Wait in wall time while ``condition()`` holds; log ``sentence()`` every five seconds. Ends on shutdown.
 
-A start takes long on a slow machine: waiting is a warning only after a minute.
+    A start takes long on a slow machine: waiting is a warning only after a minute.
     """
     began = last = time.monotonic()
     while condition():
@@ -184,7 +184,7 @@ def planar_pose(msg):
 class Rhythm:
     """Timing of a node on its own: messages are processed on arrival, updates run at 20 Hz.
 
-:class:`m2wr_lockstep.controller.Controller` has the same methods, for updates on requests of the simulator.
+    :class:`m2wr_lockstep.controller.Controller` has the same methods, for updates on requests of the simulator.
     """
 
     lockstep = False

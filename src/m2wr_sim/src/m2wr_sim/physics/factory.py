@@ -2,13 +2,13 @@
 """Which engine steps the world."""
 import logging
 
+from m2wr_sim.engine_names import ENGINES
 from m2wr_sim.errors import ParameterError
 from m2wr_sim.physics import native_ode
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 
 log = logging.getLogger(__name__)
 
-ENGINES = ("auto", "native", "pyode")
 _told = set()           # reasons for which this process has gone without the compiled loop
 
 

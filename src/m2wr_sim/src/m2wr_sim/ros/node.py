@@ -9,7 +9,6 @@ import threading
 from dataclasses import replace
 
 import rosgraph
-import rospkg
 import rospy
 from rospy.rostime import set_rostime_initialized
 from visualization_msgs.msg import MarkerArray
@@ -30,8 +29,9 @@ from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.lockstep import Lockstep
 from m2wr_sim.ros.lockstep_ports import LockstepPorts
 from m2wr_sim.ros.loop import Loop
-from m2wr_sim.ros.params import find_world, model_folders, private_parameters, read_config
+from m2wr_sim.ros.params import private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
+from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
 from m2wr_sim.runtime.simulator import SimConfig, Simulator
@@ -87,11 +87,6 @@ def _convention_set_for(model):
         log.warning("parameter ~wheel_conventions cannot be read (%s); what it said before holds", error)
         return None
     return conventions.get(model) if isinstance(conventions, dict) else None
-
-
-def package_folder():
-    """Return this package's shared files: worlds and models."""
-    return rospkg.RosPack().get_path("m2wr_sim")
 
 
 def _load_world(config, worlds, folders):

@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node's parameters: each read once, checked, and kept in one frozen record."""
 import math
-import os
 from dataclasses import dataclass, field, fields
 from typing import Dict, List, Optional
 
-import rospkg
 import rospy
 
 from m2wr_node.numbers import number
-from m2wr_node.user_folder import user_folder
 from m2wr_sim.control.diff_drive import CONVENTIONS
-from m2wr_sim.errors import ParameterError, WorldError
-from m2wr_sim.model.model_folders import standard_folders
-from m2wr_sim.physics.factory import ENGINES
+from m2wr_sim.engine_names import ENGINES
+from m2wr_sim.errors import ParameterError
 from m2wr_sim.ros.gazebo_services.reconfigure import PARAMETERS
 
 
@@ -159,26 +155,3 @@ def private_parameters():
     """Return this node's private parameters, without what rospy and the dynamic parameters keep there."""
     others = {"log_level", "enable_statistics"}.union(PARAMETERS)
     return {name: value for name, value in rospy.get_param("~", {}).items() if name not in others}
-
-
-def model_folders(share):
-    """Return where models are looked for in this process; ``share`` is the folder of this package's shared files."""
-    packages = rospkg.RosPack()
-    return standard_folders(share, os.environ, lambda: [packages.get_path(name) for name in sorted(packages.list())])
-
-
-def find_world(name, folder):
-    """Return the path of a world: absolute, relative to where the user stands, or from this package's ``folder``.
-
-    Raises
-    ------
-    WorldError
-        If there is no such file; the message names the places that were searched.
-    """
-    places = list(dict.fromkeys((user_folder(), os.getcwd(), folder)))
-    for place in places:
-        for candidate in (os.path.join(place, name), os.path.join(place, name + ".world")):
-            if place and os.path.isfile(candidate):
-                return os.path.abspath(candidate)
-    raise WorldError("world file \"%s\" cannot be read: there is none of that name; searched %s"
-                     % (name, "as given" if os.path.isabs(name) else ", ".join(place for place in places if place)))

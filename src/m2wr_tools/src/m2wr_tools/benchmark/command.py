@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command ``benchmark``: how fast the simulation runs here, one case or a table of them."""
-import argparse
+"""The work of the command ``benchmark``: how fast the simulation runs here, one case or a table of them."""
 import json
 import os
 import statistics
@@ -9,63 +8,12 @@ import tempfile
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf.loader import load_world
-from m2wr_sim.physics.factory import ENGINES
-from m2wr_sim.ros.node import package_folder
-from m2wr_sim.ros.params import find_world, model_folders
+from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_tools.benchmark import c_loop, hardware, in_process, others, reference, table
+from m2wr_tools.benchmark.arguments import parser
 from m2wr_tools.runs.experiment import free_port
 
 _C_STEPS = 20000                # robot steps in a run
-_LONGEST_STEP = 0.02            # s
-
-
-def _whole(least):
-    def read(text):
-        value = int(text)
-        if value < least:
-            raise argparse.ArgumentTypeError("%s: expected a whole number of at least %d" % (text, least))
-        return value
-    return read
-
-
-def _seconds(least, most):
-    def read(text):
-        value = float(text)
-        if not least < value <= most:
-            raise argparse.ArgumentTypeError("%s: expected seconds above %g and up to %g" % (text, least, most))
-        return value
-    return read
-
-
-def parser():
-    """Return the command line's parser."""
-    made = argparse.ArgumentParser(prog="benchmark", description=__doc__)
-    made.add_argument("--world", help="world file or name of a world; default: a walled square with obstacles")
-    made.add_argument("--obstacles", type=_whole(0), default=reference.OBSTACLES,
-                      help="in the default world (default: %(default)s)")
-    made.add_argument("--robots", type=_whole(1), default=1, help="default: %(default)s")
-    made.add_argument("--step", type=_seconds(0.0, _LONGEST_STEP), default=0.001, help="[s], default: %(default)s")
-    made.add_argument("--beams", type=_whole(1), default=720, help="of each scanner (default: %(default)s)")
-    made.add_argument("--duration", type=_seconds(0.0, 1e6), default=20.0,
-                      help="simulated seconds (default: %(default)s)")
-    made.add_argument("--engine", choices=ENGINES, default="auto", help="default: %(default)s")
-    made.add_argument("--clients", type=int, choices=(0, 1), default=0,
-                      help="1: the whole node with a process that listens to every topic of the robots, /clock and /tf")
-    made.add_argument("--node", action="store_true", help="the whole node, without a subscriber")
-    made.add_argument("--soak", type=_whole(1), metavar="MINUTES",
-                      help="the whole node for so many simulated minutes: its memory after each")
-    made.add_argument("--factor", type=float, default=0.0,
-                      help="real-time factor asked of the node; 0: as fast as it can (default)")
-    made.add_argument("--simulator", choices=sorted(others.MAKERS), help="measure another simulator in the same case")
-    made.add_argument("--compare", choices=["c"] + sorted(others.MAKERS),
-                      help="c: time the physics loop against the same loop written in C; others: physics and scans in "
-                      "turns with that simulator (to be installed from PyPI)")
-    made.add_argument("--json", action="store_true", help="print one line of JSON")
-    made.add_argument("--table", action="store_true",
-                      help="measure the cases of docs/explanation/performance.md and print its tables")
-    made.add_argument("--repeats", type=_whole(1), default=5,
-                      help="of a comparison, and of the table's cases (default: %(default)s)")
-    return made
 
 
 class Progress:
@@ -177,7 +125,11 @@ def run(options, folder):
 
 def main(argv=None):
     """Entry point; returns the exit code."""
-    options = parser().parse_args(sys.argv[1:] if argv is None else argv)
+    return perform(parser().parse_args(sys.argv[1:] if argv is None else argv))
+
+
+def perform(options):
+    """Measure what the options ask for and print it; returns the exit code."""
     try:
         if options.table:
             sys.stdout.write(table.make(options.repeats, Progress("table")))

@@ -7,9 +7,9 @@ import numpy as np
 
 from m2wr_sim.errors import WorldError
 from m2wr_sim.model.outlines import obstacle_outlines
+from m2wr_tools.robot_height import LASER_HEIGHT
 from m2wr_view.outlines import convex_hull
 
-LASER_HEIGHT = 0.15         # of m2wr above the floor [m]
 SLICE = 1e-6                # thickness of the slice of the world that the laser sees [m]
 STEP = 0.1                  # of a cell, between two points of a wall
 HIDDEN = 1e-6               # depth in another obstacle from which on a surface cannot be seen [m]

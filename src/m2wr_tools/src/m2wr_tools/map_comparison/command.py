@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compares maps with the world they were made in: a saved one, or all that come on the topic ``map``."""
-import argparse
 import os
 import sys
 import threading
@@ -14,9 +13,8 @@ from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import SimError, WorldError
 from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_sim.model.sdf.loader import load_world
-from m2wr_sim.ros.node import package_folder
-from m2wr_sim.ros.params import find_world, model_folders
-from m2wr_tools.map_comparison.agreement import LASER_HEIGHT, SLICE, Truth, compare, format_agreement, picture
+from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
+from m2wr_tools.map_comparison.agreement import SLICE, Truth, compare, format_agreement, picture
 from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values
 
 SCALE = 3           # pixels a cell
@@ -88,23 +86,8 @@ class LiveComparison:
         return 0
 
 
-def main(argv=None):
-    """Entry point; returns the exit code: 0, 1 where something cannot be read, 3 below ``--least``."""
-    parser = argparse.ArgumentParser(prog="compare_map", description=__doc__)
-    add = parser.add_argument
-    add("map", nargs="?", metavar="MAP.yaml", help="map as map_saver writes it")
-    add("world", help="world file, or a name from m2wr_sim/worlds")
-    add("--live", action="store_true", help="no file: every map on the topic map, until ROS ends")
-    add("--height", type=float, default=LASER_HEIGHT, help="of the laser above the floor [m] (%(default)s)")
-    add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
-        help="pose of the map's frame in the world [m, rad] (0 0 0); the robot's start where odometry begins there")
-    add("--picture", metavar="FILE.png", help="draw the map over the world")
-    add("--least", type=float, default=0.0, help="exit code 3 if less than this share of wall cells is right")
-    options = parser.parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    if options.live == (options.map is not None):
-        parser.error("expected either MAP.yaml or --live")
-    if not np.isfinite(options.offset).all():
-        parser.error("--offset %s: expected finite numbers" % (options.offset,))
+def perform(options):
+    """Compare what the options name; returns 0, 1 where something cannot be read, 3 below ``--least``."""
     try:
         truth = read_truth(options.world, options.height, options.offset)
         if options.live:

@@ -1,35 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draws a saved map over the world it was made in, with the way that was driven."""
-import argparse
 import os
 import sys
 
 from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
+from m2wr_tools.map_figure.arguments import parser
 from m2wr_tools.map_figure.figure import FigureError, map_figure, write
 from m2wr_tools.slam_benchmark.laser_logs import LogError
 from m2wr_tools.slam_benchmark.trajectory_errors import trajectory
 from m2wr_view.errors import ViewError
 from m2wr_view.run_series import read_world
-
-LASER_HEIGHT = 0.15         # of m2wr above the floor [m]
-
-
-def parser():
-    """Return the command line's parser."""
-    made = argparse.ArgumentParser(prog="plot_map", description=__doc__)
-    add = made.add_argument
-    add("map", metavar="MAP.yaml", help="map as map_saver writes it")
-    add("--world", metavar="WORLD|BAG", help="world file, name of a world of m2wr_sim, or a bag with "
-        "/gazebo/world_markers")
-    add("--trajectory", nargs="+", default=[], metavar="FILE",
-        help="ways to draw, lines 'stamp x y z qx qy qz qw' as slam_gmapping_replay writes them")
-    add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
-        help="pose of the map frame in the world [m, rad] (0 0 0)")
-    add("--height", type=float, default=LASER_HEIGHT,
-        help="of the laser above the floor, for world files [m] (%(default)s)")
-    add("--out", metavar="FILE", help="picture, .png, .svg or .pdf (default: beside the map, MAP_plot.png)")
-    add("--title", help="default: the names of map and world")
-    return made
 
 
 def read_outlines(world, height):
@@ -69,7 +49,11 @@ def _title(options):
 
 def main(arguments=None):
     """Entry point; returns the exit code."""
-    options = parser().parse_args(arguments)
+    return perform(parser().parse_args(arguments))
+
+
+def perform(options):
+    """Draw what the options ask for; returns the exit code."""
     out = options.out or os.path.splitext(options.map)[0] + "_plot.png"
     try:
         saved = read_map(options.map)

@@ -16,7 +16,7 @@ from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.sdf.loader import load_world
 from m2wr_sim.ros.convert import write_pose
-from m2wr_sim.ros.params import find_world, model_folders
+from m2wr_sim.ros.shared_files import find_world, model_folders
 from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service
 from m2wr_tools.robots.free_places import LAYOUTS, find_places
 

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The command line of ``compare_map``; what compares is imported after it has been read."""
+import argparse
+import math
+import sys
+
+import rosgraph
+
+from m2wr_tools.robot_height import LASER_HEIGHT
+
+_PURPOSE = "Compares maps with the world they were made in: a saved one, or all that come on the topic map."
+
+
+def main(argv=None):
+    """Entry point; returns the exit code: 0, 1 where something cannot be read, 3 below ``--least``."""
+    parser = argparse.ArgumentParser(prog="compare_map", description=_PURPOSE)
+    add = parser.add_argument
+    add("map", nargs="?", metavar="MAP.yaml", help="map as map_saver writes it")
+    add("world", help="world file, or a name from m2wr_sim/worlds")
+    add("--live", action="store_true", help="no file: every map on the topic map, until ROS ends")
+    add("--height", type=float, default=LASER_HEIGHT, help="of the laser above the floor [m] (%(default)s)")
+    add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
+        help="pose of the map's frame in the world [m, rad] (0 0 0); the robot's start where odometry begins there")
+    add("--picture", metavar="FILE.png", help="draw the map over the world")
+    add("--least", type=float, default=0.0, help="exit code 3 if less than this share of wall cells is right")
+    options = parser.parse_args(rosgraph.myargv(sys.argv)[1:] if argv is None else argv)
+    if options.live == (options.map is not None):
+        parser.error("expected either MAP.yaml or --live")
+    if not all(map(math.isfinite, options.offset)):
+        parser.error("--offset %s: expected finite numbers" % (options.offset,))
+    from m2wr_tools.map_comparison.command import perform  # slow to import, and not needed for --help
+    return perform(options)
