@@ -152,10 +152,12 @@ class Rviz(unittest.TestCase):
         grid.close()
         pixels = self.shot_with("virtual_display", lambda picture: near(picture, OCCUPIED).sum() > 200
                                 and near(picture, PATH, 25).sum() > 30, "a wall and the best path")
-        self.robot_in_the_middle(pixels, 60)
+        robot = chassis(pixels)
+        self.assertGreater(robot.sum(), 60, "the robot, in a view of the whole course")
+        column, row = map(int, middle(robot))
         self.assertGreater(near(pixels, FREE).sum(), 20000)
         self.assertGreater(near(pixels, UNKNOWN, 4).sum(), 50000)
-        around = near(pixels, FREE)[320:400, 590:690]
+        around = near(pixels, FREE)[row - 20:row + 20, column - 25:column + 25]
         self.assertGreater(around.mean(), 0.2, "beside the robot, which follows a wall, there is free space")
         scan = near(pixels, SCAN)
         self.assertGreater(scan.sum(), 100)
