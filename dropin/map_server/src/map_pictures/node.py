@@ -41,6 +41,9 @@ def message_of(saved, frame):
 def main():
     """Entry point of the executable; returns the exit code."""
     words = rospy.myargv(sys.argv)[1:]
+    if words in (["-h"], ["--help"]):
+        sys.stdout.write(USAGE)
+        return 0
     if len(words) not in (1, 2):
         sys.stderr.write(USAGE)
         return 2

@@ -3,7 +3,6 @@
 import pytest
 
 from m2wr_sim.errors import ParameterError, WorldError
-from m2wr_sim.ros import params
 from m2wr_sim.ros.params import NodeConfig, read_config
 from m2wr_sim.ros.shared_files import find_world
 

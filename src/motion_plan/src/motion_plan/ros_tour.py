@@ -5,6 +5,7 @@ import time
 import rospy
 from geometry_msgs.msg import Twist
 
+from m2wr_node.node_help import answer_help
 from motion_plan.ros_support import NodeError, Senses, choose_rhythm, finite_number, run_node
 from motion_plan.tour import Tour, TourError
 
@@ -73,4 +74,7 @@ class TourNode:
 
 def tour():
     """Run the node tour."""
+    answer_help('tour.py', 'Drive along way points.', {
+        'way_points': 'list of [x, y] [m], required', 'speed': '[m/s] (0.5)',
+        'exit_at_end': 'whether the node ends at the last way point (false)'})
     run_node('tour', TourNode)

@@ -10,6 +10,7 @@ import rospy
 import tf2_ros
 from geometry_msgs.msg import PointStamped
 
+from m2wr_node.node_help import answer_help
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import TransformBuffer
 from m2wr_sim.errors import ParameterError, SimError
@@ -150,6 +151,11 @@ class ClickObstacles:
 
 def main():
     """Entry point; returns the exit code."""
+    answer_help("click_obstacles", "Add and delete obstacles by clicks in rviz, with its tool \"Publish Point\".", {
+        "shape": "one of %s (box)" % ", ".join(sorted(KINDS)), "size": "list of numbers, by shape [m]",
+        "mass": "[kg]; 0: static (0)", "yaw": "[rad] (0)", "colour": "(orange)",
+        "delete_on_click": "whether a click on an obstacle deletes it (true)",
+        "frame": "tf frame with the axes of the world (odom)", "gazebo_namespace": "(/gazebo)"})
     start_node("click_obstacles", disable_rostime=True)
     try:
         config = read_parameters(rospy.get_param)

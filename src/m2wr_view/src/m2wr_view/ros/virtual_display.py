@@ -11,6 +11,7 @@ import rospy
 from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
 
+from m2wr_node.node_help import answer_help
 from m2wr_node.ros.starting import note_signals, register
 from m2wr_node.user_folder import from_user
 from m2wr_view.errors import ViewError
@@ -254,4 +255,11 @@ class VirtualDisplay:
 
 def main():
     """Entry point; returns the exit code."""
+    answer_help("virtual_display", "Run rviz on a virtual display and save screenshots.", {
+        "config": "rviz configuration file, required", "out": "folder of the pictures (screenshots)",
+        "period": "seconds between two pictures; 0: none of these (10)",
+        "size": "[width, height] in pixels ([1280, 720])",
+        "frame_rate": "[Hz] (10)", "view": "one of %s (orbit)" % ", ".join(VIEWS),
+        "follow": "frame that the camera keeps above", "distance": "of the camera [m] (10)",
+        "state_topic": "topic whose changes are pictured; empty: none (bug2/state)"})
     return VirtualDisplay().run()
