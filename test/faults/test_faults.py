@@ -52,6 +52,9 @@ def test_interrupted_at_any_moment(name, number):
 
 
 PROGRAM = os.path.join(rospkg.RosPack().get_path("m2wr_node"), "scripts", "is_there")
+with open(PROGRAM, encoding="utf-8") as _stream:
+    _FIRST = next(number for number, line in enumerate(_stream, 1) if "m2wr_node.interrupts" in line)
+FIRST_IMPORT, SECOND_IMPORT = "%s:%d" % (PROGRAM, _FIRST), "%s:%d" % (PROGRAM, _FIRST + 1)
 CHAIN = "\nDuring handling of the above exception, another exception occurred:\n\n"
 
 
@@ -69,11 +72,11 @@ def frames(*files, last="KeyboardInterrupt"):
     ("/usr/bin/roslaunch", frames("/usr/bin/roslaunch", __file__), True),
     ("/usr/bin/roslaunch", frames(pytest.__file__, last="IndexError: x") + CHAIN + frames("/usr/bin/roslaunch"), False),
     ("/usr/bin/rosversion", frames("/usr/bin/rosversion", rospkg.__file__), False),     # roslaunch runs it
-    (PROGRAM, frames(PROGRAM + ":5", m2wr_node.__file__, os.__file__), False),          # imports m2wr_node.interrupts
-    (PROGRAM, frames(os.__file__, last="KeyError: x") + CHAIN + frames(PROGRAM + ":5", os.__file__), False),
-    (PROGRAM, frames(PROGRAM + ":5", last="KeyError: x"), True),
-    (PROGRAM, frames(PROGRAM + ":6", os.__file__), True),
-    (PROGRAM, frames(PROGRAM + ":5", m2wr_tools.doctor.__file__), True),
+    (PROGRAM, frames(FIRST_IMPORT, m2wr_node.__file__, os.__file__), False),
+    (PROGRAM, frames(os.__file__, last="KeyError: x") + CHAIN + frames(FIRST_IMPORT, os.__file__), False),
+    (PROGRAM, frames(FIRST_IMPORT, last="KeyError: x"), True),
+    (PROGRAM, frames(SECOND_IMPORT, os.__file__), True),
+    (PROGRAM, frames(FIRST_IMPORT, m2wr_tools.doctor.__file__), True),
     (PROGRAM, frames("<frozen site>", os.__file__), False),
     (PROGRAM, frames(os.path.join(os.path.dirname(__file__), "bug2.py"), os.__file__), True),
     (None, "Fatal Python error: init_import_site\n" + frames("<frozen site>", "<string>", os.__file__), False),
