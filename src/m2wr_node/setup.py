@@ -2,4 +2,7 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-setup(**generate_distutils_setup(packages=['m2wr_node', 'm2wr_node.ros'], package_dir={'': 'src'}))
+setup(**generate_distutils_setup(
+    packages=['m2wr_node', 'm2wr_node.internals', 'm2wr_node.ros'],
+    package_dir={'': 'src'},
+))

@@ -26,6 +26,8 @@ ANYTHING = None
 # First match wins. third_party: importable besides the standard library (ANYTHING: no limit). messages: *_msgs and
 # genpy allowed. deterministic: no wall clock, no unseeded randomness. not_ours: our own forbidden modules.
 EDGES = ("m2wr_sim.ros", "m2wr_sim.plugins")
+ABOVE_LOCKSTEP = ("m2wr_[!ln]*", "motion_plan")
+LOCKSTEP_EDGES = ("m2wr_lockstep.server.ros", "m2wr_lockstep.client.controller")
 RULES = (
     Rule("*/*kernels.py", {"numpy", "numba"}, False, True, ("*",)),
     Rule("m2wr_sim/physics/*.py", NUMERIC | {"llvmlite", "ode"}, False, True, EDGES),
@@ -57,8 +59,12 @@ RULES = (
     Rule("m2wr_tools/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_node/ros/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
     Rule("m2wr_node/*.py", set(), False, True, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),  # the foundation
-    Rule("m2wr_lockstep/controller.py", ANYTHING, True, False, ()),
-    Rule("m2wr_lockstep/*.py", set(), False, False, ("m2wr_lockstep.controller",)),       # waits in wall time
+    Rule("m2wr_node/internals/*.py", ANYTHING, True, False, ("m2wr_node.ros", "m2wr_[!n]*", "motion_plan")),
+    Rule("m2wr_lockstep/server/ros/*.py", ANYTHING, True, False, ABOVE_LOCKSTEP),
+    Rule("m2wr_lockstep/client/controller.py", ANYTHING, True, False, ABOVE_LOCKSTEP),
+    Rule("m2wr_lockstep/controller.py", set(), False, False, ABOVE_LOCKSTEP),             # its public name
+    Rule("m2wr_lockstep/*/*.py", set(), False, False, ABOVE_LOCKSTEP + LOCKSTEP_EDGES),   # waits in wall time
+    Rule("m2wr_lockstep/*.py", set(), False, False, ABOVE_LOCKSTEP + LOCKSTEP_EDGES),
     Rule("m2wr_course/*.py", NUMERIC | {"lxml", "PIL", "yaml"}, False, True, EDGES),
     Rule("m2wr_view/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag", "roslib", "yaml"}, False, True,

@@ -6,7 +6,7 @@ import pytest
 import rospy
 from m2wr_lockstep.srv import TurnRequest
 
-from m2wr_lockstep import controller
+from m2wr_lockstep.client import controller
 from m2wr_lockstep.controller import Controller
 
 
@@ -46,7 +46,7 @@ def test_two_turns_never_run_at_once():
 
 
 def wait_without_turns():
-    """Let a controller wait for half a second in which nobody asks it for a turn."""
+    """Let a controller wait for half a second without a request for a turn."""
     made = Controller()
     waiting = threading.Thread(target=made._wait_for_the_end)
     waiting.start()
@@ -56,7 +56,7 @@ def wait_without_turns():
     assert not waiting.is_alive()
 
 
-def test_that_nobody_asks_for_turns_is_said(said, monkeypatch):
+def test_a_missing_first_turn_is_logged(said, monkeypatch):
     monkeypatch.setattr(controller, "REMINDER", 0.01)
     wait_without_turns()
     assert "first lockstep request (0.01 s)" in said[0]

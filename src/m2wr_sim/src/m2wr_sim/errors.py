@@ -43,7 +43,3 @@ class ParameterError(SimError):
 
 class NotFoundError(SimError):
     """The world has no model, link, joint or frame of the given name."""
-
-
-class LockstepError(SimError):
-    """A controller that runs in lockstep with the simulation does not answer."""

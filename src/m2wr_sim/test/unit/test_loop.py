@@ -445,3 +445,47 @@ def test_what_has_time_left_answers_all(monkeypatch):
     events = flooded(monkeypatch, 1.0, step_cost=0.00001, request_cost=0.0001, requests=300, turns=6)
     answered = [event for event in events if event != "step"]
     assert len(answered) >= 250         # 10 ms of simulated time cost 0.1 ms: nearly all of the wall's 10 ms is free
+
+
+# -- waiting, as lockstep does ----------------------------------------------------------------------------------
+
+class Still:
+    """A simulator that is never asked to move."""
+
+    now_ns, step_ns, paused = 0, 1000000, False
+
+    def settle(self):
+        """Nothing moves."""
+
+
+def test_requests_are_served_while_the_loop_waits():
+    loop = Loop(Still(), 0.0, lambda: False, lambda: None)
+    answers = []
+    asking = threading.Thread(target=lambda: answers.append(loop.call(lambda: "served")))
+    asking.start()
+    assert loop.wait_until(lambda: answers, 20.0)
+    asking.join(20.0)
+    assert answers == ["served"]
+
+
+def test_waiting_ends_with_the_time():
+    loop = Loop(Still(), 0.0, lambda: False, lambda: None)
+    assert not loop.wait_until(lambda: False, 0.01)
+
+
+def test_waiting_ends_with_the_node():
+    with pytest.raises(ShuttingDown):
+        Loop(Still(), 0.0, lambda: True, lambda: None).wait_until(lambda: False, 60.0)
+
+
+def test_a_closed_lockstep_lets_no_time_pass():
+    class Closed:
+        asked = 0
+
+        def open(self):
+            self.asked += 1
+            return False
+
+    lockstep = Closed()
+    Loop(Still(), 0.0, lambda: lockstep.asked > 2, lambda: None, lockstep).run()    # Still has no advance to call
+    assert lockstep.asked == 3

@@ -114,3 +114,14 @@ def test_a_listener_with_topics_needs_no_quotes():
     for bad in ({"/a": "/b", "/c": "/d"}, {}, 7):
         with pytest.raises(ParameterError, match="expected a list of names"):
             read_config({"lockstep_listeners": [bad]})
+
+
+@pytest.mark.parametrize("name, value, words", [
+    ("lockstep", 1, "true or false"), ("lockstep_controllers", "/bug2", "a list of names"),
+    ("lockstep_controllers", [""], "a list of names"), ("lockstep_replies", [3], "a list of names"),
+    ("lockstep_tick", "clock", "scan, odometry, both"), ("lockstep_patience", 0.0, "at least 0.1"),
+    ("lockstep_on_silence", "wait", "stop, go_on")])
+def test_bad_lockstep_parameters_are_refused(name, value, words):
+    with pytest.raises(ParameterError) as caught:
+        read_config({name: value})
+    assert "~" + name in str(caught.value) and words in str(caught.value)

@@ -10,10 +10,12 @@ from dataclasses import replace
 
 import rosgraph
 import rospy
-from rospy.rostime import set_rostime_initialized
 from visualization_msgs.msg import MarkerArray
 
 from gazebo_msgs.msg import LinkStates, ModelStates
+from m2wr_lockstep.errors import LockstepError
+from m2wr_lockstep.server.ros.lockstep import Lockstep
+from m2wr_node.internals.ros_time import make_own_clock
 from m2wr_node.ros.is_there import alive
 from m2wr_node.ros.starting import master_gone, register
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
@@ -26,8 +28,7 @@ from m2wr_sim.ros.diagnostics import Diagnostics
 from m2wr_sim.ros.gazebo_services.gazebo_api import GazeboApi
 from m2wr_sim.ros.gazebo_services.performance import Performance
 from m2wr_sim.ros.gazebo_services.spawning import Spawner
-from m2wr_sim.ros.lockstep import Lockstep
-from m2wr_sim.ros.lockstep_ports import LockstepPorts
+from m2wr_sim.ros.lockstep_ports import LockstepPorts, lockstep_settings
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
@@ -39,6 +40,7 @@ from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_sim.warm_up import warm_up
 
 log = logging.getLogger("m2wr_sim")
+_LOGGERS = ("m2wr_sim", "m2wr_lockstep", "m2wr_node")
 
 _END_PATIENCE = 5.0             # s for the loop to end before ROS closes the topics under it
 _TRUTH_RATE = 20.0              # Hz of simulated time
@@ -46,18 +48,19 @@ _SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads wait
 
 
 def _log_through_rospy():
-    """Send the library's log lines to the screen and to /rosout."""
-    log.handlers = logging.getLogger("rosout").handlers
-    log.setLevel(logging.INFO)
-    log.propagate = logging.getLogger("rosout").propagate
-    log.parent = logging.getLogger("rosout").parent
+    """Send the log lines of the simulator's packages to the screen and to /rosout."""
+    rosout = logging.getLogger("rosout")
+    for name in _LOGGERS:
+        logger = logging.getLogger(name)
+        logger.handlers, logger.propagate, logger.parent = rosout.handlers, rosout.propagate, rosout.parent
+        logger.setLevel(logging.INFO)
 
 
 def _claim_time():
     """Make simulated time the default, as Gazebo does, and be one's own clock."""
     if not rospy.has_param("/use_sim_time"):
         rospy.set_param("/use_sim_time", True)
-    set_rostime_initialized(True)
+    make_own_clock()
 
 
 def _note_signals():
@@ -155,7 +158,7 @@ def run(config, stopping):
     try:
         log.info("loading the compiled kernels (the first start after an installation compiles them: some seconds)")
         warm_up(config.engine)
-        lockstep = Lockstep(config, simulator.ports) if config.lockstep else None
+        lockstep = Lockstep(lockstep_settings(config), simulator.ports.topics) if config.lockstep else None
         loop, api = _network(config, simulator, factor, folders, stopping, lockstep)
         if lockstep is not None:
             lockstep.attach(loop, simulator)
@@ -239,7 +242,7 @@ def main():
             log.warning("parameter ~%s is not known and has no effect", name)
         log.info("parameters: %s", config)
         run(config, lambda: bool(signals) or rospy.is_shutdown())
-    except (ParameterError, WorldError, ModelError, SimError) as error:
+    except (ParameterError, WorldError, ModelError, SimError, LockstepError) as error:
         rospy.logfatal("%s", error)
         return 1
     except Exception as error:

@@ -8,7 +8,8 @@ from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
-from m2wr_sim.ros.convert import set_ros_time, stamp_of
+from m2wr_node.internals.ros_time import set_ros_time
+from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.ros.loop import ShuttingDown
 from m2wr_sim.ros.transport import Channels, release
 from m2wr_sim.runtime.ports import Ports

@@ -1,32 +1,28 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a controller keeps count of between two turns; knows nothing of ROS."""
+"""Messages that a controller has received and not used yet; ROS-free."""
 from __future__ import annotations
 
 import threading
 import time
-from collections import deque, namedtuple
+from collections import deque
 from typing import Any, Callable, Deque, Dict, List, Mapping, Optional, Tuple
 
-#: Messages of each topic that are kept while nobody asks for turns.
+#: Messages kept of each topic while no turn is requested.
 KEPT = 1000
-#: Wall seconds without a turn after which that is taken to be so.
+#: Wall seconds without a turn after which the older messages are dropped.
 UNASKED = 30.0
 
 
 class TurnError(Exception):
-    """A turn cannot be taken; the text says what is missing."""
-
-
-Published = namedtuple("Published", "early counts")
-"""Messages published on one topic since the previous answer: before the turn began, and in it."""
+    """A turn is not possible; the text states what is missing."""
 
 
 class Inputs:
-    """Messages that have come, by topic, until a turn takes them.
+    """Received messages, by topic, until a turn takes them.
 
-    Messages are handed over in the order in which their topics were added, because what comes on different connections
-    has no order of its own.  While nobody asks for turns (before the first, after one that failed, or long after the
-    newest) only the newest :data:`KEPT` of each topic are kept.
+    Messages are passed on in the order in which their topics were added: those of different connections have no order.
+    While no turn is requested (before the first, after a failed one, or :data:`UNASKED` seconds after the newest) only
+    the newest :data:`KEPT` messages of each topic are kept.
 
     Parameters
     ----------
@@ -48,7 +44,7 @@ class Inputs:
         self.dropped = 0
 
     def add(self, topic: str, callback: Callable[[Any], object]) -> None:
-        """Hand messages of a topic to ``callback`` in every turn."""
+        """Pass the messages of a topic to ``callback`` in every turn."""
         with self._changed:
             self._topics.setdefault(topic, ([], deque()))[0].append(callback)
 
@@ -65,19 +61,19 @@ class Inputs:
 
     def take(self, counts: Mapping[str, int], patience: float, counted: Optional[Callable[[Any], bool]] = None,
              wanted: Optional[Callable[[Any], bool]] = None, sender: Optional[str] = None) -> None:
-        """Wait for messages and hand over everything that has come.
+        """Wait for messages and pass on all that were received.
 
         Parameters
         ----------
         counts : dict
-            How many messages of each topic belong to this turn; topics that were not added are passed over.
+            How many messages of each topic belong to this turn; topics that were not added are ignored.
         patience : float
             Wall seconds to wait.
         counted, wanted : callable, optional
-            Tell of a message whether it is one of those that ``counts`` counts, and whether it is to be handed over
-            when it is.  By default all are.
+            Return whether ``counts`` includes a message, and whether an included message is passed on.  By default
+            all are.
         sender : str, optional
-            Whose messages ``counts`` counts; what others have sent is handed over as well.  By default everybody's.
+            Node whose messages ``counts`` counts; those of other nodes are passed on as well.  By default all nodes'.
 
         Raises
         ------
@@ -118,30 +114,3 @@ class Inputs:
 
 def _all(_: Any) -> bool:
     return True
-
-
-class Outputs:
-    """How many messages have been published, by topic, since the previous answer."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._counts: Dict[str, int] = {}
-        self._early: Dict[str, int] = {}
-
-    def count(self, topic: str) -> None:
-        """Count a message; to be called before it is sent, so that what is counted is on its way."""
-        with self._lock:
-            self._counts[topic] = self._counts.get(topic, 0) + 1
-
-    def begin(self) -> None:
-        """A turn begins: what has been counted so far was early."""
-        with self._lock:
-            self._early, self._counts = self._counts, {}
-
-    def end(self) -> Dict[str, Published]:
-        """Return ``{topic: Published}`` since the previous answer, and start anew."""
-        with self._lock:
-            found = {topic: Published(self._early.get(topic, 0), self._counts.get(topic, 0))
-                     for topic in sorted(set(self._early) | set(self._counts))}
-            self._early, self._counts = {}, {}
-        return found

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether everybody who takes part in lockstep is there and connected, looked up in the ROS graph."""
-import re
+"""Whether all nodes that take part in lockstep are running and connected, looked up in the ROS graph."""
 import socket
 from collections import namedtuple
 from http.client import HTTPConnection, HTTPException
@@ -8,30 +7,20 @@ from xmlrpc.client import Fault, ServerProxy, Transport
 
 import rosgraph
 import rospy
-from rospy.topics import get_topic_manager
 
-from m2wr_sim.ros.lockstep_reminder import Reminder
+from m2wr_lockstep.server.ros.reconnect import Reconnector
+from m2wr_node.internals import connections as node_connections
 
 SERVICE = "lockstep_turn"
-_ANSWER_PATIENCE = 2.0              # s of wall time for a node to tell of its connections
-_PORTS = re.compile(r"connection on port (\d+) to \[.*:(\d+) on socket")
+_ANSWER_PATIENCE = 2.0              # s of wall time for a node to report its connections
 NOT_WAITED_FOR = ("/rosout", "/rosout_agg", "/diagnostics")
 
-Listener = namedtuple("Listener", "name topics respawned", defaults=(False,))
-"""A node that must be connected before time begins; ``topics``: those it must subscribe to, at least.
-
-One that is ``respawned`` must be connected again before time goes on when it has died.
-"""
-
-Connection = namedtuple("Connection", "publisher subscriber topic ports")
-"""``ports`` are those of the subscriber and the publisher, or None."""
-
 Look = namedtuple("Look", "missing connections")
-"""Sentences on what is missing, and the connections there are."""
+"""Sentences on what is missing, and the present connections."""
 
 
 class _BriefTransport(Transport):
-    """XML-RPC that does not wait for ever."""
+    """XML-RPC with a time limit."""
 
     def make_connection(self, host):
         if self._connection and host == self._connection[0]:
@@ -46,7 +35,7 @@ def _slave(address):
 
 
 class Gate:
-    """Looks at the graph; may be used from any thread.
+    """Looks at the ROS graph; may be used from any thread.
 
     Parameters
     ----------
@@ -55,7 +44,7 @@ class Gate:
     listeners : list of Listener
     replies : list of Reply
     ticking : callable
-        Tells whether the simulation has a topic that makes ticks.
+        Returns whether the simulation has a topic that makes ticks.
     """
 
     def __init__(self, controllers, listeners, replies, ticking):
@@ -63,15 +52,14 @@ class Gate:
         self._ticking, self._own = ticking, rospy.get_name()
         self._master = rosgraph.Master(self._own)
         self._addresses, self._gone = {}, set()
-        self._reminder = Reminder(self._own, self._address, _slave)
+        self._reconnector = Reconnector(self._own, self._address, _slave)
 
     def forget(self, name, connections):
-        """Take the connections of a look to a subscriber that has died for gone: rospy notices when it writes to them.
-        """
+        """Ignore these connections to a subscriber that has died; rospy removes them only when it writes to them."""
         self._gone |= {entry.ports for entry in connections if entry.subscriber == name and entry.ports}
 
     def look(self, without=()):
-        """Return a :class:`Look`; ``without`` are controllers that are not waited for."""
+        """Return a :class:`Look`; ``without`` are controllers that may be absent."""
         try:
             publishers, subscribers, services = (
                 {name: set(nodes) for name, nodes in table} for table in self._master.getSystemState())
@@ -94,7 +82,7 @@ class Gate:
             else:
                 answering.add(name)
             connections += found or []
-        for name in sorted(self._unnamed(publishers) - nodes):      # some may be registered and long dead
+        for name in sorted(self._unnamed(publishers) - nodes):      # some may be registered but have died
             found = self._connections(name)
             if found is not None:
                 nodes.add(name)
@@ -110,11 +98,11 @@ class Gate:
                     if (publisher, subscriber, topic) not in there:
                         missing.append("%s to be connected to %s on %s" % (subscriber, publisher, topic))
                         apart.append((publisher, subscriber, topic))
-        self._reminder.note([key for key in apart if answering.issuperset(key[:2])], publishers)
+        self._reconnector.note([key for key in apart if answering.issuperset(key[:2])], publishers)
         return Look(missing, connections)
 
     def _unnamed(self, publishers):
-        """Return who may send replies without having been named."""
+        """Return the nodes that publish replies of any sender."""
         return {name for reply in self._replies if reply.sender is None for name in publishers.get(reply.topic, ())}
 
     def _absent_listeners(self, subscribers):
@@ -132,29 +120,18 @@ class Gate:
         for reply in self._replies:
             answering = publishers.get(reply.topic, set()) - {self._own}
             if not (reply.sender in answering if reply.sender else answering & alive):
-                missing.append("%s to publish %s" % (reply.sender or "somebody", reply.topic))
+                missing.append("%s to publish %s" % (reply.sender or "a node", reply.topic))
             hearing = subscribers.get(reply.trigger, set()) - {self._own}
             if not (reply.sender in hearing if reply.sender else hearing & alive):
-                missing.append("%s to subscribe to %s" % (reply.sender or "somebody", reply.trigger))
+                missing.append("%s to subscribe to %s" % (reply.sender or "a node", reply.trigger))
             if self._own not in publishers.get(reply.trigger, ()):
                 missing.append("a robot that publishes %s" % reply.trigger)
         return missing
 
     def _connections(self, name):
         """Return the connections on which a node publishes; None if it cannot be reached."""
-        if name == self._own:
-            table = get_topic_manager().get_pub_sub_info()
-        else:
-            table = self._bus_info(name)
-        if table is None:
-            return None
-        found = []
-        for entry in table:
-            if entry[2] == "o" and entry[5]:
-                ports = _PORTS.search(entry[6]) if len(entry) > 6 else None
-                found.append(Connection(name, entry[1], entry[4],
-                                        (int(ports.group(2)), int(ports.group(1))) if ports else None))
-        return found
+        table = node_connections.own_bus_info() if name == self._own else self._bus_info(name)
+        return None if table is None else node_connections.published(name, table)
 
     def _address(self, name):
         """Return the URI of a node's slave API; None if the master does not know it."""
@@ -164,7 +141,7 @@ class Gate:
             return None
 
     def _bus_info(self, name):
-        for _ in range(2):              # the second time with the address that a restarted node has
+        for _ in range(2):              # the second time with the new address of a restarted node
             try:
                 address = self._addresses.get(name) or self._master.lookupNode(name)
                 self._addresses[name] = address

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a controller waits for and counts, without ROS."""
+"""What a controller waits for before a turn."""
 import threading
 from collections import namedtuple
 
 import pytest
 
-from m2wr_lockstep.turns import KEPT, UNASKED, Inputs, Outputs, Published, TurnError
+from m2wr_lockstep.client.inputs import KEPT, UNASKED, Inputs, TurnError
 
 Message = namedtuple("Message", "stamp")
 
@@ -140,15 +140,3 @@ def test_two_callbacks_of_one_topic(inputs):
     inputs.receive("/odom", 7)
     inputs.take({"/odom": 1}, 0.0)
     assert also == [7] and inputs.seen == [("/odom", 7)]
-
-
-def test_outputs_tell_early_from_the_turns_own():
-    outputs = Outputs()
-    outputs.count("/cmd_vel")
-    outputs.begin()
-    outputs.count("/cmd_vel")
-    outputs.count("/cmd_vel")
-    outputs.count("/state")
-    assert outputs.end() == {"/cmd_vel": Published(1, 2), "/state": Published(0, 1)}
-    outputs.begin()
-    assert outputs.end() == {}

@@ -4,8 +4,11 @@ import logging
 
 import pytest
 
-from m2wr_sim.errors import LockstepError
-from m2wr_sim.runtime.turns import Conductor, Inbox, Ledger, Reply, TurnAnswer, TurnFailed
+from m2wr_lockstep.errors import LockstepError
+from m2wr_lockstep.server.conductor import Conductor, TurnAnswer, TurnFailed
+from m2wr_lockstep.server.inbox import Inbox
+from m2wr_lockstep.server.message_counts import MessageCounts
+from m2wr_lockstep.server.participants import Reply
 
 MS = 1000000
 
@@ -28,13 +31,14 @@ class Answered:
 class Rig:
     """A conductor; ``scripts[name](request)`` plays a controller and returns its answer, None for silence."""
 
-    def __init__(self, *names, replies=(), go_on=False):
-        self.inbox, self.ledger, self.requests, self.settled, self.waits = Inbox(), Ledger(), [], 0, []
+    def __init__(self, *names, replies=(), continue_on_silence=False):
+        self.inbox, self.counts, self.requests, self.settled, self.waits = Inbox(), MessageCounts(), [], 0, []
         self.delivered = []
         self.slot = self.inbox.open("/cmd_vel", self.delivered.append)
-        self.inbox.settle()
+        self.inbox.mark_connected()
         self.scripts = {name: lambda request: answer() for name in names}
-        self.conductor = Conductor(self._ask, self._wait, self.inbox, self.ledger, replies, 2.0, go_on, self._settle)
+        self.conductor = Conductor(self._ask, self._wait, self.inbox, self.counts, replies, 2.0, continue_on_silence,
+                                   self._settle)
         for name in names:
             self.conductor.join(name, 0)
 
@@ -74,10 +78,10 @@ def test_controllers_are_asked_in_order_with_the_time():
 
 def test_a_controller_is_told_what_was_published_since_its_previous_turn():
     rig = Rig("/a")
-    rig.ledger.count("/odom")
-    rig.ledger.count("/odom")
+    rig.counts.count("/odom")
+    rig.counts.count("/odom")
     rig.conductor.tick(1)
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
     rig.conductor.tick(2)
     rig.conductor.tick(3)
     assert [request.news for _, request in rig.requests] == [{"/odom": 2}, {"/scan": 1}, {}]
@@ -136,7 +140,7 @@ def test_listeners_are_waited_for_after_every_turn():
     assert rig.settled == 2
 
 
-def test_who_does_not_answer_is_named_with_its_last_words():
+def test_who_does_not_answer_is_named_with_its_last_answer():
     rig = Rig("/a", "/b")
     rig.scripts["/b"] = lambda request: answer(note="following the wall")
     rig.conductor.tick(51 * MS)
@@ -206,7 +210,7 @@ def test_what_was_sent_while_a_robot_was_being_replaced_is_not_missed():
     rig.inbox.close(rig.slot)
     rig.slot = rig.inbox.open("/cmd_vel", rig.delivered.append)
     rig.send("/a", "nobody holds this back")
-    rig.conductor.connected()
+    rig.conductor.mark_connected()
     rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 1, 0))
     rig.conductor.tick(2)
     with pytest.raises(LockstepError, match="published 1 messages"):
@@ -220,7 +224,7 @@ def test_topics_that_the_simulation_does_not_hear_are_not_waited_for():
 
 
 def test_going_on_leaves_the_silent_one_out_and_says_so(caplog):
-    rig = Rig("/a", "/b", go_on=True)
+    rig = Rig("/a", "/b", continue_on_silence=True)
     rig.scripts["/a"] = lambda request: None
     with caplog.at_level(logging.WARNING):
         rig.conductor.tick(1)
@@ -232,13 +236,13 @@ def test_going_on_leaves_the_silent_one_out_and_says_so(caplog):
 
 
 def test_one_that_comes_back_takes_its_old_place_and_hears_of_nothing_old():
-    rig = Rig("/a", "/b", go_on=True)
+    rig = Rig("/a", "/b", continue_on_silence=True)
     rig.scripts["/a"] = lambda request: None
     rig.conductor.tick(51 * MS)
-    rig.ledger.count("/odom")
+    rig.counts.count("/odom")
     rig.scripts["/a"] = lambda request: answer()
     rig.conductor.join("/a", 75 * MS, 0)
-    rig.ledger.count("/odom")
+    rig.counts.count("/odom")
     del rig.requests[:]
     rig.conductor.tick(101 * MS)
     (first, request), (second, _) = rig.requests
@@ -247,7 +251,7 @@ def test_one_that_comes_back_takes_its_old_place_and_hears_of_nothing_old():
 
 
 def test_after_a_reset_of_time_nobody_is_a_latecomer():
-    rig = Rig("/a", go_on=True)
+    rig = Rig("/a", continue_on_silence=True)
     rig.conductor.tick(51 * MS)
     rig.conductor.join("/b", 75 * MS)
     rig.scripts["/b"] = lambda request: answer()
@@ -295,8 +299,8 @@ def test_the_last_turn_of_a_run_is_finished_by_all():
 
 def test_as_many_replies_as_triggers_are_waited_for():
     rig = Rig(replies=[Reply("/scan", "/cmd_vel")])
-    rig.ledger.count("/scan")
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
+    rig.counts.count("/scan")
     rig.send("/script", "one")
     with pytest.raises(LockstepError, match="/scan -> /cmd_vel: no answer on /cmd_vel to /scan"):
         rig.conductor.collect_replies(51 * MS)
@@ -310,7 +314,7 @@ def test_as_many_replies_as_triggers_are_waited_for():
 
 def test_only_the_named_nodes_replies_count():
     rig = Rig(replies=[Reply("/scan", "/cmd_vel", "/script")])
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
     rig.send("/joystick", "left")
     assert rig.deliver() == ["left"]
     with pytest.raises(LockstepError, match="by /script"):
@@ -320,17 +324,17 @@ def test_only_the_named_nodes_replies_count():
 def test_once_is_once():
     rig = Rig(replies=[Reply("/scan", "/cmd_vel", once=True)])
     for _ in range(3):
-        rig.ledger.count("/scan")
+        rig.counts.count("/scan")
     rig.send("/script", "only")
     rig.conductor.collect_replies(0)
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
     rig.conductor.collect_replies(0)
     assert rig.deliver() == ["only"]
 
 
 def test_after_the_one_reply_messages_count_at_once():
     rig = Rig(replies=[Reply("/scan", "/cmd_vel", once=True)])
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
     rig.send("/script", "reply")
     rig.send("/script", "one more")
     rig.conductor.collect_replies(0)
@@ -342,7 +346,7 @@ def test_after_the_one_reply_messages_count_at_once():
 def test_two_replies_on_one_topic_are_held_until_both_are_done():
     rig = Rig(replies=[Reply("/scan", "/cmd_vel", once=True), Reply("/odom", "/cmd_vel", once=True)])
     for trigger in ("/scan", "/odom"):
-        rig.ledger.count(trigger)
+        rig.counts.count(trigger)
         rig.send("/script", "to " + trigger)
         rig.conductor.collect_replies(0)
         assert rig.deliver() == ["to " + trigger]
@@ -354,11 +358,11 @@ def test_a_surplus_reply_does_not_shift_those_that_follow(caplog):
     rig = Rig(replies=[Reply("/scan", "/cmd_vel")])
     rig.send("/script", "surplus")
     for number in range(3):
-        rig.ledger.count("/scan")
+        rig.counts.count("/scan")
         rig.send("/script", number)
         rig.conductor.collect_replies(number * MS)
         assert rig.deliver() == [number]
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
     rig.send("/script", "surplus")
     rig.send("/script", 3)
     rig.conductor.collect_replies(3 * MS)
@@ -367,50 +371,13 @@ def test_a_surplus_reply_does_not_shift_those_that_follow(caplog):
 
 
 def test_going_on_without_a_reply(caplog):
-    rig = Rig(replies=[Reply("/scan", "/cmd_vel")], go_on=True)
-    rig.ledger.count("/scan")
+    rig = Rig(replies=[Reply("/scan", "/cmd_vel")], continue_on_silence=True)
+    rig.counts.count("/scan")
     rig.conductor.collect_replies(0)
     assert "no answer on /cmd_vel" in caplog.text
     waits = len(rig.waits)
-    rig.ledger.count("/scan")
+    rig.counts.count("/scan")
     rig.conductor.collect_replies(50 * MS)
     assert len(rig.waits) == waits              # given up
     rig.send("/script", "late")
     assert rig.deliver() == ["late"]
-
-
-# ---- the inbox ----------------------------------------------------------------------------------------------------
-
-def test_a_slot_that_is_not_connected_yet_is_not_waited_for():
-    inbox, delivered = Inbox(), []
-    inbox.hold("/a")
-    slot = inbox.open("/cmd_vel", delivered.append)
-    assert inbox.has("/cmd_vel", "/a", 1)
-    inbox.settle()
-    assert not inbox.has("/cmd_vel", "/a", 1)
-    inbox.close(slot)
-    assert inbox.has("/cmd_vel", "/a", 1)
-
-
-def test_every_slot_of_a_topic_gets_the_message():
-    inbox, first, second = Inbox(), [], []
-    inbox.hold("/a")
-    slots = [inbox.open("/cmd_vel", callback) for callback in (first.append, second.append)]
-    inbox.settle()
-    inbox.arrive(slots[0], "/a", 1)
-    assert not inbox.has("/cmd_vel", "/a", 1)
-    inbox.arrive(slots[1], "/a", 1)
-    assert inbox.has("/cmd_vel", "/a", 1)
-    inbox.admit("/cmd_vel", "/a", 1)
-    inbox.deliver()
-    assert (first, second) == ([1], [1])
-
-
-def test_an_arrival_wakes_whoever_waits():
-    woken = []
-    inbox = Inbox(lambda: woken.append(True))
-    slot = inbox.open("/cmd_vel", lambda message: None)
-    inbox.hold("/a")
-    inbox.settle()
-    inbox.arrive(slot, "/a", 1)
-    assert woken

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from m2wr_sim.ros import lockstep_reminder
-from m2wr_sim.ros.lockstep_reminder import FIRST_PAUSE, LONGEST_PAUSE, Reminder
+from m2wr_lockstep.server.ros.reconnect import FIRST_PAUSE, LONGEST_PAUSE, Reconnector
+from m2wr_node.internals import connections
 
 PUBLISHERS = {"/cmd_vel": {"/puppet", "/dead"}, "/odom": {"/sim"}}
 ALONE = ("/puppet", "/sim", "/cmd_vel")
@@ -17,8 +17,8 @@ class Graph:
 
     def __init__(self):
         self.now, self.told, self.answer = 100.0, [], (1, "", 0)
-        self.reminder = Reminder("/sim", lambda name: None if name == "/unknown" else "http:/" + name, self.slave,
-                                 lambda: self.now)
+        self.reconnector = Reconnector("/sim", lambda name: None if name == "/unknown" else "http:/" + name, self.slave,
+                                       lambda: self.now)
 
     def slave(self, address):
         def publisher_update(caller, topic, uris):
@@ -32,14 +32,14 @@ class Graph:
     def after(self, pause, *apart, publishers=PUBLISHERS):
         """Note ``apart`` after so many seconds; returns how many have been told by then."""
         self.now += pause
-        self.reminder.note(apart, publishers)
+        self.reconnector.note(apart, publishers)
         return len(self.told)
 
 
 @pytest.fixture
 def graph(monkeypatch):
     """Nodes, and no subscriptions of this process."""
-    monkeypatch.setattr(lockstep_reminder, "get_topic_manager",
+    monkeypatch.setattr(connections.topics, "get_topic_manager",
                         lambda: SimpleNamespace(get_subscriber_impl=lambda topic: None))
     return Graph()
 
@@ -96,10 +96,10 @@ def test_what_fails_is_told_and_tried_again(graph, answer, words, caplog):
 
 def test_a_connection_of_which_the_publisher_knows_nothing_is_closed_first(graph, monkeypatch):
     closed = []
-    connections = [SimpleNamespace(endpoint_id=uri, close=lambda uri=uri: closed.append(uri))
-                   for uri in ("http://puppet", "http://dead", "http://other")]
-    impl = SimpleNamespace(connections=connections)
-    monkeypatch.setattr(lockstep_reminder, "get_topic_manager",
+    held = [SimpleNamespace(endpoint_id=uri, close=lambda uri=uri: closed.append(uri))
+            for uri in ("http://puppet", "http://dead", "http://other")]
+    impl = SimpleNamespace(connections=held)
+    monkeypatch.setattr(connections.topics, "get_topic_manager",
                         lambda: SimpleNamespace(get_subscriber_impl={"/cmd_vel": impl}.get))
     graph.after(0.0, ALONE)
     graph.after(FIRST_PAUSE, ALONE)

@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether other processes of this machine have read what was sent to them, asked of the Linux kernel.
+"""How many bytes another process of this machine has not read yet from a TCP connection, asked of the Linux kernel.
 
-A recorder has no way to say that it has taken a message.  The kernel knows, though, how many bytes lie unread in a
-socket: when there are none, what is sent from now on will be read later than everything before.
+Need: a bag that is recorded in lockstep holds the same messages in the same order in every run.  A recorder cannot tell
+when it has received a message, but the kernel knows the bytes that are left in its socket.  How often the order
+differs without it is not measured yet.
+
+Uses: the columns local_address, rem_address and st of ``/proc/net/tcp`` (proc(5)) to find the two addresses of a
+connection, once for each; ``NETLINK_SOCK_DIAG`` (sock_diag(7)) for its receive queue.
+Checked: Linux 6.18; both are documented kernel interfaces.
+Without it: connections are not found, or OSError; whoever asks continues without waiting, with one line in the log.
 """
 import errno
 import socket
@@ -18,11 +24,11 @@ _ESTABLISHED = "01"
 _OPEN_STATES = (1, 8)                                           # established; or the publisher alone has closed it
 
 Link = namedtuple("Link", "publisher reader topic ends")
-"""A connection on which ``reader`` hears ``publisher``; ``ends`` are (address, port) of reader and publisher."""
+"""A connection on which ``reader`` receives from ``publisher``; ``ends`` are (address, port) of both."""
 
 
 def find_ends(pairs):
-    """Return the ends of connections of this machine, ``{(reader's port, publisher's port): ends}``, as far as known.
+    """Return the ends of this machine's connections as ``{(reader's port, publisher's port): ends}``, where known.
 
     Parameters
     ----------
@@ -46,7 +52,7 @@ def find_ends(pairs):
 
 
 class UnreadBytes:
-    """Asks for single connections, some ten microseconds each.
+    """Asks for the unread bytes of single connections.
 
     Raises
     ------
@@ -60,7 +66,7 @@ class UnreadBytes:
         self._sequence = 0
 
     def of(self, ends):
-        """Return how many bytes the reader has not read; None if the connection is no more.
+        """Return how many bytes the reader has not read; None if the connection is closed.
 
         Raises
         ------
@@ -74,15 +80,15 @@ class UnreadBytes:
         self._netlink.send(_HEADER.pack(_HEADER.size + len(query), _SOCK_DIAG_BY_FAMILY, _REQUEST, self._sequence, 0)
                            + query)
         answer = self._netlink.recv(4096)
-        while _HEADER.unpack_from(answer)[3] != self._sequence:     # a late one, to a query that was given up
+        while _HEADER.unpack_from(answer)[3] != self._sequence:     # the answer to an earlier query that timed out
             answer = self._netlink.recv(4096)
         if _HEADER.unpack_from(answer)[1] == _NLMSG_ERROR:
             number = -struct.unpack_from("=i", answer, _HEADER.size)[0]
             if number == errno.ENOENT:
                 return None
-            raise OSError(number, "the kernel does not tell of sockets")
+            raise OSError(number, "the kernel refuses information on sockets")
         return struct.unpack_from("=I", answer, _UNREAD_AT)[0] if answer[_STATE_AT] in _OPEN_STATES else None
 
     def close(self):
-        """Ask no more."""
+        """Close the socket to the kernel."""
         self._netlink.close()

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tells subscribers of their publishers once more when a connection that should be there does not come.
+"""Sends a subscriber the list of its publishers again when a connection is missing for too long.
 
-rospy's subscriber connects once, when the master tells it of a publisher, and gives up for good when that fails: the
-publisher refused, or the news was overtaken by older news that was put down later; after any other failure it waits
-ever longer.  The master does not tell twice.  What it tells is told here again, in the same words.
+rospy's subscriber connects when the master sends it the publishers of its topic (``publisherUpdate`` of the slave API).
+It gives up when the publisher refuses, or when an older update is handled after a newer one; after other failures it
+waits longer and longer.  The master sends an update only once, so it is repeated here.
 """
 import logging
 import time
 
-from rospy.topics import get_topic_manager
+from m2wr_node.internals.connections import drop_connections
 
 log = logging.getLogger(__name__)
 
 FIRST_PAUSE, LONGEST_PAUSE = 2.0, 30.0      # s of wall time a connection may take; doubled with every attempt
 
 
-class Reminder:
-    """Keeps note of the connections that are missing.
+class Reconnector:
+    """Records which connections are missing, and since when.
 
     Parameters
     ----------
@@ -32,10 +32,10 @@ class Reminder:
 
     def __init__(self, own, address, slave, clock=time.monotonic):
         self._own, self._address, self._slave, self._clock = own, address, slave, clock
-        self._apart = {}                    # (publisher, subscriber, topic): [when to tell, the pause until then]
+        self._apart = {}                    # (publisher, subscriber, topic): [time of the next update, pause before it]
 
     def note(self, apart, publishers):
-        """Take note of the connections that are missing now, and tell the subscribers of those missing for too long.
+        """Record the connections that are missing now; send updates for those missing for too long.
 
         Parameters
         ----------
@@ -49,18 +49,17 @@ class Reminder:
         late = [key for key in apart if now >= self._apart[key][0]]
         for subscriber, topic in sorted({key[1:] for key in late}):
             missing = [key[0] for key in late if key[1:] == (subscriber, topic)]
-            told = self._tell(subscriber, topic, missing, publishers[topic])
+            error = self._send(subscriber, topic, missing, publishers[topic])
             for entry in (self._apart[name, subscriber, topic] for name in missing):
                 if entry[1] == FIRST_PAUSE:
-                    log.warning("lockstep: %s has not connected to %s on %s within %g s; it is told of the publishers "
+                    log.warning("lockstep: %s has not connected to %s on %s within %g s; it is sent the publishers "
                                 "again%s", subscriber, ", ".join(missing), topic, FIRST_PAUSE,
-                                "" if told is None else ", which failed: %s" % told)
+                                "" if error is None else ", which failed: %s" % error)
                 entry[1] = min(LONGEST_PAUSE, 2.0 * entry[1])
                 entry[0] = now + entry[1]
 
-    def _tell(self, subscriber, topic, missing, publishers):
-        """Tell a subscriber of all publishers, for some implementations part with those not named; returns what failed.
-        """
+    def _send(self, subscriber, topic, missing, publishers):
+        """Send a subscriber all its publishers, as some clients drop those not named; returns an error or None."""
         uris = [uri for uri in map(self._address, sorted(publishers)) if uri is not None]
         if subscriber == self._own:
             drop_connections(topic, [self._address(name) for name in missing])
@@ -69,12 +68,3 @@ class Reminder:
         except Exception as error:          # it may just have ended; the XML-RPC library raises many kinds
             return "%s: %s" % (type(error).__name__, error)
         return None if code == 1 else text
-
-
-def drop_connections(topic, uris):
-    """Close what this node takes for connections to publishers that know nothing of them: it would not make new ones.
-    """
-    subscriber = get_topic_manager().get_subscriber_impl(topic)
-    for connection in list(subscriber.connections) if subscriber is not None else ():
-        if connection.endpoint_id in uris:
-            connection.close()

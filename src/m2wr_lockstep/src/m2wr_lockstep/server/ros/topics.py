@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The simulation's topics in lockstep: published messages are counted, received ones are held back until they count."""
+import rospy
+
+from m2wr_lockstep.server.inbox import Inbox
+from m2wr_lockstep.server.message_counts import MessageCounts
+
+#: Message types that make a tick, by the value of the parameter ~lockstep_tick.
+TICKS = {"scan": ("sensor_msgs/LaserScan",), "odometry": ("nav_msgs/Odometry",),
+         "both": ("sensor_msgs/LaserScan", "nav_msgs/Odometry")}
+
+
+class _CountedPort:
+    """A port whose messages are counted; it has the other attributes of the port."""
+
+    def __init__(self, topics, port, topic, ticking):
+        self._topics, self._port, self._topic, self._ticking = topics, port, topic, ticking
+        self.wanted = self._wanted if ticking else port.wanted
+
+    def _wanted(self):
+        """Return whether to publish: for subscribers, or to make ticks if no other port that makes them has any."""
+        return self._port.wanted() or not any(other.has_subscriber() for other in list(self._topics.ticking))
+
+    def has_subscriber(self):
+        """Return whether the port has a subscriber."""
+        return self._port.wanted()
+
+    def publish(self, message):
+        """Publish and count a message."""
+        topics = self._topics
+        topics.counts.count(self._topic)
+        if self._topic in topics.triggers:
+            topics.before_trigger()
+        if self._ticking:
+            topics.tick_due = True
+        self._port.publish(message)
+
+    def close(self):
+        """Stop publishing on the topic."""
+        self._topics.ticking.discard(self)
+        self._topics.changed = True
+        self._port.close()
+
+    def __getattr__(self, name):
+        return getattr(self._port, name)
+
+
+class _Subscription:
+    """A subscription whose messages go through the inbox."""
+
+    def __init__(self, topics, topic, message_class, callback):
+        self._topics, self._inbox, self._own = topics, topics.inbox, rospy.get_name()
+        self._slot = self._inbox.open(rospy.resolve_name(topic), callback)
+        # no queue size: rospy would keep only the newest of several messages that arrive together
+        self._subscriber = rospy.Subscriber(topic, message_class, self._store, queue_size=None, tcp_nodelay=True)
+
+    def _store(self, message):
+        sender = message._connection_header.get("callerid", "")
+        if sender != self._own:
+            self._inbox.arrive(self._slot, sender, message)
+
+    def close(self):
+        """Unsubscribe."""
+        self._topics.changed = True
+        self._subscriber.unregister()
+        self._inbox.close(self._slot)
+
+
+class LockstepTopics:
+    """What was published, and what was received from whom.
+
+    Parameters
+    ----------
+    tick : str
+        A key of :data:`TICKS`.
+
+    Attributes
+    ----------
+    counts : MessageCounts
+    inbox : Inbox
+    tick_due : bool
+        Whether a message that makes a tick was published since this was last set to False.
+    ticking : set
+        Ports that make ticks.
+    changed : bool
+        Whether topics were added or removed since this was last set to False.
+    triggers, before_trigger : set, callable
+        Topics that other nodes answer at once, and what is called before a message on one of them is sent.
+    on_arrival : callable
+        Called in the receiving thread after a message was held back.
+    """
+
+    def __init__(self, tick="scan"):
+        self.counts, self.inbox = MessageCounts(), Inbox(lambda: self.on_arrival())
+        self.tick_due, self.changed, self.ticking = False, True, set()
+        self.on_arrival = self.before_trigger = lambda: None
+        self.triggers = set()
+        self._tick_types, self._counting = TICKS[tick], {}
+
+    def counted(self, port, topic, message_class):
+        """Return a port that publishes through ``port`` and counts its messages.
+
+        Parameters
+        ----------
+        port : object
+            With ``publish(message)``, ``wanted()`` (whether there is a subscriber) and ``close()``.
+        topic : str
+            Its name before remapping.
+        message_class : type
+        """
+        ticking = message_class._type in self._tick_types
+        counted = _CountedPort(self, port, rospy.resolve_name(topic), ticking)
+        if ticking:
+            self.ticking.add(counted)
+        self.changed = True
+        return counted
+
+    def subscribe(self, topic, message_class, callback):
+        """Return a subscription; ``callback(message)`` is called by the inbox's ``deliver``."""
+        self.changed = True
+        counting = self._counting.pop(rospy.resolve_name(topic), None)
+        if counting is not None:
+            counting.close()            # rospy allows one message class for a topic
+        return _Subscription(self, topic, message_class, callback)
+
+    def listen(self, topic):
+        """Subscribe to a topic only to count its messages, unless there is a subscription."""
+        if topic not in self.inbox.topics():
+            self._counting[topic] = _Subscription(self, topic, rospy.AnyMsg, lambda message: None)
+            self.changed = True
