@@ -87,7 +87,7 @@ RULES = (
     Rule("motion_plan/ros/*.py", ANYTHING, True, False, ()),
     Rule("motion_plan/*.py", NUMERIC, False, True, ("motion_plan.ros*",)),
 )
-KERNEL_STANDARD = {"math", "__future__"}
+KERNEL_STANDARD = {"math", "typing", "__future__"}
 KERNEL_NEIGHBOURS = ("kernels", "_layout")      # of our own modules, kernels import only each other and plain numbers
 ODE_LAYER = "m2wr_sim/physics/"
 SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}

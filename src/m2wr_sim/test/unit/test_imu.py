@@ -11,7 +11,7 @@ from conftest import at, box
 from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Noise, PluginSpec, Sensor
 from m2wr_sim.physics.engine import LinkState
-from m2wr_sim.sensors.imu import ImuSensor, WanderingBias
+from m2wr_sim.sensors.imu import GaussMarkovBias, ImuSensor
 
 ORIGIN = (0.0, 0.0, 0.0)
 GRAVITY = (0.0, 0.0, -9.8)
@@ -199,7 +199,7 @@ def test_a_turned_unit_reads_gravity_along_its_own_axes():
 
 def test_a_wandering_bias_has_the_spread_and_memory_of_its_process():
     sigma, tau, dt, count = 0.5, 0.2, 0.01, 100000
-    bias, rng = WanderingBias(Noise("gaussian", dynamic_bias_stddev=sigma, dynamic_bias_correlation_time=tau)), \
+    bias, rng = GaussMarkovBias(Noise("gaussian", dynamic_bias_stddev=sigma, dynamic_bias_correlation_time=tau)), \
         np.random.default_rng(1)
     values = np.array([bias.advance(dt, rng) for _ in range(count)])
     assert values.std() == pytest.approx(sigma * math.sqrt(0.5 * tau), rel=0.03)

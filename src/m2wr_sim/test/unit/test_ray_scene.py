@@ -168,5 +168,5 @@ def test_bad_sizes_are_named_and_leave_the_scene_alone(geometry, message):
 
 
 def test_unknown_geometry_is_named():
-    with pytest.raises(TypeError, match="cannot meet a dict"):
+    with pytest.raises(TypeError, match="cannot see a dict"):
         RayScene(2).add({}, ORIGIN, "a")

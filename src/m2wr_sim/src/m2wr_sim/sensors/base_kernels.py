@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the kernels of this room share: how they are compiled, an arc tangent, rotations.
+"""Functions that the kernels of this package share: compilation, arc tangent, rotations.
 
-A change here reaches all of them, for the room drops their caches when any of its modules has changed.
+After a change here all kernels of the package are compiled again, see :mod:`m2wr_sim.kernel_cache`.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Callable, Sequence, Tuple, TypeVar
 
 import numpy as np
 
@@ -14,10 +17,15 @@ except ImportError:
     njit = None
 
 HAVE_NUMBA = njit is not None
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+if TYPE_CHECKING:
+    #: Rotation matrix, row-major.
+    Matrix = Tuple[float, float, float, float, float, float, float, float, float]
 
 
-def kernel(function):
-    """Compile with numba where there is one; leave NaN and infinity their meaning, poses and ranges may hold both."""
+def kernel(function: _Function) -> _Function:
+    """Compile a function if numba is available. NaN and infinity keep their meaning; poses and ranges may have both."""
     if njit is None:
         return function
     options = dict(nogil=True, error_model='numpy', fastmath={'contract', 'nsz', 'arcp'})
@@ -29,22 +37,22 @@ def kernel(function):
 
 if HAVE_NUMBA:
     @intrinsic
-    def pointer(_, address):
-        """Return an address as the pointer that numba's ``carray`` asks for; in compiled code only."""
-        def convert(context, builder, __, arguments):
+    def pointer(_: Any, address: Any) -> Any:
+        """Return an address as the pointer that numba's ``carray`` takes; only in compiled code."""
+        def convert(context: Any, builder: Any, __: Any, arguments: Any) -> Any:
             return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
         return types.voidptr(types.uintp), convert
 
 
 @kernel
-def atan_unit(x):
+def atan_unit(x: float) -> float:
     """Arc tangent for |x| <= 1 to 1.1e-5 rad (Abramowitz and Stegun, 4.4.47)."""
     q = x * x
     return x * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351))))
 
 
 @kernel
-def atan(slope):
+def atan(slope: float) -> float:
     """Arc tangent of any slope, to 1.1e-5 rad."""
     if abs(slope) <= 1.0:
         return atan_unit(slope)
@@ -52,8 +60,19 @@ def atan(slope):
 
 
 @kernel
-def azimuth(y, x):
-    """Angle of (x, y) in [-pi, pi] to 1.1e-5 rad, 0 for the origin; a tenth of the cost of atan2."""
+def azimuth(y: float, x: float) -> float:
+    """Return the azimuth of a point; takes a tenth of the time of atan2.
+
+    Parameters
+    ----------
+    y, x : float
+        Coordinates of the point.
+
+    Returns
+    -------
+    float
+        Angle in [-pi, pi], with an error of at most 1.1e-5 rad; 0 for the origin.
+    """
     flat, steep = abs(x), abs(y)
     if steep > flat:
         angle = 0.5 * math.pi - atan_unit(flat / steep)
@@ -65,10 +84,18 @@ def azimuth(y, x):
 
 
 @kernel
-def rotation(x, y, z, w):
-    """Return the row-major rotation matrix of a quaternion of any length; all zeros give the identity.
+def rotation(x: float, y: float, z: float, w: float) -> Matrix:
+    """Return the rotation matrix of a quaternion.
 
-    One that is not finite makes every element NaN.
+    Parameters
+    ----------
+    x, y, z, w : float
+        Quaternion of any length. Zeros give the identity; a component that is not finite makes every element NaN.
+
+    Returns
+    -------
+    tuple of 9 floats
+        Row-major.
     """
     norm = x * x + y * y + z * z + w * w
     s = 0.0
@@ -80,8 +107,19 @@ def rotation(x, y, z, w):
 
 
 @kernel
-def product(b, sensor):
-    """Return transpose(b) * sensor for two row-major rotations, row-major."""
+def product(b: Sequence[float], sensor: Sequence[float]) -> Matrix:
+    """Return the matrix product transpose(b) * sensor.
+
+    Parameters
+    ----------
+    b, sensor : (9,) sequence of float
+        Rotation matrices, row-major.
+
+    Returns
+    -------
+    tuple of 9 floats
+        Row-major.
+    """
     return (b[0] * sensor[0] + b[3] * sensor[3] + b[6] * sensor[6],
             b[0] * sensor[1] + b[3] * sensor[4] + b[6] * sensor[7],
             b[0] * sensor[2] + b[3] * sensor[5] + b[6] * sensor[8],

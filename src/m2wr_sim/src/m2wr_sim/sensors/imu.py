@@ -1,115 +1,162 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""An inertial unit: what it reads of the motion of the link that carries it.
+"""Inertial measurement unit (IMU): measures the motion of the link that carries it.
 
-Follows Gazebo's imu sensor: the acceleration is the change of velocity since the last reading, gravity's reaction
-included (a unit at rest reads +9.8 upwards); rates and acceleration are in the unit's own axes; the orientation is
-relative to a reference, the world or that of the beginning.
+Follows Gazebo's imu sensor.  The acceleration is the specific force: the change of velocity since the last measurement,
+minus gravity, so that a unit at rest measures +9.8 m/s^2 upwards.  Rates and acceleration are in the sensor's frame.
+The orientation is relative to a reference, either the world or the initial orientation.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Optional, Sequence, Tuple
 
 from m2wr_sim.geometry import compose, conjugate, cross, multiply, rotate_inverse
 from m2wr_sim.sensors.noise import NoiseModel
 
+if TYPE_CHECKING:
+    import numpy as np
 
-class WanderingBias:
-    """A bias that wanders and forgets: a first-order Gauss-Markov process that begins at 0.
+    from m2wr_sim.geometry import Pose, Quaternion, Vector
+    from m2wr_sim.model.types import Noise
+    from m2wr_sim.physics.engine import LinkState
 
-    Over a time dt the value keeps the share exp(-dt / tau) and gains a normal draw of variance
-    sigma^2 tau / 2 (1 - exp(-2 dt / tau)), where sigma is the noise's ``dynamic_bias_stddev`` [unit / sqrt(s)] and tau
-    its ``dynamic_bias_correlation_time`` [s]: the exact discretisation, the same at any rate.
+
+class GaussMarkovBias:
+    """Bias that changes over time: a first-order Gauss-Markov process that starts at 0.
+
+    In a time dt the value decays by the factor exp(-dt / tau) and gets a normal draw of variance
+    sigma^2 tau / 2 (1 - exp(-2 dt / tau)).  sigma is the ``dynamic_bias_stddev`` of the noise [unit / sqrt(s)], tau its
+    ``dynamic_bias_correlation_time`` [s].  This discretisation is exact at any rate.
     """
 
-    def __init__(self, noise):
+    def __init__(self, noise: Noise) -> None:
         active = noise.kind in ("gaussian", "gaussian_quantized") and noise.dynamic_bias_correlation_time > 0.0
         self._sigma = noise.dynamic_bias_stddev if active else 0.0
         self._tau = noise.dynamic_bias_correlation_time
         self._value = 0.0
 
-    def advance(self, elapsed, rng):
-        """Return the bias ``elapsed`` seconds later; draws nothing where there is none."""
+    def advance(self, elapsed: float, rng: np.random.Generator) -> float:
+        """Return the bias after a time step. Draws no number if the sensor has no such bias.
+
+        Parameters
+        ----------
+        elapsed : float
+            Time step [s].
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        float
+            In the unit of the measurement.
+        """
         if self._sigma <= 0.0:
             return 0.0
         spread = self._sigma * math.sqrt(-0.5 * self._tau * math.expm1(-2.0 * elapsed / self._tau))
         self._value = math.exp(-elapsed / self._tau) * self._value + spread * float(rng.standard_normal())
         return self._value
 
-    def reset(self):
-        """Begin at 0 again."""
+    def reset(self) -> None:
+        """Set the bias to 0."""
         self._value = 0.0
 
 
 class ImuSensor:
-    """Reads orientation, turn rates and acceleration.
+    """Measures orientation, angular velocity and acceleration.
 
     Parameters
     ----------
     pose : Pose
-        Of the unit in the link's frame.
+        Sensor frame in the frame of its link.
     noise : sequence of Noise
-        Empty, or six: rates x y z, accelerations x y z.
+        Empty, or six: angular velocity x y z, acceleration x y z.
     rng : numpy.random.Generator
         Source of the noise.
     reference : (4,) quaternion
-        World orientation that counts as none.
+        Orientation in the world that is measured as the identity.
 
     Raises
     ------
     ValueError
-        If the noise is not usable.
+        If a parameter of the noise is invalid.
     """
 
-    def __init__(self, pose, noise, rng, reference=(0.0, 0.0, 0.0, 1.0)):
+    def __init__(self, pose: Pose, noise: Sequence[Noise], rng: np.random.Generator,
+                 reference: Quaternion = (0.0, 0.0, 0.0, 1.0)) -> None:
         self._pose, self._reference = pose, reference
         self._noises = [NoiseModel(entry, rng, 1) for entry in noise]
-        self._biases = [WanderingBias(entry) for entry in noise]
+        self._biases = [GaussMarkovBias(entry) for entry in noise]
         self._rng = rng
-        self._velocity = self._before_ns = None
+        self._velocity: Optional[Vector] = None
+        self._before_ns = 0
 
-    def start(self, state, now_ns):
-        """Note the motion from which the next reading counts its acceleration.
+    def start(self, state: LinkState, now_ns: int) -> None:
+        """Store the velocity with which the next measurement computes the acceleration.
 
         Parameters
         ----------
         state : LinkState
-            Of the carrying link.
+            State of the link that carries the sensor.
         now_ns : int
             Simulated time [ns].
         """
         self._velocity, self._before_ns = self._motion(state)[1], now_ns
 
-    def _motion(self, state):
-        """Return the unit's orientation and the velocity of its origin in the world."""
+    def _motion(self, state: LinkState) -> Tuple[Quaternion, Vector]:
+        """Return the orientation of the sensor and the velocity of its origin, both in the world."""
         pose = compose((state.position, state.orientation), self._pose)
         arm = tuple(a - b for a, b in zip(pose[0], state.position))
-        carried = cross(state.angular_velocity, arm)
-        return pose[1], tuple(a + b for a, b in zip(state.linear_velocity, carried))
+        rotational = cross(state.angular_velocity, arm)
+        x, y, z = (a + b for a, b in zip(state.linear_velocity, rotational))
+        return pose[1], (x, y, z)
 
-    def read(self, state, now_ns, gravity):
-        """Take a reading; needs :meth:`start` once before, at an earlier time.
+    def read(self, state: LinkState, now_ns: int, gravity: Sequence[float]) -> Tuple[Quaternion, Vector, Vector]:
+        """Take a measurement; :meth:`start` must have been called at an earlier time.
+
+        Parameters
+        ----------
+        state : LinkState
+            State of the link that carries the sensor.
+        now_ns : int
+            Simulated time [ns], later than that of the last call.
+        gravity : (3,) sequence of float
+            In the world [m/s^2].
 
         Returns
         -------
-        orientation, rates, acceleration : tuples
-            Quaternion; rad/s and m/s^2 in the unit's axes.
+        orientation : (4,) tuple
+            Quaternion, relative to the reference.
+        rates : (3,) tuple
+            Angular velocity in the sensor's frame [rad/s].
+        acceleration : (3,) tuple
+            Specific force in the sensor's frame [m/s^2].
+
+        Raises
+        ------
+        ValueError
+            If :meth:`start` has not been called.
         """
+        if self._velocity is None:
+            raise ValueError("an IMU measures from its second state on: call start first")
         orientation, velocity = self._motion(state)
         elapsed = (now_ns - self._before_ns) * 1e-9
         world = tuple((a - b) / elapsed - g for a, b, g in zip(velocity, self._velocity, gravity))
         self._velocity, self._before_ns = velocity, now_ns
         values = list(rotate_inverse(orientation, state.angular_velocity)) + list(rotate_inverse(orientation, world))
         for index, noise in enumerate(self._noises):
-            wandered = self._biases[index].advance(elapsed, self._rng)
-            values[index] = _disturbed(values[index] + wandered, noise)
-        return multiply(conjugate(self._reference), orientation), tuple(values[:3]), tuple(values[3:])
+            bias = self._biases[index].advance(elapsed, self._rng)
+            values[index] = _with_noise(values[index] + bias, noise)
+        return (multiply(conjugate(self._reference), orientation), (values[0], values[1], values[2]),
+                (values[3], values[4], values[5]))
 
-    def reset(self, rng):
-        """Start the noise anew."""
+    def reset(self, rng: np.random.Generator) -> None:
+        """Restart the noise with another generator."""
         for noise, bias in zip(self._noises, self._biases):
             noise.reset(rng)
             bias.reset()
         self._rng = rng
 
 
-def _disturbed(value, noise):
+def _with_noise(value: float, noise: NoiseModel) -> float:
+    """Return a value with noise, rounded to the sensor's precision."""
     value += noise.shift + noise.stddev * float(noise.normals[noise.advance(1)])
     return noise.precision * round(value / noise.precision) if noise.precision > 0.0 else value

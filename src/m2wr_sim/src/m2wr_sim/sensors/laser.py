@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A laser scanner: where its beams go, what they read, how the reading is disturbed.
+"""Laser scanner: geometry of the beams, range readings, noise.
 
-Follows Gazebo's CPU ray sensor: rays start at the shortest range and see every collision shape, the robot's own
-too; +inf where nothing is hit; noise on hits only, kept within the limits; never -inf, because what lies nearer than
-the shortest range is looked through.
+Follows Gazebo's CPU ray sensor.  Rays start at the shortest range and hit every collision shape, including those of the
+robot itself.  A ray without a hit reads +inf.  Only hits get noise, and are clipped to the range limits.  Nothing reads
+-inf, because shapes nearer than the shortest range are not seen.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Hashable, Optional, Tuple
 
 import numpy as np
 
@@ -20,40 +23,51 @@ from m2wr_sim.sensors.rays_numpy import cast_meshes_numpy, cast_rays_numpy
 
 _cast_rays = kernels.cast_rays if kernels.HAVE_NUMBA else cast_rays_numpy
 _cast_meshes = mesh_kernels.cast_meshes if kernels.HAVE_NUMBA else cast_meshes_numpy
-FARTHEST_ANGLE = 1e4      # rad: beyond, the float32 of a message tells no milliradian any more
+FARTHEST_ANGLE = 1e4      # rad; beyond, the float32 of a message does not resolve a milliradian
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Pose
+
+    Floats = NDArray[np.float64]
+    Ranges = NDArray[np.float32]
+    #: For each reading the rays before and after it, and the weight of the latter.
+    Neighbours = Tuple[NDArray[np.int64], NDArray[np.int64], Floats]
 
 
 class LaserSensor:
-    """A fan of beams, or several fans above one another.
+    """A laser scanner with one row of beams, or several rows above one another.
 
     Parameters
     ----------
     ray : m2wr_sim.model.types.RayScan
-        Counts, angles [rad], ranges [m] and noise.
+        Numbers of samples, angles [rad], ranges [m] and noise.
     rng : numpy.random.Generator
         Source of the noise.
 
     Attributes
     ----------
     count, vertical_count : int
-        Readings in a row, and rows: samples times resolution, rounded down.
+        Readings in a row, and number of rows: samples times resolution, rounded down.
     angle_min, angle_max, range_min, range_max : float
         As in ``ray`` [rad, m].
     angle_increment : float
-        Angle between readings [rad], (max - min) / (count - 1); for a single reading 0 / 0 or x / 0, that is nan or
-        inf, as in Gazebo's messages.
+        Angle between readings [rad], (max - min) / (count - 1).  For a single reading it is nan or inf, as in Gazebo's
+        messages.
     angles : (count,) float64
-        Azimuth of each reading.  A single sample looks along 0, wherever the limits are.
+        Azimuth of each reading [rad].  A single sample has azimuth 0, whatever the limits are.
     pose : (1, 7) float64
-        Where the sensor's frame is in world, x y z and x y z w; whoever knows writes it there, see :meth:`cast`.
+        Pose of the sensor in the world, position x y z [m] and quaternion x y z w.  To be written by the caller, see
+        :meth:`cast`.
 
     Raises
     ------
     ValueError
-        If a count is below 1, or an angle or a range is not usable.
+        If a number of samples is below 1, or an angle or a range is invalid.
     """
 
-    def __init__(self, ray, rng):
+    def __init__(self, ray: RayScan, rng: np.random.Generator) -> None:
         self.count = _checked_count("horizontal", ray.samples, ray.resolution)
         self.vertical_count = _checked_count("vertical", ray.vertical_samples, ray.vertical_resolution)
         for name in ('min_angle', 'max_angle', 'vertical_min_angle', 'vertical_max_angle'):
@@ -71,7 +85,7 @@ class LaserSensor:
         elevations = _ray_angles(ray.vertical_min_angle, ray.vertical_max_angle, ray.vertical_samples)
         self._beams = np.ascontiguousarray([np.cos(azimuths), np.sin(azimuths)])
         self._rows = np.ascontiguousarray(np.stack((np.cos(elevations), np.sin(elevations)), axis=1))
-        self._blend = None
+        self._blend: Optional[Tuple[Neighbours, Neighbours]] = None
         if (self.count, self.vertical_count) != (ray.samples, ray.vertical_samples):
             self._blend = _neighbours(ray.samples, self.count), _neighbours(ray.vertical_samples, self.vertical_count)
         self.angles = azimuths if self.count == ray.samples else np.interp(
@@ -90,31 +104,33 @@ class LaserSensor:
         self._settings = np.array([self.range_min, self.range_max, self._noise.shift, self._noise.stddev,
                                    self._noise.precision, 0.0])
         self._block = np.zeros(packed.SCAN_WORDS, np.uint64) if packed.COMPILED and self._blend is None else None
-        self._spheres = self._shapes = None     # of the scene that the block speaks of
+        self._spheres: Optional[Floats] = None          # tables of the scene whose addresses are in the block
+        self._shapes: Optional[Floats] = None
 
-    def cast(self, scene, sensor_pose=None, ignore_owner=None):
+    def cast(self, scene: RayScene, sensor_pose: Optional[Pose] = None,
+             ignore_owner: Optional[Hashable] = None) -> Tuple[Ranges, Ranges]:
         """Take a scan.
 
         Parameters
         ----------
         scene : RayScene
-            What can be hit.
+            Shapes that can be hit.
         sensor_pose : ((x, y, z), (x, y, z, w)), optional
-            Of the sensor's frame in world: beams leave along its x axis at angle 0, its z axis is up.  A pose that is
-            not finite hits nothing.  None: what ``pose`` says.
+            Pose of the sensor in the world; the beam of angle 0 is along its x axis, its z axis is up.  With a pose
+            that is not finite nothing is hit.  Default: the pose in the attribute ``pose``.
         ignore_owner : hashable, optional
-            An owner in ``scene`` to look through; Gazebo has no such thing.
+            Owner in ``scene`` whose shapes are ignored.  Gazebo has no such option.
 
         Returns
         -------
         ranges : (vertical_count * count,) float32
-            Row after row, from the lowest angle on: +inf or within [range_min, range_max].
+            Row after row, beginning at the lowest angle: +inf or within [range_min, range_max] [m].
         intensities : (vertical_count * count,) float32
             laser_retro of the shape that is hit, 0 for none.
 
         Notes
         -----
-        Both arrays are the sensor's own and are written again by the next call.
+        The next call overwrites both arrays.
         """
         frame = self._frame
         if sensor_pose is not None:
@@ -124,30 +140,30 @@ class LaserSensor:
         frame[kernels.IGNORED] = -1 if ignore_owner is None else scene.owner_id(ignore_owner)
         self._settings[5] = self._noise.advance(self._ranges.size)
         if self._shapes is not scene.shapes:
-            self._meet(scene)
+            self._prepare(scene)
         if self._block is None or scene.has_retro or scene.forest:
-            self._cast_apart(scene)
+            self._cast_in_steps(scene)
         else:
             packed.scan(self._block)
         if scene.has_retro:
-            self._light(scene.shapes[:, kernels.RETRO])
+            self._set_intensities(scene.shapes[:, kernels.RETRO])
         elif self._lit:
             self._intensities[:], self._lit = 0.0, False
         return self._ranges, self._intensities
 
-    def _meet(self, scene):
+    def _prepare(self, scene: RayScene) -> None:
         """Prepare for the tables of a scene, which are replaced when they grow."""
-        self._spheres, self._shapes = scene.spheres, scene.shapes
-        self._order = np.empty((2, self._shapes.shape[0]), np.int32)
+        spheres, shapes = self._spheres, self._shapes = scene.spheres, scene.shapes
+        self._order = np.empty((2, shapes.shape[0]), np.int32)
         if self._block is not None:
             address = [values.ctypes.data for values in (
-                self._distances, self._ranges, self._beams, self._rows, self._frame, self._spheres, self._shapes,
+                self._distances, self._ranges, self._beams, self._rows, self._frame, spheres, shapes,
                 self._order, self._noise.normals, self._settings)]
             self._block[:] = (address[:3] + [self._beams.shape[1], address[3], self._rows.shape[0]] + address[4:7]
-                              + [self._shapes.shape[0]] + address[7:9] + [self._noise.normals.size, address[9]])
+                              + [shapes.shape[0]] + address[7:9] + [self._noise.normals.size, address[9]])
 
-    def _cast_apart(self, scene):
-        """Take a scan step by step: where there are meshes or reflecting shapes, or readings between rays."""
+    def _cast_in_steps(self, scene: RayScene) -> None:
+        """Take a scan with separate kernels: for meshes, reflecting shapes, or readings between rays."""
         frame, hits = self._frame, self._hits if scene.has_retro else self._no_hits
         found = _cast_rays(self._distances, hits, self._beams, self._rows, frame, scene.spheres, scene.shapes,
                            self._order)
@@ -158,33 +174,34 @@ class LaserSensor:
         distances = self._distances if self._blend is None else self._blended(self._distances)
         reading_kernels.finish_ranges(self._ranges, distances, self._noise.normals, self._settings)
 
-    def reset(self, rng):
-        """Start the noise anew from ``rng``; see :meth:`NoiseModel.reset`."""
+    def reset(self, rng: np.random.Generator) -> None:
+        """Restart the noise from ``rng``; see :meth:`NoiseModel.reset`."""
         self._noise.reset(rng)
 
-    def _corners(self, values):
-        """Return the readings' four neighbouring rays, each (vertical_count, count), and the two weights."""
+    def _corners(self, values: Floats) -> Tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """Return the four neighbouring rays of the readings, each (vertical_count, count), and the two weights."""
+        assert self._blend is not None
         (left, right, across), (low, high, up) = self._blend
         grid = values.reshape(self._rows.shape[0], -1)
         below, above = grid[low], grid[high]
         return below[:, left], below[:, right], above[:, left], above[:, right], across, up[:, None]
 
-    def _blended(self, distances):
-        """Interpolate between rays; the longest range stands for a miss, so a hit beside a miss gives a phantom."""
+    def _blended(self, distances: Floats) -> Floats:
+        """Interpolate between rays. A miss counts as the longest range, as in Gazebo."""
         low_left, low_right, high_left, high_right, across, up = self._corners(distances)
-        low = low_left + across * (low_right - low_left)        # in this form equal ends stay exactly equal
+        low = low_left + across * (low_right - low_left)        # exact if both ends are equal
         high = high_left + across * (high_right - high_left)
         return np.ascontiguousarray((low + up * (high - low)).ravel())
 
-    def _light(self, retro):
+    def _set_intensities(self, retro: Floats) -> None:
         values = np.where(self._hits >= 0, retro[self._hits], 0.0)
         if self._blend is not None:
-            values = (0.25 * sum(self._corners(values)[:4])).ravel()
+            values = np.ravel(0.25 * sum(self._corners(values)[:4]))
         self._intensities[:], self._lit = values, True
 
 
-def warm_up(rng):
-    """Compile the kernels, or load them from their cache, so that no scan has to wait for it."""
+def warm_up(rng: np.random.Generator) -> None:
+    """Compile the kernels, or load them from their cache, before the first scan."""
     scene, sensor = RayScene(2), LaserSensor(RayScan(samples=2, range_max=2.0), rng)
     row = scene.add(Sphere(1.0), IDENTITY, "warm_up")
     scene.mover(np.array([row], np.int64), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))()
@@ -193,7 +210,7 @@ def warm_up(rng):
     sensor.cast(scene, IDENTITY)
 
 
-def _checked_count(direction, samples, resolution):
+def _checked_count(direction: str, samples: int, resolution: float) -> int:
     readings = samples * resolution
     if samples < 1 or not 1.0 <= readings < math.inf:
         raise ValueError("ray sensor: %s samples %r, resolution %r: expected at least one sample and one reading"
@@ -201,14 +218,14 @@ def _checked_count(direction, samples, resolution):
     return int(readings)
 
 
-def _ray_angles(least, most, samples):
+def _ray_angles(least: float, most: float, samples: int) -> Floats:
     if samples == 1:
         return np.zeros(1)
     return np.arange(samples) * ((most - least) / (samples - 1)) + least
 
 
-def _neighbours(rays, readings):
-    """Return for each reading the rays before and after it and the weight of the latter."""
+def _neighbours(rays: int, readings: int) -> Neighbours:
+    """Return, for each reading, the rays before and after it and the weight of the latter."""
     place = np.arange(readings) * ((rays - 1) / (readings - 1)) if readings > 1 else np.zeros(1)
     before = np.minimum(place.astype(np.int64), rays - 1)
     return before, np.minimum(before + 1, rays - 1), place - before

@@ -1,22 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exact rays of a scanning range finder against triangle meshes and heightmaps.
+"""Ray casting of a laser scanner on triangle meshes and heightmaps.
 
-Plain arrays in, plain arrays out; layouts of ``frame``, ``beams``, ``rows``, ``spheres`` and ``shapes`` as in
-:mod:`m2wr_sim.sensors.ray_kernels`, and:
+All arguments are plain arrays.  ``frame``, ``beams``, ``rows``, ``spheres`` and ``shapes`` have the layouts of
+:mod:`m2wr_sim.sensors.ray_kernels`.  The others are:
 
 ``nodes`` (K, 6)
-    Boxes, centre and half sizes, relative to the mesh's own middle: for each mesh a whole binary tree in heap order,
-    the children of node i being 2 i + 1 and 2 i + 2.
+    Boxes, centre and half sizes, relative to the centre of the mesh.  Each mesh has a complete binary tree in heap
+    order: the children of node i are 2 i + 1 and 2 i + 2.
 ``triangles`` (M, 9)
     First corner, then the two edges from it, in the order of the leaves.
 ``trees`` (T, 4) int64
     First node, first triangle, number of triangles, number of leaves (a power of two).
 
-A fan of beams goes down a tree together: every box keeps those beams that lie between its extreme azimuths and are not
-stopped nearer already, boxes above or below the fan keep none.  At a leaf each triangle is met by its own beams, with a
-plane equation that is linear in cosine and sine of the azimuth.  Both sides of a triangle are seen.
+All beams of a row descend a tree together.  At each box only the beams remain that lie between its extreme azimuths and
+have no nearer hit; at boxes above or below the beams none remain.  At a leaf each triangle is intersected with the
+remaining beams.  Its plane equation is linear in cosine and sine of the azimuth.  Both sides of a triangle are visible.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
@@ -26,15 +29,20 @@ MESH = 4
 ORIENTATION, RANGE_MIN, RANGE_MAX, ANGLE_MIN, ANGLE_STEP, IGNORED = 3, 7, 8, 9, 10, 12
 KIND, OWNER, TREE = 12, 14, 15
 AZIMUTH_MARGIN = 5e-5   # rad; more than the error of azimuth and atan together
-FEW_BEAMS = 8           # below, an interval costs more than it saves
-EDGE = 1e-10            # of an edge's length, by which triangles overlap: no beam slips between two of them
-GRAZING = 1e-12         # rad; a beam as flat as this on a triangle does not meet it: its neighbours decide
-STACK = 512             # a tree of 21 levels, three runs of beams for each of two children
+FEW_BEAMS = 8           # with fewer beams, computing the azimuths takes more time than it saves
+EDGE = 1e-10            # of an edge's length, by which triangles overlap, so that no beam passes between two of them
+GRAZING = 1e-12         # rad; a beam at a smaller angle to a triangle does not hit it
+STACK = 512             # a tree of 21 levels, with three ranges of beams for each of two children
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
 
 
 @kernel
-def _span(low, high, turn, frame, first, last):
-    """Return the half-open range of beams in [first, last) whose azimuth is in [low, high] plus ``turn`` turns."""
+def _span(low: float, high: float, turn: int, frame: Floats, first: int, last: int) -> Tuple[int, int]:
+    """Return the range of beams in [first, last) whose azimuth is in [low, high] plus ``turn`` full rotations."""
     shift = 2.0 * math.pi * turn - frame[ANGLE_MIN]
     one, two = (low + shift) / frame[ANGLE_STEP], (high + shift) / frame[ANGLE_STEP]
     if frame[ANGLE_STEP] < 0.0:
@@ -45,8 +53,8 @@ def _span(low, high, turn, frame, first, last):
 
 
 @kernel
-def _turns(low, high, frame, n):
-    """Return the full turns, first and last, by which an interval must be shifted to lie among the beams."""
+def _turns(low: float, high: float, frame: Floats, n: int) -> Tuple[int, int]:
+    """Return by how many full rotations, first and last, to shift an interval so that it overlaps the beams."""
     least, most = frame[ANGLE_MIN], frame[ANGLE_MIN] + frame[ANGLE_STEP] * (n - 1)
     if most < least:
         least, most = most, least
@@ -54,11 +62,12 @@ def _turns(low, high, frame, n):
 
 
 @kernel
-def _box_bounds(box, a, p, flat, up):
-    """Return the least distance of a box and its extreme azimuths; infinity where the row of beams misses it.
+def _box_bounds(box: Floats, a: Sequence[float], p: Sequence[float], flat: float,
+                up: float) -> Tuple[float, float, float]:
+    """Return the least distance of a box and its extreme azimuths; infinity if the row of beams misses it.
 
-    ``a`` takes the sensor's axes to the mesh's, ``p`` is the mesh's middle in the sensor's frame.  The azimuths are
-    -inf, inf where the box lies all around.
+    ``a`` rotates from the sensor's frame to that of the mesh, ``p`` is the centre of the mesh in the sensor's frame.
+    The azimuths are -inf, inf if the box surrounds the sensor.
     """
     x = p[0] + a[0] * box[0] + a[3] * box[1] + a[6] * box[2]
     y = p[1] + a[1] * box[0] + a[4] * box[1] + a[7] * box[2]
@@ -70,7 +79,7 @@ def _box_bounds(box, a, p, flat, up):
             + abs(ux * a[6] + uy * a[7]) * box[5])
     wide = (abs(ux * a[1] - uy * a[0]) * box[3] + abs(ux * a[4] - uy * a[3]) * box[4]
             + abs(ux * a[7] - uy * a[6]) * box[5])
-    if flat > 1e-6:         # else the row looks behind: azimuths and elevations do not bound it
+    if flat > 1e-6:         # else the beams point backwards, and azimuths do not bound the box
         reach = abs(up) * math.sqrt(deep * deep + wide * wide) + flat * thick
         if abs(out * up - z * flat) > reach + 1e-9 * (out + abs(z) + reach):
             return np.inf, -np.inf, np.inf
@@ -83,8 +92,9 @@ def _box_bounds(box, a, p, flat, up):
 
 
 @kernel
-def _triangle_bounds(v, a, o, flat, up):
-    """Return whether a row of beams can meet a triangle, and its extreme azimuths; -inf, inf if it lies around."""
+def _triangle_bounds(v: Floats, a: Sequence[float], o: Sequence[float], flat: float,
+                     up: float) -> Tuple[bool, float, float]:
+    """Return whether a row of beams can hit a triangle, and its extreme azimuths; -inf, inf if it surrounds."""
     x, y = np.empty(3), np.empty(3)
     above, below = 0, 0
     for corner in range(3):
@@ -113,8 +123,9 @@ def _triangle_bounds(v, a, o, flat, up):
 
 
 @kernel
-def _meet(v, a, o, flat, up, cosine, sine, nearest, ranges, hits, row):
-    """Lower the ranges of a run of beams to a triangle; Moeller and Trumbore's test, sums of constants taken out."""
+def _intersect(v: Floats, a: Sequence[float], o: Sequence[float], flat: float, up: float, cosine: Floats, sine: Floats,
+               nearest: float, ranges: Floats, hits: NDArray[np.int64], row: int) -> None:
+    """Lower the ranges of adjacent beams to a triangle, by the Moeller-Trumbore test with precomputed constants."""
     sx, sy, sz = o[0] - v[0], o[1] - v[1], o[2] - v[2]
     nx, ny, nz = v[4] * v[8] - v[5] * v[7], v[5] * v[6] - v[3] * v[8], v[3] * v[7] - v[4] * v[6]
     ax, ay, az = v[7] * sz - v[8] * sy, v[8] * sx - v[6] * sz, v[6] * sy - v[7] * sx        # second edge x offset
@@ -133,17 +144,19 @@ def _meet(v, a, o, flat, up, cosine, sine, nearest, ranges, hits, row):
         u = (a0 * cosine[i] + a1 * sine[i] + a2) * inverse
         w = (b0 * cosine[i] + b1 * sine[i] + b2) * inverse
         t = top * inverse
-        met = (u >= -EDGE) & (w >= -EDGE) & (u + w <= 1.0 + EDGE) & (abs(slope) > least) & (t > nearest)
-        if met and t < ranges[i]:
+        hit = (u >= -EDGE) & (w >= -EDGE) & (u + w <= 1.0 + EDGE) & (abs(slope) > least) & (t > nearest)
+        if hit and t < ranges[i]:
             ranges[i] = t
             if hits.size > 0:
                 hits[i] = row
 
 
 @kernel
-def _leaf(triangles, first_triangle, last_triangle, first, last, bounded, row, start, ranges, hits, beams, frame, a, o,
-          flat, up):
-    """Cast a run of beams of one row on the triangles of a leaf; ``start`` is the row's first reading."""
+def _leaf(triangles: Floats, first_triangle: int, last_triangle: int, first: int, last: int, bounded: bool, row: int,
+          start: int, ranges: Floats, hits: NDArray[np.int64], beams: Floats, frame: Floats, a: Sequence[float],
+          o: Sequence[float],
+          flat: float, up: float) -> None:
+    """Cast adjacent beams of one row on the triangles of a leaf; ``start`` is the index of the row's first range."""
     for number in range(first_triangle, last_triangle):
         v = triangles[number]
         low, high, turn, last_turn = -np.inf, np.inf, 0, 0
@@ -159,13 +172,15 @@ def _leaf(triangles, first_triangle, last_triangle, first, last, bounded, row, s
                 one, two = _span(low, high, turn, frame, first, last)
             if one < two:
                 run = slice(start + one, start + two)
-                _meet(v, a, o, flat, up, beams[0, one:two], beams[1, one:two], frame[RANGE_MIN], ranges[run],
-                      hits[run] if hits.size > 0 else hits, row)
+                _intersect(v, a, o, flat, up, beams[0, one:two], beams[1, one:two], frame[RANGE_MIN], ranges[run],
+                           hits[run] if hits.size > 0 else hits, row)
             turn += 1
 
 
 @kernel
-def _cast_tree(tree, nodes, triangles, row, start, ranges, hits, beams, frame, a, p, o, flat, up, stack):
+def _cast_tree(tree: NDArray[np.int64], nodes: Floats, triangles: Floats, row: int, start: int, ranges: Floats,
+               hits: NDArray[np.int64], beams: Floats, frame: Floats, a: Sequence[float], p: Sequence[float],
+               o: Sequence[float], flat: float, up: float, stack: NDArray[np.int64]) -> None:
     """Cast one row of beams on one mesh."""
     n = beams.shape[1]
     node_base, triangle_base, count, leaves = tree[0], tree[1], tree[2], tree[3]
@@ -197,27 +212,30 @@ def _cast_tree(tree, nodes, triangles, row, start, ranges, hits, beams, frame, a
             one, two = nodes[node_base + 2 * node + 1], nodes[node_base + 2 * node + 2]
             first_is_near = ((one[0] - o[0]) ** 2 + (one[1] - o[1]) ** 2 + (one[2] - o[2]) ** 2
                              < (two[0] - o[0]) ** 2 + (two[1] - o[1]) ** 2 + (two[2] - o[2]) ** 2)
-            for child in range(2):      # the nearer one last, so that it comes off first
+            for child in range(2):      # the nearer one is pushed last and visited first
                 stack[depth, 0] = 2 * node + 1 + (1 if (child == 0) == first_is_near else 0)
                 stack[depth, 1], stack[depth, 2] = first, last
                 depth += 1
 
 
 @kernel
-def cast_meshes(ranges, hits, beams, rows, frame, spheres, shapes, order, found, nodes, triangles, trees):
-    """Lower ranges, after ``ray_kernels.cast_rays``, to the meshes among the first ``found`` rows of ``order``.
+def cast_meshes(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats, spheres: Floats,
+                shapes: Floats, order: NDArray[np.int32], found: int, nodes: Floats, triangles: Floats,
+                trees: NDArray[np.int64]) -> None:
+    """Lower ranges to the meshes among the first ``found`` rows of ``order``, after ``ray_kernels.cast_rays``.
 
     Parameters
     ----------
     ranges : (V * N,) float64
-        Lowered where a mesh is nearer than what is in it [m].
+        Lowered where a mesh is nearer [m].
     hits : (V * N,) or (0,) int64
-        Where not empty, set to the row of the mesh that is hit.
+        Unless empty, set to the row of the mesh that is hit.
     beams, rows, frame, spheres, shapes, nodes, triangles : float64
         Read only.
     order : (2, C) int32
-        Rows within reach in order of growing distance.
+        In the first row, the shapes within reach, from near to far.
     found : int
+        Number of shapes within reach.
     trees : (T, 4) int64
     """
     n = beams.shape[1]

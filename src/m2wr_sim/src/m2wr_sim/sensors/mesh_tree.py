@@ -1,21 +1,50 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Triangles of meshes and heightmaps -> the trees of :mod:`m2wr_sim.sensors.mesh_kernels`."""
+"""Bounding volume trees of meshes and heightmaps, for :mod:`m2wr_sim.sensors.mesh_kernels`."""
+from __future__ import annotations
+
 import weakref
-from collections import namedtuple
+from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Tuple, Union
 
 import numpy as np
 
 from m2wr_sim.model.types import Heightmap
 
-LEAF = 4            # most triangles in a leaf
-_GRID = 20          # bits a coordinate has in the order along the curve
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-Tree = namedtuple("Tree", "middle radius nodes triangles leaves")
-"""Middle of the mesh in its own frame (3,), radius of the sphere around it, nodes (K, 6), triangles (M, 9), leaves."""
+    from m2wr_sim.model.types import Mesh
+
+    Floats = NDArray[np.float64]
+    Geometry = Union[Mesh, Heightmap]
+
+LEAF = 4            # greatest number of triangles in a leaf
+_GRID = 20          # bits per coordinate of the Z-order curve
 
 
-def corners_of(geometry):
-    """Return the corners (m, 3 corners, 3) of a Mesh's or Heightmap's triangles, in the collision's frame [m]."""
+class Tree(NamedTuple):
+    """The tree of one mesh.
+
+    Attributes
+    ----------
+    middle : (3,) float64
+        Centre of the bounding box, in the frame of the mesh [m].
+    radius : float
+        Radius of the bounding sphere around ``middle`` [m].
+    nodes : (K, 6) float64
+    triangles : (M, 9) float64
+    leaves : int
+        Number of leaves, a power of two.
+    """
+
+    middle: Floats
+    radius: float
+    nodes: Floats
+    triangles: Floats
+    leaves: int
+
+
+def corners_of(geometry: Geometry) -> Floats:
+    """Return the corners (M, 3 corners, 3) of the triangles of a Mesh or Heightmap, in the collision's frame [m]."""
     if not isinstance(geometry, Heightmap):
         return np.asarray(geometry.vertices, dtype=np.float64)[np.asarray(geometry.triangles)]
     heights = np.asarray(geometry.heights, dtype=np.float64)
@@ -27,11 +56,11 @@ def corners_of(geometry):
     return np.stack((np.stack((a, c, b), axis=2), np.stack((b, c, d), axis=2)), axis=2).reshape(-1, 3, 3)
 
 
-def build_tree(geometry):
+def build_tree(geometry: Geometry) -> Tree:
     """Build the tree of a Mesh or Heightmap.
 
-    Triangles are sorted along a Z-shaped curve through their middles; a whole binary tree of boxes stands on groups of
-    at most :data:`LEAF` neighbours.
+    The triangles are sorted along a Z-order (Morton) curve through their centres.  Groups of at most :data:`LEAF`
+    neighbours are the leaves of a complete binary tree of bounding boxes.
 
     Raises
     ------
@@ -62,8 +91,8 @@ def build_tree(geometry):
     return Tree(middle, radius, np.concatenate(levels[::-1]), np.ascontiguousarray(triangles), leaves)
 
 
-def _curve(points, extent):
-    """Return each point's place along the curve: the bits of its coordinates interleaved."""
+def _curve(points: Floats, extent: float) -> NDArray[np.uint64]:
+    """Return the Morton code of each point: the interleaved bits of its coordinates."""
     cells = np.clip((points / max(extent, 1e-300) + 0.5) * 2 ** _GRID, 0, 2 ** _GRID - 1).astype(np.uint64)
     place = np.zeros(len(points), np.uint64)
     for bit in range(_GRID):
@@ -72,16 +101,16 @@ def _curve(points, extent):
     return place
 
 
-_trees = weakref.WeakKeyDictionary()        # Mesh or Heightmap -> Tree, as long as the former is in use
+_trees: "weakref.WeakKeyDictionary[Any, Tree]" = weakref.WeakKeyDictionary()    # Mesh or Heightmap in use -> Tree
 
 
-def tree_of(geometry):
-    """Return the tree of a Mesh or Heightmap, built at its first use; may be called beside the simulation.
+def tree_of(geometry: Geometry) -> Tree:
+    """Return the tree of a Mesh or Heightmap. It is built at the first use; other threads may call this.
 
     Raises
     ------
     ValueError
-        As :func:`build_tree`.
+        If there is no triangle or a corner is not finite.
     """
     tree = _trees.get(geometry)
     if tree is None:
@@ -90,25 +119,25 @@ def tree_of(geometry):
 
 
 class Forest:
-    """The trees of a scene, in one set of arrays; equal shapes share a tree.
+    """The trees of all meshes of a scene, in one set of arrays; equal shapes share a tree.
 
     Attributes
     ----------
     nodes, triangles, trees : arrays
-        In the layout of :mod:`m2wr_sim.sensors.mesh_kernels`; replaced by ``pack``.
+        In the layout of :mod:`m2wr_sim.sensors.mesh_kernels`; ``pack`` may replace them.
     """
 
-    def __init__(self):
-        self._entries = {}          # geometry -> [number, Tree, users]
-        self._numbers = {}          # number -> geometry
+    def __init__(self) -> None:
+        self._entries: Dict[Geometry, List[Any]] = {}       # geometry -> [number, Tree, users]
+        self._numbers: Dict[int, Geometry] = {}
         self._stale = False
         self._lay_out()
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
         return bool(self._entries)
 
-    def add(self, geometry):
-        """Take a geometry in, or once more; returns its number and its Tree."""
+    def add(self, geometry: Geometry) -> Tuple[int, Tree]:
+        """Add a user of a geometry; returns the number and the Tree of the geometry."""
         entry = self._entries.get(geometry)
         if entry is None:
             number = next(number for number in range(len(self._numbers) + 1) if number not in self._numbers)
@@ -118,21 +147,21 @@ class Forest:
         entry[2] += 1
         return entry[0], entry[1]
 
-    def remove(self, number):
-        """Let go of a geometry, once."""
+    def remove(self, number: int) -> None:
+        """Remove one user of a geometry, and the geometry with its last user."""
         geometry = self._numbers[number]
         self._entries[geometry][2] -= 1
         if not self._entries[geometry][2]:
             del self._entries[geometry], self._numbers[number]
             self._stale = True
 
-    def pack(self):
-        """Bring the arrays up to date; returns self."""
+    def pack(self) -> Forest:
+        """Update the arrays; returns self."""
         if self._stale:
             self._lay_out()
         return self
 
-    def _lay_out(self):
+    def _lay_out(self) -> None:
         entries = sorted(self._entries.values(), key=lambda entry: entry[0])
         self.trees = np.zeros((max([entry[0] for entry in entries], default=-1) + 1, 4), np.int64)
         nodes, triangles = 0, 0

@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The kernels of a scan and of moving shapes with their arguments packed: each gets one array of addresses and sizes.
+"""Kernels for scans and moving shapes with packed arguments: one array of addresses and sizes.
 
-To hand an array to compiled code costs some 50 ns, a call 100 more, and a scan needs a dozen arrays.  Whoever fills a
-block keeps the arrays alive whose addresses stand there, and fills it anew when one is replaced.  Compiled code only:
-without numba, or with its compiler switched off, the kernels themselves are called.
+Passing an array to compiled code takes about 50 ns, a call another 100 ns, and a scan needs a dozen arrays.  The caller
+that fills a block must keep the arrays alive, and must fill the block again when an array is replaced.  These kernels
+exist only as compiled code.  Without numba, or with its compiler switched off, the plain kernels are called instead.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from m2wr_sim.sensors.base_kernels import HAVE_NUMBA, kernel
 from m2wr_sim.sensors.ray_kernels import FRAME_SIZE, SHAPE_SIZE, cast_rays, write_poses
 from m2wr_sim.sensors.reading_kernels import SETTINGS_SIZE, finish_ranges
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 if HAVE_NUMBA:
     from numba import carray
@@ -22,11 +29,11 @@ if HAVE_NUMBA:
 
 
 @kernel
-def scan(block):
-    """Cast all beams of a plain scanner and finish the ranges; ``block`` is (SCAN_WORDS,) uint64, see the ``S_`` names.
+def scan(block: NDArray[np.uint64]) -> None:
+    """Cast all beams and compute the range readings; ``block`` is (SCAN_WORDS,) uint64, see the ``S_`` names.
 
-    As :func:`~m2wr_sim.sensors.ray_kernels.cast_rays` without hits, then
-    :func:`~m2wr_sim.sensors.reading_kernels.finish_ranges`: for scenes without meshes and reflecting shapes.
+    Calls :func:`~m2wr_sim.sensors.ray_kernels.cast_rays` without hits, then
+    :func:`~m2wr_sim.sensors.reading_kernels.finish_ranges`.  For scenes without meshes and reflecting shapes.
     """
     beams, rows, capacity = np.int64(block[S_BEAM_COUNT]), np.int64(block[S_ROW_COUNT]), np.int64(block[S_CAPACITY])
     distances = carray(pointer(block[S_DISTANCES]), (rows * beams,), np.float64)
@@ -43,8 +50,8 @@ def scan(block):
 
 
 @kernel
-def move(block):
-    """Do what :func:`~m2wr_sim.sensors.ray_kernels.write_poses` does; ``block`` is (MOVE_WORDS,) uint64."""
+def move(block: NDArray[np.uint64]) -> None:
+    """Call :func:`~m2wr_sim.sensors.ray_kernels.write_poses`; ``block`` is (MOVE_WORDS,) uint64, see ``M_`` names."""
     capacity, count = np.int64(block[M_CAPACITY]), np.int64(block[M_COUNT])
     write_poses(carray(pointer(block[M_SPHERES]), (4, capacity), np.float64),
                 carray(pointer(block[M_SHAPES]), (capacity, SHAPE_SIZE), np.float64),
@@ -52,4 +59,4 @@ def move(block):
                 carray(pointer(block[M_POSES]), (count, 7), np.float64))
 
 
-COMPILED = hasattr(scan, "signatures")      # not so without numba, and where its compiler is switched off
+COMPILED = hasattr(scan, "signatures")      # False without numba, or if its compiler is switched off

@@ -1,28 +1,31 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exact rays of a scanning range finder against boxes, spheres, cylinders and planes.
+"""Ray casting of a laser scanner on boxes, spheres, cylinders and planes.
 
-Plain arrays in, plain arrays out.  ``cast_rays`` visits the shapes from near to far and, for each, only the beams
-between the extreme azimuths of its outline, in loops without branches that vectorise.  Without numba the functions
-run as plain Python, correct and slow.
+All arguments are plain arrays.  ``cast_rays`` visits the shapes from near to far.  For each shape it visits only the
+beams between the extreme azimuths of its outline, in loops without branches that the compiler vectorises.  Without
+numba the functions run as plain Python with the same results, but slowly.
 
 Array layouts
 -------------
 ``frame`` (14,)
-    Sensor position in world [m], sensor orientation x y z w, shortest range, longest range [m], azimuth of beam 0
-    and step between beams [rad], number of rows in use, id of an owner that is not seen (-1: all are), spare.
+    Sensor position in the world [m], sensor orientation x y z w, shortest range, longest range [m], azimuth of beam 0
+    and step between beams [rad], number of rows in use, id of an owner to ignore (-1: none), unused.
 ``beams`` (2, N), ``rows`` (V, 2)
     Cosine and sine of every beam's azimuth; cosine and sine of every row's elevation (positive is up).
 ``spheres`` (4, C)
-    Bounding sphere of every shape: centre in world, radius [m].  A NaN centre marks a row that is not in use.
+    Bounding sphere of each shape: centre in the world, radius [m].  A NaN centre marks an unused row.
 ``shapes`` (C, 16)
     Rotation world-from-shape (row-major, 9), half sizes (3; radius first for round shapes, half length third), kind,
-    laser_retro, owner id, tree.  A plane keeps its unit normal in the first three columns; a mesh, which
-    :mod:`m2wr_sim.sensors.mesh_kernels` casts on, keeps the middle of its own sphere in place of half sizes.
+    laser_retro, owner id, tree.  A plane has its unit normal in the first three columns.  A mesh, which is handled by
+    :mod:`m2wr_sim.sensors.mesh_kernels`, has the centre of its bounding sphere in place of half sizes.
 
-The ray equation uses t, the distance from the sensor's origin.  A ray starts at the shortest range: a shape around
-that point is met where the ray leaves it, and a surface met exactly there is not seen.
+The ray parameter t is the distance from the sensor's origin.  A ray starts at the shortest range.  If that point is
+inside a shape, the hit is where the ray leaves the shape.  A surface exactly at the shortest range is not hit.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
@@ -34,14 +37,34 @@ COUNT, IGNORED, FRAME_SIZE = 11, 12, 14
 HALF, KIND, RETRO, OWNER, TREE, SHAPE_SIZE = 9, 12, 13, 14, 15, 16
 RINGS = 64              # classes of distance for the near-to-far order
 AZIMUTH_MARGIN = 5e-5   # rad; more than the error of azimuth and atan together
-TINY = 1e-12            # a direction component below this counts as this: moves a hit by at most 1e-12 of its range
-FEW_BEAMS = 8           # below, an interval costs more than it saves
-MANY = 100              # shapes within reach from which on most stand behind others, and asking first saves time
+TINY = 1e-12            # least direction component; moves a hit by at most 1e-12 of its range
+FEW_BEAMS = 8           # with fewer beams, computing the azimuths takes more time than it saves
+MANY = 100              # with more shapes within reach most are hidden, and testing for that first saves time
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Vector = Tuple[float, float, float]
+    #: Coefficients of cosine and sine of the azimuth, constant, and origin.
+    Terms = Tuple[float, float, float, float]
 
 
 @kernel
-def write_poses(spheres, shapes, rows, poses):
-    """Move shapes: write centre and rotation of each of ``rows`` (n,) from world poses (n, 7), x y z and x y z w."""
+def write_poses(spheres: Floats, shapes: Floats, rows: NDArray[np.int64], poses: Floats) -> None:
+    """Move shapes: write the centre and rotation of each.
+
+    Parameters
+    ----------
+    spheres : (4, C) float64
+        Written.
+    shapes : (C, 16) float64
+        Written.
+    rows : (n,) int64
+        Rows of the shapes; others than those of the table are ignored.
+    poses : (n, 7) float64
+        Poses in the world: position x y z [m], quaternion x y z w.
+    """
     for k in range(rows.shape[0]):
         row = rows[k]
         if row < 0 or row >= shapes.shape[0]:
@@ -59,10 +82,10 @@ def write_poses(spheres, shapes, rows, poses):
 
 
 @kernel
-def _ahead(beams, rows, frame, sensor):
-    """Return the direction in world that no beam turns away from; zeros where the beams look all around."""
+def _ahead(beams: Floats, rows: Floats, frame: Floats, sensor: Sequence[float]) -> Vector:
+    """Return the direction in the world that is at most 90 degrees from each beam; zeros if there is none."""
     half = 0.5 * frame[ANGLE_STEP] * (beams.shape[1] - 1)
-    if not abs(half) <= 0.5 * math.pi + 1e-12:      # half a turn, rounded, is the usual fan
+    if not abs(half) <= 0.5 * math.pi + 1e-12:      # a field of view of 180 degrees is common, and has rounding errors
         return 0.0, 0.0, 0.0
     for j in range(rows.shape[0]):
         if rows[j, 0] < 0.0:
@@ -72,8 +95,8 @@ def _ahead(beams, rows, frame, sensor):
 
 
 @kernel
-def _near_to_far(order, frame, spheres, ahead):
-    """Write to ``order[0]`` the rows within reach by growing distance (in ``RINGS`` classes); return their number."""
+def _near_to_far(order: NDArray[np.int32], frame: Floats, spheres: Floats, ahead: Vector) -> int:
+    """Write the rows within reach, sorted by distance in ``RINGS`` classes, to ``order[0]``; return their number."""
     count = min(int(frame[COUNT]), order.shape[1])
     x, y, z, longest = frame[0], frame[1], frame[2], frame[RANGE_MAX]
     scale = RINGS / longest
@@ -85,7 +108,7 @@ def _near_to_far(order, frame, spheres, ahead):
         key = math.sqrt(squared) * scale
         key = key if key < RINGS - 1.0 else RINGS - 1.0
         seen = (squared <= reach * reach) & (dx * ax + dy * ay + dz * az >= -1.000001 * radius[k] - 1e-6)
-        key = key if seen else RINGS + 0.0      # NaN goes here
+        key = key if seen else RINGS + 0.0      # also for NaN
         ring[k] = int(key)
     starts = np.zeros(RINGS + 2, np.int64)
     for k in range(count):
@@ -101,17 +124,18 @@ def _near_to_far(order, frame, spheres, ahead):
 
 
 @kernel
-def _box_interval(px, py, u, v, w):
-    """Return extreme azimuths of a box's corners relative to its centre's; -inf, inf if it lies all around.
+def _box_interval(px: float, py: float, u: Tuple[float, float], v: Tuple[float, float],
+                  w: Tuple[float, float]) -> Tuple[float, float]:
+    """Return the extreme azimuths of the corners of a box relative to its centre; -inf, inf if it surrounds the sensor.
 
-    ``px, py`` is the centre and ``u, v, w`` are the half edges, both projected on the scan plane.  A span of pi or
-    more cannot belong to a convex outline beside the sensor, so then the outline contains the sensor.
+    ``px, py`` is the centre and ``u, v, w`` are the half edges, both projected on the scan plane.  If the span is pi or
+    more, the outline contains the sensor, because the outline is convex.
     """
     square = px * px + py * py
     du, dv, dw = px * u[0] + py * u[1], px * v[0] + py * v[1], px * w[0] + py * w[1]
     xu, xv, xw = px * u[1] - py * u[0], px * v[1] - py * v[0], px * w[1] - py * w[0]
     low, high = 0.0, 0.0
-    if square - abs(du) - abs(dv) - abs(dw) > 1e-3 * square:    # every corner ahead: the slope orders the angles
+    if square - abs(du) - abs(dv) - abs(dw) > 1e-3 * square:    # all corners in front: slopes have the order of angles
         for corner in range(4):
             sv, sw = 1.0 - (corner & 1) * 2.0, 1.0 - (corner & 2)
             across, along = xu + sv * xv + sw * xw, du + sv * dv + sw * dw
@@ -131,8 +155,8 @@ def _box_interval(px, py, u, v, w):
 
 
 @kernel
-def _disc_interval(px, py, radius):
-    """Return the extreme azimuths of a disc in the scan plane relative to its centre's; -inf, inf if it lies around."""
+def _disc_interval(px: float, py: float, radius: float) -> Tuple[float, float]:
+    """Return the extreme azimuths of a disc in the scan plane relative to its centre; -inf, inf if it surrounds."""
     left = px * px + py * py - radius * radius
     if not left > 1e-12:
         return -np.inf, np.inf
@@ -141,7 +165,7 @@ def _disc_interval(px, py, radius):
 
 
 @kernel
-def _beam_span(low, high, turn, frame, count):
+def _beam_span(low: float, high: float, turn: int, frame: Floats, count: int) -> Tuple[int, int]:
     """Return the half-open range of beams whose azimuth lies in [low, high] shifted by ``turn`` full turns."""
     shift = 2.0 * math.pi * turn - frame[ANGLE_MIN]
     first, last = (low + shift) / frame[ANGLE_STEP], (high + shift) / frame[ANGLE_STEP]
@@ -153,7 +177,7 @@ def _beam_span(low, high, turn, frame, count):
 
 
 @kernel
-def _slab(direction, origin, half):
+def _slab(direction: float, origin: float, half: float) -> Tuple[float, float]:
     """Return where a ray enters and leaves |x| <= half along one axis."""
     inverse = 1.0 / (TINY if abs(direction) < TINY else direction)      # NaN stays NaN
     one, two = (-half - origin) * inverse, (half - origin) * inverse
@@ -161,7 +185,7 @@ def _slab(direction, origin, half):
 
 
 @kernel
-def _first_hit(enter, leave, nearest):
+def _first_hit(enter: float, leave: float, nearest: float) -> float:
     """Return the first of entry and exit beyond ``nearest``; infinity where the shape is missed."""
     t = enter if enter > nearest else leave
     t = t if leave >= enter else np.inf
@@ -169,8 +193,11 @@ def _first_hit(enter, leave, nearest):
 
 
 @kernel
-def _box_range(c, s, x, y, z, half, nearest):
-    """Range to a box; ``x, y, z`` hold direction coefficients (of c, of s, constant) and origin in the box's axes."""
+def _box_range(c: float, s: float, x: Terms, y: Terms, z: Terms, half: Vector, nearest: float) -> float:
+    """Return the range to a box.
+
+    ``x, y, z`` hold, for each axis of the box, the coefficients of the direction (of c, of s, constant) and the origin.
+    """
     enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
     enter_y, leave_y = _slab(y[0] * c + y[1] * s + y[2], y[3], half[1])
     enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
@@ -182,8 +209,8 @@ def _box_range(c, s, x, y, z, half, nearest):
 
 
 @kernel
-def _tall_box_range(c, s, x, y, half, nearest):
-    """Range to a box that no beam can pass above or below."""
+def _tall_box_range(c: float, s: float, x: Terms, y: Terms, half: Vector, nearest: float) -> float:
+    """Return the range to a box that no beam can pass above or below."""
     enter, leave = _slab(x[0] * c + x[1] * s + x[2], x[3], half[0])
     enter_y, leave_y = _slab(y[0] * c + y[1] * s + y[2], y[3], half[1])
     enter = enter if enter > enter_y else enter_y
@@ -192,19 +219,19 @@ def _tall_box_range(c, s, x, y, half, nearest):
 
 
 @kernel
-def _tube(c, s, x, y, radius):
-    """Return where a ray enters and leaves the infinite cylinder about z; entry beyond exit where it misses."""
+def _tube(c: float, s: float, x: Terms, y: Terms, radius: float) -> Tuple[float, float]:
+    """Return where a ray enters and leaves the infinite cylinder about z; entry beyond exit if it misses."""
     dx, dy = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2]
     dx = TINY if abs(dx) < TINY else dx
     a, b, across = dx * dx + dy * dy, x[3] * dx + y[3] * dy, x[3] * dy - y[3] * dx
-    left = a * radius * radius - across * across     # this form keeps its digits far away, b * b - a * c does not
+    left = a * radius * radius - across * across     # stays accurate at long range, unlike b * b - a * c
     root = math.sqrt(left if left > 0.0 else 0.0)
     inverse = 1.0 / a
     return (-b - root) * inverse, ((-b + root) * inverse if left >= 0.0 else -np.inf)
 
 
 @kernel
-def _cylinder_range(c, s, x, y, z, half, nearest):
+def _cylinder_range(c: float, s: float, x: Terms, y: Terms, z: Terms, half: Vector, nearest: float) -> float:
     enter, leave = _tube(c, s, x, y, half[0])
     enter_z, leave_z = _slab(z[0] * c + z[1] * s + z[2], z[3], half[2])
     enter = enter if enter > enter_z else enter_z
@@ -213,14 +240,14 @@ def _cylinder_range(c, s, x, y, z, half, nearest):
 
 
 @kernel
-def _tall_cylinder_range(c, s, x, y, half, nearest):
-    """Range to a cylinder that no beam can pass above or below."""
+def _tall_cylinder_range(c: float, s: float, x: Terms, y: Terms, half: Vector, nearest: float) -> float:
+    """Return the range to a cylinder that no beam can pass above or below."""
     enter, leave = _tube(c, s, x, y, half[0])
     return _first_hit(enter, leave, nearest)
 
 
 @kernel
-def _sphere_range(c, s, x, y, z, half, nearest):
+def _sphere_range(c: float, s: float, x: Terms, y: Terms, z: Terms, half: Vector, nearest: float) -> float:
     dx, dy, dz = x[0] * c + x[1] * s + x[2], y[0] * c + y[1] * s + y[2], z[0] * c + z[1] * s + z[2]
     b = -(x[3] * dx + y[3] * dy + z[3] * dz)
     ex, ey, ez = x[3] + b * dx, y[3] + b * dy, z[3] + b * dz
@@ -230,8 +257,9 @@ def _sphere_range(c, s, x, y, z, half, nearest):
 
 
 @kernel
-def _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest):
-    """Lower ``out`` to the range of one shape for a run of beams of one row; the arrays are of one length."""
+def _sweep(kind: int, tall: bool, out: Floats, cosine: Floats, sine: Floats, x: Terms, y: Terms, z: Terms, half: Vector,
+           nearest: float) -> None:
+    """Lower ``out`` to the range of one shape for adjacent beams of one row; all arrays have the same length."""
     if kind == BOX and tall:
         for i in range(out.size):
             t = _tall_box_range(cosine[i], sine[i], x, y, half, nearest)
@@ -260,8 +288,9 @@ def _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest):
 
 
 @kernel
-def _cast_run(row, tall, out, hits, scratch, cosine, sine, x, y, z, half, kind, nearest):
-    """Sweep one shape over a run of beams; where hits are asked for, note its row at the beams it is now first on."""
+def _cast_run(row: int, tall: bool, out: Floats, hits: NDArray[np.int64], scratch: Floats, cosine: Floats, sine: Floats,
+              x: Terms, y: Terms, z: Terms, half: Vector, kind: int, nearest: float) -> None:
+    """Cast adjacent beams on one shape; if ``hits`` is not empty, write the shape's row for beams that hit it first."""
     if hits.size == 0:
         _sweep(kind, tall, out, cosine, sine, x, y, z, half, nearest)
         return
@@ -274,8 +303,9 @@ def _cast_run(row, tall, out, hits, scratch, cosine, sine, x, y, z, half, kind, 
 
 
 @kernel
-def _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, shapes):
-    """Cast every beam on a plane unless it is farther than any of a row's beams can get."""
+def _cast_plane(row: int, ranges: Floats, hits: NDArray[np.int64], scratch: Floats, beams: Floats, rows: Floats,
+                frame: Floats, sensor: Sequence[float], centre: Vector, shapes: Floats) -> None:
+    """Cast all beams on a plane, except rows of beams that are too short to reach it."""
     n = beams.shape[1]
     nx, ny, nz = shapes[row, 0], shapes[row, 1], shapes[row, 2]
     height = -(nx * centre[0] + ny * centre[1] + nz * centre[2])        # of the sensor above the plane
@@ -291,26 +321,26 @@ def _cast_plane(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
 
 
 @kernel
-def _interval(kind, px, py, a, half, radius):
-    """Return the extreme azimuths of a shape in the sensor's frame; -inf, inf if it lies all around."""
+def _interval(kind: int, px: float, py: float, a: Sequence[float], half: Vector, radius: float) -> Tuple[float, float]:
+    """Return the extreme azimuths of a shape in the sensor's frame; -inf, inf if it surrounds the sensor."""
     if kind == BOX:
         low, high = _box_interval(px, py, (a[0] * half[0], a[1] * half[0]), (a[3] * half[1], a[4] * half[1]),
                                   (a[6] * half[2], a[7] * half[2]))
-    elif kind == CYLINDER:      # the shadow of a tilted one lies in the disc of its radius plus its axis' shadow
+    elif kind == CYLINDER:      # projected, it lies in a disc of its radius plus half the projected length of its axis
         low, high = _disc_interval(px, py, min(radius, half[0] + half[2] * math.sqrt(a[6] * a[6] + a[7] * a[7])))
     else:
         low, high = _disc_interval(px, py, radius)
     if low > -np.inf:
         middle = azimuth(py, px)
         low, high = middle + low - AZIMUTH_MARGIN, middle + high + AZIMUTH_MARGIN
-        if high - low < 2.0 * math.pi:      # not so where something is NaN
+        if high - low < 2.0 * math.pi:      # false for NaN
             return low, high
     return -np.inf, np.inf
 
 
 @kernel
-def _nearest_point(kind, o, half):
-    """Return the distance from a point ``o`` in the shape's axes to the shape; 0 inside."""
+def _nearest_point(kind: int, o: Vector, half: Vector) -> float:
+    """Return the distance from a point ``o`` in the shape's frame to the shape; 0 inside."""
     if kind == SPHERE:
         return max(math.sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2]) - half[0], 0.0)
     dz = max(abs(o[2]) - half[2], 0.0)
@@ -322,8 +352,8 @@ def _nearest_point(kind, o, half):
 
 
 @kernel
-def _turns(low, high, frame, n):
-    """Return the full turns, first and last, by which an interval must be shifted to lie among the beams."""
+def _turns(low: float, high: float, frame: Floats, n: int) -> Tuple[int, int]:
+    """Return by how many full rotations, first and last, to shift an interval so that it overlaps the beams."""
     least, most = frame[ANGLE_MIN], frame[ANGLE_MIN] + frame[ANGLE_STEP] * (n - 1)
     if most < least:
         least, most = most, least
@@ -331,8 +361,9 @@ def _turns(low, high, frame, n):
 
 
 @kernel
-def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, radius, shapes):
-    """Cast the beams that can meet a box, sphere or cylinder and do not end before it."""
+def _cast_solid(row: int, ranges: Floats, hits: NDArray[np.int64], scratch: Floats, beams: Floats, rows: Floats,
+                frame: Floats, sensor: Sequence[float], centre: Vector, radius: float, shapes: Floats) -> None:
+    """Cast the beams that can hit a box, sphere or cylinder and have no nearer hit."""
     n, b = beams.shape[1], shapes[row]
     kind, half = int(b[KIND]), (b[HALF], b[HALF + 1], b[HALF + 2])
     px = sensor[0] * centre[0] + sensor[3] * centre[1] + sensor[6] * centre[2]
@@ -363,7 +394,7 @@ def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
         tall = abs(o[2]) + rise <= half[2]
         x, y = (a[0] * flat, a[1] * flat, a[2] * up, o[0]), (a[3] * flat, a[4] * flat, a[5] * up, o[1])
         z = (a[6] * flat, a[7] * flat, a[8] * up, o[2])
-        upright = flat > 1e-6       # else the row looks behind: azimuths and elevations do not bound it
+        upright = flat > 1e-6       # else the beams point backwards, and azimuths do not bound the shape
         if upright and abs(out_there * up - pz * flat) > margin:
             continue
         bounded = upright and low > -np.inf
@@ -380,8 +411,8 @@ def _cast_solid(row, ranges, hits, scratch, beams, rows, frame, sensor, centre, 
 
 
 @kernel
-def _asks_first(found, beams, rows, frame):
-    """Whether it pays to ask for each shape if it is hidden, and the azimuths allow it: within half a turn each way."""
+def _tests_hidden(found: int, beams: Floats, rows: Floats, frame: Floats) -> bool:
+    """Return whether to test first if shapes are hidden: there are many, and the azimuths are within [-pi, pi]."""
     most = frame[ANGLE_MIN] + frame[ANGLE_STEP] * (beams.shape[1] - 1)
     if found <= MANY or not (frame[ANGLE_STEP] > 1e-12 and frame[ANGLE_MIN] >= -math.pi and most <= math.pi):
         return False
@@ -392,9 +423,10 @@ def _asks_first(found, beams, rows, frame):
 
 
 @kernel
-def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_angle):
-    """Whether every beam that could meet a box, sphere or cylinder ends before it."""
-    if shape[KIND] != SPHERE:       # seen from above an upright pillar is far narrower than its sphere
+def _hidden(ranges: Floats, rows: Floats, frame: Floats, sensor: Sequence[float], centre: Vector, radius: float,
+            shape: Floats, n: int, beams_per_angle: float) -> bool:
+    """Return whether every beam that could hit a box, sphere or cylinder has a nearer hit."""
+    if shape[KIND] != SPHERE:       # in the plane, a tall upright shape is much smaller than its bounding sphere
         upright = sensor[2] * shape[2] + sensor[5] * shape[5] + sensor[8] * shape[8]
         wide = shape[HALF] if shape[KIND] == CYLINDER else math.sqrt(shape[HALF] ** 2 + shape[HALF + 1] ** 2)
         radius = min(radius, wide + shape[HALF + 2] * math.sqrt(max(1.0 - upright * upright, 0.0)) + 1e-7)
@@ -418,13 +450,14 @@ def _hidden(ranges, rows, frame, sensor, centre, radius, shape, n, beams_per_ang
 
 
 @kernel
-def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
-    """Cast all beams; see the module for the layouts.
+def cast_rays(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats, spheres: Floats,
+              shapes: Floats, order: NDArray[np.int32]) -> int:
+    """Cast all beams; see the module for the layouts of the arrays.
 
     Parameters
     ----------
     ranges : (V * N,) float64
-        Written: distance from the sensor's origin to the first hit, the longest range where nothing is hit [m].
+        Written: distance from the sensor's origin to the first hit [m], the longest range without a hit.
     hits : (V * N,) or (0,) int64
         Written, unless empty: row of the shape that is hit, -1 for none.
     beams, rows, frame, spheres, shapes : float64
@@ -435,12 +468,12 @@ def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     Returns
     -------
     int
-        How many those are.
+        Number of shapes within reach.
 
     Notes
     -----
-    A non-finite pose, of the sensor or of a shape, gives no hit and does no harm.  Directions are
-    (cos e cos a, cos e sin a, sin e) in the sensor's frame for azimuth a and elevation e.
+    A pose of the sensor or a shape that is not finite gives no hit.  Directions are (cos e cos a, cos e sin a, sin e)
+    in the sensor's frame for azimuth a and elevation e.
     """
     ranges[:] = frame[RANGE_MAX]
     hits[:] = -1
@@ -448,7 +481,7 @@ def cast_rays(ranges, hits, beams, rows, frame, spheres, shapes, order):
     q = frame[ORIENTATION:]
     sensor = rotation(q[0], q[1], q[2], q[3])
     found = _near_to_far(order, frame, spheres, _ahead(beams, rows, frame, sensor))
-    many, n, beams_per_angle = _asks_first(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
+    many, n, beams_per_angle = _tests_hidden(found, beams, rows, frame), beams.shape[1], 1.0 / frame[ANGLE_STEP]
     for k in range(found):
         row = order[0, k]
         if shapes[row, KIND] == MESH:

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What rays can hit: the collision shapes of all models, packed into the arrays of the ray kernels."""
+"""The collision shapes of all models, in the arrays of the ray kernels."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Callable, Dict, Hashable, List, Optional, Tuple, Union
 
 import numpy as np
 
@@ -22,32 +25,42 @@ from m2wr_sim.sensors.ray_kernels import (
     write_poses,
 )
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Pose
+
+    Floats = NDArray[np.float64]
+    Rows = NDArray[np.int64]
+    Primitive = Union[Box, Cylinder, Plane, Sphere]
+    Geometry = Union[Primitive, Mesh, Heightmap]
+
 
 class RayScene:
-    """A table of shapes, one row each; a row keeps its number until its owner is removed.
+    """A table of shapes, one per row; a row keeps its number until its owner is removed.
 
-    Every shape of every model belongs here, those of the robot that carries the sensor too: rays know no owner.
+    It holds all shapes of all models, including those of the robot that carries the sensor.
 
     Parameters
     ----------
     capacity : int
-        Rows to reserve; the table grows by itself when they are used up.
+        Number of rows to reserve; the table grows when they are used up.
 
     Attributes
     ----------
     spheres, shapes : arrays
-        The table in the layout of :mod:`m2wr_sim.sensors.ray_kernels`; replaced when it grows, so ask each time.
+        The table in the layout of :mod:`m2wr_sim.sensors.ray_kernels`.  Replaced when it grows, so do not keep them.
     count : int
-        Rows in use lie below this number.
+        Rows in use are below this number.
     version : int
-        Grows with every change.
+        Increases with every change.
     has_retro : bool
-        Whether any shape reflects more than nothing.
+        Whether any shape has a laser_retro other than 0.
     forest : Forest
-        What meshes and heightmaps are made of; false where there are none.
+        Trees of meshes and heightmaps; false if there are none.
     """
 
-    def __init__(self, capacity=64):
+    def __init__(self, capacity: int = 64) -> None:
         capacity = max(int(capacity), 1)
         self.spheres = np.full((4, capacity), np.nan)
         self.shapes = np.zeros((capacity, SHAPE_SIZE))
@@ -55,22 +68,22 @@ class RayScene:
         self.version = 0
         self.has_retro = False
         self.forest = Forest()
-        self._rows = {}         # owner -> its rows
-        self._ids = {}          # owner -> the number that stands for it in the table
+        self._rows: Dict[Hashable, List[int]] = {}      # owner -> its rows
+        self._ids: Dict[Hashable, int] = {}             # owner -> its number in the table
         self._next_id = 0
-        self._free = []
+        self._free: List[int] = []
         self._one_row, self._one_pose = np.zeros(1, np.int64), np.zeros((1, 7))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return sum(len(rows) for rows in self._rows.values())
 
     @property
-    def capacity(self):
-        """Number of rows the table has room for."""
+    def capacity(self) -> int:
+        """Number of rows in the table."""
         return self.shapes.shape[0]
 
-    def add(self, geometry, pose, owner, retro=0.0):
-        """Put a shape into the scene.
+    def add(self, geometry: Geometry, pose: Pose, owner: Hashable, retro: float = 0.0) -> int:
+        """Add a shape to the scene.
 
         Parameters
         ----------
@@ -78,11 +91,11 @@ class RayScene:
             See :mod:`m2wr_sim.model.types`.  A plane is infinite; its normal is in world axes and its offset comes
             from the position of ``pose``.
         pose : ((x, y, z), (x, y, z, w))
-            Of the shape's frame in world.
+            Pose of the shape in the world.
         owner : hashable
-            Whom the shape belongs to, for ``remove_owner`` and ``ignore_owner``.
+            Owner of the shape, for ``remove_owner`` and ``ignore_owner``.
         retro : float
-            The laser_retro that becomes the intensity of a hit.
+            laser_retro of the shape: the intensity of a hit.
 
         Returns
         -------
@@ -92,13 +105,14 @@ class RayScene:
         Raises
         ------
         TypeError
-            If rays cannot meet this kind of geometry.
+            If this kind of geometry is not supported.
         ValueError
             If a size is negative or not finite, a plane's normal is zero, or a mesh has no triangle.
         """
         tree = 0
         if isinstance(geometry, (Mesh, Heightmap)):
-            kind, (tree, (values, radius, _, _, _)) = MESH, self.forest.add(geometry)
+            tree, packed_tree = self.forest.add(geometry)
+            kind, radius, values = MESH, packed_tree.radius, tuple(packed_tree.middle)
         else:
             kind, radius, values = _pack(geometry)
         row = self._take_row()
@@ -119,8 +133,8 @@ class RayScene:
         self.set_pose(row, pose[0], pose[1])
         return row
 
-    def remove_owner(self, owner):
-        """Take all shapes of ``owner`` out; their rows may be given to others.  Unknown owners are no error."""
+    def remove_owner(self, owner: Hashable) -> None:
+        """Remove all shapes of ``owner``; their rows may be used again.  An unknown owner is not an error."""
         rows = self._rows.pop(owner, [])
         self._ids.pop(owner, None)
         for row in rows:
@@ -134,29 +148,40 @@ class RayScene:
         self.has_retro = bool(np.any(self.shapes[:self.count, RETRO]))
         self.version += 1
 
-    def rows_of(self, owner):
-        """Return the rows of ``owner`` in the order they were added."""
+    def rows_of(self, owner: Hashable) -> Tuple[int, ...]:
+        """Return the rows of ``owner`` in the order in which they were added."""
         return tuple(self._rows.get(owner, ()))
 
-    def owner_id(self, owner):
-        """Return the number that stands for ``owner`` in the table, -1 if it has no shapes."""
+    def owner_id(self, owner: Hashable) -> int:
+        """Return the number of ``owner`` in the table, -1 if it has no shapes."""
         return self._ids.get(owner, -1)
 
-    def set_pose(self, row, position, quaternion):
-        """Move one shape to a world pose (x, y, z), (x, y, z, w)."""
+    def set_pose(self, row: int, position: Tuple[float, float, float],
+                 quaternion: Tuple[float, float, float, float]) -> None:
+        """Move one shape.
+
+        Parameters
+        ----------
+        row : int
+            As returned by ``add``.
+        position : (3,) sequence of float
+            In the world [m].
+        quaternion : (4,) sequence of float
+            Orientation in the world, x y z w.
+        """
         self._one_row[0], self._one_pose[0, :3], self._one_pose[0, 3:] = row, position, quaternion
         self.set_poses(self._one_row, self._one_pose)
 
-    def set_poses(self, rows, poses):
+    def set_poses(self, rows: Rows, poses: Floats) -> None:
         """Move many shapes.
 
         Parameters
         ----------
         rows : (n,) int64
-            Rows as ``add`` returned them; no row outside the table is written.
+            Rows as returned by ``add``; rows outside the table are ignored.
         poses : (n, 7) float64
-            World positions [m] and orientations x y z w, these of any length but 0.  A shape with a pose that is not
-            finite is not seen.
+            Positions in the world [m] and quaternions x y z w of any length but 0.  A shape with a pose that is not
+            finite is invisible.
 
         Raises
         ------
@@ -168,13 +193,25 @@ class RayScene:
         write_poses(self.spheres, self.shapes, rows, poses)
         self.version += 1
 
-    def mover(self, rows, poses):
-        """Return a function that does :meth:`set_poses` of these very arrays, at less cost, whenever it is called.
+    def mover(self, rows: Rows, poses: Floats) -> Callable[[], None]:
+        """Return a faster replacement for :meth:`set_poses` that always uses the same two arrays.
+
+        Parameters
+        ----------
+        rows : (n,) int64
+            C-contiguous.
+        poses : (n, 7) float64
+            C-contiguous.
+
+        Returns
+        -------
+        callable
+            ``move()`` moves the shapes to what is in ``poses`` at that time.
 
         Raises
         ------
         ValueError
-            If the arrays are not of the shapes and kinds that ``set_poses`` asks for, without gaps.
+            If the shape, type or memory layout of an array is wrong.
         """
         if rows.dtype != np.int64 or poses.dtype != np.float64 or poses.shape != (rows.size, 7) or not (
                 rows.flags.c_contiguous and poses.flags.c_contiguous):
@@ -182,11 +219,12 @@ class RayScene:
                              % (rows.size, poses.shape, poses.dtype, rows.size))
         if not packed.COMPILED:
             return lambda: self.set_poses(rows, poses)
-        block, table = np.zeros(packed.MOVE_WORDS, np.uint64), None
+        block = np.zeros(packed.MOVE_WORDS, np.uint64)
+        table: Optional[Floats] = None
 
-        def move():
+        def move() -> None:
             nonlocal table
-            if table is not self.shapes:        # it has grown
+            if table is not self.shapes:        # the table has grown
                 table = self.shapes
                 block[:] = (self.spheres.ctypes.data, table.ctypes.data, table.shape[0], rows.ctypes.data,
                             poses.ctypes.data, rows.size)
@@ -195,7 +233,7 @@ class RayScene:
 
         return move
 
-    def _take_row(self):
+    def _take_row(self) -> int:
         if self._free:
             return self._free.pop()
         if self.count == self.capacity:
@@ -205,8 +243,9 @@ class RayScene:
         return self.count - 1
 
 
-def _pack(geometry):
-    """Return kind, bounding radius and the three values (half sizes, or a plane's unit normal) of a geometry."""
+def _pack(geometry: Primitive) -> Tuple[int, float, Tuple[float, ...]]:
+    """Return kind, bounding radius and three values (half sizes, or the unit normal of a plane) of a geometry."""
+    values: Tuple[float, ...]
     if isinstance(geometry, Box):
         kind, values = BOX, tuple(0.5 * float(size) for size in geometry.size)
         radius = math.sqrt(sum(value * value for value in values))
@@ -222,7 +261,7 @@ def _pack(geometry):
             raise ValueError("plane normal %r: expected a finite vector that is not zero" % (geometry.normal,))
         return PLANE, math.inf, tuple(value / length for value in geometry.normal)
     else:
-        raise TypeError("rays cannot meet a %s: expected Box, Sphere, Cylinder, Plane, Mesh or Heightmap"
+        raise TypeError("a laser scanner cannot see a %s: expected Box, Sphere, Cylinder, Plane, Mesh or Heightmap"
                         % type(geometry).__name__)
     if not all(0.0 <= value < math.inf for value in values):
         raise ValueError("%r: expected finite sizes that are not negative" % (geometry,))

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rays of :mod:`m2wr_sim.sensors.ray_kernels` without numba: every shape against all beams, as array operations."""
+"""Ray casting without numba, as array operations: each shape is intersected with all beams.
+
+The results are those of :mod:`m2wr_sim.sensors.ray_kernels` and :mod:`m2wr_sim.sensors.mesh_kernels`.
+"""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from m2wr_sim.sensors.mesh_kernels import EDGE, GRAZING
@@ -21,11 +28,16 @@ from m2wr_sim.sensors.ray_kernels import (
     rotation,
 )
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
 _PAIRS_AT_ONCE = 2 ** 20        # rays times triangles
 
 
-def _numpy_solid(kind, direction, origin, half, nearest):
-    """Ranges to one shape along ``direction`` (B, 3) from ``origin`` (3,), both in the shape's axes."""
+def _numpy_solid(kind: float, direction: Floats, origin: Floats, half: Floats, nearest: float) -> Floats:
+    """Return the ranges to one shape along ``direction`` (B, 3) from ``origin`` (3,), both in the shape's frame."""
     direction = np.where(np.abs(direction) < TINY, TINY, direction)
     one, two = (-half - origin) / direction, (half - origin) / direction
     enter, leave = np.minimum(one, two), np.maximum(one, two)
@@ -44,8 +56,8 @@ def _numpy_solid(kind, direction, origin, half, nearest):
     return np.where((leave >= enter) & (t > nearest), t, np.inf)
 
 
-def _directions(beams, rows, frame):
-    """Return the directions of all beams in world, (V * N, 3)."""
+def _directions(beams: Floats, rows: Floats, frame: Floats) -> Floats:
+    """Return the directions of all beams in the world, (V * N, 3)."""
     flat = np.empty((rows.shape[0], beams.shape[1], 3))
     flat[:, :, 0], flat[:, :, 1] = rows[:, :1] * beams[0], rows[:, :1] * beams[1]
     flat[:, :, 2] = rows[:, 1:]
@@ -53,8 +65,26 @@ def _directions(beams, rows, frame):
     return flat.reshape(-1, 3) @ sensor.T
 
 
-def cast_rays_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order):
-    """Do what ``ray_kernels.cast_rays`` does, same arguments; ``order[0]`` gets the rows within reach, unsorted."""
+def cast_rays_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats,
+                    spheres: Floats, shapes: Floats, order: NDArray[np.int32]) -> int:
+    """Cast all beams, as ``ray_kernels.cast_rays`` with the same layouts of arrays.
+
+    Parameters
+    ----------
+    ranges : (V * N,) float64
+        Written: distance from the sensor's origin to the first hit [m], the longest range without a hit.
+    hits : (V * N,) or (0,) int64
+        Written, unless empty: row of the shape that is hit, -1 for none.
+    beams, rows, frame, spheres, shapes : float64
+        Read only.
+    order : (2, C) int32
+        Written: in the first row, the shapes within reach, not sorted.
+
+    Returns
+    -------
+    int
+        Number of shapes within reach.
+    """
     ranges[:] = frame[RANGE_MAX]
     hits[:] = -1
     with np.errstate(all='ignore'):
@@ -71,17 +101,34 @@ def cast_rays_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order):
                 t = (shape[:3] @ centre) / (rays @ shape[:3])
                 t = np.where(t > frame[RANGE_MIN], t, np.inf)
             else:
-                turn = shape[:9].reshape(3, 3)
-                t = _numpy_solid(shape[KIND], rays @ turn, -centre @ turn, shape[HALF:KIND], frame[RANGE_MIN])
+                axes = shape[:9].reshape(3, 3)
+                t = _numpy_solid(shape[KIND], rays @ axes, -centre @ axes, shape[HALF:KIND], frame[RANGE_MIN])
             nearer = t < ranges
             ranges[nearer] = t[nearer]
             if hits.size:
                 hits[nearer] = row
-    return near.size
+    return int(near.size)
 
 
-def cast_meshes_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order, found, nodes, triangles, trees):
-    """Do what ``mesh_kernels.cast_meshes`` does, same arguments: beams against all triangles within reach."""
+def cast_meshes_numpy(ranges: Floats, hits: NDArray[np.int64], beams: Floats, rows: Floats, frame: Floats,
+                      spheres: Floats, shapes: Floats, order: NDArray[np.int32], found: int, nodes: Floats,
+                      triangles: Floats, trees: NDArray[np.int64]) -> None:
+    """Lower ranges to the meshes within reach, as ``mesh_kernels.cast_meshes`` with the same layouts of arrays.
+
+    Parameters
+    ----------
+    ranges : (V * N,) float64
+        Lowered where a mesh is nearer [m].
+    hits : (V * N,) or (0,) int64
+        Unless empty, set to the row of the mesh that is hit.
+    beams, rows, frame, spheres, shapes, nodes, triangles : float64
+        Read only; ``nodes`` is not used.
+    order : (2, C) int32
+        In the first row, the shapes within reach.
+    found : int
+        Number of shapes within reach.
+    trees : (T, 4) int64
+    """
     with np.errstate(all='ignore'):
         rays = _directions(beams, rows, frame)
         for row in order[0, :found]:
@@ -89,34 +136,34 @@ def cast_meshes_numpy(ranges, hits, beams, rows, frame, spheres, shapes, order, 
             if shape[KIND] != MESH or (frame[IGNORED] >= 0.0 and shape[OWNER] == frame[IGNORED]):
                 continue
             _, start, count, _ = trees[int(shape[TREE])]
-            turn = shape[:9].reshape(3, 3)
-            origin, local = (frame[:3] - spheres[:3, row]) @ turn, rays @ turn
-            mine = triangles[start:start + count]
-            mine = mine[_near_triangles(mine, origin, local, frame[RANGE_MAX])]
+            axes = shape[:9].reshape(3, 3)
+            origin, local = (frame[:3] - spheres[:3, row]) @ axes, rays @ axes
+            near = triangles[start:start + count]
+            near = near[_near_triangles(near, origin, local, frame[RANGE_MAX])]
             step = max(1, _PAIRS_AT_ONCE // len(rays))
-            for first in range(0, len(mine), step):
-                t = _meet_triangles(mine[first:first + step], origin, local, frame[RANGE_MIN])
+            for first in range(0, len(near), step):
+                t = _intersect_triangles(near[first:first + step], origin, local, frame[RANGE_MIN])
                 nearer = t < ranges
                 ranges[nearer] = t[nearer]
                 if hits.size:
                     hits[nearer] = row
 
 
-def _near_triangles(triangles, origin, rays, longest):
-    """Return which triangles lie in the box that the beams can reach."""
+def _near_triangles(triangles: Floats, origin: Floats, rays: Floats, longest: float) -> NDArray[np.bool_]:
+    """Return which triangles overlap the bounding box of the beams, (M,) bool."""
     low, high = np.minimum(rays.min(axis=0), 0.0) * longest - 1e-6, np.maximum(rays.max(axis=0), 0.0) * longest + 1e-6
     corners = triangles[:, :3] - origin
     corners = np.stack((corners, corners + triangles[:, 3:6], corners + triangles[:, 6:9]), axis=1)
     return np.all((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high), axis=1)
 
 
-def _meet_triangles(triangles, origin, rays, nearest):
-    """Return the ranges (B,) of rays to the first of some triangles, infinity where they miss all."""
+def _intersect_triangles(triangles: Floats, origin: Floats, rays: Floats, nearest: float) -> Floats:
+    """Return the ranges (B,) of rays to the nearest of some triangles, infinity where a ray misses all."""
     one, two, offset = triangles[:, 3:6], triangles[:, 6:9], origin - triangles[:, :3]
     normal, across = np.cross(one, two), np.cross(offset, one)
     slope = -(rays @ normal.T)
     u, v = rays @ np.cross(two, offset).T / slope, rays @ across.T / slope
     t = (two * across).sum(axis=1) / slope
-    met = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1.0 + EDGE) & (t > nearest)
-    met &= np.abs(slope) > GRAZING * np.sqrt((normal * normal).sum(axis=1))
-    return np.where(met, t, np.inf).min(axis=1)
+    hit = (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1.0 + EDGE) & (t > nearest)
+    hit &= np.abs(slope) > GRAZING * np.sqrt((normal * normal).sum(axis=1))
+    return np.where(hit, t, np.inf).min(axis=1)
