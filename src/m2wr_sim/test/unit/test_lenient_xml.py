@@ -51,9 +51,10 @@ def test_a_sound_document_is_left_alone():
     assert tidy(BODY.encode()) == (BODY.encode(), [])
 
 
-def test_many_comments_that_never_close_take_no_time():
-    text = "<sdf>" + "<!-- " * 500000
-    assert tidy(text.encode())[1] == []
+def test_unclosed_comments_stay_as_they_are():
+    """What this costs is measured in test_text_cost."""
+    text = "<sdf>" + "<!-- " * 1000
+    assert tidy(text.encode()) == (text.encode(), [])
 
 
 def test_a_world_with_slips_loads():
