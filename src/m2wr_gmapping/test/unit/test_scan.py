@@ -202,10 +202,17 @@ def test_normals_equal_reference_in_all_directions(turn):
         assert shape[2, b] == pytest.approx(min(1.0, max(0.0, (0.4 - spread) / 0.25)))
 
 
-def test_isotropic_points_have_a_normal():
-    points, shape = np.array([[1.0, 1.1, 1.1, 1.0], [0.0, 0.0, 0.1, 0.1]]), np.empty((3, 4))
-    surface_normals(points, 0.3, 4, math.inf, shape)
-    assert np.allclose(np.hypot(shape[0], shape[1]), 1.0) and not shape[2].any()
+@pytest.mark.parametrize("points", [
+    [[1.0, 1.1, 1.1, 1.0], [0.0, 0.0, 0.1, 0.1]], [[1.0, 1.1, 1.0, 0.9], [2.1, 2.0, 1.9, 2.0]],
+    [[2.0, 2.0, 2.0], [1.0, 1.0, 1.0]], [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]], ids=["square", "cross", "one", "origin"])
+def test_isotropic_points_inform_all_directions_alike(points):
+    """A surface without a direction: whatever unit normal it gets, the error counts the same along it and across."""
+    points = np.array(points)
+    beams = np.full((mk.BEAM_ROWS, points.shape[1]), np.nan)
+    with_normals(points, 0.3, 4, math.inf, 0.02, beams)
+    for normal, along in zip(beams[mk.NX:mk.NY + 1].T, beams[mk.SLIDE]):
+        tangent = np.array([-normal[1], normal[0]])
+        assert np.allclose(np.outer(normal, normal) + along * np.outer(tangent, tangent), np.eye(2), atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 90])
