@@ -6,7 +6,7 @@ tools/check_docstrings.py FOLDER ...     check all Python files below these fold
 
 ``Parameters`` names each argument. ``Returns`` or ``Yields`` is there unless the first line begins with "Return" or
 "Yield" or the return type is None. ``Raises`` names each exception that the function itself raises by name. The form of
-the sections is checked by ruff (rules D4xx).
+the sections is checked by ruff (rules D4xx). A method without a docstring in a class with a base inherits that of the base.
 """
 import ast
 import os
@@ -44,12 +44,14 @@ def raised_by(function: ast.FunctionDef) -> Set[str]:
 
 
 def public_functions(tree: ast.AST) -> Iterator[ast.FunctionDef]:
-    """Yield the functions and methods of a module that a user may call."""
+    """Yield the functions and methods of a module that a user may call and that do not inherit their docstring."""
+    derived = isinstance(tree, ast.ClassDef) and bool(tree.bases)
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from public_functions(node)
         elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-            yield node
+            if not derived or ast.get_docstring(node):
+                yield node
 
 
 def faults(text: str) -> Iterator[Tuple[int, str]]:

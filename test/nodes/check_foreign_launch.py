@@ -96,7 +96,7 @@ class ForeignLaunch(unittest.TestCase):
         with self.run_launch("hauler_gazebo", "hauler_world.launch") as run:
             self.assertEqual(run.wait_for_models("hauler"), ["ground_plane", "shelf_ahead", "parcel", "hauler"])
             for name, words in (("camera", "renderer"), ("openni_kinect", "renderer"), ("control", "ros_control")):
-                run.wait_for_text("no plugin libgazebo_ros_%s.so here" % name)
+                run.wait_for_text("plugin libgazebo_ros_%s.so is not supported" % name)
                 line, = [line for line in run.text.splitlines() if "libgazebo_ros_%s.so" % name in line]
                 self.assertIn(words, line)
             scans, odometry = self.listen("/hauler/laser/scan", LaserScan), self.listen("/hauler/odom", Odometry)

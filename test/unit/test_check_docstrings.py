@@ -32,6 +32,13 @@ def test_complete_docstring_passes(head, docstring, body):
     assert sentences(head, docstring, body) == []
 
 
+def test_override_without_docstring_inherits_it():
+    text = "class C%s:\n    def f(self, a, b):%s\n        pass\n"
+    assert not list(check_docstrings.faults(text % ("(Base)", "")))
+    assert list(check_docstrings.faults(text % ("", "")))
+    assert list(check_docstrings.faults(text % ("(Base)", "\n        \"\"\"Do.\"\"\"")))
+
+
 @pytest.mark.parametrize("head, docstring, body, words", [
     ("def f(a, b) -> None", "Do.", "pass", "Parameters does not name a"),
     ("def f(a, b, c) -> None", "Do." + PARAMETERS, "pass", "Parameters does not name c"),

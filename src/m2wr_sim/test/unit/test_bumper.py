@@ -13,7 +13,7 @@ TOPIC = "/bumper_states"
 def bumper(collisions=("collision",), kind="contact", pose=at(z=0.25), **tags):
     """Return a crate of 10 kg with a contact sensor."""
     spec = PluginSpec("bumper", "libgazebo_ros_bumper.so", tuple(tags.items()), where="crate: plugin \"bumper\"")
-    sensor = Sensor("touch", kind, update_rate=50.0, contact_collisions=collisions, plugins=(spec,))
+    sensor = Sensor("front", kind, update_rate=50.0, contact_collisions=collisions, plugins=(spec,))
     model = box("crate", 0, 0, 0, static=False, mass=10.0)
     return replace(model, pose=pose, links=(replace(model.links[0], sensors=(sensor,)),))
 
@@ -43,23 +43,23 @@ def test_a_crate_on_the_ground(make):
                           "other geom:ground_plane::link::collision         time:0.981000000\n")
 
 
-def test_in_the_air_messages_come_without_states(make):
+def test_messages_have_no_states_without_contact(make):
     rig = make(pose=at(z=20.0)).run(0.5)
     assert len(rig.messages(TOPIC)) == 25 and not any(message.states for message in rig.messages(TOPIC))
 
 
-def test_the_rate_is_the_sensors(make):
+def test_rate_is_that_of_the_sensor(make):
     assert make().run(0.1).stamps_ms(TOPIC) == [1, 21, 41, 61, 81]
 
 
-def test_wrenches_are_in_the_axes_of_the_own_link(make):
+def test_wrenches_are_in_axes_of_own_link(make):
     pose = ((0.0, 0.0, 0.25), (0.7071067811865476, 0.0, 0.0, 0.7071067811865476))       # y up
     state, = make(pose=pose).run(1.0).messages(TOPIC)[-1].states
     assert state.total_wrench.force.y == pytest.approx(98.0, abs=1e-2)
     assert abs(state.total_wrench.force.z) < 1e-2 and state.contact_normals[0].z == pytest.approx(1.0)
 
 
-def test_a_touch_between_two_messages_is_in_the_second(make):
+def test_contact_between_two_messages_is_in_the_second(make):
     rig = make(pose=at(z=3.0)).run(0.505)
     place = rig.simulator.models["crate"].place
     place(rig.engine, at(z=0.2499))
@@ -70,26 +70,26 @@ def test_a_touch_between_two_messages_is_in_the_second(make):
     assert [len(message.states) for message in rig.messages(TOPIC)[-3:]] == [0, 1, 0]
 
 
-def test_a_robot_that_runs_into_a_wall_feels_it(make_rig, m2wr):
+def test_robot_hitting_a_wall_reports_contact(make_rig, m2wr):
     rig = make_rig(box("wall", 1.5, 0.0, 0.5, (0.2, 2.0, 1.0)), joint_states=False, wheel_convention="kinetic")
     chassis = m2wr.links[0]
-    spec = PluginSpec("bumper", "libgazebo_ros_bumper.so", (("bumperTopicName", "touch"), ("frameName", "base")),
+    spec = PluginSpec("bumper", "libgazebo_ros_bumper.so", (("bumperTopicName", "contact"), ("frameName", "base")),
                       where="x")
     names = tuple(shape.name for shape in chassis.collisions)
-    sensor = Sensor("touch", "contact", update_rate=20.0, contact_collisions=names, plugins=(spec,))
+    sensor = Sensor("front", "contact", update_rate=20.0, contact_collisions=names, plugins=(spec,))
     rig.simulator.spawn(replace(m2wr, links=(replace(chassis, sensors=(sensor,)),) + m2wr.links[1:]), at(z=0.1),
                         namespace="/")
     rig.send(0.5, 0.0).run(4.0)
     walls = [[state for state in message.states if "wall" in state.collision2_name]
-             for message in rig.messages("/touch")]
+             for message in rig.messages("/contact")]
     first = next(index for index, states in enumerate(walls) if states)
     assert 1.5 < first / 20.0 < 3.5 and all(walls[first + 1:])
     push = walls[-1][0].total_wrench.force.x
     assert -200.0 < push < -5.0 and walls[-1][0].contact_normals[0].x == pytest.approx(-1.0, abs=1e-3)
-    assert rig.messages("/touch")[-1].header.frame_id == "base"
+    assert rig.messages("/contact")[-1].header.frame_id == "base"
 
 
-def test_nothing_is_kept_for_nobody(make):
+def test_contacts_are_not_stored_without_subscribers(make):
     rig = make()
     rig.ports.topics[TOPIC].listening = False
     rig.run(0.5)
@@ -98,7 +98,7 @@ def test_nothing_is_kept_for_nobody(make):
     assert rig.stamps_ms(TOPIC) == [501]
 
 
-def test_reports_end_with_the_model(make):
+def test_watch_ends_with_the_model(make):
     rig = make().run(0.1)
     rig.simulator.delete("crate")
     assert rig.engine._watches == []
@@ -106,12 +106,12 @@ def test_reports_end_with_the_model(make):
 
 
 @pytest.mark.parametrize("collisions, words", [(("nose",), "names nose"), ((), "names no <collision>")])
-def test_a_collision_that_is_not_there_is_named_and_nothing_is_reported(make, caplog, collisions, words):
+def test_missing_collision_is_logged_and_reports_nothing(make, caplog, collisions, words):
     rig = make(collisions=collisions).run(0.2)
     assert words in caplog.text and "collisions collision" in caplog.text
     assert rig.messages(TOPIC) and not any(message.states for message in rig.messages(TOPIC))
 
 
-def test_another_kind_of_sensor_is_refused(make, caplog):
+def test_other_sensor_type_is_rejected(make, caplog):
     assert TOPIC not in make(kind="ray").ports.topics
-    assert "belongs into a <sensor type=\"contact\">" in caplog.text
+    assert "must be in a <sensor type=\"contact\">" in caplog.text

@@ -202,7 +202,7 @@ def test_wheel_states_hold_positions_only_right_wheel_first(make):
     # kinetic: the left one is outside
     assert len(message.position) == 2 and message.position[1] > message.position[0] > 0.0
     assert list(message.velocity) == list(message.effort) == []
-    assert rig.stamps_ms("/joint_states")[:2] == [51, 101]      # and nobody else publishes there
+    assert rig.stamps_ms("/joint_states")[:2] == [51, 101]      # and no other publisher
 
 
 # -- sides --------------------------------------------------------------------------------------------------------
@@ -346,7 +346,7 @@ def test_senseless_choices_keep_the_default(make, tags):
 def test_dead_tags_are_named(make, caplog):
     caplog.set_level(logging.INFO)
     make({"torqueLimit": "3"})
-    sentence, = said_with(caplog, "nothing reads")
+    sentence, = said_with(caplog, "unsupported elements ignored")
     assert "<torque>" in sentence and "<torqueLimit>" in sentence and "<updateRate>" not in sentence
 
 

@@ -49,7 +49,7 @@ def carried(make_rig):
     return make
 
 
-def test_at_rest_only_the_sensor_feels_gravity(carried, library):
+def test_only_sensor_imu_includes_gravity_at_rest(carried, library):
     message = carried(library).run(1.0).messages("/imu")[-1]
     assert values(message.angular_velocity) == pytest.approx((0, 0, 0), abs=1e-6)
     expected = (0.0, 0.0, 9.8 if library == SENSOR else 0.0)
@@ -57,13 +57,13 @@ def test_at_rest_only_the_sensor_feels_gravity(carried, library):
     assert message.header.frame_id == ("unit" if library == SENSOR else "link")
 
 
-def test_in_free_fall_only_the_body_unit_reads_the_acceleration(carried, library):
+def test_only_body_imu_measures_free_fall(carried, library):
     message = carried(library, at(z=50.0)).run(1.0).messages("/imu")[-1]
     expected = (0.0, 0.0, 0.0 if library == SENSOR else -9.8)
     assert values(message.linear_acceleration) == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_first_message_comes_a_period_after_somebody_listens(carried, library):
+def test_first_message_follows_one_period_after_subscription(carried, library):
     rig = carried(library)
     rig.ports.topics["/imu"].listening = False
     rig.run(1.0)
@@ -91,7 +91,7 @@ def test_acceleration_is_in_the_axes_of_the_body(carried, library):
     assert acceleration == pytest.approx((0.0, -1.0 if library == BODY else 0.0, 0.0), abs=1e-3)
 
 
-def test_a_variance_beyond_all_doubles_is_infinite(carried, library):
+def test_variance_overflow_gives_infinity(carried, library):
     message = carried(library, gaussianNoise="1e200").run(0.1).messages("/imu")[-1]
     assert message.angular_velocity_covariance[0] == math.inf
 
@@ -107,14 +107,14 @@ def test_variances_are_the_noise_squared_and_readings_scatter_by_it(carried, lib
     assert spread == pytest.approx(0.2, rel=0.2) if library == SENSOR else spread < 1e-4
 
 
-def test_the_offset_turns_the_orientation(carried, library):
+def test_offset_rotates_the_orientation(carried, library):
     message = carried(library, at(z=0.25, yaw=0.4), rpyOffset="0 0 0.2").run(0.5).messages("/imu")[-1]
     assert 2.0 * math.atan2(message.orientation.z, message.orientation.w) == pytest.approx(0.6, abs=1e-4)
 
 
 # -- what only one of them has ------------------------------------------------------------------------------------
 
-def test_the_body_unit_offers_its_calibration_service(carried):
+def test_body_imu_offers_calibration_service(carried):
     rig = carried(BODY, serviceName="imu/calibrate", robotNamespace="bot")
     service = rig.ports.services["/bot/imu/calibrate"]
     assert isinstance(service.callback(EmptyRequest()), EmptyResponse)
@@ -122,27 +122,27 @@ def test_the_body_unit_offers_its_calibration_service(carried):
     assert not service.open
 
 
-def test_the_body_unit_defaults(make_rig):
+def test_body_imu_defaults(make_rig):
     rig = make_rig(joint_states=False)
     rig.simulator.spawn(crate(BODY, bodyName="link"), at(z=0.25))
     assert rig.run(0.005).stamps_ms("/default_imu") == [1, 2, 3, 4, 5] and "/default_imu" in rig.ports.services
 
 
 @pytest.mark.parametrize("namespace, topic", [(None, "/crate/imu"), ("/", "/imu"), ("/bot", "/bot/imu")])
-def test_the_sensor_puts_even_an_absolute_topic_into_its_namespace(make_rig, namespace, topic):
+def test_sensor_imu_prefixes_absolute_topics_too(make_rig, namespace, topic):
     rig = make_rig(joint_states=False)
     tags = {} if namespace is None else {"robotNamespace": namespace}
     rig.simulator.spawn(crate(SENSOR, frameName="unit", topicName="/imu", **tags), at(z=0.25))
     assert topic in rig.ports.topics
 
 
-def test_of_the_sensors_readings_only_those_at_its_rate_are_sent(make_rig):
+def test_plugin_rate_selects_readings_of_the_sensor(make_rig):
     rig = make_rig(joint_states=False)
     rig.simulator.spawn(crate(SENSOR, frameName="unit", robotNamespace="/"), at(z=0.25))
     assert rig.run(3.2).stamps_ms("/imu_data") == [1000, 2000, 3000]        # 1 Hz where the tag is missing
 
 
-def test_the_sensor_may_count_from_its_first_orientation(carried):
+def test_first_orientation_can_be_the_reference(carried):
     message = carried(SENSOR, at(z=0.25, yaw=0.4), initialOrientationAsReference="true").run(0.5).messages("/imu")[-1]
     assert (message.orientation.z, message.orientation.w) == pytest.approx((0.0, 1.0), abs=1e-5)
 
@@ -161,22 +161,22 @@ def test_the_sensors_own_noise(carried):
 @pytest.mark.parametrize("library, model, words", [
     (SENSOR, {}, "needs a <frameName>"), (BODY, {}, "needs a <bodyName>"),
     (BODY, {"bodyName": "x"}, "is no link of crate")])
-def test_what_is_missing_is_named(make_rig, caplog, library, model, words):
+def test_missing_elements_are_logged(make_rig, caplog, library, model, words):
     rig = make_rig(joint_states=False)
     rig.simulator.spawn(crate(library, **model), at(z=0.25))
     assert not rig.ports.topics and words in caplog.text
 
 
-def test_the_sensor_plugin_outside_of_an_imu_sensor_is_refused(make_rig, m2wr, caplog):
+def test_plugin_outside_an_imu_sensor_is_rejected(make_rig, m2wr, caplog):
     rig = make_rig(joint_states=False)
     spec = PluginSpec("imu", SENSOR, (("frameName", "x"),), where="here")
     rig.simulator.spawn(replace(m2wr, plugins=(spec,)), at(z=0.1))
-    assert "belongs into a <sensor type=\"imu\">" in caplog.text
+    assert "must be in a <sensor type=\"imu\">" in caplog.text
 
 
 # -- the sensor without a plugin ----------------------------------------------------------------------------------
 
-def test_a_unit_off_the_axis_of_a_turn_reads_the_centripetal_acceleration():
+def test_imu_off_the_axis_measures_centripetal_acceleration():
     arm, rate = 0.5, 2.0
     unit = ImuSensor(((arm, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), (), np.random.default_rng(0))
     for step in range(200):
@@ -190,14 +190,14 @@ def test_a_unit_off_the_axis_of_a_turn_reads_the_centripetal_acceleration():
     assert acceleration == pytest.approx((-arm * rate ** 2, 0.0, 9.8), abs=0.005)
 
 
-def test_a_turned_unit_reads_gravity_along_its_own_axes():
+def test_rotated_imu_measures_gravity_in_its_axes():
     unit = ImuSensor((ORIGIN, quaternion_from_rpy(0.0, 0.5 * math.pi, 0.0)), (), np.random.default_rng(0))
     state = LinkState(ORIGIN, (0.0, 0.0, 0.0, 1.0), ORIGIN, ORIGIN)
     unit.start(state, 0)
     assert unit.read(state, 1000000, GRAVITY)[2] == pytest.approx((-9.8, 0.0, 0.0))
 
 
-def test_a_wandering_bias_has_the_spread_and_memory_of_its_process():
+def test_dynamic_bias_has_given_spread_and_correlation():
     sigma, tau, dt, count = 0.5, 0.2, 0.01, 100000
     bias, rng = GaussMarkovBias(Noise("gaussian", dynamic_bias_stddev=sigma, dynamic_bias_correlation_time=tau)), \
         np.random.default_rng(1)
@@ -209,7 +209,7 @@ def test_a_wandering_bias_has_the_spread_and_memory_of_its_process():
     assert abs(bias.advance(1e-9, rng)) < 1e-3
 
 
-def test_the_same_seed_wanders_the_same_way_again_after_a_reset():
+def test_reset_repeats_the_dynamic_bias():
     noise = Noise("gaussian", dynamic_bias_stddev=0.5, dynamic_bias_correlation_time=1.0)
     unit = ImuSensor((ORIGIN, (0.0, 0.0, 0.0, 1.0)), (noise,) * 6, np.random.default_rng(3))
     state = LinkState(ORIGIN, (0.0, 0.0, 0.0, 1.0), ORIGIN, ORIGIN)

@@ -15,17 +15,17 @@ def asking(robot, **tags):
     return replace(robot, plugins=robot.plugins + (spec,))
 
 
-def test_a_robot_without_the_plugin_gets_its_joints_at_the_set_rate(m2wr_rig):
+def test_robot_without_plugin_publishes_at_the_set_rate(m2wr_rig):
     rig = m2wr_rig(joint_state_rate=50.0).run(0.1)
     assert rig.stamps_ms(TOPIC) == [21, 41, 61, 81]
     assert rig.messages(TOPIC)[0].name == ["joint_left_wheel", "joint_right_wheel"]
 
 
-def test_unless_that_is_not_wanted(m2wr_rig):
+def test_joint_states_can_be_disabled(m2wr_rig):
     assert TOPIC not in m2wr_rig(joint_states=False).ports.topics
 
 
-def test_a_thing_without_plugins_gets_none(make_rig, m2wr):
+def test_model_without_plugins_has_no_joint_states(make_rig, m2wr):
     rig = make_rig()
     rig.simulator.spawn(replace(m2wr, plugins=()), ((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0)), namespace="/")
     assert TOPIC not in rig.ports.topics
@@ -58,7 +58,7 @@ def test_the_namespace(m2wr_rig, namespace, topic):
     assert len(m2wr_rig(namespace=namespace).run(0.05).messages(topic)) == 2
 
 
-def test_nothing_is_made_while_nobody_listens(m2wr_rig):
+def test_no_messages_without_subscribers(m2wr_rig):
     rig = m2wr_rig()
     port = rig.ports.topics[TOPIC]
     port.listening = False
@@ -68,7 +68,7 @@ def test_nothing_is_made_while_nobody_listens(m2wr_rig):
     assert rig.run(0.05).stamps_ms(TOPIC) == [201, 221, 241]        # where they would have been, none made up for
 
 
-def test_stamps_do_not_depend_on_when_somebody_comes_to_listen(m2wr_rig):
+def test_stamps_do_not_depend_on_time_of_subscription(m2wr_rig):
     rig = m2wr_rig()
     port = rig.ports.topics[TOPIC]
     port.listening = False
@@ -77,21 +77,21 @@ def test_stamps_do_not_depend_on_when_somebody_comes_to_listen(m2wr_rig):
     assert rig.run(0.05).stamps_ms(TOPIC) == [81, 101]
 
 
-def test_a_joint_that_is_not_there_is_named(m2wr_rig, m2wr, caplog):
+def test_missing_joint_is_logged(m2wr_rig, m2wr, caplog):
     rig = m2wr_rig(robot=asking(m2wr, jointName="joint_left_wheel, elbow")).run(0.06)
     error, = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
     assert "\"elbow\" is no joint of m2wr (it has joint_left_wheel, joint_right_wheel)" in error
     assert TOPIC not in rig.ports.topics and len(rig.messages("/odom")) == 1
 
 
-def test_a_tag_without_joints_is_named(m2wr_rig, m2wr, caplog):
+def test_tag_without_joints_is_logged(m2wr_rig, m2wr, caplog):
     m2wr_rig(robot=asking(m2wr))
     error, = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
     assert "needs a <jointName> element" in error
 
 
 @pytest.mark.parametrize("rewound, times", [(False, [131, 151, 171]), (True, [21, 41, 61])])
-def test_it_goes_on_after_a_reset(m2wr_rig, rewound, times):
+def test_joint_states_continue_after_reset(m2wr_rig, rewound, times):
     rig = m2wr_rig().run(0.111)
     before = len(rig.messages(TOPIC))
     rig.simulator.reset_simulation() if rewound else rig.simulator.reset_world()

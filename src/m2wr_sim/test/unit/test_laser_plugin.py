@@ -53,11 +53,11 @@ def test_thirty_scans_a_second_at_five_milliseconds_keep_the_rate(make):
     assert len(stamps) == 150 and {b - a for a, b in zip(stamps, stamps[1:])} == {30, 35}
 
 
-def test_without_a_rate_it_measures_with_every_step(make):
+def test_without_rate_measures_in_every_step(make):
     assert make(sensor={"update_rate": 0.0}).run(0.004).stamps_ms(SCAN) == [1, 2, 3, 4]
 
 
-def test_it_casts_no_rays_while_nobody_listens(make, monkeypatch):
+def test_no_rays_without_subscribers(make, monkeypatch):
     casts, cast = [], LaserSensor.cast
     monkeypatch.setattr(LaserSensor, "cast", lambda *arguments: casts.append(1) or cast(*arguments))
     rig = make()
@@ -75,7 +75,7 @@ def test_it_casts_no_rays_while_nobody_listens(make, monkeypatch):
     assert rig.stamps_ms(SCAN)[2:] == [614, 664] and len(casts) == 4
 
 
-def test_always_on_makes_no_difference_to_that(make):
+def test_always_on_does_not_cast_without_subscribers(make):
     rig = make(sensor={"always_on": True})
     rig.ports.topics[SCAN].listening = False
     assert rig.run(0.2).messages(SCAN) == []
@@ -83,7 +83,7 @@ def test_always_on_makes_no_difference_to_that(make):
 
 # -- what ---------------------------------------------------------------------------------------------------------
 
-def test_the_fields_are_gazebos(make):
+def test_fields_are_those_of_gazebo(make):
     message = make().run(0.01).messages(SCAN)[0]
     assert message.header.frame_id == "sensor_laser"
     assert (message.angle_min, message.angle_max) == (-1.570796, 1.570796)
@@ -94,7 +94,7 @@ def test_the_fields_are_gazebos(make):
 
 
 @pytest.mark.parametrize("most, told", [(1e300, math.inf), (1.7e308, math.inf), (30.0, 30.0)])
-def test_a_range_limit_beyond_a_message_is_infinite_there(make, caplog, most, told):
+def test_range_limit_above_float32_is_infinite(make, caplog, most, told):
     rig = make(ray={"range_max": most}).run(0.2)
     message = copy.deepcopy(rig.messages(SCAN)[-1])
     message.header.stamp = stamp_of(message.header.stamp)
@@ -103,7 +103,7 @@ def test_a_range_limit_beyond_a_message_is_infinite_there(make, caplog, most, to
     assert not [record for record in caplog.records if record.levelname == "ERROR"]
 
 
-def test_a_wall_is_read_at_its_distance(make):
+def test_wall_is_measured_at_its_distance(make):
     message = make(ray=QUIET).run(0.5).messages(SCAN)[-1]
     angles = message.angle_min + message.angle_increment * np.arange(720)
     expected = (3.0 - LASER_X) / np.cos(angles)
@@ -120,7 +120,7 @@ def test_beams_run_from_the_right_to_the_left(make_rig, m2wr, build):
     assert 360 < min(hit) and max(hit) < 719
 
 
-def test_it_sees_where_things_are_now(make):
+def test_moved_obstacle_is_measured_at_its_new_pose(make):
     rig = make(ray=QUIET, wheel_convention="kinetic").run(0.5).send(0.5, 0.0).run(2.0)
     message, x = rig.messages(SCAN)[-1], rig.pose()[0][0]
     age = (rig.simulator.now_ns - message.header.stamp) * 1e-9
@@ -130,7 +130,7 @@ def test_it_sees_where_things_are_now(make):
     assert rig.messages(SCAN)[-1].ranges[360] == pytest.approx(message.ranges[360] + 2.0, abs=0.06)
 
 
-def test_it_sees_movable_things_and_other_robots(make, m2wr, build):
+def test_movable_models_and_other_robots_are_measured(make, m2wr, build):
     rig = make(ray=QUIET)
     rig.simulator.spawn(build.box("crate", 1.5, 0.0, 0.3, static=False), at(1.5, 0.0, 0.25))
     assert rig.run(0.2).messages(SCAN)[-1].ranges[360] == pytest.approx(1.25 - LASER_X, abs=2e-3)
@@ -141,7 +141,7 @@ def test_it_sees_movable_things_and_other_robots(make, m2wr, build):
     assert rig.run(0.1).messages(SCAN)[-1].ranges[360] == pytest.approx(1.5 - 2 * LASER_X - 0.05, abs=5e-3)
 
 
-def test_level_on_the_ground_it_sees_nothing_of_itself(m2wr_rig):
+def test_level_laser_does_not_hit_its_own_robot(m2wr_rig):
     assert all(math.isinf(value) for value in m2wr_rig().run(1.0).messages(SCAN)[-1].ranges)
 
 
@@ -151,7 +151,7 @@ def ranges_of(rig):
     return [tuple(message.ranges) for message in rig.run(0.5).messages(SCAN)]
 
 
-def test_noise_is_that_of_the_model_and_of_the_seed(make):
+def test_noise_depends_on_model_and_seed(make):
     first, again, other = (ranges_of(make(seed=seed)) for seed in (5, 5, 6))
     assert first == again and first != other
     errors = np.array([scan[300:420] for scan in first[2:]]) - np.array(ranges_of(make(ray=QUIET))[-1][300:420])
@@ -173,7 +173,7 @@ def test_another_model_does_not_change_a_robots_noise(make_rig, m2wr, build):
     assert scans[0] == scans[1]
 
 
-def test_two_lasers_of_one_robot_have_noise_of_their_own(m2wr_rig, m2wr, build):
+def test_two_lasers_have_independent_noise(m2wr_rig, m2wr, build):
     chassis = m2wr.links[0]
     sensor, = chassis.sensors
     twin = replace(sensor, name="twin", plugins=(replace(
@@ -185,7 +185,7 @@ def test_two_lasers_of_one_robot_have_noise_of_their_own(m2wr_rig, m2wr, build):
     assert one != two and one == pytest.approx(two, abs=0.1)
 
 
-def test_reset_simulation_repeats_the_noise_and_reset_world_goes_on(make):
+def test_reset_simulation_repeats_noise_but_reset_world_does_not(make):
     rig = make(seed=9)
     first = ranges_of(rig)
     rig.simulator.reset_world()
@@ -222,7 +222,7 @@ def test_the_frame(make, name, frame):
     assert make({"frameName": name}).run(0.01).messages(SCAN)[0].header.frame_id == frame
 
 
-def test_the_gpu_plugin_speaks_the_same(make, m2wr_rig, m2wr, build):
+def test_gpu_plugin_publishes_the_same(make, m2wr_rig, m2wr, build):
     robot = with_laser(m2wr, sensor={"kind": "gpu_ray"})
     sensor, = robot.links[0].sensors
     sensor = replace(sensor, plugins=(replace(sensor.plugins[0], filename="libgazebo_ros_gpu_laser.so"),))
@@ -236,20 +236,20 @@ def error_of(caplog):
     return error
 
 
-def test_not_under_a_ray_sensor_it_does_not_run(m2wr_rig, m2wr, caplog):
+def test_plugin_outside_a_ray_sensor_is_rejected(m2wr_rig, m2wr, caplog):
     stray = PluginSpec("stray", "libgazebo_ros_laser.so", (("topicName", "/stray"),), where="m2wr: plugin \"stray\"")
     rig = m2wr_rig(robot=replace(m2wr, plugins=m2wr.plugins + (stray,))).run(0.06)
-    assert "belongs into a <sensor type=\"ray\">" in error_of(caplog) and "m2wr: plugin \"stray\"" in error_of(caplog)
+    assert "must be in a <sensor type=\"ray\">" in error_of(caplog) and "m2wr: plugin \"stray\"" in error_of(caplog)
     assert "/stray" not in rig.ports.topics and len(rig.messages(SCAN)) == 2
 
 
 @pytest.mark.parametrize("ray", [{"samples": 0}, {"resolution": 1e-4}])
-def test_a_sensor_that_makes_no_sense_is_named(make, caplog, ray):
+def test_invalid_sensor_is_logged(make, caplog, ray):
     rig = make(ray=ray).run(0.06)
     assert "head_hokuyo_sensor" in error_of(caplog) and "will not run" in error_of(caplog)
     assert SCAN not in rig.ports.topics and len(rig.messages("/odom")) == 1
 
 
-def test_a_single_beam_looks_straight_ahead(make):
+def test_single_beam_points_forward(make):
     message = make(ray=dict(QUIET, samples=1)).run(0.2).messages(SCAN)[-1]
     assert list(message.ranges) == pytest.approx([3.0 - LASER_X], abs=2e-3)

@@ -45,14 +45,14 @@ def forward(speed):
 
 
 @pytest.mark.parametrize("prefix", ["", "cart::"])
-def test_parts_are_found_with_and_without_the_name_of_the_model(spawned, prefix):
+def test_links_are_found_with_and_without_model_name(spawned, prefix):
     rig = spawned(cart("cart", prefix))
     rig.ports.send("/cart/cmd_vel", forward(0.5))
     assert rig.run(2.0).messages("/cart/odom")[-1].pose.pose.position.x == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize("prefix", ["", "{}::"])
-def test_two_carts_in_one_model_have_topics_and_odometry_of_their_own(spawned, prefix):
+def test_two_carts_have_separate_topics_and_odometry(spawned, prefix):
     rig = spawned('<model name="pair">%s%s</model>' % (
         cart("one", prefix.format("one")), cart("two", prefix.format("two"), "0 2 0 0 0 0")))
     rig.ports.send("/two/cmd_vel", forward(0.5))
@@ -62,12 +62,12 @@ def test_two_carts_in_one_model_have_topics_and_odometry_of_their_own(spawned, p
         assert (place.x, place.y, place.z) == pytest.approx((x, y, 0.0), abs=0.05)
 
 
-def test_a_plugin_of_the_outer_model_names_inner_parts_with_their_model(spawned):
+def test_outer_plugin_uses_scoped_names_of_inner_parts(spawned):
     rig = spawned('<model name="outer">%s<plugin name="p" filename="libgazebo_ros_p3d.so"><bodyName>inner::base'
                   '</bodyName><topicName>/seen</topicName></plugin></model>' % cart("inner", pose="3 0 0 0 0 0"))
     assert rig.run(0.1).messages("/seen")[-1].pose.pose.position.x == pytest.approx(3.0, abs=0.01)
 
 
-def test_a_name_that_nothing_has_is_told_with_what_there_is(spawned, caplog):
+def test_unknown_name_is_logged_with_the_known_ones(spawned, caplog):
     spawned('<model name="outer">%s</model>' % cart("inner", "other::"))
     assert '"other::left_joint" is no joint of inner (it has inner::left_joint, inner::right_joint)' in caplog.text

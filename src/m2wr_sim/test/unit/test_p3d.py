@@ -68,7 +68,7 @@ def test_a_link_as_frame_of_reference(make):
     assert angular.y == pytest.approx(5.0, rel=1e-3) and message.header.frame_id == "link_chassis"
 
 
-def test_noise_is_on_the_velocity_alone_and_its_square_on_both_diagonals(make):
+def test_noise_affects_velocity_only_and_sets_covariance(make):
     rig = make(gaussianNoise="0.1").run(2.0)
     messages = rig.messages(TOPIC)[500:]
     values = np.array([(m.twist.twist.linear.x, m.twist.twist.linear.z, m.twist.twist.angular.y) for m in messages])
@@ -78,12 +78,12 @@ def test_noise_is_on_the_velocity_alone_and_its_square_on_both_diagonals(make):
         assert np.allclose(np.reshape(covariance, (6, 6)), 0.01 * np.eye(6))
 
 
-def test_a_variance_beyond_all_doubles_is_infinite(make):
+def test_variance_overflow_gives_infinity(make):
     message = make(gaussianNoise="1e200").run(0.05).messages(TOPIC)[-1]
     assert message.pose.covariance[0] == math.inf
 
 
-def test_the_same_seed_gives_the_same_noise_also_after_a_reset(make):
+def test_same_seed_repeats_noise_after_reset(make):
     rig = make(gaussianNoise="0.1").run(0.05)
     rig.simulator.reset_simulation()
     rig.run(0.05)
@@ -96,7 +96,7 @@ def test_the_same_seed_gives_the_same_noise_also_after_a_reset(make):
     ({"topicName": ""}, "needs a <topicName>"), ({"frameName": "moon"}, "\"moon\" is no link"),
     ({"xyzOffset": "1 2"}, "three finite numbers"), ({"gaussianNoise": "-1"}, "at least 0"),
     ({"bodyName": "sensor_laser"}, "was merged into \"link_chassis\"")])
-def test_what_cannot_work_is_named(make, caplog, tags, words):
+def test_configuration_errors_are_logged(make, caplog, tags, words):
     rig = make(**tags)
     assert TOPIC not in rig.ports.topics and words in caplog.text and "will not run" in caplog.text
 

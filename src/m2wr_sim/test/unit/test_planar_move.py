@@ -42,7 +42,7 @@ def test_it_moves_along_its_own_axes(make, command, expected):
     assert yaw_of(turn) == pytest.approx(0.5 * math.pi, abs=1e-3)
 
 
-def test_a_centre_of_mass_that_is_stored_only_does_not_move_it(make):
+def test_stored_centre_of_mass_does_not_move_it(make):
     """set_link_properties stores what does not act yet, as Gazebo does: 1e308 m here."""
     rig = make()
     model = rig.simulator.models["puck"]
@@ -61,7 +61,7 @@ def test_it_follows_a_circle(make):
     assert position[:2] == pytest.approx((0.5 * math.sin(2.0), 0.5 * (1.0 - math.cos(2.0))), abs=0.005)
 
 
-def test_it_moves_from_the_first_step_and_stops_with_the_command(make):
+def test_motion_starts_in_the_first_step_and_stops_with_command(make):
     rig = make()
     rig.ports.send("/cmd_vel", twist(1.0))
     assert rig.run(0.001).pose("puck")[0][0] == pytest.approx(0.001, rel=1e-6)
@@ -87,13 +87,13 @@ def test_odometry(make):
     assert position[2] == pytest.approx(0.25, abs=1e-3)
 
 
-def test_faster_than_half_a_turn_a_message_the_command_is_believed(make):
+def test_fast_rotation_reports_the_commanded_rate(make):
     rig = make()
     rig.ports.send("/cmd_vel", twist(turn=100.0))
     assert rig.run(0.5).messages("/odom")[-1].twist.twist.angular.z == 100.0
 
 
-def test_without_a_rate_there_is_no_odometry_but_motion(make):
+def test_without_rate_moves_without_odometry(make):
     rig = make(tags={"odometryRate": "0"})
     rig.ports.send("/cmd_vel", twist(0.5))
     assert rig.run(1.0).messages("/odom") == [] and rig.pose("puck")[0][0] == pytest.approx(0.5, abs=1e-3)
@@ -107,13 +107,13 @@ def test_a_command_may_time_out(make, tags, options):
 
 
 @pytest.mark.parametrize("tags", [{}, {"cmdTimeout": "-1e308"}, {"cmdTimeout": "1e308"}])
-def test_it_holds_for_ever_by_default(make, tags):
+def test_command_stays_active_by_default(make, tags):
     rig = make(tags=tags)
     rig.ports.send("/cmd_vel", twist(1.0))
     assert rig.run(3.0).pose("puck")[0][0] == pytest.approx(3.0, abs=0.002)
 
 
-def test_a_command_that_is_not_finite_is_refused(make, caplog):
+def test_non_finite_command_is_rejected(make, caplog):
     rig = make()
     rig.ports.send("/cmd_vel", twist(1.0))
     rig.run(1.0)
@@ -123,7 +123,7 @@ def test_a_command_that_is_not_finite_is_refused(make, caplog):
 
 
 @pytest.mark.parametrize("bad", [twist(1e12), twist(y=-1e100), twist(turn=1e300), twist(1.1e4)])
-def test_a_command_that_would_tear_the_world_apart_is_refused_with_the_limit(make, caplog, bad):
+def test_command_above_the_limit_is_rejected(make, caplog, bad):
     rig = make()
     rig.ports.send("/cmd_vel", twist(1.0))
     rig.run(0.5)
@@ -134,14 +134,14 @@ def test_a_command_that_would_tear_the_world_apart_is_refused_with_the_limit(mak
     assert caplog.text.count("refused a velocity command") == 1
 
 
-def test_the_fastest_command_is_taken(make):
+def test_command_at_the_limit_is_accepted(make):
     rig = make()
     rig.ports.send("/cmd_vel", twist(1e4, -1e4, 1e4))
     rig.run(0.5)
     assert all(math.isfinite(value) for part in rig.pose("puck") for value in part)
 
 
-def test_a_reset_forgets_the_command_and_starts_the_odometry_anew(make):
+def test_reset_clears_command_and_odometry(make):
     rig = make()
     rig.ports.send("/cmd_vel", twist(1.0))
     rig.run(1.0)
@@ -159,7 +159,7 @@ def test_names_follow_the_tags(make):
     assert (message.header.frame_id, message.child_frame_id) == ("map", "puck")
 
 
-def test_what_rolls_in_a_joint_goes_on_rolling(make_rig, m2wr):
+def test_joint_rotation_is_kept(make_rig, m2wr):
     rig = make_rig(joint_states=False)
     spec = PluginSpec("move", "libgazebo_ros_planar_move.so", (), where="x")
     rig.simulator.spawn(replace(m2wr, plugins=(spec,)), at(z=0.1))
@@ -171,7 +171,7 @@ def test_what_rolls_in_a_joint_goes_on_rolling(make_rig, m2wr):
 
 # -- the arithmetic -----------------------------------------------------------------------------------------------
 
-def test_world_velocity_and_twist_are_each_others_inverse():
+def test_world_velocity_inverts_twist():
     before, elapsed = (1.0, 2.0, 3.1), 0.01
     x, y = world_velocity(before[2], 0.4, -0.3)
     after = (before[0] + elapsed * x, before[1] + elapsed * y, before[2])
@@ -179,5 +179,5 @@ def test_world_velocity_and_twist_are_each_others_inverse():
 
 
 @pytest.mark.parametrize("before, after, turned", [(3.0, -3.0, 0.2832), (-3.0, 3.0, -0.2832), (0.1, 0.3, 0.2)])
-def test_of_two_ways_to_turn_the_shorter_one_is_taken(before, after, turned):
+def test_rotation_is_the_shorter_one(before, after, turned):
     assert twist_between((0, 0, before), (0, 0, after), 1.0)[2] == pytest.approx(turned, abs=1e-4)

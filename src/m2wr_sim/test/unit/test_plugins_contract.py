@@ -18,7 +18,7 @@ HERE = ("updateRate", str(RATE))
 WHEELS = (("leftFrontJoint", "joint_left_wheel"), ("leftRearJoint", "joint_left_wheel"),
           ("rightFrontJoint", "joint_right_wheel"), ("rightRearJoint", "joint_right_wheel"))
 BODY = (("bodyName", "link_chassis"), ("topicName", "/out"), HERE)
-# what a plugin needs on m2wr to start, its topic there, and the kind of sensor that it belongs into
+# tags that a plugin needs on m2wr to start, its topic, and the type of its sensor
 SUITABLE = {
     "libgazebo_ros_diff_drive.so": (
         (("leftJoint", "joint_left_wheel"), ("rightJoint", "joint_right_wheel"), HERE), "/odom", None),
@@ -64,11 +64,11 @@ def make(make_rig, m2wr):
     return make_with
 
 
-def test_this_file_knows_every_plugin():
+def test_every_plugin_is_tested():
     assert set(SUITABLE) | SILENT == set(PLUGINS)
 
 
-def test_the_registry_finds_it_under_all_its_names(library):
+def test_registry_accepts_all_forms_of_a_name(library):
     found = find_plugin(library)
     assert issubclass(found, Plugin)
     bare = library[len("lib"):-len(".so")]
@@ -77,11 +77,11 @@ def test_the_registry_finds_it_under_all_its_names(library):
 
 
 @pytest.mark.parametrize("name", ["", "libgazebo_ros_unknown.so", ".so", "diff_drive"])
-def test_the_registry_knows_nothing_else(name):
+def test_registry_rejects_other_names(name):
     assert find_plugin(name) is None
 
 
-def test_the_reference_lists_its_tags_and_defaults(make, library, monkeypatch):
+def test_reference_lists_tags_and_defaults(make, library, monkeypatch):
     readers = []
     monkeypatch.setattr(simulator, "PluginReader", lambda spec: readers.append(PluginReader(spec)) or readers[-1])
     make(library)
@@ -94,7 +94,7 @@ def test_the_reference_lists_its_tags_and_defaults(make, library, monkeypatch):
         assert told[tag] in ("%g" % default if isinstance(default, float) else default, "the body"), tag
 
 
-def test_it_starts_and_keeps_its_rate(make, library, caplog):
+def test_plugin_starts_and_keeps_its_rate(make, library, caplog):
     rig, topic = make(library)
     stamps = rig.run(3.0).stamps_ms(topic)
     assert len(rig.simulator.models["m2wr"].plugins) == 1
@@ -103,7 +103,7 @@ def test_it_starts_and_keeps_its_rate(make, library, caplog):
     assert not [record for record in caplog.records if record.levelname in ("ERROR", "CRITICAL")]
 
 
-def test_its_stamps_are_never_in_the_future_and_never_repeat(make, library):
+def test_stamps_increase_and_are_not_in_the_future(make, library):
     rig, topic = make(library)
     for _ in range(200):
         rig.run(0.001)
@@ -111,7 +111,7 @@ def test_its_stamps_are_never_in_the_future_and_never_repeat(make, library):
         assert len(set(stamps)) == len(stamps) and all(stamp <= rig.simulator.now_ns for stamp in stamps)
 
 
-def test_it_goes_on_after_each_reset(make, library):
+def test_plugin_publishes_after_each_reset(make, library):
     rig, topic = make(library)
     rig.run(1.0)
     for reset, since in ((rig.simulator.reset_world, 1000), (rig.simulator.reset_simulation, 0)):
@@ -122,7 +122,7 @@ def test_it_goes_on_after_each_reset(make, library):
         assert len(stamps) in (19, 20) and all(since < stamp <= since + 1000 for stamp in stamps)
 
 
-def test_it_lets_go_of_everything_when_its_model_is_deleted(make, library, m2wr):
+def test_deleting_the_model_releases_resources(make, library, m2wr):
     rig, topic = make(library)
     rig.run(0.2)
     old = rig.ports.topics[topic]
@@ -136,14 +136,15 @@ def test_it_lets_go_of_everything_when_its_model_is_deleted(make, library, m2wr)
     assert rig.ports.topics[topic] is not old and len(rig.messages(topic)) in (3, 4)
 
 
-def test_it_names_the_tags_nothing_reads(make, library, caplog):
+def test_unsupported_tags_are_logged(make, library, caplog):
     caplog.set_level(logging.INFO)
     make(library, (("colour", "red"), ("alwaysOn", "true"), ("colour", "blue")))
-    sentence, = [record.getMessage() for record in caplog.records if "nothing reads" in record.getMessage()]
+    messages = [record.getMessage() for record in caplog.records]
+    sentence, = [message for message in messages if "unsupported elements ignored" in message]
     assert sentence.count("<colour>") == 1 and "alwaysOn" not in sentence and library in sentence
 
 
-def test_what_it_publishes_does_not_depend_on_the_batches(make, library):
+def test_output_does_not_depend_on_batches(make, library):
     results = []
     for chunk_ns in (10 ** 6, 7 * 10 ** 6, 10 ** 15):
         rig, topic = make(library)
@@ -166,7 +167,7 @@ def test_text_number_flag_and_choice():
     assert tags.unread() == [] and tags.defaults == []
 
 
-def test_defaults_are_remembered():
+def test_defaults_are_recorded():
     tags = reader(empty="")
     assert tags.number("rate", 5.0) == 5.0 and tags.text("empty", "x") == "x" and tags.flag("on", True) is True
     assert tags.defaults == [("rate", 5.0), ("empty", "x"), ("on", "true")]
@@ -174,14 +175,14 @@ def test_defaults_are_remembered():
 
 @pytest.mark.parametrize("text, words", [("abc", "holds \"abc\""), ("nan", "holds \"nan\""), ("inf", "finite"),
                                          ("-2", "at least 0")])
-def test_numbers_that_are_none_are_refused(text, words):
+def test_invalid_numbers_are_rejected(text, words):
     from m2wr_sim.errors import PluginError
     with pytest.raises(PluginError) as caught:
         reader(rate=text).number("rate", 1.0, minimum=0.0)
     assert words in str(caught.value) and "a.urdf:3" in str(caught.value) and "<rate>" in str(caught.value)
 
 
-def test_a_needed_tag_that_is_missing_is_refused():
+def test_missing_required_tag_is_rejected():
     from m2wr_sim.errors import PluginError
     with pytest.raises(PluginError) as caught:
         reader().text("jointName")

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Range
 
 from conftest import at, box
 from m2wr_sim.model.types import Noise, PluginSpec, RayScan, Sensor
-from m2wr_sim.plugins.laser import told_limit
+from m2wr_sim.plugins.laser import float32_or_inf
 
 TOPIC = "/sonar"
 CONE = RayScan(samples=5, min_angle=-0.2, max_angle=0.2, vertical_samples=5, vertical_min_angle=-0.2,
@@ -36,7 +36,7 @@ def make(make_rig):
     return make_with
 
 
-def test_the_longest_range_where_there_is_nothing(make):
+def test_no_hit_gives_the_longest_range(make):
     message = make().run(0.1).messages(TOPIC)[-1]
     assert message.range == pytest.approx(4.0)
     assert (message.min_range, message.max_range) == (pytest.approx(0.05), pytest.approx(4.0))
@@ -44,7 +44,7 @@ def test_the_longest_range_where_there_is_nothing(make):
     assert message.field_of_view == pytest.approx(0.05)
 
 
-def test_a_longest_range_beyond_a_message_is_infinite(make):
+def test_longest_range_above_float32_is_infinite(make):
     upwards = replace(CONE, range_max=1e300, vertical_min_angle=0.1)
     message = make(ray=upwards).run(0.1).messages(TOPIC)[-1]
     assert message.range == message.max_range == math.inf
@@ -52,7 +52,7 @@ def test_a_longest_range_beyond_a_message_is_infinite(make):
     message.serialize(BytesIO())
 
 
-def test_the_nearest_hit_of_all_rays_without_the_sensors_noise(make):
+def test_range_is_the_shortest_ray_without_sensor_noise(make):
     # the corner of a small box below and left of the axis, and a wall behind it
     rig = make(box("wall", 3.05, 0.0, 1.0, (0.1, 4.0, 4.0)), box("crumb", 1.35, 0.27, 0.73, (0.5, 0.14, 0.14))).run(0.1)
     nearest = rig.messages(TOPIC)[-1].range
@@ -66,7 +66,7 @@ def test_the_rate_is_that_of_sensor_and_plugin_together(make):
     assert make(rate=0.0).run(0.003).stamps_ms(TOPIC) == [1, 2, 3]
 
 
-def test_noise_scatters_what_is_hit_and_stays_below_the_longest_range(make):
+def test_noise_affects_hits_below_the_longest_range(make):
     rig = make(box("wall", 3.95, 0.0, 1.0, (0.1, 4.0, 4.0)), rate=0.0, gaussianNoise="0.1",
                radiation="infrared", fov="0.4").run(1.0)
     ranges = np.array([message.range for message in rig.messages(TOPIC)])
@@ -85,7 +85,7 @@ def test_names_by_default(make_rig):
     assert rig.run(0.1).messages("/range")[-1].header.frame_id == "world"
 
 
-def test_no_rays_are_cast_for_nobody(make):
+def test_no_rays_are_cast_without_subscribers(make):
     rig = make()
     rig.ports.topics[TOPIC].listening = False
     plugin = rig.simulator.models["post"].plugins[0][0]
@@ -94,9 +94,9 @@ def test_no_rays_are_cast_for_nobody(make):
     assert len(rig.simulator.models["post"].plugins) == 1 and rig.messages(TOPIC) == []
 
 
-def test_outside_of_a_ray_sensor_it_is_refused(make, caplog):
-    assert TOPIC not in make(ray=None).ports.topics and "belongs into a <sensor type=\"ray\">" in caplog.text
+def test_outside_a_ray_sensor_is_rejected(make, caplog):
+    assert TOPIC not in make(ray=None).ports.topics and "must be in a <sensor type=\"ray\">" in caplog.text
 
 
-def test_a_noise_beyond_float32_is_infinite_in_the_message_and_the_sensor_goes_on():
-    assert told_limit(1e300) == math.inf and told_limit(-1e300) == -math.inf and told_limit(-3.0) == -3.0
+def test_noise_above_float32_is_infinite():
+    assert float32_or_inf(1e300) == math.inf and float32_or_inf(-1e300) == -math.inf and float32_or_inf(-3.0) == -3.0

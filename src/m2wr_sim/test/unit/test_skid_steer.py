@@ -33,7 +33,7 @@ def test_wheel_speeds(make):
 
 
 @pytest.mark.parametrize("convention, sign", [("noetic", -1.0), ("kinetic", -1.0), ("rep103", 1.0)])
-def test_wheels_on_the_wrong_side_turn_it_the_wrong_way_unless_told_otherwise(make, caplog, convention, sign):
+def test_swapped_wheels_turn_by_the_convention(make, caplog, convention, sign):
     caplog.set_level(logging.INFO)
     rig = make(wheel_convention=convention).send(0.0, 0.5).run(2.0)
     assert rig.messages("/odom")[-1].twist.twist.angular.z == pytest.approx(sign * 0.5, rel=0.02)
@@ -62,21 +62,21 @@ def test_odometry_is_the_true_pose_but_flat(make):
     assert [message.pose.covariance[index] for index in (0, 7, 35)] == [1.0, 2.0, 3.0]
 
 
-def test_tf_on_request_has_the_height(make):
+def test_optional_tf_includes_height(make):
     rig = make({"broadcastTF": "true", "robotBaseFrame": "base"}).run(0.05)
     stamp, parent, child, position, _ = rig.ports.transforms[-1]
     assert (parent, child) == ("odom", "base") and position[2] == pytest.approx(0.1, abs=1e-3)
     assert stamp == rig.messages("/odom")[-1].header.stamp
 
 
-def test_a_command_holds_until_it_times_out(make):
+def test_command_ends_by_timeout(make):
     rig = make(command_timeout_ns=200000000).send(0.5, 0.0).run(0.2)
     assert rig.rate("joint_left_wheel") == pytest.approx(5.0, rel=0.02)
     assert rig.run(0.8).rate("joint_left_wheel") == pytest.approx(0.0, abs=0.01)
     assert make().send(0.5, 0.0).run(3.0).rate("joint_left_wheel") == pytest.approx(5.0, rel=0.02)
 
 
-def test_a_command_that_is_not_finite_is_refused(make, caplog):
+def test_non_finite_command_is_rejected(make, caplog):
     rig = make().send(0.5, 0.0).run(0.5)
     for bad in (math.nan, math.inf, 1e12, -1e300):
         rig.send(bad, 0.0).run(0.1)
@@ -100,11 +100,11 @@ def test_a_reset_stops_it(make):
 @pytest.mark.parametrize("tags, words", [({"leftRearJoint": "nose"}, "\"nose\" is no joint of m2wr"),
                                          ({"wheelDiameter": "0"}, "expected a length from"),
                                          ({"torque": "-1"}, "at least 0")])
-def test_what_cannot_work_is_named(make, caplog, tags, words):
+def test_configuration_errors_are_logged(make, caplog, tags, words):
     assert "/odom" not in make(tags).ports.topics and words in caplog.text
 
 
-def test_the_weakest_motor_moves_nothing(make):
+def test_motor_without_torque_does_not_move(make):
     rig = make({"torque": "0"}).send(0.5, 0.0).run(1.0)
     assert rig.pose()[0][0] == pytest.approx(0.0, abs=1e-3)
 

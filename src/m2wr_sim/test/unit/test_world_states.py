@@ -31,7 +31,7 @@ def of(message, name):
             (twist.linear.x, twist.linear.y, twist.linear.z))
 
 
-def test_everything_is_named_in_load_order(make):
+def test_names_are_in_load_order(make):
     rig, (models, links) = make()
     rig.run(0.02)
     assert models.messages[-1].name == ["ground_plane", "box", "m2wr"]
@@ -39,7 +39,7 @@ def test_everything_is_named_in_load_order(make):
     assert "m2wr::link_left_wheel" in links.messages[-1].name
 
 
-def test_values_are_the_engines(make):
+def test_values_are_those_of_the_engine(make):
     rig, (models, links) = make(wheel_convention="kinetic")
     rig.run(0.5).send(0.5, 0.3).run(1.0)
     messages, now_ns = len(models.messages), rig.simulator.now_ns
@@ -52,7 +52,7 @@ def test_values_are_the_engines(make):
     assert of(links.messages[-1], "m2wr::link_chassis")[0] == pytest.approx(state.position, abs=0.2)
 
 
-def test_what_rests_is_told_where_somebody_puts_it(make):
+def test_moved_static_model_has_its_new_pose(make):
     rig, (models, links) = make()
     rig.run(0.1)
     assert of(models.messages[-1], "box") == ((3.0, 1.0, 0.5), 0.0, REST)
@@ -63,7 +63,7 @@ def test_what_rests_is_told_where_somebody_puts_it(make):
         assert position == (1.0, 2.0, 0.5) and turn == pytest.approx(0.4794255) and velocity == REST
 
 
-def test_models_come_and_go(make, build):
+def test_spawned_and_deleted_models(make, build):
     rig, (models, _) = make()
     rig.run(0.1)
     rig.simulator.delete("box")
@@ -74,7 +74,7 @@ def test_models_come_and_go(make, build):
     assert of(models.messages[-1], "box")[0] == (5.0, 0.0, 0.5)
 
 
-def test_only_what_is_listened_to_goes_out(make):
+def test_only_subscribed_topics_are_published(make):
     rig, (models, links) = make()
     models.listening = False
     rig.run(0.1)

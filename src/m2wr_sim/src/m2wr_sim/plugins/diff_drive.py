@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_diff_drive.so: two driven wheels, odometry, tf."""
+from __future__ import annotations
+
 import logging
 import math
+from typing import Any, Optional, Tuple
 
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 from m2wr_sim.control.diff_drive import CONVENTIONS, EncoderOdometry, is_swapped, ramp, wheel_speeds
-from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
-from m2wr_sim.plugins.base import Plugin, driven_joint
+from m2wr_sim.geometry import Quaternion, Vector, quaternion_from_rpy, yaw_of
+from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader, driven_joint
 from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import StrictSchedule
 
@@ -20,7 +23,7 @@ for _index, _value in zip((0, 7, 14, 21, 28, 35), (1e-5, 1e-5, 1e12, 1e12, 1e12,
 class DiffDrive(Plugin):
     """Emulates Gazebo's differential drive, tags, defaults and timing included."""
 
-    def configure(self, spec, ctx):
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         self._ctx, self._physics = ctx, ctx.physics
         left_name, right_name = spec.text("leftJoint", "left_joint"), spec.text("rightJoint", "right_joint")
         self._left, self._right = driven_joint(ctx, spec, left_name), driven_joint(ctx, spec, right_name)
@@ -42,7 +45,9 @@ class DiffDrive(Plugin):
         self._encoder = EncoderOdometry(self._separation, self._swapped) if encoder else None
         self._instructed = 0.0, 0.0
         self._command = VelocityCommand(ctx, spec.text("commandTopic", "cmd_vel"), namespace, ctx.command_timeout_ns)
-        odometry_topic, self._odometry, self._states = spec.text("odometryTopic", "odom"), None, None
+        odometry_topic = spec.text("odometryTopic", "odom")
+        self._odometry: Any = None
+        self._states: Any = None
         if self._publish_odometry:
             self._odometry = ctx.advertise(odometry_topic, Odometry, namespace=namespace)
             self._message = Odometry(child_frame_id=self._child_frame)
@@ -52,10 +57,10 @@ class DiffDrive(Plugin):
         for joint in (self._left, self._right):
             self._physics.set_joint_motor(joint, 0.0, self._torque)
 
-    def _choose_sides(self, spec, left_name, right_name):
-        """Decide which tagged joint is driven as the left wheel, and say so where the names mislead."""
+    def _choose_sides(self, spec: PluginReader, left_name: str, right_name: str) -> None:
+        """Choose the joint that is driven as the left wheel; log it if it is not the one on the left."""
         ctx = self._ctx
-        if spec.spec.find("wheelConvention") is not None:       # the context has read it; here a wrong value is named
+        if spec.spec.find("wheelConvention") is not None:       # the context has read it; this reports an invalid value
             spec.choice("wheelConvention", CONVENTIONS, ctx.wheel_convention)
         left_y, right_y = ctx.joint_position(left_name)[1], ctx.joint_position(right_name)[1]
         legacy = spec.flag("legacyMode", True) if spec.spec.find("legacyMode") is not None else None
@@ -65,32 +70,40 @@ class DiffDrive(Plugin):
         else:
             level, turns = logging.INFO, "counter-clockwise, as REP 103 asks"
         if left_y < right_y:
-            ctx.tell_once(
+            ctx.log_once(
                 level, "%s: the joint tagged left (%s) is on the robot's RIGHT side (y = %+.3f m) and the one tagged "
                 "right (%s) on its left (y = %+.3f m); with wheel_convention \"%s\" positive angular.z turns it %s. "
                 "Set the parameter ~wheel_conventions/%s to noetic, kinetic or rep103 to choose.",
                 ctx.model_name, left_name, left_y, right_name, right_y, ctx.wheel_convention, turns, ctx.model_name)
         elif self._swapped:
-            ctx.tell_once(level, "%s: wheel_convention \"%s\" exchanges left and right although %s is on the left; "
-                          "positive angular.z turns it %s. Set ~wheel_conventions/%s to noetic or rep103.",
-                          ctx.model_name, ctx.wheel_convention, left_name, turns, ctx.model_name)
+            ctx.log_once(level, "%s: wheel_convention \"%s\" exchanges left and right although %s is on the left; "
+                         "positive angular.z turns it %s. Set ~wheel_conventions/%s to noetic or rep103.",
+                         ctx.model_name, ctx.wheel_convention, left_name, turns, ctx.model_name)
         distance = abs(left_y - right_y)
         if distance > 0.0 and abs(distance / self._separation - 1.0) > 0.01:
-            ctx.tell_once(logging.WARNING, "%s: wheelSeparation is %g m but the wheel joints are %g m apart: the robot "
-                          "turns %.2f times as fast as commanded.",
-                          ctx.model_name, self._separation, distance, self._separation / distance)
+            ctx.log_once(logging.WARNING, "%s: wheelSeparation is %g m but the wheel joints are %g m apart: the robot "
+                         "turns %.2f times as fast as commanded.",
+                         ctx.model_name, self._separation, distance, self._separation / distance)
 
-    def command(self, linear, angular):
-        """Take a velocity command [m/s, rad/s] that is to hold from the next tick on; refuse what no robot survives."""
+    def command(self, linear: float, angular: float) -> None:
+        """Set the velocity command from the next update on; an invalid one is rejected with a warning.
+
+        Parameters
+        ----------
+        linear : float
+            Forward speed [m/s] in the robot's frame.
+        angular : float
+            Rotation rate [rad/s], positive to the left.
+        """
         self._command.set(linear, 0.0, angular)
 
-    def next_before(self, now_ns):
+    def next_before(self, now_ns: int) -> Optional[int]:
         self._command.look(now_ns)
         if self._encoder is not None:
             return now_ns + self._ctx.step_ns
         return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
-    def before_step(self, now_ns):
+    def before_step(self, now_ns: int) -> None:
         if self._encoder is not None:
             rates = self._physics.joint_rate(self._left), self._physics.joint_rate(self._right)
             self._encoder.update(rates[0] * self._radius, rates[1] * self._radius, self._ctx.step_ns * 1e-9)
@@ -109,8 +122,8 @@ class DiffDrive(Plugin):
             self._states.publish(message)
         self._drive(now_ns, elapsed_ns)
 
-    def _drive(self, now_ns, elapsed_ns):
-        """Turn the newest command into motor targets."""
+    def _drive(self, now_ns: int, elapsed_ns: int) -> None:
+        """Convert the newest command to motor targets."""
         linear, _, angular = self._command.at(now_ns)
         target = wheel_speeds(linear, angular, self._separation, self._swapped)
         if self._acceleration > 0.0:
@@ -121,8 +134,18 @@ class DiffDrive(Plugin):
         self._physics.set_joint_motor(self._left, target[0] / self._radius, self._torque)
         self._physics.set_joint_motor(self._right, target[1] / self._radius, self._torque)
 
-    def measure(self):
-        """Return what odometry says now: position, orientation, and linear x, linear y, angular z of the base."""
+    def measure(self) -> Tuple[Vector, Quaternion, Vector]:
+        """Return the odometry now.
+
+        Returns
+        -------
+        position : (3,) float
+            x, y, z [m] in the odometry frame.
+        orientation : (4,) float
+            Quaternion x y z w in the odometry frame.
+        twist : (3,) float
+            Linear x, y [m/s] and angular z [rad/s] in the robot's frame.
+        """
         if self._encoder is not None:
             return ((self._encoder.x, self._encoder.y, 0.0), quaternion_from_rpy(0.0, 0.0, self._encoder.theta),
                     (self._encoder.linear_x, 0.0, self._encoder.angular_z))
@@ -132,7 +155,7 @@ class DiffDrive(Plugin):
         return position, orientation, (cosine * linear[0] + sine * linear[1], cosine * linear[1] - sine * linear[0],
                                        angular[2])
 
-    def _send_odometry(self, stamp):
+    def _send_odometry(self, stamp: Any) -> None:
         message = self._message
         message.header.stamp = stamp
         pose, twist = message.pose.pose, message.twist.twist
@@ -143,16 +166,24 @@ class DiffDrive(Plugin):
             self._ctx.send_transform(stamp, self._frame, self._child_frame, position, orientation)
         self._odometry.publish(message)
 
-    def _send_wheel_transforms(self, stamp):
-        """Wheel frames as Gazebo sends them: under the joint's parent link, but posed relative to the model."""
+    def _send_wheel_transforms(self, stamp: Any) -> None:
+        """Publish the wheel frames as Gazebo does: the parent is the joint's parent link, the pose is in the model."""
         for name in self._joint_names:
             joint = self._ctx.joint_record(name)
             position, orientation = self._ctx.pose_in_model(self._ctx.link(joint.child))
             parent, child = (self._ctx.frame(name, self._namespace) for name in (joint.parent, joint.child))
             self._ctx.send_transform(stamp, parent, child, position, orientation)
 
-    def reset(self, now_ns, rewound):
-        """As in Gazebo the motors keep their speed until the next tick; only the command is forgotten."""
+    def reset(self, now_ns: int, rewound: bool) -> None:
+        """Discard the command; as in Gazebo the motors keep their speed until the next update.
+
+        Parameters
+        ----------
+        now_ns : int
+            Simulated time [ns].
+        rewound : bool
+            Whether simulated time was set back to zero.
+        """
         self._schedule.restart(now_ns)
         self._command.reset(now_ns)
         if self._encoder is not None:

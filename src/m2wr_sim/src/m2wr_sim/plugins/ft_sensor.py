@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_ft_sensor.so: force and torque in a joint as geometry_msgs/WrenchStamped."""
+from __future__ import annotations
+
+from typing import Optional
+
 from geometry_msgs.msg import WrenchStamped
 
 from m2wr_sim.geometry import cross, rotate_inverse
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import GapSchedule
 
 
 class JointWrench(Plugin):
-    """What the child link does to the parent link, in the child's axes, about the joint; while somebody listens."""
+    """Publishes the wrench of the child link on the parent link, in the child's axes, about the joint.
 
-    def configure(self, spec, ctx):
+    It measures only while there are subscribers.
+    """
+
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         self._ctx, self._physics = ctx, ctx.physics
         name = spec.text("jointName")
         self._joint = ctx.joint(name)
@@ -27,15 +34,15 @@ class JointWrench(Plugin):
         self._port = ctx.advertise(topic, WrenchStamped, namespace=namespace)
         self._physics.feel_joint(self._joint)
 
-    def next_before(self, now_ns):
+    def next_before(self, now_ns: int) -> Optional[int]:
         return self._schedule.next_due(now_ns, self._ctx.step_ns) if self._port.wanted() else NEVER
 
-    def before_step(self, now_ns):
+    def before_step(self, now_ns: int) -> None:
         if not self._port.wanted() or not self._schedule.due(now_ns):
             return
         force, torque = self._physics.joint_wrench(self._joint)
-        turn = self._physics.link_pose(self._child)[1]
-        force, torque = rotate_inverse(turn, force), rotate_inverse(turn, torque)
+        orientation = self._physics.link_pose(self._child)[1]
+        force, torque = rotate_inverse(orientation, force), rotate_inverse(orientation, torque)
         torque = tuple(a + b for a, b in zip(torque, cross(self._lever, force)))
         values = [-value for value in force + torque]
         if self._sigma:
@@ -47,7 +54,7 @@ class JointWrench(Plugin):
         wrench.torque.x, wrench.torque.y, wrench.torque.z = values[3:]
         self._port.publish(message)
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
         self._schedule.restart(now_ns)
         if rewound:
             self._rng = self._ctx.rng("noise")

@@ -1,30 +1,42 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_p3d.so: the true pose and velocity of a link as nav_msgs/Odometry."""
+from __future__ import annotations
+
+from typing import Optional, Tuple
+
 from nav_msgs.msg import Odometry
 
-from m2wr_sim.geometry import conjugate, multiply, normalise_quaternion, quaternion_from_rpy, rotate_inverse
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.geometry import (
+    Quaternion,
+    Vector,
+    conjugate,
+    multiply,
+    normalise_quaternion,
+    quaternion_from_rpy,
+    rotate_inverse,
+)
+from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import GapSchedule
 
 _WORLD = ("world", "/world", "map", "/map")
 
 
 class GroundTruth(Plugin):
-    """Only while somebody listens; what it sends is the state before the step, stamped with the step's time.
+    """Publishes the state before a step with the time of the step, while there are subscribers.
 
-    As in Gazebo ``xyzOffset`` is added along the axes of the reference frame, noise is on the velocities alone, and
-    velocities are in the axes of the frame of reference, not of the link.
+    As in Gazebo, ``xyzOffset`` is added along the axes of the reference frame. Only velocities have noise; they are in
+    the axes of the reference frame, not of the link.
     """
 
-    def configure(self, spec, ctx):
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         self._ctx, self._physics = ctx, ctx.physics
         body = spec.text("bodyName")
         self._link = ctx.link(body)
         topic = spec.text("topicName")
         frame = spec.text("frameName", "world")
         self._reference = None if frame in _WORLD else ctx.link(frame)
-        self._shift = spec.vector("xyzOffset")
-        self._turn = quaternion_from_rpy(*spec.vector("rpyOffset"))
+        self._offset = spec.vector("xyzOffset")
+        self._rotation = quaternion_from_rpy(*spec.vector("rpyOffset"))
         self._sigma = spec.number("gaussianNoise", 0.0, minimum=0.0)
         self._schedule = GapSchedule(spec.number("updateRate", 0.0), ctx.now_ns)
         self._rng = ctx.rng("noise")
@@ -35,10 +47,10 @@ class GroundTruth(Plugin):
         self._covariance = covariance
         self._port = ctx.advertise(topic, Odometry, namespace=namespace)
 
-    def next_before(self, now_ns):
+    def next_before(self, now_ns: int) -> Optional[int]:
         return self._schedule.next_due(now_ns, self._ctx.step_ns) if self._port.wanted() else NEVER
 
-    def before_step(self, now_ns):
+    def before_step(self, now_ns: int) -> None:
         if not self._port.wanted() or not self._schedule.due(now_ns):
             return
         position, orientation, linear, angular = self._measure()
@@ -54,8 +66,8 @@ class GroundTruth(Plugin):
         message.pose.covariance = message.twist.covariance = self._covariance
         self._port.publish(message)
 
-    def _measure(self):
-        """Return position, orientation, linear and angular velocity in the frame of reference, offsets included."""
+    def _measure(self) -> Tuple[Vector, Quaternion, Vector, Vector]:
+        """Return position, orientation, linear and angular velocity in the reference frame, with offsets."""
         position, orientation, linear, angular = self._physics.link_state(self._link)
         if self._reference is not None:
             frame = self._physics.link_state(self._reference)
@@ -64,14 +76,14 @@ class GroundTruth(Plugin):
             orientation = multiply(conjugate(back), orientation)
             linear = rotate_inverse(back, _difference(linear, frame.linear_velocity))
             angular = rotate_inverse(back, _difference(angular, frame.angular_velocity))
-        position = tuple(a + b for a, b in zip(position, self._shift))
-        return position, normalise_quaternion(multiply(self._turn, orientation)), linear, angular
+        position = (position[0] + self._offset[0], position[1] + self._offset[1], position[2] + self._offset[2])
+        return position, normalise_quaternion(multiply(self._rotation, orientation)), linear, angular
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
         if rewound:
             self._schedule.restart(now_ns)
             self._rng = self._ctx.rng("noise")
 
 
-def _difference(one, two):
-    return tuple(a - b for a, b in zip(one, two))
+def _difference(one: Vector, two: Vector) -> Vector:
+    return one[0] - two[0], one[1] - two[1], one[2] - two[2]

@@ -1,31 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""libgazebo_ros_range.so: the nearest hit of a ray sensor's cone as sensor_msgs/Range."""
+"""libgazebo_ros_range.so: shortest range of all rays of a ray sensor, as sensor_msgs/Range."""
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from typing import Any
 
 from sensor_msgs.msg import Range
 
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.types import Noise
-from m2wr_sim.plugins.base import LazySensor
-from m2wr_sim.plugins.laser import told_limit
+from m2wr_sim.plugins.base import LazySensor, PluginContext, PluginReader
+from m2wr_sim.plugins.laser import float32_or_inf
 from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor
 
 
 class RangeFinder(LazySensor):
-    """Casts rays only while somebody listens; the plugin's own noise counts, the sensor's does not, as in Gazebo."""
+    """Casts rays only while there are subscribers; as in Gazebo it uses the noise of the plugin, not of the sensor."""
 
-    def configure(self, spec, ctx):
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         if ctx.sensor is None or ctx.sensor.ray is None:
-            raise PluginError("%s: a range plugin belongs into a <sensor type=\"ray\"> with a <ray> element"
+            raise PluginError("%s: a range plugin must be in a <sensor type=\"ray\"> with a <ray> element"
                               % spec.spec.where)
         self._ctx = ctx
         namespace = spec.spec.find("robotNamespace") or ""
         named = spec.text("topicName", "/range")
-        topic = "" if spec.spec.find("topicName") == "" else named     # an empty element means no topic at all
-        self._message = Range(field_of_view=told_limit(spec.number("fov", 0.05)))
+        topic = "" if spec.spec.find("topicName") == "" else named     # an empty element disables the topic
+        self._message = Range(field_of_view=float32_or_inf(spec.number("fov", 0.05)))
         ultrasound = spec.text("radiation", "ultrasound") == "ultrasound"
         self._message.radiation_type = Range.ULTRASOUND if ultrasound else Range.INFRARED
         self._message.header.frame_id = ctx.frame(spec.text("frameName", "/world"), namespace)
@@ -38,23 +41,23 @@ class RangeFinder(LazySensor):
             self._rays = LaserSensor(rays, ctx.rng("no noise"))
         except ValueError as error:
             raise PluginError("%s: sensor %s: %s" % (spec.spec.where, ctx.sensor.name, error)) from error
-        self._message.min_range = told_limit(self._rays.range_min)
-        self._message.max_range = told_limit(self._rays.range_max)
-        self._port = ctx.advertise(topic, Range, namespace=namespace) if topic else None
+        self._message.min_range = float32_or_inf(self._rays.range_min)
+        self._message.max_range = float32_or_inf(self._rays.range_max)
+        self._port: Any = ctx.advertise(topic, Range, namespace=namespace) if topic else None
 
-    def wanted(self):
+    def wanted(self) -> bool:
         return self._port is not None and self._port.wanted()
 
-    def wake(self, now_ns):
+    def wake(self, now_ns: int) -> None:
         self._sensed.restart()
 
-    def next_reading(self, now_ns):
+    def next_reading(self, now_ns: int) -> int:
         step_ns = self._ctx.step_ns
         if not self._sensed.period_ns:
             return max(now_ns + step_ns, self._sent.next_due(now_ns, step_ns))
         return self._sensed.next_due(now_ns, step_ns)
 
-    def after_step(self, now_ns):
+    def after_step(self, now_ns: int) -> None:
         if not self.awake or not self._sensed.due(now_ns) or not self._sent.due(now_ns):
             return
         pose = compose(self._ctx.physics.link_pose(self._ctx.sensor_link), self._ctx.sensor.pose)
@@ -65,10 +68,10 @@ class RangeFinder(LazySensor):
             nearest = farthest
         elif self._sigma:
             nearest = min(farthest, nearest + self._sigma * float(self._rng.standard_normal()))
-        self._message.header.stamp, self._message.range = self._ctx.moment(now_ns), told_limit(nearest)
+        self._message.header.stamp, self._message.range = self._ctx.moment(now_ns), float32_or_inf(nearest)
         self._port.publish(self._message)
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
         self._sent.restart(now_ns)
         if rewound:
             self._sensed.restart()

@@ -1,6 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which class stands for which plugin library: one line each."""
+"""Table of the supported plugin libraries and their classes."""
+from __future__ import annotations
+
 import importlib
+from typing import TYPE_CHECKING, Optional, Type
+
+if TYPE_CHECKING:
+    from m2wr_sim.plugins.base import Plugin
 
 PLUGINS = {
     "libgazebo_ros_diff_drive.so": "m2wr_sim.plugins.diff_drive:DiffDrive",
@@ -19,7 +25,7 @@ PLUGINS = {
 }
 
 
-def find_plugin(filename):
+def find_plugin(filename: str) -> Optional[Type[Plugin]]:
     """Return the plugin class for a library's file name (``lib`` and ``.so`` may be missing), or None."""
     target = PLUGINS.get(library_name(filename))
     if target is None:
@@ -28,8 +34,8 @@ def find_plugin(filename):
     return getattr(importlib.import_module(module), attribute)
 
 
-def library_name(filename):
-    """Return a library's full name, whatever folder, ``lib`` or ``.so`` is there or missing."""
+def library_name(filename: str) -> str:
+    """Return a library's name with ``lib`` and ``.so``, without its folder."""
     name = filename.strip().rsplit("/", 1)[-1]
     if not name.endswith(".so"):
         name += ".so"

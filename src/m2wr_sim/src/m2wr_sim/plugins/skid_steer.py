@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """libgazebo_ros_skid_steer_drive.so: two driven wheels on each side, odometry, tf."""
+from __future__ import annotations
+
 import logging
 import math
+from typing import Any, List, Optional
 
 from nav_msgs.msg import Odometry
 
 from m2wr_sim.control.diff_drive import CONVENTIONS, is_swapped, wheel_speeds
 from m2wr_sim.geometry import yaw_of
-from m2wr_sim.plugins.base import Plugin, driven_joint
+from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader, driven_joint
 from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import StrictSchedule
 
@@ -16,9 +19,9 @@ _WHEELS = (("leftFrontJoint", "left_front_joint"), ("rightFrontJoint", "right_fr
 
 
 class SkidSteer(Plugin):
-    """Emulates Gazebo's skid-steering drive; how fast it turns is a matter of how the wheels slip sideways."""
+    """Emulates Gazebo's skid-steering drive; its rotation rate depends on the lateral slip of the wheels."""
 
-    def configure(self, spec, ctx):
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         self._ctx, self._physics = ctx, ctx.physics
         names = [spec.text(tag, default) for tag, default in _WHEELS]
         self._joints = [driven_joint(ctx, spec, name) for name in names]
@@ -40,8 +43,8 @@ class SkidSteer(Plugin):
         for joint in self._joints:
             self._physics.set_joint_motor(joint, 0.0, self._torque)
 
-    def _choose_sides(self, spec, names):
-        """Decide which wheels are driven as the left ones; Gazebo's skid steering never had a legacy mode."""
+    def _choose_sides(self, spec: PluginReader, names: List[str]) -> None:
+        """Choose the wheels that are driven as left wheels; Gazebo's skid steering has no legacy mode."""
         ctx = self._ctx
         if spec.spec.find("wheelConvention") is not None:
             spec.choice("wheelConvention", CONVENTIONS, ctx.wheel_convention)
@@ -52,16 +55,16 @@ class SkidSteer(Plugin):
         if left < right:
             level, turns = ((logging.INFO, "counter-clockwise") if self._swapped
                             else (logging.WARNING, "clockwise, against REP 103"))
-            ctx.tell_once(level, "%s: the joints tagged left (%s, %s) are on the robot's RIGHT side; with "
-                          "wheel_convention \"%s\" positive angular.z turns it %s. Set the parameter "
-                          "~wheel_conventions/%s to noetic or rep103 to choose.",
-                          ctx.model_name, names[0], names[2], convention, turns, ctx.model_name)
+            ctx.log_once(level, "%s: the joints tagged left (%s, %s) are on the robot's RIGHT side; with "
+                         "wheel_convention \"%s\" positive angular.z turns it %s. Set the parameter "
+                         "~wheel_conventions/%s to noetic or rep103 to choose.",
+                         ctx.model_name, names[0], names[2], convention, turns, ctx.model_name)
 
-    def next_before(self, now_ns):
+    def next_before(self, now_ns: int) -> Optional[int]:
         self._command.look(now_ns)
         return self._schedule.next_due(now_ns, self._ctx.step_ns)
 
-    def before_step(self, now_ns):
+    def before_step(self, now_ns: int) -> None:
         if not self._schedule.due(now_ns):
             return
         self._send_odometry(self._ctx.moment(now_ns))
@@ -70,7 +73,7 @@ class SkidSteer(Plugin):
         for joint, speed in zip(self._joints, (left, right, left, right)):
             self._physics.set_joint_motor(joint, speed / self._radius, self._torque)
 
-    def _send_odometry(self, stamp):
+    def _send_odometry(self, stamp: Any) -> None:
         position, orientation, linear, angular = self._ctx.model_state()
         yaw = yaw_of(orientation)
         cosine, sine = math.cos(yaw), math.sin(yaw)
@@ -87,7 +90,7 @@ class SkidSteer(Plugin):
             self._ctx.send_transform(stamp, self._frame, self._child_frame, position, orientation)
         self._port.publish(message)
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
         self._schedule.restart(now_ns)
         self._command.reset(now_ns)
         if rewound:

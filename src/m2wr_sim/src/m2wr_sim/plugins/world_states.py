@@ -1,14 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The state topics of the world itself: all models, all links."""
+"""The topics with the states of all models and all links."""
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Set, Tuple
+
 import numpy as np
 from geometry_msgs.msg import Pose, Twist
 
-from m2wr_sim.plugins.base import NEVER, Plugin
+from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import StrictSchedule
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.types import Model
+    from m2wr_sim.physics.engine import Engine
+
+_Row = Tuple[str, int, Callable[[Any], Any]]
 
 
 class StateTable:
-    """The states of many things, as a record that ports take in place of a message.
+    """The states of models or links; ports accept it instead of a message.
 
     Attributes
     ----------
@@ -19,11 +30,11 @@ class StateTable:
         Linear [m/s] and angular [rad/s] velocity in world axes.
     """
 
-    def __init__(self, names):
+    def __init__(self, names: List[str]) -> None:
         self.names = names
         self.poses, self.twists = np.zeros((len(names), 7)), np.zeros((len(names), 6))
 
-    def message(self, message_class):
+    def message(self, message_class: Callable[..., Any]) -> Any:
         """Return a ModelStates or LinkStates."""
         made = message_class(name=list(self.names))
         for numbers in self.poses.tolist():
@@ -39,23 +50,23 @@ class StateTable:
         return made
 
 
-class _Reader:
-    """Fills a table row by row; what stands still is written again only after somebody has moved it.
+class _StateReader:
+    """Fills a table row by row; rows of static models are updated only if their pose has changed.
 
     Parameters
     ----------
     rows : list of (str, int, callable)
-        Name, the engine's number of the link, and what returns the LinkState to tell.
+        Name, the engine's number of the link, and a function that returns the LinkState.
     resting : set of int
         Links of static models.
     """
 
-    def __init__(self, rows, resting):
+    def __init__(self, rows: List[_Row], resting: Set[int]) -> None:
         self._rows = [(index, link, state) for index, (_, link, state) in enumerate(rows)]
-        self._resting = {link: None for link in resting}
+        self._resting: Dict[int, Any] = {link: None for link in resting}
         self.table = StateTable([name for name, _, _ in rows])
 
-    def read(self, engine):
+    def read(self, engine: Engine) -> StateTable:
         poses, twists, resting = self.table.poses, self.table.twists, self._resting
         for index, link, state in self._rows:
             if link in resting:
@@ -69,44 +80,50 @@ class _Reader:
         return self.table
 
 
+def _link_state(engine: Engine, link: int) -> Any:
+    return engine.link_state(link)
+
+
 class WorldStates(Plugin):
-    """Publishes ``~model_states`` and ``~link_states`` while somebody listens.
+    """Publishes ``~model_states`` and ``~link_states`` while there are subscribers.
 
     Parameters
     ----------
     simulator : Simulator
     models_port, links_port : ports
-        Where to publish, as :class:`StateTable`.
+        Topics; they get a :class:`StateTable`.
     rate : float
         Hz of simulated time; 0 publishes with every step, as Gazebo does.
     wanted : callable, optional
-        Tells of a Model record whether it is to be told of; all are by default.
+        Returns whether to publish the states of a Model record; all by default.
     """
 
-    def __init__(self, simulator, models_port, links_port, rate, wanted=None):
+    def __init__(self, simulator: Any, models_port: Any, links_port: Any, rate: float,
+                 wanted: Optional[Callable[[Model], bool]] = None) -> None:
         self._simulator, self._models_port, self._links_port = simulator, models_port, links_port
         self._schedule = StrictSchedule(rate, simulator.now_ns)
-        self._seen, self._models, self._links = None, None, None
+        self._seen: Optional[List[Any]] = None
+        self._models, self._links = self._readers([])
         self._chosen = wanted or (lambda record: True)
 
-    def configure(self, spec, ctx):
-        """Nothing to configure: this plugin stands for no tag."""
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
+        pass                # this plugin has no tags
 
-    def next_before(self, now_ns):
+    def next_before(self, now_ns: int) -> Optional[int]:
         if not (self._models_port.wanted() or self._links_port.wanted()):
             return NEVER
         due_ns = self._schedule.next_due(now_ns, self._simulator.step_ns)
-        if due_ns <= now_ns:                    # woke up after a pause without listeners: no catching up
+        if due_ns <= now_ns:                    # first subscriber after a pause: skip what was due in it
             self._schedule.restart(now_ns - self._schedule.period_ns)
         return max(due_ns, now_ns + self._simulator.step_ns)
 
-    def before_step(self, now_ns):
+    def before_step(self, now_ns: int) -> None:
         if not self._schedule.due(now_ns):
             return
         simulator = self._simulator
         simulator.ports.moment(now_ns)
         models = [model for model in simulator.models.values() if self._chosen(model.record)]
-        if models != self._seen:                # each model is one object from spawn to end
+        if models != self._seen:                # a model remains the same object until it is deleted
             self._seen = models
             self._models, self._links = self._readers(models)
         if self._models_port.wanted():
@@ -115,11 +132,13 @@ class WorldStates(Plugin):
             self._links_port.publish(self._links.read(simulator.engine))
 
     @staticmethod
-    def _readers(models):
-        links = [("%s::%s" % (model.name, name), link, lambda engine, link=link: engine.link_state(link))
-                 for model in models for name, link in model.handle.links.items() if "::" not in name]  # no nested ones
+    def _readers(models: List[Any]) -> Tuple[_StateReader, _StateReader]:
+        links: List[_Row] = [
+            ("%s::%s" % (model.name, name), link, partial(_link_state, link=link))
+            for model in models for name, link in model.handle.links.items() if "::" not in name]   # not nested
         resting = {link for model in models if model.record.static for link in model.handle.links.values()}
-        return _Reader([(model.name, model.root, model.state) for model in models], resting), _Reader(links, resting)
+        return _StateReader([(model.name, model.root, model.state) for model in models], resting), _StateReader(
+            links, resting)
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
         self._schedule.restart(now_ns)

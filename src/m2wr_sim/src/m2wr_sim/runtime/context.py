@@ -29,7 +29,7 @@ class ModelContext(PluginContext):
         self.wheel_convention = simulator.config.wheel_convention_of(model.name, spec.find("wheelConvention"))
         self.command_timeout_ns = simulator.config.command_timeout_ns
 
-    def tell_once(self, level, text, *values):
+    def log_once(self, level, text, *values):
         self._simulator.config.once_logger.log(level, self._model.name, text, *values)
 
     @property

@@ -38,7 +38,7 @@ class OnceLogger:
             _log.log(level, "%s", line)
 
     def log_parameters(self, name, label, reader):
-        """Tell which defaults a plugin takes, which values it refuses, and what it does not read.
+        """Log the defaults, the invalid values and the unsupported elements of a plugin.
 
         Parameters
         ----------
@@ -47,13 +47,13 @@ class OnceLogger:
         label : str
             Which plugin.
         reader : PluginReader
-            What it has read its parameters with.
+            The plugin's tags.
         """
         if reader.defaults:
-            self.log(logging.INFO, name, "%s takes defaults for %s", label,
+            self.log(logging.INFO, name, "%s uses defaults for %s", label,
                      ", ".join("%s = %s" % pair for pair in reader.defaults))
         for problem in reader.problems:
             self.log(logging.WARNING, name, "%s: %s", label, problem)
-        if reader.unread():             # nor does Gazebo's plugin
-            self.log(logging.INFO, name, "%s: nothing reads %s", label,
+        if reader.unread():             # Gazebo ignores them too
+            self.log(logging.INFO, name, "%s: unsupported elements ignored: %s", label,
                      ", ".join("<%s>" % tag for tag in reader.unread()))

@@ -17,7 +17,7 @@ from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Physics, Plane, PluginSpec
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.plugins.base import PluginReader
-from m2wr_sim.plugins.left_out import AbsentPlugins
+from m2wr_sim.plugins.unsupported import UnsupportedPlugins
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
@@ -106,7 +106,7 @@ class Simulator:
         self._scene_version = self._moving_sight = None     # the engine's version that the scene shows
         self._resting_sights = {}       # static link -> SceneRows of its shapes
         self._event_queue = EventQueue(self._failed, self._catch_up)
-        self._absent = AbsentPlugins()
+        self._unsupported = UnsupportedPlugins()
         self._misfits = set()           # what was said of rates that do not fit into the steps
         self._lost = []                 # names of models that have been thrown out of the world and are still listed
         self._owed, self._hold_ns = 0, 0        # steps that time is ahead of the engine; until when answers hold
@@ -130,7 +130,7 @@ class Simulator:
             except ModelError as error:
                 log.error("%s; model \"%s\" is left out", error, record.name)
         for spec in world.plugins:
-            self._absent.tell("the world", spec, None)
+            self._unsupported.report("the world", spec, None)
         if world.state is not None:
             self.apply_state(world.state)
 
@@ -227,7 +227,7 @@ class Simulator:
     def _start_plugin(self, model, spec, sensor, link, namespace):
         plugin_class = self.plugin_class(spec.filename)
         if plugin_class is None:
-            self._absent.tell(model.name, spec, namespace)
+            self._unsupported.report(model.name, spec, namespace)
             return
         if namespace and spec.find("robotNamespace") is None:
             spec = replace(spec, parameters=spec.parameters + (("robotNamespace", namespace),))
