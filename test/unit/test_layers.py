@@ -88,7 +88,7 @@ RULES = (
     Rule("motion_plan/*.py", NUMERIC, False, True, ("motion_plan.ros*",)),
 )
 KERNEL_STANDARD = {"math", "typing", "__future__"}
-KERNEL_NEIGHBOURS = ("kernels", "_layout")      # of our own modules, kernels import only each other and plain numbers
+KERNEL_NEIGHBOURS = ("kernels", "_layout", "array_types")    # our own modules that kernels may import
 ODE_LAYER = "m2wr_sim/physics/"
 SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}
 WALL_CLOCK = {"time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns", "time.perf_counter",

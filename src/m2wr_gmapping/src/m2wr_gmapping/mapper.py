@@ -13,9 +13,9 @@ from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
-from m2wr_gmapping.frontend.tilt_detection import LevelWatch
+from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.tracking import Tracker
-from m2wr_gmapping.io.saved_map import GivenOccupancy, MapReading
+from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
 from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.workers import Workers
 
@@ -69,7 +69,7 @@ class Mapper:
         self._tracker = None
         if not self._plain:
             self._tracker = Tracker(self._matcher, config.noise, self._dense, Recalibration(laser.ahead), laser.ahead)
-        self._level = LevelWatch(config["delta"], laser.max_range)
+        self._level = TiltDetector(config["delta"], laser.max_range)
         self._loops = None
         if config["loop_closing"] and not self._plain:
             self._loops = LoopCloser(self._matcher, config["delta"])
@@ -136,8 +136,8 @@ class Mapper:
         due = self._due(stamp)
         if tracker is None:
             pass
-        elif self._level.tilted(slope, reading.points, distance) and (
-                self._level.rocks or not self._due(stamp, share=1.0 / PUT_OFF)):
+        elif self._level.is_tilted(slope, reading.points, distance) and (
+                self._level.is_rocking or not self._due(stamp, share=1.0 / PUT_OFF)):
             due = False
         elif due or (self._dense and moved):
             reading = self._level.level_part(reading)
@@ -184,14 +184,14 @@ class Mapper:
             start = self._matcher.search(particles.maps, 0, reading, start, START_WINDOW)
         particles.poses[:] = start
         self.filter, self.given = particles, 1
-        self._occupancy = GivenOccupancy(saved, self.config["occ_thresh"])
+        self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
         self._odom = odom_pose
         self._remember(ground, stamp)
         self._distance = np.inf         # the first scan is due
         if self._tracker is not None:
-            self._tracker.loosen()
+            self._tracker.relax_prior()
 
-    def take_up(self, odom_pose):
+    def reset_odometry(self, odom_pose):
         """Go on after a break with an odometry that has begun anew: this is where the robot stood at the last scan."""
         odom_pose = np.asarray(odom_pose, float)
         self._odom = odom_pose
@@ -227,7 +227,7 @@ class Mapper:
             particles.match(reading, anchors, anchors, np.zeros(3), least, None)
         else:
             starts, predictions = np.empty_like(anchors), np.empty_like(anchors)
-            variances, inverse, spread = tracker.lead(anchors, starts, predictions)
+            variances, inverse, spread = tracker.predict_particles(anchors, starts, predictions)
             rows = particles.match(reading, starts, predictions, inverse, least, spread)
             best = particles.best
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best])
@@ -237,20 +237,20 @@ class Mapper:
         if self._loops is not None:
             self._loops.add_step(rows[best, tl.INFORMATION:], np.sqrt(variances), tracker.account)
         if tracker is not None and tracker.recalibration.due:
-            self._look_back()
+            self._recalibrate()
         if self._loops is not None:
-            self._bend(self._loops.look(particles.tree.path(particles.best), self.readings))
+            self._replace_path(self._loops.search(particles.tree.path(particles.best), self.readings))
 
-    def _look_back(self):
+    def _recalibrate(self):
         """Tell the steps of the path where the centre of turning is by now; a saved map holds its path by itself."""
         if self._tracker is None or self.given:
             return
         tracker, particles = self._tracker, self.filter
         changes, path = tracker.recalibration.correct(particles.tree.path(particles.best), tracker.centre)
         if changes is not None:
-            self._bend(path if self._loops is None else self._loops.changed(path, changes))
+            self._replace_path(path if self._loops is None else self._loops.apply_changes(path, changes))
 
-    def _bend(self, path):
+    def _replace_path(self, path):
         if path is not None:
             self.filter.replace_past(path, self.readings)
 
@@ -258,9 +258,9 @@ class Mapper:
         """Bring the path and the maps to agree with all that is known; call when no scan follows, or before saving."""
         if self.filter is None:
             return
-        self._look_back()
+        self._recalibrate()
         if self._loops is not None:
-            self._bend(self._loops.conclude(self.filter.tree.path(self.filter.best), self.readings))
+            self._replace_path(self._loops.conclude(self.filter.tree.path(self.filter.best), self.readings))
 
     def info(self):
         """Return counts for the log (dict)."""

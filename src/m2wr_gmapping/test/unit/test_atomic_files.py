@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from m2wr_gmapping.io.atomic_files import write_whole
+from m2wr_gmapping.io.atomic_files import write_atomically
 
 
 def listing(folder):
@@ -16,9 +16,9 @@ def listing(folder):
 def test_all_files_or_none(tmp_path):
     (tmp_path / "a").write_text("old")
     with pytest.raises(OSError):
-        write_whole((str(tmp_path / "a"), [b"new"]), (str(tmp_path / "nowhere" / "b"), [b"new"]))
+        write_atomically((str(tmp_path / "a"), [b"new"]), (str(tmp_path / "nowhere" / "b"), [b"new"]))
     assert (tmp_path / "a").read_text() == "old" and listing(tmp_path) == ["a"]
-    write_whole((str(tmp_path / "a"), [b"new", b"er"]), (str(tmp_path / "b"), [memoryview(b"x")]))
+    write_atomically((str(tmp_path / "a"), [b"new", b"er"]), (str(tmp_path / "b"), [memoryview(b"x")]))
     assert (tmp_path / "a").read_text() == "newer" and listing(tmp_path) == ["a", "b"]
 
 
@@ -28,7 +28,7 @@ def test_an_interrupt_leaves_nothing_behind(tmp_path):
         raise KeyboardInterrupt
     (tmp_path / "a").write_text("old")
     with pytest.raises(KeyboardInterrupt):
-        write_whole((str(tmp_path / "b"), [b"whole"]), (str(tmp_path / "a"), parts()))
+        write_atomically((str(tmp_path / "b"), [b"whole"]), (str(tmp_path / "a"), parts()))
     assert (tmp_path / "a").read_text() == "old" and listing(tmp_path) == ["a"]
 
 
@@ -36,7 +36,7 @@ def test_symlink_is_kept(tmp_path):
     (tmp_path / "far").mkdir()
     (tmp_path / "near").symlink_to(tmp_path / "far" / "a")
     for text in (b"one", b"two"):
-        write_whole((str(tmp_path / "near"), [text]))
+        write_atomically((str(tmp_path / "near"), [text]))
         assert (tmp_path / "near").is_symlink() and (tmp_path / "far" / "a").read_bytes() == text
     assert listing(tmp_path / "far") == ["a"]
 
@@ -50,18 +50,18 @@ def test_pipe_is_written_to(tmp_path):
             read.append(stream.read())
     listener = threading.Thread(target=listen)
     listener.start()
-    write_whole((pipe, [b"said"]))
+    write_atomically((pipe, [b"said"]))
     listener.join()
     assert read == [b"said"] and stat.S_ISFIFO(os.stat(pipe).st_mode) and listing(tmp_path) == ["pipe"]
 
 
 def test_standard_streams_are_written_to(capfd):
-    write_whole(("/dev/stdout", [b"out"]), ("/dev/null", [b"lost"]))
+    write_atomically(("/dev/stdout", [b"out"]), ("/dev/null", [b"lost"]))
     assert capfd.readouterr().out == "out" and stat.S_ISCHR(os.stat("/dev/null").st_mode)
 
 
 def test_folder_is_not_replaced(tmp_path):
     (tmp_path / "a").mkdir()
     with pytest.raises(OSError):
-        write_whole((str(tmp_path / "a"), [b"new"]))
+        write_atomically((str(tmp_path / "a"), [b"new"]))
     assert listing(tmp_path) == ["a"] and listing(tmp_path / "a") == []

@@ -33,7 +33,7 @@ def test_loop_candidates_equal_reference(node):
     count = gk.old_nodes(along, node, 12.0)
     assert old == list(range(count))
     numbers = np.full((2, 200), -1)
-    near, far = gk.met(path[:node + 1], shift, count, 1.3, 2.0, 2.0, numbers)
+    near, far = gk.loop_candidates(path[:node + 1], shift, count, 1.3, 2.0, 2.0, numbers)
     again = [k for k in old if np.hypot(*(path[k] - path[node])[:2]) < 1.3 * shift[k] + 2.0]
     assert numbers[0, :near].tolist() == [k for k in again if shift[k] <= 2.0]
     assert numbers[1, :far].tolist() == [k for k in again if shift[k] > 2.0]
@@ -70,7 +70,7 @@ def test_bias_moves_only_unobserved_directions(forward, turn, yaw):
     leads = np.array([[c * forward, -0.5 * s * forward * turn, -0.5 * s * forward**2],
                       [s * forward, 0.5 * c * forward * turn, 0.5 * c * forward**2], [0.0, turn, forward]])
     out = np.empty((3, 3))
-    gk.leverage(held[np.triu_indices(3)], deviations, np.array([forward, turn, yaw]), out)
+    gk.bias_jacobian(held[np.triu_indices(3)], deviations, np.array([forward, turn, yaw]), out)
     assert out == pytest.approx(np.linalg.solve(held + prior, prior @ leads), rel=1e-9, abs=1e-12)
 
 
@@ -96,7 +96,7 @@ def test_smoothed_bias_equals_batch_least_squares():
             matrix[joint, joint] += np.block([[tie, -tie], [-tie, tie]])
     found = np.linalg.solve(matrix, wanted).reshape(-1, 3)
     out = np.empty((count, 3))
-    gk.look_back(accounts, leverages, variance, changes, out)
+    gk.smooth_bias(accounts, leverages, variance, changes, out)
     assert np.abs(found).min() > 1e-3
     assert out == pytest.approx(np.einsum("kij,kj->ki", leverages, found - accounts[:, 4]), abs=1e-6)
 

@@ -79,7 +79,7 @@ def test_node_limits_the_heap_before_importing_numpy():
     subprocess.check_call([sys.executable, "-c", script], timeout=120)
 
 
-class Outlet:
+class Recorder:
     """In the place of publishers and services."""
 
     def __init__(self, *_, **__):
@@ -109,7 +109,7 @@ class OneMapMapper:
 
 def test_map_thread_releases_the_mapper(monkeypatch):
     for name in ("Publisher", "Service"):
-        monkeypatch.setattr(rospy, name, Outlet)
+        monkeypatch.setattr(rospy, name, Recorder)
     monkeypatch.setattr(rospy.Time, "now", lambda: rospy.Time(1))
     output, mapper = MapOutput("map"), OneMapMapper()
     gone = threading.Event()

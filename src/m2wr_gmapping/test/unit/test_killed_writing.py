@@ -12,7 +12,7 @@ import yaml
 from PIL import Image
 
 from m2wr_gmapping.io import map_file
-from m2wr_gmapping.io.atomic_files import PREFIX, write_whole
+from m2wr_gmapping.io.atomic_files import PREFIX, write_atomically
 
 MOST_CALLS = 1000
 
@@ -115,9 +115,9 @@ def test_leftovers_of_a_kill_are_removed_at_the_next_start(folder):
 
 def test_file_is_old_or_new_after_a_kill(folder):
     path = folder / "state"
-    for calls in each_kill(lambda: write_whole((str(path), [b"new" * 9])), lambda: path.write_bytes(b"old")):
+    for calls in each_kill(lambda: write_atomically((str(path), [b"new" * 9])), lambda: path.write_bytes(b"old")):
         assert path.read_bytes() in (b"old", b"new" * 9), calls
-    write_whole((str(path), [b"last"]))
+    write_atomically((str(path), [b"last"]))
     assert [entry.name for entry in folder.iterdir()] == ["state"]
 
 
@@ -131,7 +131,7 @@ def test_locked_and_foreign_files_are_kept(folder):
         save(folder, 1)
         during.extend(path.name for path in folder.iterdir() if path.name.startswith(PREFIX))
         yield b" and half"
-    write_whole((str(folder / "slow"), parts()))
+    write_atomically((str(folder / "slow"), parts()))
     assert len(during) == 2 and (folder / "slow").read_bytes() == b"half and half"
     assert {path.name for path in folder.iterdir()} == {
         "plan-0123456789ab.pgm", PREFIX + "notes", "slow", "plan.pgm", "plan.yaml"}

@@ -14,7 +14,7 @@ from m2wr_gmapping.filter.resampling import systematic_resample
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.mapper import Mapper
 
-LEAST, MOST, STEP = 4, 40, np.array([0.5, 0.0, 0.0])
+FEWEST, MOST, STEP = 4, 40, np.array([0.5, 0.0, 0.0])
 
 
 class Matches:
@@ -76,17 +76,17 @@ def test_resampling_to_another_count_equals_reference(seed, count):
 
 
 def test_particle_count_follows_the_spread():
-    config = GmappingConfig.from_mapping(dict(particles=MOST, min_particles=LEAST))
+    config = GmappingConfig.from_mapping(dict(particles=MOST, min_particles=FEWEST))
     particles = ParticleFilter(config, Matches(), np.zeros(3))
     assert particles.count == MOST
-    assert moved(particles, [1e-3, 1e-3, 1e-3]) == LEAST            # all stand in one place
+    assert moved(particles, [1e-3, 1e-3, 1e-3]) == FEWEST            # all stand in one place
     counts = [moved(particles, [0.2, 0.2, 0.1]) for _ in range(60)]
-    assert max(counts) == MOST and all(LEAST <= count <= MOST for count in counts)
+    assert max(counts) == MOST and all(FEWEST <= count <= MOST for count in counts)
     assert particles.weights.shape == particles.log_weights.shape == particles.weight_sums.shape == (particles.count,)
     assert len(particles.tree.leaves) == particles.maps.count == particles.maps.table.shape[0] == particles.count
     before = particles.poses[particles.best].copy()
     particles.poses[:] = before
-    assert moved(particles, [1e-3, 1e-3, 1e-3]) == LEAST
+    assert moved(particles, [1e-3, 1e-3, 1e-3]) == FEWEST
     assert np.allclose(particles.poses[particles.best], before + STEP, atol=0.01)
     held = particles.maps.table[particles.maps.table >= 0]
     assert particles.maps.tiles_in_use == len(np.unique(held))      # the maps of those that went are free

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.backend import drift_kernels, loop_closing, place_match, place_search
-from m2wr_gmapping.backend.loop_extension import LoopGrowth
+from m2wr_gmapping.backend.loop_extension import LoopExtension
 from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
@@ -159,10 +159,10 @@ def test_loop_closure_is_extended_along_the_loop(open_ring):
     graph.links.append(link)
     along, drifted = distances_along(truth), truth.copy()
     drifted[200:, :2] += 0.04 * np.abs(along[-20] - along[200:, None])      # the more, the farther from the link
-    growth = LoopGrowth(graph)
-    growth.begin_at([link])
+    growth = LoopExtension(graph)
+    growth.start_at([link])
     growth.advance(drifted, along, readings, 1000)
-    assert len(graph.links) > 15 and not growth.fronts and growth.bends
+    assert len(graph.links) > 15 and not growth.frontiers and growth.has_moved
     for first, second, measured, _ in graph.links[1:]:
         error = between(between(truth[first], truth[second]), measured)
         assert math.hypot(error[0], error[1]) < 0.3 and second != link[1]
@@ -173,10 +173,10 @@ def test_wrong_loop_closure_is_not_extended(open_ring):
     graph, path, readings = graph_of(mapper)
     link = (10, len(path) - 20, np.array([3.0, 0.0, 1.0]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
     graph.links.append(link)
-    growth = LoopGrowth(graph)
-    growth.begin_at([link])
+    growth = LoopExtension(graph)
+    growth.start_at([link])
     growth.advance(path, distances_along(path), readings, 1000)
-    assert len(graph.links) == 1 and not growth.fronts
+    assert len(graph.links) == 1 and not growth.frontiers
 
 
 def test_old_places_are_searched_again(open_ring):
@@ -188,10 +188,10 @@ def test_old_places_are_searched_again(open_ring):
     correct[new] = compose(away, correct[new])
     old = int(np.argmin(np.hypot(*(truth[:150] - truth[-1])[:, :2].T)))
     graph.links.append((old, len(path) - 1, between(correct[old], correct[-1]), np.eye(3)))
-    growth = LoopGrowth(graph)
-    growth.review(distances_along(correct))
+    growth = LoopExtension(graph)
+    growth.schedule_review(distances_along(correct))
     growth.advance(correct, distances_along(correct), readings, 1000)
-    assert growth.bends and growth.tears and len(graph.links) > 10
+    assert growth.has_moved and growth.has_large_shift and len(graph.links) > 10
     for first, second, measured, _ in graph.links[1:]:
         error = between(between(truth[first], truth[second]), measured)
         assert math.hypot(error[0], error[1]) < 0.3
@@ -199,7 +199,7 @@ def test_old_places_are_searched_again(open_ring):
 
 def find(along, correction=0.0, clear=False, alike=False, drift=10.0):
     link = (0, 1, None, None)
-    return loop_closing.Find(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift, False)
+    return loop_closing.Candidate(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift, False)
 
 
 @pytest.mark.parametrize("finds, enough", [
@@ -221,7 +221,7 @@ def test_similar_place_is_accepted_if_the_current_is_excluded(
     along, old = np.array([0.0, 40.0]), np.array([0])
     scene = place_search.Scene(path, along, [reading, reading], old, np.full(2, 5.0), np.ones(2))
     monkeypatch.setattr(place_search, "wide_search", lambda *_: place_search.Place(np.zeros(3), 0.9, 10.0, alike))
-    found = closer._wide_find(scene, old)
+    found = closer._wide_candidate(scene, old)
     assert (found is not None) == believed
     if believed:
         assert np.abs(found.pose).max() < 0.02 and found.correction[1] == pytest.approx(-beside, abs=0.02)
@@ -233,11 +233,11 @@ def test_frontiers_drop_corrections_that_the_path_contains():
     for _ in path[1:]:
         closer.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02), np.zeros((6, 3)))
     correction = np.array([0.0, 0.3, 0.0])
-    closer._take([(0, 40, np.array([20.0, 0.3, 0.0]), np.diag([1e6, 1e6, 1e2]))], 20.0)
-    closer._growth._fronts = [front[:3] + (correction,) for front in closer._growth._fronts]
-    bent = closer.changed(path, np.zeros_like(path))
-    assert bent[-1, 1] == pytest.approx(0.3, abs=0.05) and closer._growth.fronts == 2
-    assert not any(front[3].any() for front in closer._growth._fronts)
+    closer._accept_links([(0, 40, np.array([20.0, 0.3, 0.0]), np.diag([1e6, 1e6, 1e2]))], 20.0)
+    closer._extension._frontiers = [front[:3] + (correction,) for front in closer._extension._frontiers]
+    bent = closer.apply_changes(path, np.zeros_like(path))
+    assert bent[-1, 1] == pytest.approx(0.3, abs=0.05) and closer._extension.frontiers == 2
+    assert not any(front[3].any() for front in closer._extension._frontiers)
 
 
 def corridor(passages, length=70.0, width=2.0):
@@ -304,22 +304,22 @@ def test_segment_from_unknown_area_is_not_shifted(last):
     cell = place_search.WIDE_RASTER
     best = place_search.coarse_search(scene.path[-1], query, scene.path, scene.old, scene.readings, 6.0, 0.15, cell)
     assert best[4] <= place_search.RIVAL * best[3] and best[0] > truth[0] + 5.0     # the only place, if all must fit
-    found = place_search.looked_around(best[:3], query, scene, scene.old, scene.old, 6.0, cell)
+    found = place_search.best_place_around(best[:3], query, scene, scene.old, scene.old, 6.0, cell)
     assert found is None or np.abs(found - truth)[:2].max() < 0.4
 
 
 def test_nodes_with_common_drift_are_not_old():
     scene, _ = come_back(0, 0.0, 20.0, [1.5, 1.0, 0.0])
     scene.shift[:40] = 0.5
-    assert np.array_equal(place_search._before(scene, 10.0, 100.0, 2.0), np.arange(40, 61))
-    assert np.array_equal(place_search._before(scene, 10.0, 100.0), np.arange(61))
+    assert np.array_equal(place_search._older_nodes(scene, 10.0, 100.0, 2.0), np.arange(40, 61))
+    assert np.array_equal(place_search._older_nodes(scene, 10.0, 100.0), np.arange(61))
 
 
 def test_coarsely_similar_place_is_rated_lower():
     scene, truth = come_back(2, 5.0, 15.0, [0.0, 0.0, 0.0])
     query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
     for beside, as_good in (([3.0, 0.0, 0.0], False), ([0.0, 0.0, 0.0], True)):
-        assert place_search._as_good(truth + beside, scene.old, truth, scene.old, query, scene) == as_good
+        assert place_search._is_as_good(truth + beside, scene.old, truth, scene.old, query, scene) == as_good
 
 
 def test_fine_raster_resolves_shallow_niches():
@@ -340,14 +340,14 @@ def test_scans_of_a_segment_are_merged():
     path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
     readings = [LASER.reading(ranges(walls, pose)) for pose in path]
     scene = place_search.Scene(path, np.arange(10) * 0.2, readings, np.array([0]), np.zeros(10), np.zeros(10))
-    beams = place_match.joined(scene, 1.0).beams
+    beams = place_match.merged_scan(scene, 1.0).beams
     x, y = compose(path[-1], np.stack([beams[mk.QX], beams[mk.QY], np.zeros(beams.shape[1])], -1))[:, :2].T
     assert np.maximum(np.abs(x) / 4.0, np.abs(y) / 2.5).max() < 1.001 and beams.shape[1] > 150
     far = np.hypot(beams[mk.QX], beams[mk.QY]) > 1.0
     assert (np.minimum(np.abs(np.abs(x) - 4.0), np.abs(np.abs(y) - 2.5)) < 1e-6).all() and far.any()
     turned = compose([0.0, 0.0, path[-1, 2]], np.stack([beams[mk.NX], beams[mk.NY], np.zeros(beams.shape[1])], -1))
-    held = np.hypot(beams[mk.NX], beams[mk.NY]) > 0.5
-    assert (np.abs(turned[held, :2]).max(axis=1) > 0.99).mean() > 0.9       # normals stand on the walls
+    is_observed = np.hypot(beams[mk.NX], beams[mk.NY]) > 0.5
+    assert (np.abs(turned[is_observed, :2]).max(axis=1) > 0.99).mean() > 0.9       # normals stand on the walls
     assert np.allclose(beams[mk.ARM_N], beams[mk.NY] * beams[mk.QX] - beams[mk.NX] * beams[mk.QY])
     assert np.allclose(beams[mk.ARM_T], beams[mk.NX] * beams[mk.QX] + beams[mk.NY] * beams[mk.QY])
 
@@ -422,5 +422,5 @@ def test_occlusion_rejects_a_place():
     path, along = np.zeros((3, 3)), np.array([0.0, 20.0, 40.0])
     scene = place_search.Scene(path, along, readings, np.array([0, 1]), np.zeros(3), np.zeros(3))
     pose = np.zeros(3)
-    assert place_search.looked_through(scene, pose, np.array([0])) == 0.0
-    assert place_search.looked_through(scene, pose, np.array([1])) > 0.4
+    assert place_search.occlusion_conflict(scene, pose, np.array([0])) == 0.0
+    assert place_search.occlusion_conflict(scene, pose, np.array([1])) > 0.4

@@ -4,7 +4,7 @@
 import pytest
 import rospy
 
-from m2wr_gmapping.ros.missing_inputs import name_what_is_missing, no_scan, usual_source
+from m2wr_gmapping.ros.missing_inputs import no_scan, usual_source, warn_about_missing_inputs
 
 SCAN = "sensor_msgs/LaserScan"
 
@@ -51,7 +51,7 @@ def test_missing_clock_and_scans_are_named_at_start(monkeypatch):
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     monkeypatch.setattr(rospy, "get_time", lambda: 0.0)
-    name_what_is_missing(Nothing(), "/robot/scan")
+    warn_about_missing_inputs(Nothing(), "/robot/scan")
     assert "/clock" in told[0] and "use_sim_time" in told[0]
     assert "/robot/scan" in told[1] and "/front/scan" in told[1]
 
@@ -66,5 +66,5 @@ def test_missing_clock_is_named_even_with_scans(monkeypatch):
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
     monkeypatch.setattr(rospy.rostime, "is_wallclock", lambda: False)
     monkeypatch.setattr(rospy, "get_time", lambda: next(clock))
-    name_what_is_missing(Scans(), "/scan")
+    warn_about_missing_inputs(Scans(), "/scan")
     assert len(told) == 2 and "/clock" in told[0]

@@ -43,10 +43,10 @@ def test_frames_must_differ(given, fits):
 
 def test_unwritable_save_on_exit_is_reported_at_start(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert not params.trouble_at_exit("") and not params.trouble_at_exit("~/plan")
-    assert "there is no folder" in params.trouble_at_exit("~/nowhere/plan")[0]
+    assert not params.save_on_exit_warnings("") and not params.save_on_exit_warnings("~/plan")
+    assert "there is no folder" in params.save_on_exit_warnings("~/nowhere/plan")[0]
     monkeypatch.setattr(params.os, "access", lambda *_: False)              # the tests may be root, who may do anything
-    assert "may not write into" in params.trouble_at_exit("~/plan")[0]
+    assert "may not write into" in params.save_on_exit_warnings("~/plan")[0]
 
 
 def test_every_node_option_is_documented():

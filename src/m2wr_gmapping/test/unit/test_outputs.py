@@ -7,7 +7,7 @@ import pytest
 import rospy
 
 from m2wr_gmapping.filter.occupancy import Grid
-from m2wr_gmapping.ros.outputs import LONGEST_NAP, SHORTEST_NAP, MapOutput, Pace
+from m2wr_gmapping.ros.outputs import LONGEST_WAIT, SHORTEST_WAIT, MapOutput, Pace
 
 PERIOD = 0.05
 
@@ -20,7 +20,7 @@ def run(clock, wall_end, wall=1000.0):
         if pace.due(now, PERIOD):
             sent.append(now)
         else:
-            passed += pace.nap(now, wall + passed)
+            passed += pace.wait_time(now, wall + passed)
     return sent, looks
 
 
@@ -28,13 +28,13 @@ def run(clock, wall_end, wall=1000.0):
 def test_period_is_kept_at_any_clock_rate(factor):
     sent, looks = run(lambda passed: 5.0 + 0.01 * int(100 * factor * passed), 10.0)        # a clock of 10 ms steps
     assert len(sent) == pytest.approx(10.0 * factor / PERIOD, rel=0.1)
-    assert looks < 10 * len(sent) + 10.0 / LONGEST_NAP + 10
+    assert looks < 10 * len(sent) + 10.0 / LONGEST_WAIT + 10
 
 
 def test_missing_or_paused_clock_costs_little():
     for at in (0.0, 7.0):
         sent, looks = run(lambda _, at=at: at, 10.0)
-        assert len(sent) == (1 if at else 0) and looks < 1.1 * 10.0 / LONGEST_NAP + 5
+        assert len(sent) == (1 if at else 0) and looks < 1.1 * 10.0 / LONGEST_WAIT + 5
 
 
 def test_clock_that_jumps_back_is_followed():
@@ -45,7 +45,7 @@ def test_clock_that_jumps_back_is_followed():
 
 def test_missed_transforms_are_not_sent_in_a_burst():
     sent, _ = run(lambda passed: 1.0 + passed if passed < 1.0 else 31.0 + passed, 2.0)
-    assert len(sent) < 2.2 / PERIOD and min(b - a for a, b in zip(sent, sent[1:])) >= SHORTEST_NAP
+    assert len(sent) < 2.2 / PERIOD and min(b - a for a, b in zip(sent, sent[1:])) >= SHORTEST_WAIT
 
 
 class Recorder:

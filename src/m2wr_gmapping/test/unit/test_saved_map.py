@@ -7,7 +7,7 @@ from PIL import Image
 from conftest import drive, odometry
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.io import map_file, state
-from m2wr_gmapping.io.initial_state import Beginning
+from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose, inverse
@@ -29,7 +29,7 @@ def plan(mapped, tmp_path_factory):
 def begun(plan, laser, ring, start, guess, more=None, steps=1):
     """Return a mapper that has begun on the map, with the true last pose in the frame of the map."""
     config = GmappingConfig.from_mapping(dict(VALUES, **(more or {})))
-    beginning, config = Beginning.from_files(config, plan, guess)
+    beginning, config = InitialState.from_files(config, plan, guess)
     mapper = Mapper(config, laser)
     truth = drive(1.05)
     odom = odometry(truth, np.random.default_rng(3))
@@ -70,7 +70,7 @@ def test_odometry_is_the_default_initial_pose(plan, laser, ring):
 
 @pytest.mark.parametrize("no_place", [(1e200, 0.0, 0.0), (0.0, np.nan, 0.0)])
 def test_refused_first_scan_starts_nothing(plan, laser, ring, no_place):
-    beginning, config = Beginning.from_files(GmappingConfig.from_mapping(VALUES), plan, (0.0, 0.0, 0.0))
+    beginning, config = InitialState.from_files(GmappingConfig.from_mapping(VALUES), plan, (0.0, 0.0, 0.0))
     mapper, pose = Mapper(config, laser), drive(1.05)[0]
     reading = mapper.reading(ring.ranges(pose, laser.angles))
     assert beginning.connect(mapper, reading, np.array(no_place), 0.0) is None
@@ -202,9 +202,9 @@ def test_invalid_pictures_are_reported(tmp_path):
 
 def test_map_and_state_together_are_refused(tmp_path):
     with pytest.raises(state.StateError, match="expected one of them"):
-        Beginning.from_files(GmappingConfig.from_mapping(), "a.yaml", None, "a.state")
+        InitialState.from_files(GmappingConfig.from_mapping(), "a.yaml", None, "a.state")
 
 
 def test_cell_size_is_that_of_the_map(tmp_path):
-    _, config = Beginning.from_files(GmappingConfig.from_mapping({"delta": 0.05}), written(tmp_path))
+    _, config = InitialState.from_files(GmappingConfig.from_mapping({"delta": 0.05}), written(tmp_path))
     assert config["delta"] == 0.1

@@ -8,7 +8,7 @@ import pytest
 from conftest import drive
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError, rotation
-from m2wr_gmapping.frontend.scan_kernels import surface_normals, take_in, with_normals
+from m2wr_gmapping.frontend.scan_kernels import classify_ranges, surface_normals, with_normals
 
 UPRIGHT = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -146,7 +146,7 @@ def test_range_classification_equals_reference(seed):
     limits = np.array([0.1, 10.0, 9.0, float(rng.choice([6, 20]))])
     points, used = np.empty((2, beams)), np.empty(beams, bool)
     rays, ray_hits = np.empty((2, beams), np.float32), np.empty(beams, bool)
-    count, seen = take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
+    count, seen = classify_ranges(ranges, directions, limits, skip, gap, points, used, rays, ray_hits)
     wanted, wanted_rays, wanted_hits = plain_take_in(ranges, directions, limits, skip, gap)
     assert (count, seen) == (len(wanted), len(wanted_rays))
     np.testing.assert_allclose(points[:, :count].T.reshape(-1, 2), np.reshape([end for end, _ in wanted], (-1, 2)),

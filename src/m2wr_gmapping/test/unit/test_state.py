@@ -103,7 +103,7 @@ def test_reset_odometry_continues_at_the_last_pose(tmp_path, ring, laser):
         ride = Ride(ring, laser).go(0, 100)
         before, found = ride.mapper.pose, ride.saved(str(tmp_path / "a.state"))
         reading = found.mapper.reading(ring.ranges(ride.truth[100], laser.angles))
-        said = state.go_on(found.mapper, reading, compose(shift, ride.odom[100]), 10.0 + later, runs_on)
+        said = state.connect_odometry(found.mapper, reading, compose(shift, ride.odom[100]), 10.0 + later, runs_on)
         assert bool(said) == told
         ride.go(100, 140, shift)
         apart = between(between(ride.truth[99], ride.truth[139]), between(before, found.mapper.pose))
@@ -117,14 +117,14 @@ def test_distant_odometry_is_accepted_if_the_scan_agrees(tmp_path, ring, laser):
     led = between(ride.truth[239], ride.truth[40])
     reading = found.mapper.reading(ring.ranges(ride.truth[40], laser.angles))
     assert np.hypot(led[0], led[1]) > 3.0
-    assert state.go_on(found.mapper, reading, compose(ride.odom[239], led), 1e5) is None
+    assert state.connect_odometry(found.mapper, reading, compose(ride.odom[239], led), 1e5) is None
     found.mapper.close()
 
 
 def test_odometry_older_than_the_state_is_a_reset(path, laser):
     mapper = state.load(path).mapper
     nothing = laser.reading(np.full(181, np.nan))
-    assert state.go_on(mapper, nothing, mapper.odometry + [0.1, 0.0, 0.0], -5.0) is not None
+    assert state.connect_odometry(mapper, nothing, mapper.odometry + [0.1, 0.0, 0.0], -5.0) is not None
     mapper.close()
 
 

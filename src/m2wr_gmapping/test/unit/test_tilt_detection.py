@@ -7,7 +7,7 @@ import pytest
 
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel
-from m2wr_gmapping.frontend.tilt_detection import MEMORY, ROCKS, LevelWatch
+from m2wr_gmapping.frontend.tilt_detection import MAX_TILTED_DISTANCE, MEMORY, TiltDetector
 from m2wr_gmapping.mapper import Mapper
 
 RING = 4.0 * np.stack([np.cos(np.linspace(-1.5, 1.5, 100)), np.sin(np.linspace(-1.5, 1.5, 100))])     # end points [m]
@@ -15,50 +15,50 @@ NOD = -math.tan(0.08), 0.0
 
 
 def test_pitching_is_detected_unless_all_points_are_near():
-    watch = LevelWatch(0.05, 10.0)
-    assert not watch.tilted((0.0, 0.0), RING, 0.02) and not watch.rocks
-    assert watch.tilted(NOD, RING, 0.02) and watch.rocks
-    assert not watch.tilted(NOD, 0.1 * RING, 0.02) and not watch.rocks
-    assert not watch.tilted((-0.01, 0.0), RING, 0.02)       # 4 cm up
-    assert not watch.tilted(NOD, np.empty((2, 0)), 0.02)
-    assert watch.tilted((0.0, 0.08), RING, 0.02)
+    watch = TiltDetector(0.05, 10.0)
+    assert not watch.is_tilted((0.0, 0.0), RING, 0.02) and not watch.is_rocking
+    assert watch.is_tilted(NOD, RING, 0.02) and watch.is_rocking
+    assert not watch.is_tilted(NOD, 0.1 * RING, 0.02) and not watch.is_rocking
+    assert not watch.is_tilted((-0.01, 0.0), RING, 0.02)       # 4 cm up
+    assert not watch.is_tilted(NOD, np.empty((2, 0)), 0.02)
+    assert watch.is_tilted((0.0, 0.08), RING, 0.02)
 
 
 def test_slope_of_a_ramp_becomes_the_reference():
-    watch = LevelWatch(0.05, 10.0)
-    told = [(watch.tilted(NOD, RING, 0.1), watch.rocks) for _ in range(int(40.0 * MEMORY))]
-    tilted, rocks = np.array(told).T
-    assert tilted[:100].all() and not tilted[-10:].any()
-    assert rocks.sum() == pytest.approx(ROCKS / 0.1, abs=1.0) and rocks[:5].all()
-    assert watch.tilted((0.0, 0.0), RING, 0.1)
+    watch = TiltDetector(0.05, 10.0)
+    told = [(watch.is_tilted(NOD, RING, 0.1), watch.is_rocking) for _ in range(int(40.0 * MEMORY))]
+    is_tilted, is_rocking = np.array(told).T
+    assert is_tilted[:100].all() and not is_tilted[-10:].any()
+    assert is_rocking.sum() == pytest.approx(MAX_TILTED_DISTANCE / 0.1, abs=1.0) and is_rocking[:5].all()
+    assert watch.is_tilted((0.0, 0.0), RING, 0.1)
 
 
 def test_repeated_pitching_does_not_become_the_reference():
     """A robot that starts and stops all the time nods one way only, yet level scans stay level and nods tilted."""
-    watch = LevelWatch(0.05, 10.0)
+    watch = TiltDetector(0.05, 10.0)
     for k in range(600):
         nods = k % 10 in (1, 2, 3)
-        assert watch.tilted(NOD if nods else (0.0, 0.0), RING, 0.1) == nods, k
+        assert watch.is_tilted(NOD if nods else (0.0, 0.0), RING, 0.1) == nods, k
 
 
 @pytest.mark.parametrize("slope, step", [(NOD, 0.0), ((-0.34, 0.0), 0.1), ((0.0, 0.3), 0.1)])
 def test_leaning_on_a_wall_is_not_a_ramp(slope, step):
     """Wheels that go on drive it up where it stays, or along the wall; then it comes down again."""
-    watch = LevelWatch(0.05, 10.0)
+    watch = TiltDetector(0.05, 10.0)
     for _ in range(200):
-        assert watch.tilted(slope, RING, step) and watch.rocks
+        assert watch.is_tilted(slope, RING, step) and watch.is_rocking
     for share in (0.9, 0.7, 0.5):
-        assert watch.tilted((share * slope[0], share * slope[1]), RING, 0.02) and watch.rocks
-    assert not watch.tilted((0.0, 0.0), RING, 0.02) and not watch.rocks
+        assert watch.is_tilted((share * slope[0], share * slope[1]), RING, 0.02) and watch.is_rocking
+    assert not watch.is_tilted((0.0, 0.0), RING, 0.02) and not watch.is_rocking
 
 
 def test_slightly_tilted_scan_keeps_its_level_part():
     model = LaserModel.from_message(-1.5, 1.5, math.pi / 360, 344, 0.05, 10.0, max_range=9.0, max_urange=6.0)
     rng = np.random.default_rng(1)
     reading = model.reading(rng.choice([1.0, 4.0, 8.0], 344, p=[0.7, 0.2, 0.1]) + rng.uniform(-0.2, 0.2, 344), 2, 0.0)
-    watch, slope = LevelWatch(0.05, 9.0), np.array([0.02, -0.015])
-    assert not watch.tilted(slope / 5.0, reading.points, 0.0) and watch.level_part(reading) is reading
-    assert not watch.tilted(slope, reading.points, 0.0)
+    watch, slope = TiltDetector(0.05, 9.0), np.array([0.02, -0.015])
+    assert not watch.is_tilted(slope / 5.0, reading.points, 0.0) and watch.level_part(reading) is reading
+    assert not watch.is_tilted(slope, reading.points, 0.0)
     part = watch.level_part(reading)
     level = [column for column in reading.points.T if abs(slope @ column) <= 0.05]
     assert np.array_equal(part.points.T, level) and 0 < len(level) < reading.points.shape[1]
@@ -68,7 +68,7 @@ def test_slightly_tilted_scan_keeps_its_level_part():
         height = abs(slope @ whole)
         assert hit == (before and height <= 0.05)
         assert ray == pytest.approx(whole * min(1.0, 0.05 / max(height, 1e-9)), rel=1e-5)
-    assert watch.tilted(10.0 * slope, reading.points, 0.0) and watch.level_part(reading) is reading
+    assert watch.is_tilted(10.0 * slope, reading.points, 0.0) and watch.level_part(reading) is reading
 
 
 def room(model, pose, nod=0.0):

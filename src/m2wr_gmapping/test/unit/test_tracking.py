@@ -61,8 +61,8 @@ def test_rotation_scale_starts_with_the_distance_scale():
 
 def test_noise_scale_is_bounded():
     exact, wild = taught(0.0), taught(1000.0)
-    assert (exact >= tl.NARROWEST).all() and (exact[:, 0] < 0.15).all()
-    assert (wild <= tl.WIDEST).all() and (wild[:, 0] > 10.0).all()
+    assert (exact >= tl.MIN_SCALE).all() and (exact[:, 0] < 0.15).all()
+    assert (wild <= tl.MAX_SCALE).all() and (wild[:, 0] > 10.0).all()
 
 
 def test_uninformative_scan_changes_no_estimate():

@@ -182,14 +182,14 @@ def compare(track, plain):
     for row, wanted in ((tl.REL, plain.rel), (tl.EXPECTED, plain.expected), (tl.DRIVEN, plain.driven),
                         (tl.SINCE, plain.since)):
         assert np.abs(wrap(track[row] - wanted)).max() < 1e-7
-    assert np.allclose(track[tl.SLACK], plain.slack) and np.allclose(track[tl.WAY, :2], plain.way)
-    assert np.allclose(track[tl.SIGNED, :2], plain.signed)
+    assert np.allclose(track[tl.SLACK], plain.slack) and np.allclose(track[tl.MOTION, :2], plain.way)
+    assert np.allclose(track[tl.SIGNED_MOTION, :2], plain.signed)
     assert (track[tl.DOUBT, 0] == tl.NO_DOUBT) == (plain.doubt is None)
     assert (track[tl.SLIP, 2] == 0) == (plain.slip is None)
     if plain.doubt is not None:
         assert np.allclose(track[tl.DOUBT], [plain.doubt[0], *plain.doubt[1]])
     if plain.slip is not None:
-        assert np.allclose(track[tl.ASIDE], plain.slip[0])
+        assert np.allclose(track[tl.SLIP_TRANSFORM], plain.slip[0])
         assert np.allclose(track[tl.SLIP], [*plain.slip[1], plain.slip[2]])
     assert np.allclose(track[tl.SCALE:tl.SCALE_EVIDENCE, :2], plain.scale)
     assert np.allclose(track[tl.SCALE_EVIDENCE:tl.BIAS, :2], plain.heard)

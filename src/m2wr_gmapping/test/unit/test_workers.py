@@ -46,17 +46,17 @@ def test_threads_end_with_their_owner():
 
 
 def test_busy_helper_is_not_waited_for():
-    workers, done, begun, go_on, left = Workers(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
+    workers, done, begun, connect_odometry, left = Workers(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
 
     def busy():             # as if its core were
         begun.set()
-        go_on.wait(20.0)
+        connect_odometry.wait(20.0)
 
     workers._shares.put((busy, left))
     assert begun.wait(10.0), "the helper has not begun within 10 s"
     workers._shares.put((busy, left))       # of a run that was interrupted: not taken for a share of the next
     workers.run(lambda first, last: done.extend(range(first, last)), 50)
-    assert sorted(done) == list(range(50)) and not go_on.is_set() and workers._shares.empty()
-    go_on.set()
+    assert sorted(done) == list(range(50)) and not connect_odometry.is_set() and workers._shares.empty()
+    connect_odometry.set()
     assert left.get(timeout=10.0) is None
     workers.close()

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How far one node of a graph may have drifted from each other one, along the way that tells most."""
+"""Drift between the nodes of a graph, and smoothing of the bias of odometry."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 from numba import njit
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
+
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _relax(k, onto, out):
-    """Go on along a link from node ``k`` to ``onto``; True where that is the better way there."""
+def _relax(k: int, onto: int, out: FloatArray) -> bool:
+    """Continue a route over a link from node ``k`` to ``onto``; True if this is the better route."""
     if out[k, 0] >= out[onto, 0]:
         return False
     out[onto, 0], out[onto, 1], out[onto, 2] = out[k, 0], out[k, 1], out[k, 2]
@@ -16,12 +22,14 @@ def _relax(k, onto, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _spread(first, way, lever, variances, step, out):
-    """Go on from node ``first`` along the path, backwards (``way`` -1) or forwards (1), while that way is better."""
+def _propagate(first: int, way: int, lever: FloatArray, variances: FloatArray, step: FloatArray,
+               out: FloatArray) -> None:
+    """Continue from node ``first`` along the path, backwards (``way`` -1) or forwards (1), while the route is better.
+    """
     systematic, variance, length = out[first, 0], out[first, 1], out[first, 2]
     last = out.shape[0] - 1 if way > 0 else 0
     for k in range(first, last, way):
-        to = max(k, k + way)            # a step belongs to the node that it leads to
+        to = max(k, k + way)            # a step is stored with the node at its end
         systematic, variance, length = systematic + lever[to], variance + variances[to], length + step[to]
         if systematic >= out[k + way, 0]:
             return
@@ -29,19 +37,24 @@ def _spread(first, way, lever, variances, step, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def drift(path, variances, links, source, out):
-    """Follow steps and links from the node ``source`` to all others, each by the way with the least systematic drift.
+def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: int, out: FloatArray) -> None:
+    """Compute the drift of all nodes against ``source``, each along the route with the least systematic drift.
+
+    Routes use the steps of the path and the loop closures.
 
     Parameters
     ----------
     path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
     variances : (K,) float64
-        Of the place by the step to each node [m^2].
+        Position variance of the step to each node [m^2].
     links : (L, 2) int64
-        Pairs of nodes that are known from each other.
+        Pairs of nodes that a loop closure connects.
+    source : int
+        Number of the node.
     out : (K, 3) float64
-        Written: the lever of a heading that drifts, which is the sum over the way of distance from the source times
-        step [m^2]; variance of the place [m^2]; length of the way [m].
+        Written: lever arm of heading drift, which is the sum of step length times distance from the source [m^2];
+        position variance [m^2]; length of the route [m].
     """
     count = path.shape[0]
     out[:, 0], out[:, 1], out[:, 2] = np.inf, 0.0, 0.0
@@ -54,22 +67,30 @@ def drift(path, variances, links, source, out):
         dy = path[source, 1] - 0.5 * (path[k, 1] + path[k - 1, 1])
         lever[k] = step[k] * math.sqrt(dx * dx + dy * dy)
     for way in (-1, 1):
-        _spread(source, way, lever, variances, step, out)
+        _propagate(source, way, lever, variances, step, out)
     changed = True
     while changed:
         changed = False
-        for k in range(links.shape[0] - 1, -1, -1):      # newest first: they lead farthest
+        for k in range(links.shape[0] - 1, -1, -1):      # newest first: they reach farthest
             for side in range(2):
                 onto = links[k, side]
                 if _relax(links[k, 1 - side], onto, out):
                     changed = True
                     for way in (-1, 1):
-                        _spread(onto, way, lever, variances, step, out)
+                        _propagate(onto, way, lever, variances, step, out)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def distances_along(path, out):
-    """Write the length of a path (K, 3) up to each node into ``out`` (K,) [m]."""
+def distances_along(path: FloatArray, out: FloatArray) -> None:
+    """Write the length of a path up to each node.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    out : (K,) float64
+        Written [m].
+    """
     total = 0.0
     for k in range(path.shape[0]):
         if k:
@@ -79,19 +100,26 @@ def distances_along(path, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def widths(found, deviations, systematic, shift_limits, turn_limits, shift, turn):
-    """Write half widths of searches, (K,) [m] and (K,) [rad], for what ``drift`` has found.
+def widths(found: FloatArray, deviations: float, systematic: float, shift_limits: Tuple[float, float],
+           turn_limits: Tuple[float, float], shift: FloatArray, turn: FloatArray) -> None:
+    """Write the half widths of a search for the drift of each node.
 
     Parameters
     ----------
     found : (K, 3) float64
         ``out`` of ``drift``.
     deviations : float
-        Half width in deviations.
+        Half width in standard deviations.
     systematic : float
-        What a heading drifts along the way [rad/m].
-    shift_limits, turn_limits : tuple of 2 float
-        Least and most [m], [rad].
+        Heading drift per distance [rad/m].
+    shift_limits : Tuple[float, float]
+        Least and greatest half width [m].
+    turn_limits : Tuple[float, float]
+        Least and greatest half width [rad].
+    shift : (K,) float64
+        Written [m].
+    turn : (K,) float64
+        Written [rad].
     """
     for k in range(found.shape[0]):
         reach = deviations * (systematic * found[k, 0] + math.sqrt(found[k, 1]))
@@ -100,8 +128,18 @@ def widths(found, deviations, systematic, shift_limits, turn_limits, shift, turn
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def old_nodes(along, node, old):
-    """Return how many nodes, the first ones, lie more than ``old`` metres of path before ``node``."""
+def old_nodes(along: FloatArray, node: int, old: float) -> int:
+    """Return the number of nodes at the start of the path that are more than ``old`` metres of path before ``node``.
+
+    Parameters
+    ----------
+    along : (K,) float64
+        Length of the path up to each node [m].
+    node : int
+        Number of the node.
+    old : float
+        Length of path [m].
+    """
     count = 0
     while count < node and along[node] - along[count] > old:
         count += 1
@@ -109,24 +147,31 @@ def old_nodes(along, node, old):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def met(path, shift, count, beyond, beside, near, numbers):
-    """Find which of the first ``count`` nodes the last one of a path (K, 3) may have met again.
+def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: float, beside: float, near: float,
+                    numbers: IndexArray) -> Tuple[int, int]:
+    """Find which of the first ``count`` nodes may be close to the last one, given the drift between them.
 
     Parameters
     ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
     shift : (K,) float64
-        How far the last node may have drifted from each [m].
-    beyond, beside : float
-        How much farther, times and plus [m], is looked.
+        Drift of the last node against each node [m].
+    count : int
+        Number of nodes to test.
+    beyond : float
+        Factor of the drift that is searched.
+    beside : float
+        Distance that is added to it [m].
     near : float
-        Drift up to which nodes are near [m].
+        Nodes with at most this drift are near [m].
     numbers : (2, K) int64
-        Written: the near ones and the others.
+        Written: near nodes, and the others.
 
     Returns
     -------
-    tuple of int
-        How many there are of each.
+    near, far : int
+        Number of nodes of each kind.
     """
     x, y, nears, fars = path[-1, 0], path[-1, 1], 0, 0
     for k in range(count):
@@ -142,7 +187,7 @@ def met(path, shift, count, beyond, beside, near, numbers):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _inverse(a, b, c, d, e, f, out):
+def _inverse(a: float, b: float, c: float, d: float, e: float, f: float, out: FloatArray) -> None:
     """Write the inverse of the symmetric matrix (a b c, b d e, c e f) into ``out`` (3, 3)."""
     p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
     by = 1.0 / (a * p + b * q + c * r)
@@ -153,14 +198,37 @@ def _inverse(a, b, c, d, e, f, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def inverse(matrix, out):
-    """Write the inverse of a symmetric matrix (3, 3) into ``out``, which may be the same; the library costs more."""
+def inverse(matrix: FloatArray, out: FloatArray) -> None:
+    """Write the inverse of a symmetric matrix. This is faster than the function of numpy.
+
+    Parameters
+    ----------
+    matrix : (3, 3) float64
+        Symmetric matrix.
+    out : (3, 3) float64
+        Written; may be ``matrix``.
+    """
     _inverse(matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2], matrix[2, 2], out)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def covariance(information, dependent, deviations, floor, out):
-    """Write the covariance (3, 3) of a match into ``out``; see ``loop_graph.covariance``."""
+def covariance(information: FloatArray, dependent: float, deviations: FloatArray, floor: FloatArray,
+               out: FloatArray) -> None:
+    """Write the covariance of a match; see ``loop_graph.covariance``.
+
+    Parameters
+    ----------
+    information : (6,) float64
+        Upper triangle of the scan's information matrix (xx xy xt yy yt tt).
+    dependent : float
+        Number of beams that count as one independent beam.
+    deviations : (3,) float64
+        Standard deviations of the prior [m, m, rad].
+    floor : (3,) float64
+        Variances that are added to the result [m^2, m^2, rad^2].
+    out : (3, 3) float64
+        Written.
+    """
     _inverse(information[0] / dependent + 1.0 / (deviations[0] * deviations[0]), information[1] / dependent,
              information[2] / dependent, information[3] / dependent + 1.0 / (deviations[1] * deviations[1]),
              information[4] / dependent, information[5] / dependent + 1.0 / (deviations[2] * deviations[2]), out)
@@ -169,44 +237,65 @@ def covariance(information, dependent, deviations, floor, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def step_information(information, dependent, deviations, floor, out):
-    """Write the inverse of ``covariance`` into ``out``; return the variance of the place."""
+def step_information(information: FloatArray, dependent: float, deviations: FloatArray, floor: FloatArray,
+                     out: FloatArray) -> float:
+    """Write the inverse of ``covariance``.
+
+    Parameters
+    ----------
+    information : (6,) float64
+        Upper triangle of the scan's information matrix (xx xy xt yy yt tt).
+    dependent : float
+        Number of beams that count as one independent beam.
+    deviations : (3,) float64
+        Standard deviations of the prior [m, m, rad].
+    floor : (3,) float64
+        Variances that are added to the result [m^2, m^2, rad^2].
+    out : (3, 3) float64
+        Written: information matrix.
+
+    Returns
+    -------
+    float
+        Variance of the position [m^2].
+    """
     covariance(information, dependent, deviations, floor, out)
     variance = out[0, 0] + out[1, 1]
     inverse(out, out)
     return variance
 
 
-# ---- what is known of odometry's bias later on
+# ---- smoothing of the bias of odometry
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def leverage(information, deviations, led, out):
-    """Write how a step from one node to the next moves with the bias that odometry is corrected by.
+def bias_jacobian(information: FloatArray, deviations: FloatArray, led: FloatArray, out: FloatArray) -> None:
+    """Write the derivative of a step with respect to the bias that is removed from odometry.
 
     Parameters
     ----------
     information : (6,) float64
-        Upper triangle of the scan's information at the newer node. What the scan holds does not move.
+        Upper triangle of the scan's information at the newer node. Directions that the scan observes do not move.
     deviations : (3,) float64
-        Of odometry, to which the match was held.
+        Standard deviations of the odometry prior of the match [m, m, rad].
     led : (3,) float64
-        Forward way [m] and turn [rad] with their signs, forward direction in the laser's frame [rad].
+        Signed forward distance [m] and rotation [rad], forward direction in the laser's frame [rad].
     out : (3, 3) float64
-        Written: derivatives of the step, in the axes of the newer node, by scale of ways, scale of turns, turn a metre.
+        Written: derivatives of the step, in the axes of the newer node, by scale of distance, scale of rotation and
+        rotation per metre.
     """
     a, b, c = 1.0 / deviations[0]**2, 1.0 / deviations[1]**2, 1.0 / deviations[2]**2
     _inverse(information[0] + a, information[1], information[2], information[3] + b, information[4],
              information[5] + c, out)
     forward, turn, x, y = led[0], led[1], math.cos(led[2]), math.sin(led[2])
     for k in range(3):
-        ahead, aside, turned = a * out[k, 0], b * out[k, 1], c * out[k, 2]      # rows of the prior's share in the match
+        ahead, aside, turned = a * out[k, 0], b * out[k, 1], c * out[k, 2]      # share of the prior in the match
         heading = turned + 0.5 * forward * (x * aside - y * ahead)
         out[k, 0], out[k, 1], out[k, 2] = forward * (x * ahead + y * aside), turn * heading, forward * heading
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _times(matrix, x, y, z):
+def _times(matrix: FloatArray, x: float, y: float, z: float) -> Tuple[float, float, float]:
     """Return a matrix (3, 3) times a vector, as three numbers."""
     return (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
             matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
@@ -214,24 +303,25 @@ def _times(matrix, x, y, z):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def look_back(accounts, leverages, variance, changes, out):
-    """Find what each step lacks by what the whole run has told of odometry's bias, not by what was known at its time.
+def smooth_bias(accounts: FloatArray, leverages: FloatArray, variance: float, changes: FloatArray,
+                out: FloatArray) -> None:
+    """Estimate the bias of odometry at each step from the whole run, and write the corrections of the steps.
 
-    The bias is followed as a random walk, forwards and then backwards.
+    The bias is a random walk. It is filtered forwards and smoothed backwards.
 
     Parameters
     ----------
     accounts : (K, 6, 3) float64
-        Of each node: information that it told of the bias (3 rows), that times the bias, the bias that odometry was
-        corrected by on the way to it, and as its first value the forward way [m].
+        Of each node: information about the bias (3 rows), information times bias, bias that was removed from odometry
+        on the way to it, and as the next value the forward distance [m].
     leverages : (K, 3, 3) float64
-        Of ``leverage``.
+        Jacobians of ``bias_jacobian``.
     variance : float
-        Of the bias before anything is told, and at most.
+        Initial and greatest variance of the bias.
     changes : (3,) float64
-        What the variance grows by in a metre.
+        Growth of the variance per metre.
     out : (K, 3) float64
-        Written: what is to be added to the step to each node, in that node's axes; 0 for the first.
+        Written: correction of the step to each node, in the axes of that node; 0 for the first.
 
     Notes
     -----

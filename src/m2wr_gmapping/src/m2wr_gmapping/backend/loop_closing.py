@@ -1,58 +1,76 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Meeting old parts of the map again: finding the place, and when to believe that it is the place."""
+"""Loop closing: search for old places, and the conditions under which a result is accepted."""
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.backend import place_search
-from m2wr_gmapping.backend.loop_extension import LoopGrowth
-from m2wr_gmapping.backend.loop_graph import AGREE, BEND, SURE, LoopGraph, change_of, distances_along, held, link_of
+from m2wr_gmapping.backend.loop_extension import LoopExtension
+from m2wr_gmapping.backend.loop_graph import (
+    AGREEMENT,
+    CONFIDENT_CHANGE,
+    MIN_CHANGE,
+    LoopGraph,
+    change_of,
+    distances_along,
+    is_observed,
+    link_of,
+)
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.se2 import between, compose, inverse
 
-SEARCH_EVERY = 1.0          # path between two searches while nothing was found [m]
-LINK_EVERY = 2.0            # path between two links in a part that is met again [m]
-WIDE_EVERY, WIDE_AGAIN = 1.0, 0.7       # path between two wide searches, and after one that has found something [m]
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.backend.loop_graph import Link
+    from m2wr_gmapping.frontend.matcher import FastMatcher
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+SEARCH_EVERY = 1.0          # path between two near searches without a result [m]
+LINK_EVERY = 2.0            # path between two loop closures in a known area [m]
+WIDE_EVERY, WIDE_AFTER_FIND = 1.0, 0.7  # path between two wide searches, and after one with a result [m]
 FEWEST_BEAMS = 30
-WIDE_AGREE = np.array([0.5, 0.5, 0.08])     # likewise, of a loop that a wide search has found
-WIDE_SUPPORT, WIDE_FINDS = 2.5, 3       # path [m] along which, and times that wide searches must find the same
-CLEAR_SCORE, CLEAR_SUPPORT = 0.8, 1.0   # two finds with such a score need less of it [m]
-ALIKE_SUPPORT, ALIKE_FINDS = 6.0, 5     # what looks like another place as well needs more [m]
-LITTLE = 6.0                # or where no more than that has drifted [m]
-WIDE_MEMORY = 12.0          # path after which what was found once is forgotten [m]
-THROUGH_MOST = 0.15         # share of surfaces looked through that a place may have
-GROWN_AT_ONCE = 4           # searches elsewhere than at the newest node, at one scan
-CONCLUSIONS = 3             # times that the whole path is looked at again in the end
+WIDE_AGREEMENT = np.array([0.5, 0.5, 0.08])     # as AGREEMENT, for wide searches
+WIDE_SUPPORT, WIDE_COUNT = 2.5, 3       # path [m] and number of wide searches that must agree
+CLEAR_SCORE, CLEAR_SUPPORT = 0.8, 1.0   # candidates with this score need less support [m]
+ALIKE_SUPPORT, ALIKE_COUNT = 6.0, 5     # candidates with a similar place need more support [m]
+LITTLE = 6.0                # with less drift than this a candidate counts as clear [m]
+WIDE_MEMORY = 12.0          # path after which a candidate is dropped [m]
+THROUGH_MOST = 0.15         # greatest share of end points with an occlusion conflict
+SEARCHES_PER_SCAN = 4           # searches of the extension per scan
+CONCLUSIONS = 3             # optimisations at the end of a run
 
 
 @dataclass(frozen=True)
-class Find:
-    """What a wide search has found.
+class Candidate:
+    """Result of a wide search.
 
     Attributes
     ----------
     along : float
-        Place on the way [m].
+        Length of the path up to the newest node [m].
     link : tuple
         As in ``LoopGraph.links``.
     pose, correction : (3,) float64
-        Where the newest node would be, and what takes the path there.
+        Pose of the newest node, and the correction of the path.
     slides : bool
-        Whether walls hold the scans in one direction only.
+        Whether the match is degenerate in one direction.
     clear : bool
-        Whether the scans of a short stretch fit very well here, and nothing looks like it.
+        Whether the scans of a short segment fit very well and no other place is similar.
     alike : bool
-        Whether another place looks like it.
+        Whether another place is similar.
     drift : float
-        How far the path may have drifted [m].
+        Greatest drift of the path [m].
     long : bool
-        Whether only the scans of a long stretch tell it from others.
+        Whether only the scans of a long segment distinguish it from other places.
     """
 
     along: float
-    link: tuple
-    pose: np.ndarray
-    correction: np.ndarray
+    link: Link
+    pose: FloatArray
+    correction: FloatArray
     slides: bool
     clear: bool
     alike: bool
@@ -61,7 +79,7 @@ class Find:
 
 
 class LoopCloser:
-    """Searches at the newest node, and the path bent to what they have found.
+    """Searches loop closures at the newest node, and optimises the path.
 
     Parameters
     ----------
@@ -70,68 +88,98 @@ class LoopCloser:
         Cell size of the fine match [m].
     """
 
-    def __init__(self, matcher, resolution):
+    def __init__(self, matcher: FastMatcher, resolution: float) -> None:
         self.graph = LoopGraph(matcher, resolution)
-        self._growth = LoopGrowth(self.graph)
-        self._pending, self._finds = None, []   # a link that waits for a second one; wide finds that agree so far
+        self._extension = LoopExtension(self.graph)
+        self._pending: Optional[Tuple[Link, FloatArray]] = None     # a loop closure that waits for confirmation
+        self._candidates: List[Candidate] = []          # recent results of wide searches
         self._searched_at = self._linked_at = self._wide_at = 0.0
         self.wide_searches = 0
 
     @property
-    def links(self):
-        """Number of links found."""
+    def links(self) -> int:
+        """Number of loop closures."""
         return len(self.graph.links)
 
     @property
-    def searches(self):
-        """Number of searches close to where a node is thought to be."""
+    def searches(self) -> int:
+        """Number of near searches."""
         return self.graph.searches
 
     @property
-    def closures(self):
-        """Number of times that the path was bent."""
+    def closures(self) -> int:
+        """Number of optimisations that moved the path."""
         return self.graph.closures
 
-    def add_step(self, information, deviations, account):
-        """Say how well the newest node is known from the one before (see ``LoopGraph.add_step``)."""
+    def add_step(self, information: FloatArray, deviations: FloatArray, account: FloatArray) -> None:
+        """Add the step to the newest node; see ``LoopGraph.add_step``.
+
+        Parameters
+        ----------
+        information : (6,) float64
+            Upper triangle of the scan's information matrix (xx xy xt yy yt tt).
+        deviations : (3,) float64
+            Standard deviations of the prior [m, m, rad].
+        account : (6, 3) float64
+            Bias information of the scan.
+        """
         self.graph.add_step(information, deviations, account)
 
-    def changed(self, path, changes):
-        """Take in a path (K, 3) whose steps have changed by ``changes`` (K, 3); return one that fits the links too."""
-        self.graph.change_steps(changes)
-        bent = self._solve(path, self._growth.tears)
-        return path if bent is None else bent
-
-    def look(self, path, readings):
-        """Search for the newest node's place among old nodes; return a corrected path (K, 3) or None.
+    def apply_changes(self, path: FloatArray, changes: FloatArray) -> FloatArray:
+        """Correct the steps of a path and optimise it.
 
         Parameters
         ----------
         path : (K, 3) float64
-            Best particle's poses at all processed scans.
+            Path with the changed steps [m, m, rad].
+        changes : (K, 3) float64
+            Changes of the steps.
+
+        Returns
+        -------
+        (K, 3) float64
+            Path that fits the loop closures too.
+        """
+        self.graph.change_steps(changes)
+        bent = self._solve(path, self._extension.has_large_shift)
+        return path if bent is None else bent
+
+    def search(self, path: FloatArray, readings: Sequence[ScanReading]) -> Optional[FloatArray]:
+        """Search for loop closures at the newest node.
+
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
         readings : sequence of K ScanReading
+            Scans of the path's nodes.
+
+        Returns
+        -------
+        (K, 3) float64 or None
+            Corrected path; None if it does not change.
         """
         along = distances_along(path)
         here = along[-1]
         close = here - self._searched_at >= SEARCH_EVERY and here - self._linked_at >= LINK_EVERY
-        found_last = bool(self._finds) and self._finds[-1].along == self._wide_at
-        wide = here - self._wide_at >= (WIDE_AGAIN if found_last else WIDE_EVERY)
-        bends = leads_far = False
+        found_last = bool(self._candidates) and self._candidates[-1].along == self._wide_at
+        wide = here - self._wide_at >= (WIDE_AFTER_FIND if found_last else WIDE_EVERY)
+        has_moved = leads_far = False
         if (close or wide) and readings[-1].beams.shape[1] >= FEWEST_BEAMS:
             scene, near, far = self.graph.scene(path, along, readings, len(path) - 1)
-            bends = close and len(near) > 0 and self._look_near(scene, near)
-            leads_far = wide and len(far) > 0 and self._look_wide(scene, far)
+            has_moved = close and len(near) > 0 and self._search_near(scene, near)
+            leads_far = wide and len(far) > 0 and self._search_wide(scene, far)
         if leads_far:
-            self._growth.review(along)
-        elif not bends:
-            self._growth.advance(path, along, readings, GROWN_AT_ONCE)
-            bends, leads_far = self._growth.bends, self._growth.tears
-            if self._growth.fronts:     # until they have come to their ends, maps made anew would not last
+            self._extension.schedule_review(along)
+        elif not has_moved:
+            self._extension.advance(path, along, readings, SEARCHES_PER_SCAN)
+            has_moved, leads_far = self._extension.has_moved, self._extension.has_large_shift
+            if self._extension.frontiers:     # the maps are rebuilt once, when all frontiers have ended
                 return None
-        return self._solve(path, leads_far) if bends or leads_far else None
+        return self._solve(path, leads_far) if has_moved or leads_far else None
 
-    def _look_near(self, scene, old):
-        """Search close to the newest node; return whether a link was found that changes the path."""
+    def _search_near(self, scene: place_search.Scene, old: IndexArray) -> bool:
+        """Search close to the newest node; return whether a loop closure was found that moves the path."""
         path, here = scene.path, scene.along[-1]
         self._searched_at = here
         link, pose, slides = self.graph.near_link(scene, old)
@@ -139,47 +187,46 @@ class LoopCloser:
             self._pending = None
             return False
         links, change = [link], change_of(path, pose)
-        if (change > SURE).any():
+        if (change > CONFIDENT_CHANGE).any():
             if slides:
                 return False
             correction = compose(pose, inverse(path[-1]))
             first, self._pending = self._pending, (link, correction)
-            if first is None or (np.abs(between(compose(first[1], path[-1]), pose)) > AGREE).any():
+            if first is None or (np.abs(between(compose(first[1], path[-1]), pose)) > AGREEMENT).any():
                 return False
             links = [first[0], link]
-        self._take(links, here)
-        return bool((change > BEND).any())
+        self._accept_links(links, here)
+        return bool((change > MIN_CHANGE).any())
 
-    def _look_wide(self, scene, old):
-        """Search wherever the newest node may have drifted from; return whether links were found that change the path.
+    def _search_wide(self, scene: place_search.Scene, old: IndexArray) -> bool:
+        """Search within the drift of the newest node; return whether loop closures were found that move the path.
 
-        A false link is worse than a missing one. What is found must be the only place that fits, neither scan may look
-        through what the other one saw, the scans must hold it in both directions, and later searches must find the
-        same.
+        A wrong loop closure is worse than a missing one. The place must be unique, the match must observe both
+        directions, no scan may look through a wall that another one saw, and later searches must agree.
         """
         path, here = scene.path, scene.along[-1]
         self._wide_at = here
-        found = self._wide_find(scene, old)
+        found = self._wide_candidate(scene, old)
         if found is None:
             return False
         change = change_of(path, found.pose)
-        if (change <= SURE).all() and (found.slides or not found.long):
-            self._take([found.link], here)
-            self._finds = []
-            return bool((change > BEND).any())
+        if (change <= CONFIDENT_CHANGE).all() and (found.slides or not found.long):
+            self._accept_links([found.link], here)
+            self._candidates = []
+            return bool((change > MIN_CHANGE).any())
         if found.slides:
             return False
-        self._finds = [find for find in self._finds if here - find.along < WIDE_MEMORY] + [found]
-        agree = [find for find in self._finds
-                 if (np.abs(between(compose(find.correction, path[-1]), found.pose)) <= WIDE_AGREE).all()]
+        self._candidates = [find for find in self._candidates if here - find.along < WIDE_MEMORY] + [found]
+        agree = [find for find in self._candidates
+                 if (np.abs(between(compose(find.correction, path[-1]), found.pose)) <= WIDE_AGREEMENT).all()]
         if not _enough(agree):
             return False
-        self._take([find.link for find in agree], here)
-        self._finds = []
-        return bool((change > BEND).any())
+        self._accept_links([find.link for find in agree], here)
+        self._candidates = []
+        return bool((change > MIN_CHANGE).any())
 
-    def _wide_find(self, scene, old):
-        """Return what a wide search finds (Find), or None."""
+    def _wide_candidate(self, scene: place_search.Scene, old: IndexArray) -> Optional[Candidate]:
+        """Return the result of a wide search."""
         path, here = scene.path, scene.along[-1]
         self.wide_searches += 1
         place = place_search.wide_search(scene, old)
@@ -187,29 +234,39 @@ class LoopCloser:
         if found is None:
             return None
         node, row, around, heard = found
-        if place_search.looked_through(scene, row[:3], around) > THROUGH_MOST:
+        if place_search.occlusion_conflict(scene, row[:3], around) > THROUGH_MOST:
             return None
-        # among places that look alike the robot may be at one that it has not seen before; then nothing speaks against
-        # where it is thought to be
-        if place.alike and place_search.looked_through(scene, path[-1], around) <= THROUGH_MOST:
+        # with several similar places the robot may be at one that it has not seen before; then its present pose has no
+        # occlusion conflict
+        if place.alike and place_search.occlusion_conflict(scene, path[-1], around) <= THROUGH_MOST:
             return None
-        slides, pose = not held(row), row[:3].copy()
+        slides, pose = not is_observed(row), row[:3].copy()
         row[mk.INFORMATION:] = heard
-        return Find(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
-                    _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
+        return Candidate(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
+                         _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
 
-    def conclude(self, path, readings):
-        """No scan follows: believe the newest find, if it is clear and not far off; then bend the path to all there is.
+    def conclude(self, path: FloatArray, readings: Sequence[ScanReading]) -> Optional[FloatArray]:
+        """Accept the newest candidate if it is clear and close, then optimise the path; call after the last scan.
 
-        Parameters and result are those of ``look``.
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+        readings : sequence of K ScanReading
+            Scans of the path's nodes.
+
+        Returns
+        -------
+        (K, 3) float64 or None
+            As ``search``.
         """
         along = distances_along(path)
-        last = self._finds[-1] if self._finds else None
+        last = self._candidates[-1] if self._candidates else None
         opened = (last is not None and along[-1] - last.along < WIDE_EVERY and last.clear
                   and last.drift <= LITTLE)
-        if opened:
-            self._take([last.link], last.along)
-            self._finds = []
+        if opened and last is not None:
+            self._accept_links([last.link], last.along)
+            self._candidates = []
         moved, result = True, None
         for _ in range(CONCLUSIONS if self.links else 0):
             bent = self._solve(path, opened)
@@ -217,34 +274,34 @@ class LoopCloser:
                 path = result = bent
             if not moved:
                 break
-            self._growth.review(along)
-            self._growth.advance(path, along, readings, 2 * len(path))
-            opened, moved = self._growth.tears, self._growth.bends
+            self._extension.schedule_review(along)
+            self._extension.advance(path, along, readings, 2 * len(path))
+            opened, moved = self._extension.has_large_shift, self._extension.has_moved
         return result
 
-    def _take(self, links, here):
+    def _accept_links(self, links: List[Link], here: float) -> None:
         self.graph.links.extend(links)
-        self._growth.begin_at(links)
+        self._extension.start_at(links)
         self._pending, self._linked_at = None, here
 
-    def _solve(self, path, opened):
-        self._growth.solved()
+    def _solve(self, path: FloatArray, opened: bool) -> Optional[FloatArray]:
+        self._extension.mark_solved()
         return self.graph.solve(path, opened)
 
 
-def _is_clear(place):
-    """Whether a place needs less support: the newest scans alone, not those of long ago, tell it from others."""
+def _is_clear(place: place_search.Place) -> bool:
+    """Whether a place needs less support: the newest scans alone distinguish it from others."""
     return place.score > CLEAR_SCORE and not place.alike and not _is_long(place)
 
 
-def _is_long(place):
+def _is_long(place: place_search.Place) -> bool:
     return place.reach == place_search.LONG_PATH
 
 
-def _enough(finds):
-    """Whether wide finds that agree, the newest last, are enough to be believed."""
+def _enough(finds: List[Candidate]) -> bool:
+    """Whether candidates that agree, the newest last, have enough support."""
     support = finds[-1].along - finds[0].along
     if any(find.alike for find in finds):
-        return len(finds) >= ALIKE_FINDS and support >= ALIKE_SUPPORT
+        return len(finds) >= ALIKE_COUNT and support >= ALIKE_SUPPORT
     clear = len(finds) if finds[-1].drift <= LITTLE else sum(find.clear for find in finds)
-    return (clear >= 2 and support >= CLEAR_SUPPORT) or (len(finds) >= WIDE_FINDS and support >= WIDE_SUPPORT)
+    return (clear >= 2 and support >= CLEAR_SUPPORT) or (len(finds) >= WIDE_COUNT and support >= WIDE_SUPPORT)

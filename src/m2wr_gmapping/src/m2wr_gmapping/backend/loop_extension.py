@@ -1,21 +1,31 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What one closure brings together elsewhere: links along the loop it has closed, and at places of long ago."""
+"""Extension of accepted loop closures along the path, and search for loop closures at older nodes."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
+
 import numpy as np
 
-from m2wr_gmapping.backend.loop_graph import AGREE, BEND, OLD, SURE, change_of
+from m2wr_gmapping.backend.loop_graph import AGREEMENT, CONFIDENT_CHANGE, MIN_CHANGE, OLD, change_of
 from m2wr_gmapping.backend.place_search import NEAR_PATH
 from m2wr_gmapping.se2 import between, compose, inverse
 
-APART = 2.0                 # path between two links [m]
-LINKED = 1.5                # a node that near to one with a link needs none [m]
-GAP = 10.0                  # path without a link after which a front ends [m]
-REVIEW_EVERY = 4.0          # path between two places that are looked at again [m]
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+APART = 2.0                 # path between two loop closures [m]
+LINKED = 1.5                # nodes this close to a loop closure need no other one [m]
+MAX_GAP = 10.0                  # path without a loop closure after which a frontier ends [m]
+REVIEW_EVERY = 4.0          # path between two nodes of a review [m]
 
 
-class LoopGrowth:
-    """Fronts that go along what a link has brought together, and places that wait to be looked at again.
+class LoopExtension:
+    """Searches more loop closures beside accepted ones, and at old nodes that an optimisation has moved together.
 
-    A loop is believed some metres after it was closed, and the stretch before stays double until it is linked too.
+    A loop closure is accepted some metres after the robot has returned. The path before it also needs loop closures,
+    or its walls stay double. Frontiers start at each loop closure and follow the path in both directions.
 
     Parameters
     ----------
@@ -23,111 +33,133 @@ class LoopGrowth:
 
     Attributes
     ----------
-    bends, tears : bool
-        Whether links were found, since the path was solved last, that move it, and by much.
+    has_moved, has_large_shift : bool
+        Whether loop closures were found since the last optimisation that move the path, and that move it far.
     """
 
-    def __init__(self, graph):
+    def __init__(self, graph: LoopGraph) -> None:
         self._graph = graph
-        self._fronts = []       # (node, direction, path without a link [m], correction that the last link asks for)
-        self._review = []
-        self.bends = self.tears = False
+        # node, direction, path without a loop closure [m], correction by the last one
+        self._frontiers: List[Tuple[int, int, float, FloatArray]] = []
+        self._review: List[int] = []
+        self.has_moved = self.has_large_shift = False
 
     @property
-    def fronts(self):
-        """Number of fronts that still go on."""
-        return len(self._fronts)
+    def frontiers(self) -> int:
+        """Number of active frontiers."""
+        return len(self._frontiers)
 
-    def begin_at(self, links):
-        """Begin at new links: both ways from the newer node of each."""
-        self._fronts += [(link[1], way, 0.0, np.zeros(3)) for way in (-1, 1) for link in links]
+    def start_at(self, links: List[Link]) -> None:
+        """Start frontiers in both directions at the newer node of each new loop closure."""
+        self._frontiers += [(link[1], way, 0.0, np.zeros(3)) for way in (-1, 1) for link in links]
 
-    def review(self, along):
-        """Let the whole path be looked at again, the oldest part first."""
+    def schedule_review(self, along: FloatArray) -> None:
+        """Schedule a search at nodes of the whole path, oldest first."""
         self._review = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], REVIEW_EVERY))).tolist()[::-1]
 
-    def solved(self):
-        """The path has been bent to all links: corrections that fronts carry are in it now."""
-        self._fronts = [front[:3] + (np.zeros(3),) for front in self._fronts]
-        self.bends = self.tears = False
+    def mark_solved(self) -> None:
+        """Tell that the graph was optimised: the path contains the corrections of the frontiers now."""
+        self._frontiers = [front[:3] + (np.zeros(3),) for front in self._frontiers]
+        self.has_moved = self.has_large_shift = False
 
-    def advance(self, path, along, readings, most):
-        """Search, ``most`` times at most, first at the fronts.
+    def advance(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], most: int) -> None:
+        """Search for loop closures, first at the frontiers, then at the scheduled nodes.
 
         Parameters
         ----------
         path : (K, 3) float64
+            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
         along : (K,) float64
             Length of the path up to each node [m].
         readings : sequence of K ScanReading
+            Scans of the path's nodes.
         most : int
+            Greatest number of searches.
         """
         graph = self._graph
         until = graph.searches + most
-        while graph.searches < until and (self._fronts or self._review):
-            if self._fronts:
+        while graph.searches < until and (self._frontiers or self._review):
+            if self._frontiers:
                 self._step(path, along, readings)
             else:
-                self._look_again(path, along, readings, self._review.pop())
+                self._review_node(path, along, readings, self._review.pop())
 
-    def _step(self, path, along, readings):
-        """Take one front one step further."""
-        node, way, gap, correction = self._fronts.pop(0)
-        node, gap = further(along, node, way), gap + APART
-        if gap > GAP or not self._wants(along, node):
+    def _step(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading]) -> None:
+        """Move one frontier one step along the path."""
+        node, way, gap, correction = self._frontiers.pop(0)
+        node, gap = node_at_distance(along, node, way), gap + APART
+        if gap > MAX_GAP or not self._is_searchable(along, node):
             return
         link, pose, slides = self._search(path, along, readings, node, correction)
-        if link is not None and (_off(compose(correction, path[node]), pose) <= SURE).all():
-            self._believe(path, node, link, pose)
-            # one that slides says nothing about the way along which it does
+        if link is not None and (_deviation(compose(correction, path[node]), pose) <= CONFIDENT_CHANGE).all():
+            self._accept(path, node, link, pose)
+            # a degenerate match gives no correction along the degenerate direction
             gap, correction = (gap - APART, correction) if slides else (0.0, compose(pose, inverse(path[node])))
-        self._fronts.append((node, way, gap, correction))
+        self._frontiers.append((node, way, gap, correction))
 
-    def _look_again(self, path, along, readings, node):
-        """Search at a node of long ago, which a closure elsewhere may have brought close to what it has met."""
-        if not self._wants(along, node):
+    def _review_node(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int) -> None:
+        """Search at an old node, which an optimisation may have moved close to other nodes."""
+        if not self._is_searchable(along, node):
             return
         link, pose, slides = self._search(path, along, readings, node)
         if link is None:
             return
         correction = compose(pose, inverse(path[node]))
-        if (change_of(path[:node + 1], pose) > SURE).any():
-            if slides or not any(self._agrees(path, along, readings, further(along, node, way), correction)
-                                 for way in (-1, 1)):
+        if (change_of(path[:node + 1], pose) > CONFIDENT_CHANGE).any():
+            if slides or not any(
+                    self._is_confirmed(path, along, readings, node_at_distance(along, node, way), correction)
+                    for way in (-1, 1)):
                 return
-            self.tears = True
-        self._believe(path, node, link, pose)
-        self._fronts += [(node, way, 0.0, np.zeros(3) if slides else correction) for way in (-1, 1)]
+            self.has_large_shift = True
+        self._accept(path, node, link, pose)
+        self._frontiers += [(node, way, 0.0, np.zeros(3) if slides else correction) for way in (-1, 1)]
 
-    def _agrees(self, path, along, readings, node, correction):
-        """Whether a node is found where a correction of its neighbour has it."""
+    def _is_confirmed(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
+                      correction: Optional[FloatArray]) -> bool:
+        """Whether a search finds a node where the correction of its neighbour predicts it."""
         if not OLD < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
             return False
         link, pose, slides = self._search(path, along, readings, node, correction)
-        return link is not None and not slides and (_off(compose(correction, path[node]), pose) <= AGREE).all()
+        return (link is not None and not slides
+                and (_deviation(compose(correction, path[node]), pose) <= AGREEMENT).all())
 
-    def _search(self, path, along, readings, node, correction=None):
-        """``near_link`` at a node: None for the link where there is nothing near."""
+    def _search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
+                correction: Optional[FloatArray] = None) -> Tuple[Optional[Link], Optional[FloatArray], bool]:
+        """Return ``near_link`` at a node; no link if there is no near node."""
         scene, near, _ = self._graph.scene(path, along, readings, node, correction)
         return self._graph.near_link(scene, near, NEAR_PATH) if len(near) else (None, None, False)
 
-    def _believe(self, path, node, link, pose):
+    def _accept(self, path: FloatArray, node: int, link: Link, pose: FloatArray) -> None:
         self._graph.links.append(link)
-        self.bends |= bool((change_of(path[:node + 1], pose) > BEND).any())
+        self.has_moved |= bool((change_of(path[:node + 1], pose) > MIN_CHANGE).any())
 
-    def _wants(self, along, node):
-        """Whether there is such a node, and it has neither a link nor too short a past."""
+    def _is_searchable(self, along: FloatArray, node: int) -> bool:
+        """Whether the node exists, is old enough and has no loop closure close by."""
         if not 0 < node < len(along) or along[node] <= OLD:
             return False
         return all(abs(along[link[1]] - along[node]) >= LINKED for link in self._graph.links)
 
 
-def further(along, node, way):
-    """Return the node ``APART`` further along the path (``way`` 1) or back (-1); -1 or K: beyond its ends."""
+def node_at_distance(along: FloatArray, node: int, way: int) -> int:
+    """Return the node that is ``APART`` metres further along the path.
+
+    Parameters
+    ----------
+    along : (K,) float64
+        Length of the path up to each node [m].
+    node : int
+    way : int
+        1 forwards, -1 backwards.
+
+    Returns
+    -------
+    int
+        Number of the node; -1 or K beyond the ends of the path.
+    """
     wanted = along[node] + way * APART
     return int(np.searchsorted(along, wanted) if way > 0 else np.searchsorted(along, wanted, "right") - 1)
 
 
-def _off(expected, pose):
-    """How far (3,) a pose is from the one expected."""
+def _deviation(expected: FloatArray, pose: FloatArray) -> FloatArray:
+    """Absolute difference (3,) between two poses."""
     return np.abs(between(expected, pose))

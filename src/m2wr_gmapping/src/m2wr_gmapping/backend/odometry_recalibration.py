@@ -5,10 +5,17 @@ Odometry may report a point beside the axle. A robot that turns in front of a lo
 point moves along the wall. The offset is estimated later, so the first steps of the path are corrected then. The other
 biases of odometry change with the ground and are not corrected here.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple
+
 import numpy as np
 
 from m2wr_gmapping.backend import odometry_recalibration_kernels as kernels
 from m2wr_gmapping.frontend import track_layout as tl
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
 
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
@@ -24,11 +31,11 @@ class Recalibration:
         Forward direction of the base in the laser's frame.
     """
 
-    def __init__(self, ahead):
+    def __init__(self, ahead: FloatArray) -> None:
         self._ahead = np.array(ahead, float)
         self._steps, self._count, self._looked_at = np.zeros((FIRST_STEPS, kernels.STEP_SIZE)), 0, 0
 
-    def next_row(self):
+    def next_row(self) -> FloatArray:
         """Return the row (STEP_SIZE,) of the next step, to be written by the caller."""
         if self._count == len(self._steps):
             self._steps = np.concatenate([self._steps, np.zeros_like(self._steps)])
@@ -36,11 +43,11 @@ class Recalibration:
         return self._steps[self._count - 1]
 
     @property
-    def due(self):
+    def due(self) -> bool:
         """Whether enough steps were added since the last check."""
         return self._count - self._looked_at >= CHECK_EVERY + self._count // CHECK_SHARE
 
-    def correct(self, path, centre):
+    def correct(self, path: FloatArray, centre: float) -> Tuple[Optional[FloatArray], FloatArray]:
         """Return the corrections of the steps of a path, and the corrected path.
 
         Parameters
@@ -68,11 +75,11 @@ class Recalibration:
 
     # ---- saving
 
-    def compact(self):
+    def compact(self) -> Dict[str, object]:
         """Return the attributes that are stored in a state file."""
         return dict(steps=self._steps[:self._count], _looked_at=self._looked_at)
 
-    def restore(self, stored):
+    def restore(self, stored: Dict[str, Any]) -> None:
         """Restore the attributes that ``compact`` returned."""
         steps, self._looked_at = stored["steps"], stored["_looked_at"]
         self._count = len(steps)

@@ -11,15 +11,21 @@ Array layouts
     CENTRE          offset that was assumed when the step was made [m]
     APPLIED         correction that the path already contains, x and y [m]
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
 
 UNOBSERVED, ROTATION, CENTRE, APPLIED, STEP_SIZE = 0, 3, 4, 5, 7
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def missing_corrections(steps, count, centre, ahead, out):
+def missing_corrections(steps: FloatArray, count: int, centre: float, ahead: FloatArray, out: FloatArray) -> None:
     """Write the correction that each of the first ``count`` steps still needs for the present offset.
 
     Parameters
@@ -44,10 +50,17 @@ def missing_corrections(steps, count, centre, ahead, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def corrected_path(path, changes, out):
-    """Write a path (K, 3) with ``changes`` (K, 3) composed to its steps into ``out`` (K, 3).
+def corrected_path(path: FloatArray, changes: FloatArray, out: FloatArray) -> None:
+    """Write a path with corrected steps.
 
-    Changes are in the axes of the pose that the step leads to. Their headings are not used.
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    changes : (K, 3) float64
+        Corrections x, y [m] in the axes of the pose that the step leads to; headings are not used.
+    out : (K, 3) float64
+        Written: corrected path.
     """
     x = y = 0.0         # accumulated shift in the map's axes
     for k in range(path.shape[0]):

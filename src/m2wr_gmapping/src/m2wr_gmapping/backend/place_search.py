@@ -1,56 +1,63 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Finding a place again: newest scans against old ones, coarse to fine, and what speaks against what was found."""
+"""Search for old places: the newest scans against old ones, coarse to fine, and conditions that reject a result."""
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.frontend import correlative_kernels as ck
 from m2wr_gmapping.se2 import between, compose
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
+    from m2wr_gmapping.frontend.scan import ScanReading
+
 NEAR_RASTER, WIDE_RASTER = 0.1, 0.2     # cell of the search raster [m]
 MARGIN = 1.0                # of the raster around what can be hit [m]
-RASTER_SCORE = 0.6          # least share of the best possible score
-APART, APART_TURN = 0.6, 0.3            # a rival is that far from the best [m, rad]
-RIVAL = 0.92                # a rival of that share of the best makes the place ambiguous
-AGAIN, AGAIN_TURN = 0.5, 0.08           # window in which a wide find is looked for with the finer raster
-BESIDE, BESIDE_TURN = 0.3, 0.06         # window of a place that is not the only one that fits
-ROOM = 2.5                  # a wide search looks no farther than this from where the robot has been before [m]
-BEYOND = 1.3                # rivals are looked for that much farther than the newest node may have drifted
-AGAINST = 3                 # a point that lies in free space speaks against a place as so many on walls speak for it
-UNLIKE = 0.9                # what RIVAL is for such ratings
-AS_GOOD_CELLS = 9           # cells of the finer raster a side, among which a place is rated
-PUSHED = 10.0               # a stretch may have been pushed by so much onto known ground [m]
-ALIKE, ALIKE_TURN = 15.0, 0.1           # places that look alike are looked for so far around [m, rad]
-ALIKE_SHARE, ALIKE_LONG = 0.8, 0.7      # what looks alike by that share of the score, and along a long stretch
-REFERENCE_NODES = 24        # old scans that make a map or the raster of a near search
-WIDE_NODES, LONG_NODES = 160, 320       # old scans that make the raster of a wide search
+RASTER_SCORE = 0.6          # least score, as a share of the best possible one
+APART, RIVAL_TURN = 0.6, 0.3            # least distance of a rival from the best pose [m, rad]
+RIVAL = 0.92                # a rival with this share of the best score makes the place ambiguous
+AGAIN, REFINED_TURN = 0.5, 0.08           # window of the refined search in the finer raster [m, rad]
+BESIDE, LOCAL_TURN = 0.3, 0.06         # window of the local search of an ambiguous place [m, rad]
+ROOM = 2.5                  # greatest distance of a result of a wide search from an old node [m]
+BEYOND = 1.3                # rivals are searched within the drift times this factor
+AGAINST = 3                 # weight of a point in free space against a point on a wall
+UNLIKE = 0.9                # as RIVAL, for ratings
+AS_GOOD_CELLS = 9           # width of the area in which a place is rated [cells of the finer raster]
+PUSHED = 10.0               # greatest false shift of a segment into the known area [m]
+ALIKE, ALIKE_TURN = 15.0, 0.1           # radius of the search for similar places [m, rad]
+ALIKE_SHARE, ALIKE_LONG = 0.8, 0.7      # share of the score that makes a place similar, and that for a long segment
+REFERENCE_NODES = 24        # old scans of a map, or of the raster of a near search
+WIDE_NODES, LONG_NODES = 160, 320       # old scans of the raster of a wide search
 FEWEST_POINTS = 30          # of a query
-QUERY_REACH = 12.0          # farther end points take no part: they would make the raster large [m]
-NEAR_PATH = 3.0             # path whose scans a near search takes together [m]
+QUERY_REACH = 12.0          # farther end points are ignored, which limits the raster [m]
+NEAR_PATH = 3.0             # path whose scans a near search uses [m]
 QUERY_POINTS, WIDE_POINTS = 160, 240
-WIDE_PATH, LONG_PATH, SHORT_PATH = 10.0, 24.0, 3.0      # path whose scans a wide search takes together [m]
-SHORT_SHIFT = 6.0           # the shortest one only where no more than that has drifted [m]
-WIDE_SPACING = 0.25         # cell that gives one point to the query of a wide search [m]
-LOOKED_THROUGH = 0.4        # a scan looks through a surface if it reaches that much farther [m]
-LOOKS = 3                   # scans of the query, and of the old ones times four, that are held against each other
+WIDE_PATH, LONG_PATH, SHORT_PATH = 10.0, 24.0, 3.0      # path whose scans a wide search uses [m]
+SHORT_SHIFT = 6.0           # the shortest segment is used only with less drift than this [m]
+WIDE_SPACING = 0.25         # cell with one point for the query of a wide search [m]
+OCCLUSION_MARGIN = 0.4        # a ray conflicts with a surface if it ends this much behind it [m]
+LOOKS = 3                   # scans of the query that are compared; of the old ones four times as many
 
 
 @dataclass(frozen=True)
 class Place:
-    """What a wide search has found.
+    """Result of a wide search.
 
     Attributes
     ----------
     pose : (3,) float64
-        Of the newest node.
+        Pose of the newest node.
     score : float
     reach : float
-        Path whose scans fit there [m].
+        Length of the path whose scans fit there [m].
     alike : bool
-        Whether a place that it cannot be looks like this one, or where it is thought to be, if that is far from here.
+        Whether a place outside the drift is similar, or the present pose is, if it is far from here.
     """
 
-    pose: np.ndarray
+    pose: FloatArray
     score: float
     reach: float
     alike: bool
@@ -58,7 +65,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Scene:
-    """The path as it is now, and how far the newest node may have drifted from each other one.
+    """The path, and the drift of the newest node against each other node.
 
     Attributes
     ----------
@@ -72,21 +79,40 @@ class Scene:
         Drift [m], [rad].
     """
 
-    path: np.ndarray
-    along: np.ndarray
-    readings: list
-    old: np.ndarray
-    shift: np.ndarray
-    turn: np.ndarray
+    path: FloatArray
+    along: FloatArray
+    readings: Sequence[ScanReading]
+    old: IndexArray
+    shift: FloatArray
+    turn: FloatArray
 
     @property
-    def distance(self):
+    def distance(self) -> FloatArray:
         """Distance (K,) of each node from the newest [m]."""
         return np.hypot(self.path[:, 0] - self.path[-1, 0], self.path[:, 1] - self.path[-1, 1])
 
 
-def query_points(path, along, readings, reach, away=QUERY_REACH):
-    """Return end points (2, Q) of the scans on the last ``reach`` metres of the path, in the newest node's frame."""
+def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float,
+                 away: float = QUERY_REACH) -> FloatArray:
+    """Return end points of the scans on the last ``reach`` metres of the path, in the newest node's frame.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    along : (K,) float64
+        Length of the path up to each node [m].
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    reach : float
+        Length of the path whose scans are used [m].
+    away : float
+        Farther points are left out [m].
+
+    Returns
+    -------
+    (2, Q) float64
+    """
     first = int(np.searchsorted(along, along[-1] - reach))
     points = np.empty((2, sum(readings[node].points.shape[1] for node in range(first, len(path)))))
     count = 0
@@ -95,31 +121,80 @@ def query_points(path, along, readings, reach, away=QUERY_REACH):
     return points[:, :count]
 
 
-def placed(pose, points):
-    """Return x (Q,) and y (Q,) of points (2, Q), given in the frame ``pose`` (3,), in the one that it is given in."""
+def placed(pose: Any, points: FloatArray) -> Tuple[FloatArray, FloatArray]:
+    """Transform points from the frame ``pose`` into its parent frame.
+
+    Parameters
+    ----------
+    pose : (3,) array_like
+        Pose of the frame [m, m, rad].
+    points : (2, Q) float64
+        Points in the frame [m].
+
+    Returns
+    -------
+    x, y : (Q,) float64
+    """
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return pose[0] + c * points[0] - s * points[1], pose[1] + s * points[0] + c * points[1]
 
 
-def thinned(points, count):
-    """Return about ``count`` of the points (2, Q), evenly."""
+def thinned(points: FloatArray, count: int) -> FloatArray:
+    """Return about ``count`` of the points, evenly distributed.
+
+    Parameters
+    ----------
+    points : (R, Q) float64
+        Points in columns.
+    count : int
+        Wanted number.
+
+    Returns
+    -------
+    (R, M) float64
+    """
     return np.ascontiguousarray(points[:, ::max(1, points.shape[1] // count)])
 
 
-def spread_out(points, spacing):
-    """Return one of the points (2, Q) for each cell of ``spacing`` [m]: what was seen often counts once."""
+def spread_out(points: FloatArray, spacing: float) -> FloatArray:
+    """Return one point for each cell, so that areas that were seen often count once.
+
+    Parameters
+    ----------
+    points : (2, Q) float64
+        Points [m].
+    spacing : float
+        Cell size [m].
+
+    Returns
+    -------
+    (2, M) float64
+    """
     return points[:, spread_first(points, spacing)]
 
 
-def spread_first(points, spacing):
-    """Return the numbers (M,) of those that ``spread_out`` takes."""
+def spread_first(points: FloatArray, spacing: float) -> IndexArray:
+    """Return the indices of the points that ``spread_out`` returns.
+
+    Parameters
+    ----------
+    points : (2, Q) float64
+        Points [m].
+    spacing : float
+        Cell size [m].
+
+    Returns
+    -------
+    (M,) int64
+    """
     cells = np.floor(points / spacing).astype(np.int64)
     _, first = np.unique(cells[0] * 100003 + cells[1], return_index=True)
     return np.sort(first)
 
 
-def _raster(pose, query, path, reference, readings, window, raster_cell):
-    """Return the corner (2,) [m] and the raster of the reference nodes' end points, for the query around ``pose``."""
+def _raster(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
+            readings: Sequence[ScanReading], window: float, raster_cell: float) -> Tuple[FloatArray, Uint8Array]:
+    """Return the corner (2,) [m] and the raster of the reference nodes' end points around ``pose``."""
     radius = float(np.hypot(query[0], query[1]).max()) + window + MARGIN
     corner = pose[:2] - radius
     cells = int(2.0 * radius / raster_cell) + 2
@@ -129,16 +204,32 @@ def _raster(pose, query, path, reference, readings, window, raster_cell):
     return corner, raster
 
 
-def coarse_search(pose, query, path, reference, readings, window, turn, raster_cell, allowed=None):
+def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
+                  readings: Sequence[ScanReading], window: float, turn: float, raster_cell: float,
+                  allowed: Optional[Callable[[FloatArray], Any]] = None) -> FloatArray:
     """Search the query around ``pose`` in a raster of the reference nodes' end points.
 
     Parameters
     ----------
-    window, turn : float
-        Half width [m], [rad].
-    allowed : function, optional
-        Of the offsets (N,) of blocks' middles, along x and y alike [m]; returns (N, N) uint8, which are searched, rows
-        along y.
+    pose : (3,) float64
+        Pose x, y [m], theta [rad] in ``map``.
+    query : (2, Q) float64
+        Points of the query in the newest node's frame [m].
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    reference : (R,) int64
+        Nodes whose end points make the raster.
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    window : float
+        Half width of the search [m].
+    turn : float
+        Half width of the search [rad].
+    raster_cell : float
+        Cell size of the raster [m].
+    allowed : callable or None
+        Takes the offsets (N,) of the blocks' centres along x and y [m]; returns (N, N) uint8, nonzero for blocks to
+        search, rows along y.
 
     Returns
     -------
@@ -158,12 +249,16 @@ def coarse_search(pose, query, path, reference, readings, window, turn, raster_c
         mask[:] = allowed(middles)
     best = np.empty(7)
     ck.search(pose, query, turns, mask, corner, 1.0 / raster_cell, raster, coarse, int(round(APART / raster_cell)),
-              APART_TURN, RIVAL, best)
+              RIVAL_TURN, RIVAL, best)
     return best
 
 
-def _rated(pose, query, scene, reference, allowed, raster_cell):
-    """Rate the places around ``pose`` that are ``allowed`` (N, N): ``rating`` and ``turn`` [rad] of ``ck.survey``."""
+def _rated(pose: FloatArray, query: FloatArray, scene: Scene, reference: IndexArray, allowed: Uint8Array,
+           raster_cell: float) -> Tuple[FloatArray, FloatArray]:
+    """Rate the ``allowed`` (N, N) places around ``pose``.
+
+    Returns ``rating`` and ``turn`` [rad] of ``correlative_kernels.survey``.
+    """
     window = len(allowed) // 2 * raster_cell
     corner, raster = _raster(pose, query, scene.path, reference, scene.readings, window, raster_cell)
     seen = np.zeros_like(raster)
@@ -175,17 +270,33 @@ def _rated(pose, query, scene, reference, allowed, raster_cell):
     return rating, turns[turn.astype(np.int64)]
 
 
-def looked_around(pose, query, scene, old, reference, most, raster_cell):
-    """Return the place around ``pose`` for which most speaks, None where it is not the only one.
+def best_place_around(pose: FloatArray, query: FloatArray, scene: Scene, old: IndexArray, reference: IndexArray,
+                      most: float, raster_cell: float) -> Optional[FloatArray]:
+    """Return the place around ``pose`` with the best rating, or None if it is ambiguous.
 
-    A stretch that leads beyond what old scans saw fits best, by all of it, where it is pushed onto known ground.
+    A segment that leads beyond the known area scores best if it is shifted into that area. The rating also counts
+    points in free space.
 
     Parameters
     ----------
-    old, reference : (C,) int
-        Nodes near one of which the place must be, and those that make the raster.
+    pose : (3,) float64
+        Pose x, y [m], theta [rad] in ``map``.
+    query : (2, Q) float64
+        Points of the query in the newest node's frame [m].
+    scene : Scene
+        The path and its drift.
+    old : (C,) int64
+        The place must be near one of these nodes.
+    reference : (R,) int64
+        Nodes whose end points make the raster.
     most : float
-        The newest node may have drifted by no more [m].
+        Greatest drift of the newest node [m].
+    raster_cell : float
+        Cell size of the raster [m].
+
+    Returns
+    -------
+    (3,) float64 or None
     """
     path = scene.path
     blocks = int(np.ceil(min(PUSHED, 2.0 * most) / raster_cell / ck.BLOCK))
@@ -196,30 +307,31 @@ def looked_around(pose, query, scene, old, reference, most, raster_cell):
     allowed = allowed.repeat(ck.BLOCK, axis=0).repeat(ck.BLOCK, axis=1)
     rating, turn = _rated(pose, query, scene, reference, allowed, raster_cell)
     half, room = len(allowed) // 2, int(round(APART / raster_cell))
-    y, x = np.unravel_index(int(np.argmax(rating)), rating.shape)
+    row, column = (int(index) for index in np.unravel_index(int(np.argmax(rating)), rating.shape))
     others = rating.copy()
-    others[max(0, y - room):y + room + 1, max(0, x - room):x + room + 1] = 0.0
-    if others.max() >= UNLIKE * rating[y, x]:
+    others[max(0, row - room):row + room + 1, max(0, column - room):column + room + 1] = 0.0
+    if others.max() >= UNLIKE * rating[row, column]:
         return None
-    if max(abs(y - half), abs(x - half)) <= room:
+    if max(abs(row - half), abs(column - half)) <= room:
         return pose
-    return pose + [(x - half) * raster_cell, (y - half) * raster_cell, turn[y, x]]
+    return pose + [(column - half) * raster_cell, (row - half) * raster_cell, turn[row, column]]
 
 
-def near_search(scene, old):
-    """Look for the newest node close to where it is thought to be.
+def near_search(scene: Scene, old: IndexArray) -> Tuple[Optional[FloatArray], bool]:
+    """Search for the newest node close to its present pose.
 
     Parameters
     ----------
     scene : Scene
-    old : (C,) int
-        Nodes to look among.
+        The path and its drift.
+    old : (C,) int64
+        Nodes to search.
 
     Returns
     -------
     pose : (3,) float64 or None
     ambiguous : bool
-        Whether other places fit as well; then ``pose`` is the best one closest to where the node is thought to be.
+        Whether other places fit as well; ``pose`` is then the best one close to the present pose.
     """
     path, readings = scene.path, scene.readings
     near = old[np.argsort(scene.distance[old], kind="stable")][:4 * REFERENCE_NODES]
@@ -232,26 +344,27 @@ def near_search(scene, old):
     if best[3] < RASTER_SCORE:
         return None, False
     if best[4] <= RIVAL * best[3]:
-        pose = looked_around(best[:3], query, scene, old, reference, window, NEAR_RASTER)
+        pose = best_place_around(best[:3], query, scene, old, reference, window, NEAR_RASTER)
         if pose is not None and (pose == best[:3]).all():
             return pose, False
     least = RIVAL * best[3]
-    best = coarse_search(path[-1], query, path, reference, readings, BESIDE, BESIDE_TURN, NEAR_RASTER)
+    best = coarse_search(path[-1], query, path, reference, readings, BESIDE, LOCAL_TURN, NEAR_RASTER)
     return (best[:3] if best[3] >= least else None), True
 
 
-def wide_search(scene, old):
-    """Look for the newest node wherever it may have drifted away from, along the old path.
+def wide_search(scene: Scene, old: IndexArray) -> Optional[Place]:
+    """Search for the newest node within its drift, along the old path.
 
-    The scans of a stretch are searched together. Where several places fit, those of a longer stretch may tell which:
-    ten metres of a corridor look alike more often than all of it does. A robot that has only just come back has a short
-    stretch in common.
+    The scans of a segment are searched together. If several places fit, a longer segment is used: ten metres of a
+    corridor are ambiguous more often than the whole corridor. A robot that has just returned shares only a short
+    segment.
 
     Parameters
     ----------
     scene : Scene
-    old : (C,) int
-        Nodes to look among.
+        The path and its drift.
+    old : (C,) int64
+        Nodes to search.
 
     Returns
     -------
@@ -259,48 +372,49 @@ def wide_search(scene, old):
     """
     shift = float(scene.shift[old].max())
     reach, reference = WIDE_PATH, old[::max(1, -(-len(old) // WIDE_NODES))]
-    query, best, score = _stretch(scene, old, reference, reach, WIDE_RASTER)
+    query, best, score = _search_segment(scene, old, reference, reach, WIDE_RASTER)
     raster_cell = WIDE_RASTER
     if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
-        closer = _closer(scene, old, query, reference, best)
+        closer = _search_along_corridor(scene, old, query, reference, best)
         if closer[3] >= RASTER_SCORE and closer[4] <= RIVAL * closer[3]:
             best, raster_cell = closer, NEAR_RASTER
     if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
         reach = LONG_PATH
-        reference = _before(scene, reach, BEYOND * shift + reach, float(scene.shift[old].min()))
-        query, best, score = _stretch(scene, old, reference, reach, WIDE_RASTER)
+        reference = _older_nodes(scene, reach, BEYOND * shift + reach, float(scene.shift[old].min()))
+        query, best, score = _search_segment(scene, old, reference, reach, WIDE_RASTER)
     elif best[3] < RASTER_SCORE and query.shape[1] >= FEWEST_POINTS and shift <= SHORT_SHIFT:
         reach = SHORT_PATH
-        query, best, score = _stretch(scene, old, reference, reach, NEAR_RASTER)
+        query, best, score = _search_segment(scene, old, reference, reach, NEAR_RASTER)
     if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
         return None
-    pose = looked_around(best[:3], query, scene, old, reference, BEYOND * shift, raster_cell)
+    pose = best_place_around(best[:3], query, scene, old, reference, BEYOND * shift, raster_cell)
     if pose is None:
         return None
     best[:3] = pose
     away, moved = scene.path[old, :2] - scene.path[-1, :2], best[:2] - scene.path[-1, :2]
     if not ((np.hypot(*(away - moved).T) < ROOM) & (np.hypot(*moved) <= scene.shift[old])).any():
         return None
-    other, known = _elsewhere(scene, query)
-    if other[3] > RIVAL * score and _as_good(other[:3], known, best[:3], reference, query, scene):
+    other, known = _excluded_place(scene, query)
+    if other[3] > RIVAL * score and _is_as_good(other[:3], known, best[:3], reference, query, scene):
         return None
-    unmoved = _unmoved(scene, query, reach) if np.hypot(*moved) > ROOM else 0.0
+    unmoved = _score_without_shift(scene, query, reach) if np.hypot(*moved) > ROOM else 0.0
     if unmoved > RIVAL * score:
         return None
     alike = max(other[3], unmoved)
     return Place(best[:3], best[3], reach, alike > (ALIKE_LONG if reach == LONG_PATH else ALIKE_SHARE) * score)
 
 
-def _stretch(scene, old, reference, reach, cell):
+def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach: float,
+                    cell: float) -> Tuple[FloatArray, FloatArray, float]:
     """Search the scans of the last ``reach`` metres around the old nodes, in a raster of the ``reference`` nodes.
 
     Returns
     -------
     query : (2, Q) float64
     best : (7,) float64
-        As ``coarse_search`` returns it, of the finest search there was; all 0 where there is too little to search.
+        As of ``coarse_search``, of the finest search; 0 with too few points.
     score : float
-        Of the first search.
+        Score of the first search.
     """
     path, readings, pose = scene.path, scene.readings, scene.path[-1]
     query = query_points(path, scene.along, readings, reach, max(reach, QUERY_REACH))
@@ -312,50 +426,51 @@ def _stretch(scene, old, reference, reach, cell):
                          lambda middles: _allowed(middles, away, np.zeros(len(away)), BEYOND * shifts))
     score = float(best[3])
     if score >= RASTER_SCORE and best[4] <= RIVAL * score:
-        best = coarse_search(best[:3], query, path, reference, readings, AGAIN, AGAIN_TURN, NEAR_RASTER)
+        best = coarse_search(best[:3], query, path, reference, readings, AGAIN, REFINED_TURN, NEAR_RASTER)
     return query, best, score
 
 
-def _closer(scene, old, query, reference, best):
-    """Search once more in a finer raster on the line through the best place and its rival: where a corridor leads."""
+def _search_along_corridor(scene: Scene, old: IndexArray, query: FloatArray, reference: IndexArray,
+                           best: FloatArray) -> FloatArray:
+    """Search again in a finer raster on the line through the best place and its rival, which is often a corridor."""
     away, most = scene.path[old, :2] - best[:2], BEYOND * scene.shift[old]
     moved = best[:2] - scene.path[-1, :2]
     along = best[5:7] - best[:2]
-    along = along / max(float(np.hypot(*along)), 1e-9)      # a rival may be the same place, turned
+    along = along / max(float(np.hypot(*along)), 1e-9)      # the rival may have the same position
 
-    def allowed(middles):
+    def allowed(middles: FloatArray) -> FloatArray:
         x, y = np.meshgrid(middles, middles)
         beside = np.abs(along[0] * y - along[1] * x) <= APART
         near = _allowed(middles, away, np.zeros(len(away)), np.full(len(away), np.inf))
         return near * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
 
     window = float(np.hypot(*moved)) + float(most.max())
-    return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, AGAIN_TURN, NEAR_RASTER,
+    return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, REFINED_TURN, NEAR_RASTER,
                          allowed)
 
 
-def _before(scene, reach, distance, drift=0.0):
-    """Return old nodes within ``distance`` [m] that are not among the last ``reach`` metres, LONG_NODES at most.
+def _older_nodes(scene: Scene, reach: float, distance: float, drift: float = 0.0) -> IndexArray:
+    """Return at most LONG_NODES old nodes within ``distance`` [m], without the last ``reach`` metres of path.
 
-    From each of them the newest node may have drifted by ``drift`` [m] or more: what has drifted along with it fits
-    where it is thought to be, whether that is so or not.
+    The drift against each is at least ``drift`` [m]. Nodes with the same drift as the newest one fit at its present
+    pose, whether this is right or not.
     """
     known = scene.old[(scene.distance[scene.old] < distance) & (scene.shift[scene.old] >= drift)
                       & (scene.along[scene.old] < scene.along[-1] - reach - ROOM)]
     return known[::max(1, -(-len(known) // LONG_NODES))]
 
 
-def _unmoved(scene, query, reach):
-    """Return the score of the query where it is thought to be: what fits there as well need not be elsewhere."""
-    reference = _before(scene, reach, QUERY_REACH + reach)
+def _score_without_shift(scene: Scene, query: FloatArray, reach: float) -> float:
+    """Return the score of the query at its present pose. If it fits there, no correction is needed."""
+    reference = _older_nodes(scene, reach, QUERY_REACH + reach)
     if not len(reference):
         return 0.0
-    return coarse_search(scene.path[-1], query, scene.path, reference, scene.readings, BESIDE, BESIDE_TURN,
+    return coarse_search(scene.path[-1], query, scene.path, reference, scene.readings, BESIDE, LOCAL_TURN,
                          WIDE_RASTER)[3]
 
 
-def _elsewhere(scene, query):
-    """Return the best place that it cannot be, and the nodes there: looks tell little where it fits."""
+def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexArray]:
+    """Return the best place outside the drift, and the nodes there. If the query fits there, the area is ambiguous."""
     path, known = scene.path, scene.old[scene.distance[scene.old] < ALIKE + ROOM]
     if not len(known):
         return np.zeros(7), known
@@ -366,25 +481,20 @@ def _elsewhere(scene, query):
     return best, reference
 
 
-def _as_good(other, known, pose, reference, query, scene):
-    """Whether as much speaks for a place, seen among the nodes ``known``, as for ``pose`` among ``reference``."""
+def _is_as_good(other: FloatArray, known: IndexArray, pose: FloatArray, reference: IndexArray, query: FloatArray,
+                scene: Scene) -> bool:
+    """Whether a place, seen among the nodes ``known``, is rated as well as ``pose`` among ``reference``."""
     allowed = np.ones((AS_GOOD_CELLS, AS_GOOD_CELLS), np.uint8)
     ratings = [_rated(place, query, scene, nodes, allowed, NEAR_RASTER)[0].max()
                for place, nodes in ((other, known), (pose, reference))]
     return bool(ratings[0] >= UNLIKE * ratings[1])
 
 
-def _allowed(middles, away, least, most):
-    """Return (N, N) uint8: offsets that lead near an old node, and are of the size allowed for it.
+def _allowed(middles: FloatArray, away: FloatArray, least: FloatArray, most: FloatArray) -> Uint8Array:
+    """Return (N, N) uint8: offsets near an old node whose length is allowed for that node.
 
-    Parameters
-    ----------
-    middles : (N,) float
-        Offsets along either axis [m].
-    away : (C, 2) float
-        Old nodes, seen from the newest, in the map's axes [m].
-    least, most : (C,) float
-        Length of the offset [m].
+    Lengths ``least`` and ``most`` (C,) are in metres, ``middles`` (N,) are offsets along either axis [m], and ``away``
+    (C, 2) are the old nodes seen from the newest one, in the map's axes [m].
     """
     near = np.zeros((len(middles), len(middles)), np.uint8)
     if len(middles) > 1:
@@ -392,16 +502,23 @@ def _allowed(middles, away, least, most):
     return near
 
 
-def looked_through(scene, pose, around):
-    """Return which share of end points new and old scans look through, of those that lie where the others look.
+def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> float:
+    """Return the share of end points that conflict with rays, of new and old scans, among those in view.
+
+    A ray conflicts with an end point if it ends behind it.
 
     Parameters
     ----------
     scene : Scene
+        The path and its drift.
     pose : (3,) float64
-        Where the newest scan would have been taken; those before it stay where they are, seen from there.
-    around : (A,) int
+        Assumed pose of the newest scan; the scans before it move with it.
+    around : (A,) int64
         Old nodes.
+
+    Returns
+    -------
+    float
     """
     path, readings = scene.path, scene.readings
     wanted = scene.along[-1] - np.linspace(0.0, WIDE_PATH, LOOKS)
@@ -416,8 +533,8 @@ def looked_through(scene, pose, around):
     return through / max(1, total)
 
 
-def _through(rays, seen, points):
-    """Count the points (2, B) of a scan at pose ``seen`` that the rays (2, S) go through, and those they could."""
+def _through(rays: FloatArray, seen: FloatArray, points: FloatArray) -> Tuple[int, int]:
+    """Count the points (2, B) of a scan at pose ``seen`` that the rays (2, S) pass through, and the points in view."""
     if rays.shape[1] < 2:
         return 0, 0
     angle, reach = np.arctan2(rays[1], rays[0]), np.hypot(rays[0], rays[1])
@@ -431,4 +548,5 @@ def _through(rays, seen, points):
     gap = angle[after] - angle[after - 1]
     least = np.minimum(reach[after], reach[after - 1])
     beside = gap < 2.5 * np.median(np.diff(angle))
-    return int((beside & (far + LOOKED_THROUGH < least)).sum()), int((beside & (far < least + LOOKED_THROUGH)).sum())
+    through, in_view = far + OCCLUSION_MARGIN < least, far < least + OCCLUSION_MARGIN
+    return int((beside & through).sum()), int((beside & in_view).sum())

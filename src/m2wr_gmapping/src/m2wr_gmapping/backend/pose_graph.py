@@ -1,37 +1,44 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses that fit their relative measurements best: Gauss-Newton on a sparse graph of planar poses."""
+"""Optimisation of a pose graph: Gauss-Newton on sparse normal equations."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.backend import pose_graph_kernels as kernels
 from m2wr_gmapping.se2 import wrap
 
-ITERATIONS, MOST_ITERATIONS = 6, 16     # with the kernel as asked for, and together with those in which it narrows
-NARROWING = 8.0         # of the kernel from one iteration to the next
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, FloatArray
+
+ITERATIONS, MOST_ITERATIONS = 6, 16     # with the final kernel, and together with those in which it narrows
+NARROWING = 8.0         # factor of the kernel from one iteration to the next
 CONVERGED = 1e-4
 
 
-def optimise(poses, pairs, measured, information, robust, kernel=1.0, opened=False):
-    """Move poses so that the weighted squares of the graph's residuals are least; the first pose stays.
+def optimise(poses: Any, pairs: Any, measured: Any, information: Any, robust: BoolArray, kernel: float = 1.0,
+             opened: bool = False) -> Tuple[FloatArray, FloatArray]:
+    """Minimise the weighted squared residuals of a pose graph; the first pose is fixed.
 
     Parameters
     ----------
     poses : (K, 3) float64
-        Start.
+        Initial poses x, y [m], theta [rad].
     pairs : (E, 2) int
-        Which two poses each measurement relates.
+        Numbers of the two poses of each measurement.
     measured : (E, 3) float64
-        Pose of the second seen from the first.
+        Pose of the second seen from the first [m, m, rad].
     information : (E, 3, 3) float64
         Inverse covariances, in the axes of the second pose.
     robust : (E,) bool
-        Measurements that may be wrong; their weight falls with their residual (Cauchy).
+        Measurements that may be outliers; their weight falls with the residual (Cauchy).
     kernel : float
-        Squared residual, in units of its covariance, at which a robust measurement has lost half its weight.
+        Squared residual, in units of its covariance, at which a robust measurement has half its weight.
     opened : bool
-        Whether to begin with a kernel so wide that the worst of them is heard, and to narrow it: what closes a long
-        loop is far off at first, though it is right.
+        Whether to start with a wide kernel and narrow it. A correct loop closure of a long loop has a large residual at
+        first.
 
     Returns
     -------
@@ -42,7 +49,7 @@ def optimise(poses, pairs, measured, information, robust, kernel=1.0, opened=Fal
     Raises
     ------
     ValueError
-        If a pose is not connected to the first one, however many lie between.
+        If a pose is not connected to the first one.
 
     Notes
     -----

@@ -19,22 +19,45 @@ Array layouts
 ``diagonal`` (K, 9), ``blocks`` (C, 9) float64
     Blocks of the matrix, row by row; row: the later node, column: the earlier one.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
 
 WORD = 64
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _wrapped(angle):
+def _wrapped(angle: float) -> float:
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def residuals(poses, pairs, measured, information, residual, squared):
-    """Write the residuals (E, 3), in the axes of the measured second pose, and their squares (E,) in covariances."""
+def residuals(poses: FloatArray, pairs: IndexArray, measured: FloatArray, information: FloatArray, residual: FloatArray,
+              squared: FloatArray) -> None:
+    """Write the residuals and their squares.
+
+    Parameters
+    ----------
+    poses : (K, 3) float64
+        Poses [m, m, rad].
+    pairs : (E, 2) int64
+        Numbers of the two poses of each measurement.
+    measured : (E, 3) float64
+        Measured relative poses [m, m, rad].
+    information : (E, 3, 3) float64
+        Inverse covariances.
+    residual : (E, 3) float64
+        Written: in the axes of the measured second pose [m, m, rad].
+    squared : (E,) float64
+        Written: in units of the covariance.
+    """
     for e in range(pairs.shape[0]):
         p, q, m = poses[pairs[e, 0]], poses[pairs[e, 1]], measured[e]
         c, s = math.cos(p[2]), math.sin(p[2])
@@ -51,8 +74,8 @@ def residuals(poses, pairs, measured, information, residual, squared):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _neighbours(count, pairs):
-    """Lists of the nodes that each node is measured with, without node 0: starts (K + 1,), degrees (K,), members."""
+def _neighbours(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexArray]:
+    """Return the neighbours of each node, without node 0: starts (K + 1,), degrees (K,), members."""
     degree = np.zeros(count, np.int64)
     for e in range(pairs.shape[0]):
         if pairs[e, 0] != 0 and pairs[e, 1] != 0 and pairs[e, 0] != pairs[e, 1]:
@@ -77,8 +100,8 @@ def _neighbours(count, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _replace(node, old, new, first, degree, members):
-    """Put ``new`` in the place of ``old`` among a node's neighbours, or nothing if it is there already or negative."""
+def _replace(node: int, old: int, new: int, first: IndexArray, degree: IndexArray, members: IndexArray) -> None:
+    """Replace ``old`` by ``new`` among a node's neighbours; remove it if ``new`` is there already or negative."""
     at = known = -1
     for k in range(first[node], first[node] + degree[node]):
         if members[k] == old:
@@ -93,7 +116,7 @@ def _replace(node, old, new, first, degree, members):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _bits(word):
+def _bits(word: int) -> int:
     """Number of ones of an unsigned word."""
     count = 0
     while word:
@@ -103,8 +126,9 @@ def _bits(word):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _eliminate_rest(nodes, first, degree, members, done, order, starts, columns):
-    """Eliminate ``nodes`` in the order of fewest neighbours; returns ``columns``, which may have become longer."""
+def _eliminate_rest(nodes: IndexArray, first: IndexArray, degree: IndexArray, members: IndexArray, done: int,
+                    order: IndexArray, starts: IndexArray, columns: IndexArray) -> IndexArray:
+    """Eliminate ``nodes`` in the order of fewest neighbours; returns ``columns``, which may be longer than before."""
     count = nodes.shape[0]
     words = (count + WORD - 1) // WORD
     number = np.full(first.shape[0], -1, np.int64)
@@ -148,7 +172,7 @@ def _eliminate_rest(nodes, first, degree, members, done, order, starts, columns)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _eliminate(count, pairs):
+def _eliminate(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexArray]:
     """Return ``order``, ``starts`` and ``columns``, the members of each column in any order."""
     first, degree, members = _neighbours(count, pairs)
     order, starts = np.empty(count - 1, np.int64), np.zeros(count, np.int64)
@@ -181,8 +205,8 @@ def _eliminate(count, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _place_of(row, column, starts, columns, rank):
-    """Place in ``columns`` of the block of two nodes, the earlier one of which is ``column``."""
+def _place_of(row: int, column: int, starts: IndexArray, columns: IndexArray, rank: IndexArray) -> int:
+    """Position in ``columns`` of the block of two nodes, of which ``column`` is eliminated first."""
     for k in range(starts[rank[column]], starts[rank[column] + 1]):
         if columns[k] == row:
             return k
@@ -190,8 +214,21 @@ def _place_of(row, column, starts, columns, rank):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def plan(count, pairs):
-    """Return ``order``, ``starts``, ``columns``, ``targets`` and ``slots`` for a graph of ``count`` >= 2 poses."""
+def plan(count: int, pairs: IndexArray) -> Tuple[IndexArray, IndexArray, IndexArray, IndexArray, IndexArray]:
+    """Plan the elimination of a graph.
+
+    Parameters
+    ----------
+    count : int
+        Number of poses, at least 2.
+    pairs : (E, 2) int64
+        Numbers of the two poses of each measurement.
+
+    Returns
+    -------
+    order, starts, columns, targets, slots : int64 arrays
+        See the module.
+    """
     order, starts, columns = _eliminate(count, pairs)
     rank = np.full(count, -1, np.int64)
     for k in range(count - 1):
@@ -222,8 +259,33 @@ def plan(count, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def assemble(poses, pairs, measured, information, weights, residual, columns, slots, diagonal, blocks, gradient):
-    """Write the normal equations of the residuals at ``poses``: matrix, and gradient (K, 3)."""
+def assemble(poses: FloatArray, pairs: IndexArray, measured: FloatArray, information: FloatArray, weights: FloatArray,
+             residual: FloatArray, columns: IndexArray, slots: IndexArray, diagonal: FloatArray, blocks: FloatArray,
+             gradient: FloatArray) -> None:
+    """Write the normal equations of the residuals at ``poses``.
+
+    Parameters
+    ----------
+    poses : (K, 3) float64
+        Poses [m, m, rad].
+    pairs : (E, 2) int64
+        Numbers of the two poses of each measurement.
+    measured : (E, 3) float64
+        Measured relative poses [m, m, rad].
+    information : (E, 3, 3) float64
+        Inverse covariances.
+    weights : (E,) float64
+        Weights of the measurements.
+    residual : (E, 3) float64
+        Residuals.
+    columns, slots : see the module
+    diagonal : (K, 9) float64
+        Written: diagonal blocks.
+    blocks : (C, 9) float64
+        Written: other blocks.
+    gradient : (K, 3) float64
+        Written: gradient.
+    """
     diagonal[:], blocks[:], gradient[:] = 0.0, 0.0, 0.0
     a, b, oa, ob = np.zeros((3, 3)), np.zeros((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for e in range(pairs.shape[0]):
@@ -262,7 +324,7 @@ def assemble(poses, pairs, measured, information, weights, residual, columns, sl
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _divide(d, w):
+def _divide(d: FloatArray, w: FloatArray) -> None:
     """Multiply a block (9,) from the right by the inverse transpose of a lower triangle (9,)."""
     for i in range(0, 9, 3):
         w[i] = w[i] / d[0]
@@ -271,8 +333,23 @@ def _divide(d, w):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def factorise(order, starts, columns, targets, diagonal, blocks):
-    """Replace the matrix by its Cholesky factor; False if it is not positive definite."""
+def factorise(order: IndexArray, starts: IndexArray, columns: IndexArray, targets: IndexArray, diagonal: FloatArray,
+              blocks: FloatArray) -> bool:
+    """Replace the matrix by its Cholesky factor.
+
+    Parameters
+    ----------
+    order, starts, columns, targets : see the module
+    diagonal : (K, 9) float64
+        Diagonal blocks.
+    blocks : (C, 9) float64
+        Other blocks.
+
+    Returns
+    -------
+    bool
+        False if the matrix is not positive definite.
+    """
     t = 0
     for n in range(order.shape[0]):
         d = diagonal[order[n]]
@@ -307,8 +384,20 @@ def factorise(order, starts, columns, targets, diagonal, blocks):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def substitute(order, starts, columns, diagonal, blocks, x):
-    """Solve factor * factor^T * x = b; ``x`` (K, 3) holds b at first."""
+def substitute(order: IndexArray, starts: IndexArray, columns: IndexArray, diagonal: FloatArray, blocks: FloatArray,
+               x: FloatArray) -> None:
+    """Solve factor * factor^T * x = b.
+
+    Parameters
+    ----------
+    order, starts, columns : see the module
+    diagonal : (K, 9) float64
+        Diagonal blocks.
+    blocks : (C, 9) float64
+        Other blocks.
+    x : (K, 3) float64
+        b on entry, the solution on return.
+    """
     for n in range(order.shape[0]):
         d, v = diagonal[order[n]], x[order[n]]
         v[0] = v[0] / d[0]

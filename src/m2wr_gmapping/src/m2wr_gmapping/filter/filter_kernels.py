@@ -8,7 +8,7 @@ COST, INFORMATION = 6, 7
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _drawn(information, deviations, normals, share, out):
+def _draw_one(information, deviations, normals, share, out):
     """Write ``share`` of a draw (3,) from the Gaussian of a match's information plus that of the motion."""
     a = information[0] + 1.0 / (deviations[0] * deviations[0])
     d = information[3] + 1.0 / (deviations[1] * deviations[1])
@@ -62,7 +62,7 @@ def draw(rows, deviations, normals, share, dependent, path_weights, poses):
         if n == best:
             out[0], out[1], out[2] = x, y, theta
             continue
-        _drawn(rows[n, INFORMATION:], deviations, z, share, out)
+        _draw_one(rows[n, INFORMATION:], deviations, z, share, out)
         path_weights[n] -= 0.5 * share * share * (z[0] * z[0] + z[1] * z[1] + z[2] * z[2])
         c, s = math.cos(theta), math.sin(theta)
         out[0], out[1] = x + c * out[0] - s * out[1], y + s * out[0] + c * out[1]

@@ -224,7 +224,7 @@ def _rate(x, y, theta, beams, frame, pairs, found, settings, row):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _held(x, y, theta, prediction, prior, per_variance, h, g):
+def _add_prior(x, y, theta, prediction, prior, per_variance, h, g):
     """Bring normal equations to the scale of their variances, and add what holds the pose to ``prediction`` (3,)."""
     c, s = math.cos(theta), math.sin(theta)
     px, py = x - prediction[0], y - prediction[1]
@@ -255,7 +255,7 @@ def _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, p
         far = 0.0
         for _ in range(STEPS_A_ROUND):
             _accumulate(x, y, theta, frame, pairs, found, width, 0.0, h, g)
-            _held(x, y, theta, prediction, prior, per_variance, h, g)
+            _add_prior(x, y, theta, prediction, prior, per_variance, h, g)
             if not solve(h, g, step):
                 break
             size = max(abs(step[0]), abs(step[1]), abs(step[2]))

@@ -24,7 +24,7 @@ WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the 
 WINDOW_MOST = np.array([0.8, 0.9])      # a search beyond would take longer than a scan may [m, rad]
 PULL = 9.0                      # squared deviations by which a match may move off odometry without being doubted
 SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in deviations of a slip
-GOING_ON = 0.05                 # a scan that was found so far from odometry may have been found after a slip [m, rad]
+SLIP_CONTINUES = 0.05                 # a scan that was found so far from odometry may have been found after a slip [m, rad]
 SLIP_COST = 6.0                 # minus the logarithm of how often odometry slips
 MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
 
@@ -134,7 +134,7 @@ class FastMatcher:
         wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
         plain, start = row[:3], ask[tl.START]
         # wheels that go on slipping have slipped already where the scan before was found
-        for centre in (expected, start) if np.abs(between(expected, start)).max() > GOING_ON else (expected,):
+        for centre in (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,):
             for begin in (plain, self.search(maps, particle, reading, centre, window)):
                 other = self._tied(maps, particle, reading, begin, centre, 1.0 / wide)
                 cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST

@@ -21,27 +21,27 @@ from m2wr_gmapping.frontend.track_layout import (
     CROSS,
     DEPENDENT,
     EXPECTED,
-    FAR_OFF,
     FIRST_MEMORY,
     INFORMATION,
-    LEAST,
-    LEAST_SHARE,
+    MATCH_CORRELATION,
+    MAX_ERROR_RATIO,
+    MAX_SCALE,
     MEMORY,
     MIN_BIAS_INFORMATION,
+    MIN_DEVIATION,
+    MIN_DEVIATION_SHARE,
     MIN_INFORMATION_RATIO,
+    MIN_SCALE,
     MIN_SCALE_INFORMATION,
-    NARROWEST,
+    MOTION,
     NOISE,
     NOISE_TURN,
+    OUTLIER_DEVIATIONS,
     SCALE,
     SCALE_EVIDENCE,
-    SIGNED,
+    SIGNED_MOTION,
     SLACK,
-    SURPRISE,
-    TOGETHER,
     TRAVELLED,
-    WAY,
-    WIDEST,
 )
 
 # ---- how far odometry is to be trusted
@@ -73,10 +73,10 @@ def noise_parts(track, distance, turn):
     """
     along, across, _ = user_noise(track, distance, 0.0, 0.0)
     way, turns = track[SCALE, 0], track[SCALE, 1]
-    along = (along + LEAST + LEAST_SHARE * distance) * way
-    across = (across + LEAST + LEAST_SHARE * distance) * way
-    heading = (track[NOISE_TURN, 0] * distance + LEAST) * track[SCALE + 1, 0]
-    heading_turned = (track[NOISE_TURN, 1] + LEAST_SHARE) * turn * track[SCALE + 1, 1]
+    along = (along + MIN_DEVIATION + MIN_DEVIATION_SHARE * distance) * way
+    across = (across + MIN_DEVIATION + MIN_DEVIATION_SHARE * distance) * way
+    heading = (track[NOISE_TURN, 0] * distance + MIN_DEVIATION) * track[SCALE + 1, 0]
+    heading_turned = (track[NOISE_TURN, 1] + MIN_DEVIATION_SHARE) * turn * track[SCALE + 1, 1]
     return along, across, track[NOISE, 1] * turn * turns, heading, heading_turned, 0.5 * distance * (
         heading + heading_turned)
 
@@ -108,7 +108,7 @@ def expected_variances(track, out):
 
     What is not known of the bias is not in them: where walls are plain, noise would draw every match along them.
     """
-    own, slack = odometry_variances(track, track[WAY, 0], track[WAY, 1]), track[SLACK]
+    own, slack = odometry_variances(track, track[MOTION, 0], track[MOTION, 1]), track[SLACK]
     out[0], out[1], out[2] = own[0] + slack[0], own[1] + slack[1], own[2] + slack[2]
 
 
@@ -139,7 +139,7 @@ def update_noise_scales(track, error, variance, distance, turn):
             share = weighted = 0.0
             for axis in range(2 * k, 2 + k):
                 heard = max(1.0 - variance[axis] / squared[axis], 0.0)
-                excess = min(error[axis] * error[axis] / squared[axis] / max(heard, 1e-3), SURPRISE) - 1.0
+                excess = min(error[axis] * error[axis] / squared[axis] / max(heard, 1e-3), MAX_ERROR_RATIO) - 1.0
                 if axis == 1:       # the rest of what is across is the heading's
                     heard *= (across + turned)**2 / squared[1]
                 own = by_turn[axis] if part == 1 else 1.0 - by_turn[axis]
@@ -151,7 +151,7 @@ def update_noise_scales(track, error, variance, distance, turn):
                 track[SCALE_EVIDENCE + k, part] += min(share, 1.0)
                 memory = min(FIRST_MEMORY + track[SCALE_EVIDENCE + k, part], MEMORY)
                 scale = track[SCALE + k, part] * math.sqrt(1.0 + min(share, 1.0) * (weighted / share) / memory)
-                track[SCALE + k, part] = min(max(scale, NARROWEST), WIDEST)
+                track[SCALE + k, part] = min(max(scale, MIN_SCALE), MAX_SCALE)
 
 
 # ---- what odometry errs by all the time
@@ -178,9 +178,9 @@ def _update_bias_filter(track, row, seen, variance, heard):
     gain = (p[0, 0] * row[0] + p[0, 1] * row[1] + p[0, 2] * row[2],
             p[1, 0] * row[0] + p[1, 1] * row[1] + p[1, 2] * row[2],
             p[2, 0] * row[0] + p[2, 1] * row[1] + p[2, 2] * row[2])
-    noise = TOGETHER * variance
+    noise = MATCH_CORRELATION * variance
     expected = row[0] * gain[0] + row[1] * gain[1] + row[2] * gain[2] + noise
-    if seen * seen > FAR_OFF * FAR_OFF * expected:
+    if seen * seen > OUTLIER_DEVIATIONS * OUTLIER_DEVIATIONS * expected:
         return
     lacked = seen + row[0] * track[BIAS, 0] + row[1] * track[BIAS, 1] + row[2] * track[BIAS, 2]
     for i in range(3):
@@ -200,8 +200,8 @@ def _update_centre(track, turn, seen, variance, heard):
         return
     centre, lever = track[CENTRE], math.sin(turn)
     gain = centre[1] * lever
-    expected = gain * lever + TOGETHER * variance
-    if seen * seen <= FAR_OFF * FAR_OFF * expected:
+    expected = gain * lever + MATCH_CORRELATION * variance
+    if seen * seen <= OUTLIER_DEVIATIONS * OUTLIER_DEVIATIONS * expected:
         centre[0] += gain * (seen / expected)
         centre[1] -= gain * gain / expected
 
@@ -268,10 +268,10 @@ def _is_odometry_only(track):
 @njit(cache=True, nogil=True, error_model='numpy')
 def learn(track, anchor, row):
     """Take in how far odometry erred up to a processed scan, by its match in the map of the particle at ``anchor``."""
-    way = track[WAY]
+    way = track[MOTION]
     track[BIAS_INFORMATION:BIAS_INFORMATION_VECTOR + 1] = 0.0
     track[APPLIED_BIAS] = track[BIAS]
-    track[TRAVELLED, 0], track[TRAVELLED, 1] = track[SIGNED, 0], track[SIGNED, 1]
+    track[TRAVELLED, 0], track[TRAVELLED, 1] = track[SIGNED_MOTION, 0], track[SIGNED_MOTION, 1]
     track[TRAVELLED, 2] = math.atan2(track[AHEAD, 1], track[AHEAD, 0])
     if not _is_odometry_only(track):
         return
@@ -313,8 +313,8 @@ def is_bias_observable(track, row, inverse):
     """
     if not _is_odometry_only(track):
         return False
-    own = odometry_variances(track, track[WAY, 0], track[WAY, 1])
-    always = bias_variances(track, track[SIGNED, 0], track[SIGNED, 1])
+    own = odometry_variances(track, track[MOTION, 0], track[MOTION, 1])
+    always = bias_variances(track, track[SIGNED_MOTION, 0], track[SIGNED_MOTION, 1])
     prior = own[0] + always[0], own[1] + always[1], own[2] + always[2]
     for k in range(3):
         inverse[k] = 1.0 / prior[k]
@@ -325,7 +325,7 @@ def is_bias_observable(track, row, inverse):
 @njit(cache=True, nogil=True, error_model='numpy')
 def update_bias_unconstrained(track, anchor, row, inverse):
     """Update the bias by the match of a processed scan, whose prior is ``inverse`` of ``is_bias_observable``."""
-    own = odometry_variances(track, track[WAY, 0], track[WAY, 1])
+    own = odometry_variances(track, track[MOTION, 0], track[MOTION, 1])
     prior = 1.0 / inverse[0], 1.0 / inverse[1], 1.0 / inverse[2]
     x, y, theta = between(anchor, row)
     error = between(track[EXPECTED], (x, y, theta))
@@ -335,5 +335,5 @@ def update_bias_unconstrained(track, anchor, row, inverse):
     seen = (own[0] + _scan_variance(prior[0], heard[0]), own[1] + _scan_variance(prior[1], heard[1]),
             own[2] + _scan_variance(prior[2], heard[2]))
     # a match is the mean of scan and odometry, weighted by what was told: alone the scan says that much more
-    update_bias(track, (error[0] / told[0], error[1] / told[1], error[2] / told[2]), seen, heard, track[SIGNED, 0],
-                track[SIGNED, 1])
+    update_bias(track, (error[0] / told[0], error[1] / told[1], error[2] / told[2]), seen, heard, track[SIGNED_MOTION, 0],
+                track[SIGNED_MOTION, 1])

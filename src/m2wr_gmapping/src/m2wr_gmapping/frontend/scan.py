@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.scan_kernels import take_in, with_normals
+from m2wr_gmapping.frontend.scan_kernels import classify_ranges, with_normals
 
 FARTHEST = 1000.0           # no laser sees farther; drivers without a limit of their own send huge or infinite ones [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
@@ -198,7 +198,7 @@ class ScanReading:
         beams = ranges.size
         points, used = np.empty((2, beams)), np.empty(beams, bool)
         rays, ray_hits = np.empty((2, beams), np.float32), np.empty(beams, bool)
-        count, seen = take_in(ranges, laser.directions, laser.limits, skip, gap, points, used, rays, ray_hits)
+        count, seen = classify_ranges(ranges, laser.directions, laser.limits, skip, gap, points, used, rays, ray_hits)
         # copies: a reading is kept, and what it does not need is not
         self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()
         # of the thinned points: neighbouring beams on a near wall lie closer together than they are exact

@@ -99,7 +99,7 @@ def with_normals(points, reach, side, limit, straight, beams):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def take_in(ranges, directions, limits, skip, gap, points, used, rays, ray_hits):
+def classify_ranges(ranges, directions, limits, skip, gap, points, used, rays, ray_hits):
     """Sort ranges into end points, beams that only clear space, and nothing.
 
     Parameters

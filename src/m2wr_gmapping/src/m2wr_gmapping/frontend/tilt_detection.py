@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 TILTED_SHARE = 0.3          # of a scan's end points that are lifted too far
-ROCKS = 1.0                 # a robot that rocks while it drives is level again within so much way [m]
-STEEPEST = 0.2              # no ramp rises more than that a metre: the robot has tipped over, or leans on a wall
+MAX_TILTED_DISTANCE = 1.0                 # a robot that rocks while it drives is level again within so much way [m]
+MAX_SLOPE = 0.2              # no ramp rises more than that a metre: the robot has tipped over, or leans on a wall
 MEMORY = 10.0               # way in which what is usual follows: a ramp, or a level that is a little off [m]
 
 
-class LevelWatch:
+class TiltDetector:
     """Tells scans that were taken while the robot rocked from those that were not.
 
     A robot that brakes nods; its laser then looks at the floor, or at walls that lean where they lean. What counts is
@@ -33,12 +33,12 @@ class LevelWatch:
 
     def __init__(self, lift, reach):
         self._lift, self._reach = lift, reach
-        self._usual = 0.0, 0.0
-        self._way = 0.0                         # with all scans tilted, and none of them too much
-        self._more, self._tilted = (0.0, 0.0), False
-        self.rocks = False
+        self._reference = 0.0, 0.0
+        self._tilted_distance = 0.0                         # with all scans tilted, and none of them too much
+        self._excess, self._is_tilted = (0.0, 0.0), False
+        self.is_rocking = False
 
-    def tilted(self, slope, points, distance):
+    def is_tilted(self, slope, points, distance):
         """Take in one scan; return whether it is tilted.
 
         Parameters
@@ -50,23 +50,23 @@ class LevelWatch:
         distance : float
             Way since the scan before [m].
         """
-        usual_x, usual_y = self._usual
-        more_x, more_y = self._more = slope[0] - usual_x, slope[1] - usual_y
-        tilted = False
+        usual_x, usual_y = self._reference
+        more_x, more_y = self._excess = slope[0] - usual_x, slope[1] - usual_y
+        is_tilted = False
         if (more_x or more_y) and points.shape[1]:
             lifted = np.abs(more_x * points[0] + more_y * points[1]) > self._lift
-            tilted = float(lifted.mean()) > TILTED_SHARE
-        tipped = math.hypot(slope[0], slope[1]) > STEEPEST
-        self._way = self._way + distance if tilted and not tipped else 0.0
-        self.rocks = tilted and self._way < ROCKS
-        if not self.rocks:
+            is_tilted = float(lifted.mean()) > TILTED_SHARE
+        tipped = math.hypot(slope[0], slope[1]) > MAX_SLOPE
+        self._tilted_distance = self._tilted_distance + distance if is_tilted and not tipped else 0.0
+        self.is_rocking = is_tilted and self._tilted_distance < MAX_TILTED_DISTANCE
+        if not self.is_rocking:
             share = 1.0 - math.exp(-distance / MEMORY)
-            self._usual = usual_x + more_x * share, usual_y + more_y * share
-        self._tilted = tilted
-        return tilted
+            self._reference = usual_x + more_x * share, usual_y + more_y * share
+        self._is_tilted = is_tilted
+        return is_tilted
 
     def level_part(self, reading):
         """Return what the newest scan, a ScanReading, shows at the height of the laser; all of it if it is tilted."""
-        if self._tilted or math.hypot(*self._more) * self._reach <= self._lift:
+        if self._is_tilted or math.hypot(*self._excess) * self._reach <= self._lift:
             return reading
-        return reading.level_part(self._more, self._lift)
+        return reading.level_part(self._excess, self._lift)

@@ -34,7 +34,7 @@ Array layouts
     VARIANCES, INVERSE  of the latter along its axes [m^2, m^2, rad^2]
     WINDOW              largest displacement by a slip [m, rad]
 """
-(REL, EXPECTED, DRIVEN, SINCE, SLACK, WAY, SIGNED, ASIDE, SLIP, DOUBT, SCALE, SCALE_EVIDENCE, BIAS, COVARIANCE, CENTRE,
+(REL, EXPECTED, DRIVEN, SINCE, SLACK, MOTION, SIGNED_MOTION, SLIP_TRANSFORM, SLIP, DOUBT, SCALE, SCALE_EVIDENCE, BIAS, COVARIANCE, CENTRE,
  AHEAD, NOISE, NOISE_TURN, BIAS_INFORMATION, BIAS_INFORMATION_VECTOR, APPLIED_BIAS, TRAVELLED, TRACK_ROWS) = (
      0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 15, 18, 19, 20, 21, 22, 25, 26, 27, 28)
 SINCE_PROCESSED = DOUBT     # rows before this one begin anew, at 0, with each processed scan
@@ -43,29 +43,29 @@ COST, INFORMATION = 6, 7
 STEP_UNOBSERVED, STEP_TURN, STEP_CENTRE, STEP_APPLIED = 0, 3, 4, 5
 NO_DOUBT = -1.0
 
-STILL = 0.005, 0.005, 0.005                 # a scan from so near the last matched one tells nothing new [m, m, rad]
+STATIONARY = 0.005, 0.005, 0.005                 # a scan from so near the last matched one tells nothing new [m, m, rad]
 LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a plain match may be caught beside the right place
 SLIP_FLOOR, SLIP_SHARE = (0.2, 0.3), 0.4    # how far a slip leads aside [m, rad]; growth with the step
-SLIP_SEEN = 0.15, 0.1                       # a slip is believed when it is still there that much later [m, rad]
-SLIP_LOOKS = 20                             # or has been seen so often in a row
-SLIP_AGREES = 0.1, 0.1, 0.1                 # and changes by no more from one scan to the next [m, m, rad]
+SLIP_DISTANCE = 0.15, 0.1                       # a slip is believed when it is still there that much later [m, rad]
+SLIP_OBSERVATIONS = 20                             # or has been seen so often in a row
+SLIP_TOLERANCE = 0.1, 0.1, 0.1                 # and changes by no more from one scan to the next [m, m, rad]
 SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance that odometry has after a slip was found [m^2, m^2, rad^2]
 GOOD_SHARE = 0.8                            # share of the beams' best possible score below which a match is doubted
-ASK_AGAIN, WORSE_SHARE = (0.15, 0.15), 0.1  # way [m, rad], or fall of the score, after which to doubt anew
+RECHECK_AFTER, LOWER_SHARE = (0.15, 0.15), 0.1  # way [m, rad], or fall of the score, after which to doubt anew
 UNEXPLAINED = 0.05, 0.05, 0.02              # errors of odometry that move what is 2.5 m away by a cell [m, m, rad]
 DEPENDENT = 10.0            # beams of one scan err together: as if there were that many fewer
 
 CROSS = 0.3                 # share of the noise along a direction that movement across it adds
-LEAST = 0.004               # deviation of no step at all [m] or [rad]
-LEAST_SHARE = 0.005         # and its share of the distance and of the turn
+MIN_DEVIATION = 0.004               # deviation of no step at all [m] or [rad]
+MIN_DEVIATION_SHARE = 0.005         # and its share of the distance and of the turn
 MEMORY, FIRST_MEMORY = 10.0, 1.0    # steps that the scale remembers; the parameters count for as much as so many
-SURPRISE = 9.0              # a step counts for no more than that many times what was expected
+MAX_ERROR_RATIO = 9.0              # a step counts for no more than that many times what was expected
 MIN_SCALE_INFORMATION = 0.01        # a scan with less information changes no scale
-NARROWEST, WIDEST = 0.1, 30.0       # of the scale
+MIN_SCALE, MAX_SCALE = 0.1, 30.0       # of the scale
 BIAS_VARIANCE = 0.03 * 0.03         # what wheels may err by: scale of ways, of turns, turn a metre
 BIAS_CHANGES = 1.0 / 300.0, 0.0, 1.0 / 300.0    # share of it by which they may change in a metre
 CENTRE_VARIANCE = 0.1 * 0.1         # of how far off its axle a base frame may lie without odometry knowing [m^2]
-TOGETHER = 4.0              # the errors of matches that follow each other are alike: as if there were that many fewer
+MATCH_CORRELATION = 4.0              # the errors of matches that follow each other are alike: as if there were that many fewer
 MIN_BIAS_INFORMATION = 0.1          # a scan with less information does not change the bias
 MIN_INFORMATION_RATIO = 0.085       # a smaller share of information along a direction is noise of the normals
-FAR_OFF = 4.0               # deviations beyond which an error is none of odometry's usual ones
+OUTLIER_DEVIATIONS = 4.0               # deviations beyond which an error is none of odometry's usual ones

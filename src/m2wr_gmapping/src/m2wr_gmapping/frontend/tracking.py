@@ -55,7 +55,7 @@ class Tracker:
         """The newest scan was processed: all is seen from there."""
         self._track[:tl.SINCE_PROCESSED] = 0.0
 
-    def loosen(self):
+    def relax_prior(self):
         """Let the next match correct the pose by some cells."""
         self._track[tl.SLACK] = tl.SLIP_LEFT
 
@@ -98,7 +98,7 @@ class Tracker:
         """Whether odometry does not lead from the last processed scan to where the newest one was found."""
         return tk.unexplained(self._track)
 
-    def lead(self, anchors, starts, predictions):
+    def predict_particles(self, anchors, starts, predictions):
         """Lead all particles on; see ``tracking_kernels.lead``, of which it returns ``known`` (3, 3)."""
         known = np.empty((3, 3))
         tk.predict_all(self._track, anchors, starts, predictions, known)

@@ -16,8 +16,6 @@ from m2wr_gmapping.frontend.odometry_kernels import (
 )
 from m2wr_gmapping.frontend.pose_kernels import between, compose, exceeds, wrapped
 from m2wr_gmapping.frontend.track_layout import (
-    ASIDE,
-    ASK_AGAIN,
     CENTRE,
     COST,
     DEPENDENT,
@@ -28,31 +26,33 @@ from m2wr_gmapping.frontend.track_layout import (
     INFORMATION,
     INVERSE,
     LONG_STEP,
+    LOWER_SHARE,
     MIN_INFORMATION_RATIO,
+    MOTION,
     NO_DOUBT,
+    RECHECK_AFTER,
     REL,
-    SIGNED,
+    SIGNED_MOTION,
     SINCE,
     SLACK,
     SLIP,
-    SLIP_AGREES,
+    SLIP_DISTANCE,
     SLIP_FLOOR,
     SLIP_LEFT,
-    SLIP_LOOKS,
-    SLIP_SEEN,
+    SLIP_OBSERVATIONS,
     SLIP_SHARE,
+    SLIP_TOLERANCE,
+    SLIP_TRANSFORM,
     START,
+    STATIONARY,
     STEP_APPLIED,
     STEP_CENTRE,
     STEP_TURN,
     STEP_UNOBSERVED,
-    STILL,
     UNEXPLAINED,
     VARIANCES,
     WANTED,
-    WAY,
     WINDOW,
-    WORSE_SHARE,
 )
 
 # ---- from scan to scan
@@ -76,12 +76,12 @@ def advance(track, before, now):
     for row in (DRIVEN, SINCE):
         compose(track[row], step, track[row])
     distance, turn = math.hypot(step[0], step[1]), abs(step[2])
-    track[SIGNED, 0] += forward
-    track[SIGNED, 1] += step[2]
-    track[WAY, 0] += distance
-    track[WAY, 1] += turn
+    track[SIGNED_MOTION, 0] += forward
+    track[SIGNED_MOTION, 1] += step[2]
+    track[MOTION, 0] += distance
+    track[MOTION, 1] += turn
     since = track[SINCE]
-    return distance, turn, exceeds(since[0], since[1], since[2], STILL)
+    return distance, turn, exceeds(since[0], since[1], since[2], STATIONARY)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -96,10 +96,10 @@ def _good_share(track, distance, turn):
         return GOOD_SHARE
     doubt[1] += distance
     doubt[2] += turn
-    if doubt[1] > ASK_AGAIN[0] or doubt[2] > ASK_AGAIN[1]:
+    if doubt[1] > RECHECK_AFTER[0] or doubt[2] > RECHECK_AFTER[1]:
         doubt[0] = NO_DOUBT
         return GOOD_SHARE
-    return min(GOOD_SHARE, doubt[0] - WORSE_SHARE)
+    return min(GOOD_SHARE, doubt[0] - LOWER_SHARE)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -180,13 +180,13 @@ def _restart_from(track, rel, slack):
     """From here on odometry leads on from the pose ``rel``, which is known with the variances ``slack``."""
     for k in range(3):
         track[EXPECTED, k], track[SLACK, k] = rel[k], slack[k]
-        track[WAY, k] = track[SIGNED, k] = 0.0
+        track[MOTION, k] = track[SIGNED_MOTION, k] = 0.0
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def _confirm_slip(track, at_once):
     """Believe in a slip that is seen over some way: a robot that rocks looks like one for a moment."""
-    aside, slip, way = track[ASIDE], track[SLIP], track[WAY]
+    aside, slip, way = track[SLIP_TRANSFORM], track[SLIP], track[MOTION]
     rel, expected = track[REL], track[EXPECTED]
     again = slip[2] > 0.0
     if again:
@@ -194,14 +194,14 @@ def _confirm_slip(track, at_once):
         led = (aside[0] + c * expected[0] - s * expected[1], aside[1] + s * expected[0] + c * expected[1],
                wrapped(aside[2] + expected[2]))
         x, y, theta = between(led, rel)
-        again = not exceeds(x, y, theta, SLIP_AGREES)
+        again = not exceeds(x, y, theta, SLIP_TOLERANCE)
     c, s = math.cos(expected[2]), math.sin(expected[2])     # rel (+) inverse(expected): wheels may go on slipping
     back = -c * expected[0] - s * expected[1], s * expected[0] - c * expected[1], wrapped(-expected[2])
     compose(rel, back, aside)
     if not again:
         slip[0], slip[1], slip[2] = way[0], way[1], 0.0
     slip[2] += 1.0
-    if at_once or slip[2] > SLIP_LOOKS or way[0] - slip[0] > SLIP_SEEN[0] or way[1] - slip[1] > SLIP_SEEN[1]:
+    if at_once or slip[2] > SLIP_OBSERVATIONS or way[0] - slip[0] > SLIP_DISTANCE[0] or way[1] - slip[1] > SLIP_DISTANCE[1]:
         slip[2] = 0.0
         update_noise_scales(track, between(expected, rel), (0.0, 0.0, 0.0), way[0], way[1])
         _restart_from(track, rel, SLIP_LEFT)
@@ -255,6 +255,6 @@ def predict_all(track, anchors, starts, predictions, known):
 def update_from_step(track, anchor, row, step):
     """``learn``, and write the ``step`` (STEP_SIZE,) in the layout of ``odometry_recalibration_kernels``."""
     step[STEP_UNOBSERVED], step[STEP_UNOBSERVED + 1], step[STEP_UNOBSERVED + 2] = degenerate_direction(row)
-    step[STEP_TURN], step[STEP_CENTRE] = track[SIGNED, 1], track[CENTRE, 0]
+    step[STEP_TURN], step[STEP_CENTRE] = track[SIGNED_MOTION, 1], track[CENTRE, 0]
     step[STEP_APPLIED:] = 0.0
     learn(track, anchor, row)

@@ -15,7 +15,7 @@ _TEMPORARY = re.compile(re.escape(PREFIX) + r"[A-Za-z0-9_]{8}")       # as tempf
 STREAMS = ("/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/")
 
 
-def write_whole(*files):
+def write_atomically(*files):
     """Write files; all are complete on the disk before the first takes the place of an older one.
 
     A link stays one: the file that it leads to is replaced. Devices, pipes and the program's own streams are written

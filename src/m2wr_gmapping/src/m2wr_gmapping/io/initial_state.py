@@ -13,7 +13,7 @@ from m2wr_gmapping.se2 import compose
 SAME = 1e-3         # lasers agree within this [m, rad]
 
 
-class Beginning:
+class InitialState:
     """Makes the mapper of a run, and connects it with the first scan.
 
     Parameters
@@ -80,7 +80,7 @@ class Beginning:
             return None                 # process refuses the latter
         self._connected = True
         if self.loaded is not None:
-            return state.go_on(mapper, reading, odom_pose, stamp, self._runs_on)
+            return state.connect_odometry(mapper, reading, odom_pose, stamp, self._runs_on)
         if self._saved is None:
             return None
         start = odom_pose if self._pose is None else compose(self._pose, mapper.laser.base_from_sensor)
@@ -91,4 +91,4 @@ class Beginning:
 
     def again(self):
         """Return the Beginning of the run after a jump back in time: a saved map holds, a state does not."""
-        return Beginning(self._saved, self._pose)
+        return InitialState(self._saved, self._pose)

@@ -15,7 +15,7 @@ import re
 
 import numpy as np
 
-from m2wr_gmapping.io.atomic_files import remove_stale, write_whole
+from m2wr_gmapping.io.atomic_files import remove_stale, write_atomically
 
 log = logging.getLogger(__name__)
 DIGITS = 12             # of the digest in a name
@@ -95,12 +95,12 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     picture_path, yaml_path = name + ".pgm", name + ".yaml"
     try:
         if not os.path.lexists(yaml_path):
-            write_whole((picture_path, parts), (yaml_path, described(picture_path)))
+            write_atomically((picture_path, parts), (yaml_path, described(picture_path)))
             tidy(name)
             return [picture_path, yaml_path]
-        write_whole((spare, parts))
+        write_atomically((spare, parts))
         try:
-            write_whole((yaml_path, described(spare)))
+            write_atomically((yaml_path, described(spare)))
         except OSError:
             os.unlink(spare)
             raise
@@ -108,8 +108,8 @@ def save(name, data, resolution, origin, free=25, occupied=65):
         raise MapFileError("cannot write the map {}.pgm and .yaml: {}; what was there before is kept".format(
             name, error.strerror or error)) from error
     try:
-        write_whole((picture_path, parts))
-        write_whole((yaml_path, described(picture_path)))
+        write_atomically((picture_path, parts))
+        write_atomically((yaml_path, described(picture_path)))
     except OSError as error:
         log.warning("cannot replace %s: %s; the picture of the new map is %s", picture_path, error.strerror or error,
                     spare)

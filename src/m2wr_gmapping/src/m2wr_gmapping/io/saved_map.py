@@ -50,7 +50,7 @@ class MapReading:
         self.rays, self.ray_hits = np.empty((2, 0), np.float32), np.zeros(0, bool)
 
 
-class GivenOccupancy(Occupancy):
+class SavedMapOccupancy(Occupancy):
     """The published map, with a saved one below all that is counted.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.io import state_file, state_layout
-from m2wr_gmapping.io.saved_map import GivenOccupancy
+from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.io.state_file import StateError
 from m2wr_gmapping.io.state_types import KindError, Store
 from m2wr_gmapping.mapper import Mapper
@@ -63,7 +63,7 @@ def snapshot(mapper, host=None):
     """
     if mapper.filter is None:
         raise StateError("there is nothing to save yet: no scan has been processed")
-    store, given = Store(), isinstance(mapper._occupancy, GivenOccupancy)
+    store, given = Store(), isinstance(mapper._occupancy, SavedMapOccupancy)
     try:
         state_layout.LASER.take(mapper.laser, "laser", store)
         if given:
@@ -141,7 +141,7 @@ def _mapper(config, store):
             if saved.resolution != config["delta"] or saved.data.size > state_layout.MOST_CELLS:
                 raise KindError("a saved map of {} cells of {} m; expected at most {} of {}".format(
                     saved.data.size, saved.resolution, state_layout.MOST_CELLS, config["delta"]))
-            mapper._occupancy = GivenOccupancy(saved, config["occ_thresh"])
+            mapper._occupancy = SavedMapOccupancy(saved, config["occ_thresh"])
         mapper.process(mapper.reading(np.full(len(laser.angles), np.nan)), np.zeros(3), 0.0)
         state_layout.mapper_part(given).give_to(mapper, "", store)
         state_layout.check(mapper)
@@ -159,7 +159,7 @@ def _fit(mapper, reading, pose):
     return row[mk.SCORE] / reading.beams.shape[1]
 
 
-def _stands_still(mapper, reading, odom_pose):
+def _is_odometry_reset(mapper, reading, odom_pose):
     """Whether a scan fits the map clearly better where the robot stood than where its odometry leads."""
     if mapper.config["compatible"] or not reading.beams.shape[1]:
         return False
@@ -170,7 +170,7 @@ def _stands_still(mapper, reading, odom_pose):
     return _fit(mapper, reading, mapper.pose) > _fit(mapper, reading, led) + BETTER_SHARE
 
 
-def go_on(mapper, reading, odom_pose, stamp, runs_on=True):
+def connect_odometry(mapper, reading, odom_pose, stamp, runs_on=True):
     """Connect a loaded mapper to the odometry of its next scan; returns what is to be said about it, or None.
 
     Parameters
@@ -188,8 +188,8 @@ def go_on(mapper, reading, odom_pose, stamp, runs_on=True):
     """
     before = mapper.odometry
     apart, seconds = math.hypot(odom_pose[0] - before[0], odom_pose[1] - before[1]), stamp - mapper.stamps[-1]
-    if runs_on and apart <= FASTEST * max(seconds, 0.0) and not _stands_still(mapper, reading, odom_pose):
+    if runs_on and apart <= FASTEST * max(seconds, 0.0) and not _is_odometry_reset(mapper, reading, odom_pose):
         return None
-    mapper.take_up(odom_pose)
+    mapper.reset_odometry(odom_pose)
     return ("the odometry is taken to have begun anew ({:.2f} m and {:.1f} s from that of the state): "
             "the robot goes on where it stood".format(apart, seconds))

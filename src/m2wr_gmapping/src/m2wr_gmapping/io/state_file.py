@@ -15,7 +15,7 @@ import zlib
 
 import numpy as np
 
-from m2wr_gmapping.io.atomic_files import write_whole
+from m2wr_gmapping.io.atomic_files import write_atomically
 
 FORMAT = "m2wr_gmapping state"
 VERSION = 5                         # goes up whenever a stored name comes to mean something else
@@ -82,7 +82,7 @@ def write(path, document, arrays):
                 np.lib.format.write_array_header_1_0(member, np.lib.format.header_data_from_array_1_0(array))
                 member.write(np.ascontiguousarray(array).data.cast("B") if array.size else b"")
     try:
-        write_whole((path, stream.parts))
+        write_atomically((path, stream.parts))
     except OSError as error:
         raise StateError("cannot write the state {}: {}; what was there before is kept".format(
             path, error.strerror or error)) from error

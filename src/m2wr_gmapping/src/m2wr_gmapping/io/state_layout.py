@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from m2wr_gmapping.backend.loop_closing import Find
+from m2wr_gmapping.backend.loop_closing import Candidate
 from m2wr_gmapping.backend.loop_graph import ACCOUNT_ROWS
 from m2wr_gmapping.backend.odometry_recalibration_kernels import STEP_SIZE
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
@@ -34,7 +34,7 @@ READING = Record(_reading, {
     "points": Array("float64", "2 H", -EXTENT, EXTENT),
     "beams": Array("float64", "%d M" % mk.BEAM_ROWS, -EXTENT, EXTENT),
     "rays": Array("float32", "2 S", -2 * FARTHEST, 2 * FARTHEST), "ray_hits": Array("bool", "S")})
-FIND = Record(lambda values: Find(**values), {
+CANDIDATE = Record(lambda values: Candidate(**values), {
     "along": REAL, "link": LINK, "pose": POSE, "correction": POSE, "slides": YES, "clear": YES, "alike": YES,
     "drift": REAL, "long": YES})
 LASER = Record(lambda values: LaserModel(**values), {
@@ -71,19 +71,24 @@ GRAPH = Part({
     "_step_variances": Array("float64", "scans"), "_accounts": Array("float64", "scans %d 3" % ACCOUNT_ROWS),
     "_leverages": Array("float64", "scans 3 3"), "links": Many(LINK), "searches": COUNT, "closures": COUNT},
     ("_matcher", "_resolution", "_newest", "_link_nodes"))
-GROWTH = Part({
-    "_fronts": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "bends": YES, "tears": YES},
-    ("_graph",))
+EXTENSION = Part({
+    "_frontiers": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "has_moved": YES,
+    "has_large_shift": YES},
+    ("_graph",), {"_frontiers": "_fronts", "has_moved": "bends", "has_large_shift": "tears"})
 LOOPS = Part({
-    "graph": GRAPH, "_growth": GROWTH, "_pending": Maybe(Group(LINK, POSE)), "_finds": Many(FIND), "_searched_at": REAL,
-    "_linked_at": REAL, "_wide_at": REAL, "wide_searches": COUNT})
+    "graph": GRAPH, "_extension": EXTENSION, "_pending": Maybe(Group(LINK, POSE)), "_candidates": Many(CANDIDATE),
+    "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL, "wide_searches": COUNT},
+    (), {"_extension": "_growth", "_candidates": "_finds"})
 RECALIBRATION = Part({
     "steps": Array("float64", "S %d" % STEP_SIZE), "_looked_at": COUNT}, ("_steps", "_count", "_ahead"))
 TRACKER = Part({
     "_track": Array("float64", "%d 3" % tl.TRACK_ROWS), "_ask": Array("float64", "%d 3" % tl.ASK_ROWS),
     "recalibration": RECALIBRATION}, ("_matcher", "_dense"), {"recalibration": "hindsight"})
-LEVEL = Part({"_usual": Group(REAL, REAL), "_way": REAL, "_more": Group(REAL, REAL), "_tilted": YES, "rocks": YES},
-             ("_lift", "_reach"))
+LEVEL = Part({
+    "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
+    "is_rocking": YES},
+    ("_lift", "_reach"), {"_reference": "_usual", "_tilted_distance": "_way", "_excess": "_more", "_is_tilted": "_tilted",
+                          "is_rocking": "rocks"})
 _MAPPER = {
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,

@@ -13,7 +13,7 @@ import yaml
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.io import state
-from m2wr_gmapping.io.initial_state import Beginning
+from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.io.saved_map_reader import MapReadingError
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.replay import result_files
@@ -120,7 +120,7 @@ class Replay:
     def __init__(self, bag, options, config, beginning=None, settle=0.0, node=None):
         self.bag, self._options, self._config = bag, options, config
         self._settle, self._node = settle, node
-        self._beginning = beginning or Beginning()
+        self._beginning = beginning or InitialState()
         self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
                                  options.max_duration_buffer, config["map_frame"])
         self.mapper = None
@@ -148,7 +148,7 @@ class Replay:
             if self.stopped:
                 break
             if self.source.generation != self._generation:
-                self._begin_anew()
+                self._start_new_run()
             self._progress()
             self._arrived += 1
             if self._arrived % self._config["throttle_scans"]:
@@ -195,7 +195,7 @@ class Replay:
         if update.processed:
             self.online.append((stamp, self.mapper.base_poses(update.pose)))
 
-    def _begin_anew(self):
+    def _start_new_run(self):
         """Forget the run before a jump back in time, as the live node does."""
         self._generation = self.source.generation
         if self.mapper is not None:
@@ -285,7 +285,7 @@ def prepare(options, parameters, node):
         parameters = dict(node.parameters(), **parameters)
     settle = settle_time(parameters)
     asked = GmappingConfig.from_mapping(parameters)
-    beginning, config = Beginning.from_files(asked, options.load_map, options.pose, options.load_state,
+    beginning, config = InitialState.from_files(asked, options.load_map, options.pose, options.load_state,
                                              not options.new_odometry)
     replay = Replay(BagFile(options.bag_filename), options, config, beginning, settle, node)
     for label, names in (("unknown parameters, ignored", asked.unknown),

@@ -5,7 +5,7 @@ import math
 import os
 
 from m2wr_gmapping.io import map_file, state
-from m2wr_gmapping.io.atomic_files import write_whole
+from m2wr_gmapping.io.atomic_files import write_atomically
 
 NAMES = ("trajectory", "tracked", "online", "map", "stats", "save_state")       # options that name files
 
@@ -26,7 +26,7 @@ def missing_folders(options):
 def _write(path, text):
     """Replace a file by a complete new one; raises OSError with its name."""
     try:
-        write_whole((path, [text.encode()]))
+        write_atomically((path, [text.encode()]))
     except OSError as error:
         raise OSError("cannot write {}: {}; what was there before is kept".format(
             path, error.strerror or error)) from error

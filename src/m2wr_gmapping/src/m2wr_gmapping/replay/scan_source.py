@@ -55,7 +55,7 @@ class ScanSource:
         self._newest_of = {}            # child frame -> its newest stamp [ns]
         self._old = []                  # transforms since the last scan that are older than those before them
         self._last = self._odd = None   # the newest scan's stamp; a scan that looked like a jump back, if the last one
-        self._before = None             # stamp of the scan before the newest
+        self._older_nodes = None             # stamp of the scan before the newest
         self._begun = False             # whether a scan of this generation has been handed out
         self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
         self.why = None                 # why a scan has no transform
@@ -102,7 +102,7 @@ class ScanSource:
         if self._is_far_ahead_of(stamp):
             self._waiting.pop()
             self.odd += 1
-            self._last = self._before
+            self._last = self._older_nodes
         if self._last is not None and (self._last - stamp).to_sec() > JUMP:
             if self._odd is None or stamp < self._odd.header.stamp:
                 self.odd += self._odd is not None
@@ -112,13 +112,13 @@ class ScanSource:
             self._waiting.append(self._odd)
         elif self._odd is not None:
             self.odd += 1
-        self._odd, self._before, self._last = None, self._last, stamp
+        self._odd, self._older_nodes, self._last = None, self._last, stamp
         self._old.clear()
         self._waiting.append(scan)
 
     def _is_far_ahead_of(self, stamp):
         """Whether the newest scan, which still waits, is of later than this one, and those before it are not."""
-        return (self._before is not None and self._before <= stamp and (self._last - stamp).to_sec() > JUMP
+        return (self._older_nodes is not None and self._older_nodes <= stamp and (self._last - stamp).to_sec() > JUMP
                 and bool(self._waiting) and self._waiting[-1].header.stamp == self._last)
 
     def _jump(self, stamp):

@@ -7,7 +7,7 @@ FIRST, PERIOD = 5.0, 10.0   # until the first warning, and between two [s], wall
 APART = 10.0                # clocks of transforms and scans that much apart are two clocks [s]
 
 
-def name_what_is_missing(intake, topic):
+def warn_about_missing_inputs(intake, topic):
     """Warn as long as no scan has come on ``topic``, or simulated time has not begun; returns when both have."""
     wait = FIRST
     while not rospy.is_shutdown():

@@ -74,7 +74,7 @@ NODE_PARAMETERS = {
     "initial_pose_y": "likewise [m]",
     "initial_pose_a": "its heading, within 0.5 rad [rad]",
 }
-LEAST = {"scan_queue": 1, "settle_time": 0.0, "state_save_period": 0.0}
+MIN_DEVIATION = {"scan_queue": 1, "settle_time": 0.0, "state_save_period": 0.0}
 
 
 def private_parameters():
@@ -91,7 +91,7 @@ def read_parameters(given):
         value, default = filtered.pop(name), getattr(NodeOptions, name)
         kind, amount = float if default is None else type(default), number(value)
         if kind in (int, float) and amount is not None and math.isfinite(amount) \
-                and amount >= LEAST.get(name, -math.inf):
+                and amount >= MIN_DEVIATION.get(name, -math.inf):
             own[name] = kind(amount)
         elif kind in (str, bool) and isinstance(value, kind):
             own[name] = value
@@ -145,7 +145,7 @@ def with_prefix(config, prefix):
     return replace(config, values=tuple(values.items()))
 
 
-def trouble_at_exit(name):
+def save_on_exit_warnings(name):
     """Return warnings (list of str) on a map that could not be written as ``name`` (may be empty) at the end."""
     folder = os.path.dirname(os.path.abspath(os.path.expanduser(name)))
     if not name or (os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK)):

@@ -26,7 +26,7 @@ from m2wr_gmapping.ros.message_conversion import (
 from m2wr_gmapping.se2 import compose, inverse
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
-SHORTEST_NAP, LONGEST_NAP = 0.001, 0.05     # between two looks at the clock [s], wall
+SHORTEST_WAIT, LONGEST_WAIT = 0.001, 0.05     # between two looks at the clock [s], wall
 SHORTEST_PERIOD = 0.001     # of the transform: a shorter one would leave no time for anything else [s]
 RATE_SPAN = 0.1             # its speed is measured over that long: it goes in steps [s], wall
 LATE = 0.5                  # share of waiting scans above which the node is late
@@ -159,7 +159,7 @@ class TransformOutput:
                 except rospy.ROSException:
                     return
             else:
-                rospy.rostime.wallsleep(pace.nap(now, time.monotonic()))
+                rospy.rostime.wallsleep(pace.wait_time(now, time.monotonic()))
 
     def _send(self, stamp):
         with self._lock:
@@ -191,15 +191,15 @@ class Pace:
         self._next = self._next + period if self._next + period > now else now + period
         return True
 
-    def nap(self, now, wall):
+    def wait_time(self, now, wall):
         """Return wall time [s] to wait before the next look, by how fast the clock has gone lately."""
         if self._since is None:
             self._since = now, wall
         elif wall - self._since[1] >= RATE_SPAN:
             self._rate, self._since = max(0.0, (now - self._since[0]) / (wall - self._since[1])), (now, wall)
         if self._next is None or not self._rate:
-            return LONGEST_NAP
-        return min(max((self._next - now) / self._rate, SHORTEST_NAP), LONGEST_NAP)
+            return LONGEST_WAIT
+        return min(max((self._next - now) / self._rate, SHORTEST_WAIT), LONGEST_WAIT)
 
 
 class PoseOutput:

@@ -13,7 +13,7 @@ from m2wr_gmapping.ros.missing_inputs import usual_source
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 BUFFER = 60.0               # time that transforms are kept [s]
-LEFT_OVER = 5.0             # scans of about the old time may still come that long after a jump [s]
+OLD_MESSAGES = 5.0             # scans of about the old time may still come that long after a jump [s]
 WAIT_WARNING = 5.0          # wall time after which a scan that waits is worth a word [s]
 
 
@@ -54,7 +54,7 @@ class Intake:
         self._waiting = deque()
         self._frames, self._rivals = set(), set()
         self._present = self._time_before = rospy.Time(0)       # what the clock, or else the newest scan, says
-        self._left_over_until = 0.0
+        self._ignore_old_until = 0.0
         self._taken_stamp = None            # of the newest scan handed out
         self._odd_stamp = None              # of a scan that looked like a jump back in time, if it was the last one
         self._blocked_since = None
@@ -99,7 +99,7 @@ class Intake:
         try:
             if static:
                 self._buffer.set_transform_static(transform, "tf")
-            elif self._is_left_over(stamp):
+            elif self._is_before_jump(stamp):
                 return
             elif self._far_ahead.has(child, stamp):
                 rospy.logwarn_throttle(10.0, "transform %s -> %s at %.3f left out: far ahead of the one before" % (
@@ -120,7 +120,7 @@ class Intake:
                 self.dropped += 1
                 rospy.logwarn_throttle(5.0, "scan dropped: %s" % fault)
                 return
-            if self._is_left_over(stamp):
+            if self._is_before_jump(stamp):
                 self.dropped += 1
                 return
             last = self._taken_stamp
@@ -159,10 +159,10 @@ class Intake:
             rospy.logwarn_throttle(5.0, "%d scans wait, which is the most: the oldest are dropped (%d of %d so far)" % (
                 self._limit, self.dropped, self.arrived))
 
-    def _is_left_over(self, stamp):
+    def _is_before_jump(self, stamp):
         """Whether what has this stamp was under way when time jumped back: a future that ends what is to come."""
-        return (time.monotonic() < self._left_over_until and (stamp - self._present).to_sec() > JUMP
-                and abs((stamp - self._time_before).to_sec()) < LEFT_OVER)
+        return (time.monotonic() < self._ignore_old_until and (stamp - self._present).to_sec() > JUMP
+                and abs((stamp - self._time_before).to_sec()) < OLD_MESSAGES)
 
     def _look_at_clock(self):
         if rospy.rostime.is_wallclock():
@@ -182,7 +182,7 @@ class Intake:
         self._buffer.clear()
         self._far_ahead.forget()
         self._taken_stamp = self._odd_stamp = self._blocked_since = None
-        self._time_before, self._present, self._left_over_until = before, now, time.monotonic() + LEFT_OVER
+        self._time_before, self._present, self._ignore_old_until = before, now, time.monotonic() + OLD_MESSAGES
         rospy.logwarn("%s jumped back from %.3f to %.3f: transforms and waiting scans are forgotten%s", what,
                       before.to_sec(), now.to_sec(), " and the map begins anew" if anew else "")
 

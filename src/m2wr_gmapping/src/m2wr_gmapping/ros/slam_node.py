@@ -17,26 +17,26 @@ from tf2_msgs.msg import TFMessage
 from m2wr_gmapping.config import ConfigError
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.io import map_file, state
-from m2wr_gmapping.io.initial_state import Beginning
+from m2wr_gmapping.io.initial_state import InitialState
 from m2wr_gmapping.io.safe_paths import OutsideError, confined
 from m2wr_gmapping.io.saved_map_reader import MapReadingError
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 from m2wr_gmapping.ros.backlog import may_pass
-from m2wr_gmapping.ros.missing_inputs import name_what_is_missing
+from m2wr_gmapping.ros.missing_inputs import warn_about_missing_inputs
 from m2wr_gmapping.ros.node_parameters import (
     check_frames,
     frame,
     private_parameters,
     read_parameters,
     read_ranges,
+    save_on_exit_warnings,
     tf_prefix,
-    trouble_at_exit,
     with_prefix,
 )
 from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, TransformOutput
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.ros.scan_input import Intake
-from m2wr_gmapping.ros.state_autosave import Keeper, place
+from m2wr_gmapping.ros.state_autosave import StateAutosave, autosave_location
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
@@ -60,15 +60,15 @@ class SlamNode:
         The beginning is a state that this run has kept.
     """
 
-    def __init__(self, config, options, beginning, keeper, resumed=False):
+    def __init__(self, config, options, beginning, autosave, resumed=False):
         self._config, self._options = config, options
         self._base, self._map_frame = frame(config["base_frame"]), frame(config["map_frame"])
         self._lock = threading.RLock()          # of the mapper
         self._mapper, self._beginning = None, beginning
-        self._keeper, self._resumed = keeper, resumed
+        self._autosave, self._resumed = autosave, resumed
         self._generation = 0
         self._counted = self._refused = self._passed = 0
-        self._fed = None                        # the mapper that has taken a scan of this run
+        self._running = None                        # the mapper that has taken a scan of this run
         self._map_stamp = self._first_stamp = None
         self._times = deque(maxlen=TIMES_KEPT)
         self._maps = MapOutput(self._map_frame)
@@ -90,7 +90,7 @@ class SlamNode:
                                        buff_size=2**22, tcp_nodelay=True)
         self._services = [rospy.Service("~save_state", StateFile, self._save_state),
                           rospy.Service("~load_state", StateFile, self._load_state)]
-        threading.Thread(target=name_what_is_missing, args=(intake, self._scans.resolved_name), name="watch",
+        threading.Thread(target=warn_about_missing_inputs, args=(intake, self._scans.resolved_name), name="watch",
                          daemon=True).start()
 
     # ---- parameters that change
@@ -143,7 +143,7 @@ class SlamNode:
             return StateFileResponse(False, str(error))
         with self._lock:
             self._forget_map()
-            self._beginning = Beginning(loaded=loaded, runs_on=self._options.odometry_runs_on)
+            self._beginning = InitialState(loaded=loaded, runs_on=self._options.odometry_runs_on)
             self._config = config = loaded.mapper.config
             self._show(loaded)
         if self._reconfigure is not None:           # it would bring the old values back with the next change
@@ -166,7 +166,7 @@ class SlamNode:
         self._maps.forget()
         if self._mapper is not None:
             self._mapper.close()
-        self._mapper = self._fed = self._map_stamp = None
+        self._mapper = self._running = self._map_stamp = None
 
     # ---- the worker
 
@@ -179,7 +179,7 @@ class SlamNode:
             try:
                 with self._lock:
                     if generation != self._generation:
-                        self._begin_anew(generation)
+                        self._start_new_run(generation)
                     self._take(scan, odom_from_laser)
             except (ScanError, ValueError) as error:
                 self._refuse(scan, error)
@@ -196,7 +196,7 @@ class SlamNode:
         rospy.logwarn_throttle(5.0, "scan at %.3f refused (%d so far): %s" % (
             scan.header.stamp.to_sec(), self._refused, error))
 
-    def _begin_anew(self, generation):
+    def _start_new_run(self, generation):
         self._generation = generation
         self._forget_map()
         self._first_stamp, self._beginning = None, self._beginning.again()
@@ -208,7 +208,7 @@ class SlamNode:
             return
         began, stamp = time.perf_counter(), scan.header.stamp.to_sec()
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
-        if self._resumed and not self._still_the_run(stamp):
+        if self._resumed and not self._is_same_run(stamp):
             return
         if stamp < self._first_stamp + self._options.settle_time:
             return
@@ -219,7 +219,7 @@ class SlamNode:
             raise ScanError("it is of the laser {}; expected {} as in the first one".format(
                 frame(scan.header.frame_id), self._laser_frame))
         odom_pose = mapper.laser.sensor_pose(*odom_from_laser)
-        if mapper is self._fed and len(scan.ranges) == len(mapper.laser.angles) \
+        if mapper is self._running and len(scan.ranges) == len(mapper.laser.angles) \
                 and may_pass(mapper, odom_pose, stamp, self._intake.waiting, self._options.scan_queue):
             self._passed += 1
             return
@@ -228,7 +228,7 @@ class SlamNode:
         if told:
             rospy.loginfo("%s", told)
         update = mapper.process(reading, odom_pose, stamp, mapper.laser.slope(odom_from_laser[1]))
-        self._fed = mapper
+        self._running = mapper
         self._times.append(1e3 * (time.perf_counter() - began))
         if mapper.beyond:
             rospy.logwarn_throttle(30.0, "the map is as large as it may be; what lies beyond is left out. The robot is "
@@ -239,9 +239,9 @@ class SlamNode:
         if update.processed and not 0.0 <= since <= self._config["map_update_interval"]:
             self._map_stamp = stamp
             self._maps.ask(mapper)
-        if self._keeper.due() and self._maps.busy.acquire(blocking=False):
+        if self._autosave.due() and self._maps.busy.acquire(blocking=False):
             try:
-                self._keeper.keep(mapper, self._host())
+                self._autosave.keep(mapper, self._host())
             finally:
                 self._maps.busy.release()
 
@@ -249,13 +249,13 @@ class SlamNode:
         """What goes with a state beside the mapper."""
         return dict(laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted)
 
-    def _still_the_run(self, stamp):
+    def _is_same_run(self, stamp):
         """At the first scan after the node was killed: whether the kept state is to be gone on with."""
         last, self._resumed = self._beginning.loaded.mapper.stamps[-1], False
         if stamp < last:
             rospy.logwarn("time has gone back from %.3f to %.3f while this node was not there: the map begins anew",
                           last, stamp)
-            self._begin_anew(self._generation)
+            self._start_new_run(self._generation)
             return False
         self._first_stamp = -math.inf           # the robot was put down long ago
         return True
@@ -297,7 +297,7 @@ class SlamNode:
         if mapper is None and loaded is not None:
             mapper = loaded.mapper          # no scan has gone on with it
         if mapper is None:
-            self._keeper.forget()
+            self._autosave.forget()
             if name:
                 rospy.logwarn("there is no map to save as %s: no scan has been processed", name)
             return not name
@@ -312,7 +312,7 @@ class SlamNode:
             return False
         finally:
             mapper.close()
-        self._keeper.forget()
+        self._autosave.forget()
         return True
 
     @staticmethod
@@ -323,7 +323,7 @@ class SlamNode:
             logging.getLogger("rosout").exception("the path could not be brought to its end; the map is saved as it is")
 
 
-def _in_peace(emit):
+def _ignoring_os_errors(emit):
     """Return ``emit`` of a log's handler for outputs on a full disk or a terminal that is gone."""
     def guarded(record):
         try:
@@ -337,7 +337,7 @@ def log_through_rospy():
     """Send the library's log lines to the screen and to /rosout; a screen that fails ends no thread."""
     log, rosout = logging.getLogger("m2wr_gmapping"), logging.getLogger("rosout")
     for handler in rosout.handlers:
-        handler.emit = _in_peace(handler.emit)
+        handler.emit = _ignoring_os_errors(handler.emit)
     log.handlers, log.propagate = rosout.handlers, rosout.propagate
     log.setLevel(logging.INFO)
 
@@ -351,26 +351,26 @@ def _prepare():
     options = replace(options, save_on_exit=from_user(options.save_on_exit),
                       state_folder=from_user(options.state_folder), state_file=from_user(options.state_file),
                       map_file=from_user(options.map_file))
-    warnings.extend(trouble_at_exit(options.save_on_exit))
+    warnings.extend(save_on_exit_warnings(options.save_on_exit))
     if options.save_on_exit:
         map_file.tidy(options.save_on_exit)
     if options.initial_pose is not None and not options.map_file:
         warnings.append("~initial_pose_x, _y, _a have no effect without ~map_file")
-    keeper = Keeper(*place(), period=options.state_save_period)
-    kept = keeper.resume(config)
+    autosave = StateAutosave(*autosave_location(), period=options.state_save_period)
+    kept = autosave.resume(config)
     if kept is not None:
         warnings.append("this node was killed: the map goes on as it was at %.3f, after %d processed scans" % (
             kept.mapper.stamps[-1], kept.mapper.processed))
-        beginning, config = Beginning(loaded=kept, runs_on=options.odometry_runs_on), kept.mapper.config
-        return (config, options, beginning, keeper, True), warnings
+        beginning, config = InitialState(loaded=kept, runs_on=options.odometry_runs_on), kept.mapper.config
+        return (config, options, beginning, autosave, True), warnings
     state_file = options.state_file
     if state_file and not os.path.exists(state_file):
         warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
         state_file = ""
-    beginning, config = Beginning.from_files(config, options.map_file, options.initial_pose, state_file,
+    beginning, config = InitialState.from_files(config, options.map_file, options.initial_pose, state_file,
                                              options.odometry_runs_on)
     warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
-    return (config, options, beginning, keeper), warnings
+    return (config, options, beginning, autosave), warnings
 
 
 def main():

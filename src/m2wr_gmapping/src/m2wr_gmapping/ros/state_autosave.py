@@ -17,7 +17,7 @@ from m2wr_node.user_folder import starter
 RUN = "run"             # what a state of this module says in addition: to which run it belongs
 
 
-class Keeper:
+class StateAutosave:
     """Writes snapshots on a thread of its own, one at a time.
 
     Parameters
@@ -94,7 +94,7 @@ class Keeper:
                 pass            # never written
 
 
-def place(words=None):
+def autosave_location(words=None):
     """Return file and mark of the run that roslaunch has started this node in; two empty texts without roslaunch.
 
     The file lies beside the node's log. The run's id alone is no mark: it lasts as long as the master, over any number

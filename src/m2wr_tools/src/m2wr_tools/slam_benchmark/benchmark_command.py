@@ -14,7 +14,7 @@ import sys
 import tempfile
 from collections import OrderedDict
 
-from m2wr_gmapping.io.atomic_files import write_whole
+from m2wr_gmapping.io.atomic_files import write_atomically
 from m2wr_tools.slam_benchmark import benchmark_table, finished_runs, laser_logs, trajectory_errors
 
 FOLDER_VARIABLE = "M2WR_SLAM_LOGS"
@@ -177,7 +177,7 @@ def tell(benchmark, options, put):
         if options.json:
             runs = dict(machine=platform.processor() or platform.machine(), cores=os.cpu_count(),
                         threads=options.threads, further=dict(options.more), runs=benchmark.results)
-            write_whole((options.json, [json.dumps(runs, indent=1, sort_keys=True).encode()]))
+            write_atomically((options.json, [json.dumps(runs, indent=1, sort_keys=True).encode()]))
     except OSError as error:
         sys.stderr.write("benchmark: {}\n".format(error))
         return False
