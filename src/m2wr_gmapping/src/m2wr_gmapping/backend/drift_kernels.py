@@ -22,18 +22,19 @@ def _relax(k: int, onto: int, out: FloatArray) -> bool:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _propagate(first: int, way: int, lever: FloatArray, variances: FloatArray, step: FloatArray,
+def _propagate(first: int, direction: int, lever: FloatArray, variances: FloatArray, step: FloatArray,
                out: FloatArray) -> None:
-    """Continue from node ``first`` along the path, backwards (``way`` -1) or forwards (1), while the route is better.
+    """Continue from node ``first`` along the path, backwards (``direction`` -1) or forwards (1), while the route is
+    better.
     """
     systematic, variance, length = out[first, 0], out[first, 1], out[first, 2]
-    last = out.shape[0] - 1 if way > 0 else 0
-    for k in range(first, last, way):
-        to = max(k, k + way)            # a step is stored with the node at its end
+    last = out.shape[0] - 1 if direction > 0 else 0
+    for k in range(first, last, direction):
+        to = max(k, k + direction)            # a step is stored with the node at its end
         systematic, variance, length = systematic + lever[to], variance + variances[to], length + step[to]
-        if systematic >= out[k + way, 0]:
+        if systematic >= out[k + direction, 0]:
             return
-        out[k + way, 0], out[k + way, 1], out[k + way, 2] = systematic, variance, length
+        out[k + direction, 0], out[k + direction, 1], out[k + direction, 2] = systematic, variance, length
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -66,8 +67,8 @@ def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: in
         dx = path[source, 0] - 0.5 * (path[k, 0] + path[k - 1, 0])
         dy = path[source, 1] - 0.5 * (path[k, 1] + path[k - 1, 1])
         lever[k] = step[k] * math.sqrt(dx * dx + dy * dy)
-    for way in (-1, 1):
-        _propagate(source, way, lever, variances, step, out)
+    for direction in (-1, 1):
+        _propagate(source, direction, lever, variances, step, out)
     changed = True
     while changed:
         changed = False
@@ -76,8 +77,8 @@ def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: in
                 onto = links[k, side]
                 if _relax(links[k, 1 - side], onto, out):
                     changed = True
-                    for way in (-1, 1):
-                        _propagate(onto, way, lever, variances, step, out)
+                    for direction in (-1, 1):
+                        _propagate(onto, direction, lever, variances, step, out)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -233,7 +233,7 @@ class LoopCloser:
         found = None if place is None else self.graph.fine_match(scene, old, place.pose, place.reach)
         if found is None:
             return None
-        node, row, around, heard = found
+        node, row, around, supported = found
         if place_search.occlusion_conflict(scene, row[:3], around) > THROUGH_MOST:
             return None
         # with several similar places the robot may be at one that it has not seen before; then its present pose has no
@@ -241,7 +241,7 @@ class LoopCloser:
         if place.alike and place_search.occlusion_conflict(scene, path[-1], around) <= THROUGH_MOST:
             return None
         slides, pose = not is_observed(row), row[:3].copy()
-        row[mk.INFORMATION:] = heard
+        row[mk.INFORMATION:] = supported
         return Candidate(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
                          _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
 

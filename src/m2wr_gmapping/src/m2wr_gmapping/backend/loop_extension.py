@@ -51,7 +51,7 @@ class LoopExtension:
 
     def start_at(self, links: List[Link]) -> None:
         """Start frontiers in both directions at the newer node of each new loop closure."""
-        self._frontiers += [(link[1], way, 0.0, np.zeros(3)) for way in (-1, 1) for link in links]
+        self._frontiers += [(link[1], direction, 0.0, np.zeros(3)) for direction in (-1, 1) for link in links]
 
     def schedule_review(self, along: FloatArray) -> None:
         """Schedule a search at nodes of the whole path, oldest first."""
@@ -86,8 +86,8 @@ class LoopExtension:
 
     def _step(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading]) -> None:
         """Move one frontier one step along the path."""
-        node, way, gap, correction = self._frontiers.pop(0)
-        node, gap = node_at_distance(along, node, way), gap + APART
+        node, direction, gap, correction = self._frontiers.pop(0)
+        node, gap = node_at_distance(along, node, direction), gap + APART
         if gap > MAX_GAP or not self._is_searchable(along, node):
             return
         link, pose, slides = self._search(path, along, readings, node, correction)
@@ -95,7 +95,7 @@ class LoopExtension:
             self._accept(path, node, link, pose)
             # a degenerate match gives no correction along the degenerate direction
             gap, correction = (gap - APART, correction) if slides else (0.0, compose(pose, inverse(path[node])))
-        self._frontiers.append((node, way, gap, correction))
+        self._frontiers.append((node, direction, gap, correction))
 
     def _review_node(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int) -> None:
         """Search at an old node, which an optimisation may have moved close to other nodes."""
@@ -107,12 +107,12 @@ class LoopExtension:
         correction = compose(pose, inverse(path[node]))
         if (change_of(path[:node + 1], pose) > CONFIDENT_CHANGE).any():
             if slides or not any(
-                    self._is_confirmed(path, along, readings, node_at_distance(along, node, way), correction)
-                    for way in (-1, 1)):
+                    self._is_confirmed(path, along, readings, node_at_distance(along, node, direction), correction)
+                    for direction in (-1, 1)):
                 return
             self.has_large_shift = True
         self._accept(path, node, link, pose)
-        self._frontiers += [(node, way, 0.0, np.zeros(3) if slides else correction) for way in (-1, 1)]
+        self._frontiers += [(node, direction, 0.0, np.zeros(3) if slides else correction) for direction in (-1, 1)]
 
     def _is_confirmed(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                       correction: Optional[FloatArray]) -> bool:
@@ -140,7 +140,7 @@ class LoopExtension:
         return all(abs(along[link[1]] - along[node]) >= LINKED for link in self._graph.links)
 
 
-def node_at_distance(along: FloatArray, node: int, way: int) -> int:
+def node_at_distance(along: FloatArray, node: int, direction: int) -> int:
     """Return the node that is ``APART`` metres further along the path.
 
     Parameters
@@ -148,7 +148,7 @@ def node_at_distance(along: FloatArray, node: int, way: int) -> int:
     along : (K,) float64
         Length of the path up to each node [m].
     node : int
-    way : int
+    direction : int
         1 forwards, -1 backwards.
 
     Returns
@@ -156,8 +156,8 @@ def node_at_distance(along: FloatArray, node: int, way: int) -> int:
     int
         Number of the node; -1 or K beyond the ends of the path.
     """
-    wanted = along[node] + way * APART
-    return int(np.searchsorted(along, wanted) if way > 0 else np.searchsorted(along, wanted, "right") - 1)
+    wanted = along[node] + direction * APART
+    return int(np.searchsorted(along, wanted) if direction > 0 else np.searchsorted(along, wanted, "right") - 1)
 
 
 def _deviation(expected: FloatArray, pose: FloatArray) -> FloatArray:

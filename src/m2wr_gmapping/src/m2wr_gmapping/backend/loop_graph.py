@@ -247,11 +247,11 @@ class LoopGraph:
             self._matcher, self._resolution, scene, near, pose, reach)
         if found is None:
             return None, None, False
-        node, row, _, heard = found
+        node, row, _, supported = found
         # along a plain wall the scan fits best where old scans saw all of the wall, and a second search agrees
         moved = (change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any()
         slides = slides or ((reach > 0.0 or moved) and not is_observed(row))
-        row[mk.INFORMATION:] = heard
+        row[mk.INFORMATION:] = supported
         return link_of(scene.path, node, row, slides), row[:3].copy(), slides
 
     def fine_match(self, scene: place_search.Scene, old: IndexArray, pose: FloatArray,

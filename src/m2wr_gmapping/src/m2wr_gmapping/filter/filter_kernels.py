@@ -1,19 +1,27 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What one processed scan does to the poses and weights of all particles."""
+"""Update of the particles' poses and weights by one processed scan."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
 
 COST, INFORMATION = 6, 7
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _draw_one(information, deviations, normals, share, out):
-    """Write ``share`` of a draw (3,) from the Gaussian of a match's information plus that of the motion."""
+def _draw_one(information: FloatArray, deviations: FloatArray, normals: FloatArray, share: float,
+              out: FloatArray) -> None:
+    """Write ``share`` of a draw (3,) from the product of match and motion model."""
     a = information[0] + 1.0 / (deviations[0] * deviations[0])
     d = information[3] + 1.0 / (deviations[1] * deviations[1])
     f = information[5] + 1.0 / (deviations[2] * deviations[2])
-    # lower triangle l of the information; l^-T times standard normal numbers has its inverse as covariance
+    # l: Cholesky factor of the information; l^-T times standard normal numbers has the inverse information as
+    # covariance
     l00 = math.sqrt(a)
     l10, l20 = information[1] / l00, information[2] / l00
     l11 = math.sqrt(d - l10 * l10)
@@ -25,31 +33,34 @@ def _draw_one(information, deviations, normals, share, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def draw(rows, deviations, normals, share, dependent, path_weights, poses):
-    """Weigh every path by its match and draw its newest pose from the product of match and motion.
+def draw(rows: FloatArray, deviations: FloatArray, normals: FloatArray, share: float, dependent: float,
+         path_weights: FloatArray, poses: FloatArray) -> int:
+    """Weight every path by its match and draw its newest pose from the product of match and motion model.
 
-    Scans seldom tell particles apart by the little that each draw moves them, and what is drawn adds up: the best
-    stays where its match has it, and a path is the less probable the further its poses were drawn from theirs.
+    Scans seldom distinguish particles by such small draws, and the draws accumulate. So the best particle keeps its
+    match, and a path is less probable the farther its poses were drawn from their matches.
 
     Parameters
     ----------
     rows : (N, 13) float64
         Result rows of ``match_kernels``.
     deviations : (3,) float64
-        Of the motion, along the axes of the poses [m, m, rad].
+        Standard deviations of the motion, along the axes of the poses [m, m, rad].
     normals : (N, 3) float64
-        Standard normal numbers, of which ``share`` is taken.
+        Standard normal numbers.
+    share : float
+        Share of the draw that is used.
     dependent : float
-        Beams whose errors are as good as one: by so much a match tells less than its cost says.
+        Number of beams that count as one: divides the cost.
     path_weights : (N,) float64
-        Logarithms of the paths' probabilities, but for a constant; changed.
+        Changed: log-probabilities of the paths, up to a constant.
     poses : (N, 3) float64
-        Written.
+        Written: drawn poses in ``map``.
 
     Returns
     -------
     int
-        The particle with the most probable path, before what was drawn counts.
+        Particle with the most probable path, before the draws count.
     """
     count, best = rows.shape[0], 0
     for n in range(count):
@@ -71,10 +82,21 @@ def draw(rows, deviations, normals, share, dependent, path_weights, poses):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def weigh(rows, column, gain, log_weights, weights):
-    """Add a column of ``rows`` (N, 13) to the logarithms of the weights, and write those smoothed, with sum 1.
+def weigh(rows: FloatArray, column: int, gain: float, log_weights: FloatArray, weights: FloatArray) -> None:
+    """Add a column of the results to the log-weights, and write the normalised weights.
 
-    ``gain``: what divides the logarithms (upstream: ogain times the particles).
+    Parameters
+    ----------
+    rows : (N, 13) float64
+        Result rows of ``match_kernels``.
+    column : int
+        Column of ``rows``.
+    gain : float
+        Divisor of the log-weights (gmapping: ogain times the number of particles).
+    log_weights : (N,) float64
+        Changed.
+    weights : (N,) float64
+        Written; sum 1.
     """
     count, most = log_weights.shape[0], -math.inf
     for n in range(count):

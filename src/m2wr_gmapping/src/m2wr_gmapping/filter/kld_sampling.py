@@ -1,25 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How many particles it takes: few where they agree, many where they spread."""
+"""Adaptive number of particles (KLD-sampling): few if they agree, many if they spread."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from m2wr_gmapping.se2 import wrap
 
-BIN = np.array([0.1, 0.1, 0.05])    # poses within such a box are as good as one [m, m, rad]
-ERROR = 0.15                # Kullback-Leibler distance that the boxes' shares may have from the true ones
-QUANTILE = 2.326            # of the normal distribution: in 99 of 100 cases
-CHANGED = 0.2               # share by which another number must differ to be worth a resampling
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
+BIN = np.array([0.1, 0.1, 0.05])    # size of a bin of poses [m, m, rad]
+ERROR = 0.15                # bound of the Kullback-Leibler distance between sample and distribution
+QUANTILE = 2.326            # quantile of the normal distribution for 99 %
+CHANGED = 0.2               # relative change of the number that triggers a resampling
 
 
-def needed(poses, best):
+def needed(poses: FloatArray, best: int) -> int:
     """Return the number of particles by KLD-sampling.
 
     Parameters
     ----------
     poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
     best : int
-        The particle at the middle of its box.
+        Particle at the centre of its bin.
 
     Notes
     -----
@@ -34,8 +41,20 @@ def needed(poses, best):
     return math.ceil(free / (2.0 * ERROR) * (1.0 - part + math.sqrt(part) * QUANTILE)**3)
 
 
-def next_count(poses, best, least, most):
-    """Return how many particles the next scans take, ``least`` to ``most``; as many as now if that is about it."""
+def next_count(poses: FloatArray, best: int, least: int, most: int) -> int:
+    """Return the number of particles for the next scans; small changes are not made.
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    best : int
+        Particle at the centre of its bin.
+    least : int
+        Limits of the number.
+    most : int
+        Limits of the number.
+    """
     count = len(poses)
     wanted = min(max(needed(poses, best), least), most)
     return wanted if abs(wanted - count) > CHANGED * count or not least <= count <= most else count

@@ -1,21 +1,27 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Odometry motion model: how uncertain a step is, and draws from it."""
+"""Odometry motion model: uncertainty of a step, and samples from it."""
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from m2wr_gmapping.se2 import compose
 
-CROSS = 0.3     # share of the noise along a direction that movement across it adds
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
+CROSS = 0.3     # share of the noise along a direction that motion across it adds
 
 
 @dataclass(frozen=True)
 class MotionNoise:
     """Standard deviations per metre travelled and per radian turned.
 
-    ``trans_trans`` (srr) and ``trans_rot`` (str) make noise in metres from a distance and from a turn, ``rot_trans``
-    (srt) and ``rot_rot`` (stt) noise in radians from a distance and from a turn.
+    ``trans_trans`` (srr) and ``trans_rot`` (str) are the translation noise per distance and per rotation. ``rot_trans``
+    (srt) and ``rot_rot`` (stt) are the heading noise per distance and per rotation.
     """
 
     trans_trans: float = 0.1
@@ -23,8 +29,8 @@ class MotionNoise:
     trans_rot: float = 0.1
     rot_rot: float = 0.2
 
-    def deviations(self, step):
-        """Return the standard deviations (3,) of a step (3,) x, y, theta, in the frame the step starts from."""
+    def deviations(self, step: Any) -> FloatArray:
+        """Return the standard deviations (3,) of a step (3,) x, y, theta, in the frame where the step starts."""
         dx, dy, turn = abs(step[0]), abs(step[1]), abs(step[2])
         return np.array([
             self.trans_trans * dx + self.trans_rot * turn + CROSS * self.trans_trans * dy,
@@ -32,18 +38,19 @@ class MotionNoise:
             self.rot_rot * turn + self.rot_trans * math.hypot(dx, dy)])
 
 
-def sample_motion(poses, step, noise, normals):
-    """Move every particle by an odometry increment plus noise.
+def sample_motion(poses: Any, step: Any, noise: MotionNoise, normals: Any) -> FloatArray:
+    """Move every particle by an odometry step plus noise.
 
     Parameters
     ----------
     poses : (N, 3) float64
-        Particle poses in ``map``; left unchanged.
+        Poses in ``map``; not changed.
     step : (3,) float64
-        Pose now seen from the pose before.
+        Step of odometry [m, m, rad].
     noise : MotionNoise
+        Noise of the step.
     normals : (N, 3) float64
-        Standard normal draws, made by the caller so that a run repeats from its seed.
+        Standard normal numbers; the caller draws them, so a run is reproducible.
 
     Returns
     -------

@@ -4,27 +4,34 @@
 Array layouts
 -------------
 ``table`` (H, W) int32
-    Block of counts at each place of 32 x 32 cells, -1 where nothing was counted yet.
+    Block of counts at each place of 32 x 32 cells, -1 if there are no counts yet.
 ``hits``, ``visits`` (B, 1024) int32
     Counts of the cells of each block, row by row.
 ``values`` (B, 1024) int8
-    Occupancy of the cells as it was read out last.
+    Occupancy of the cells at the last call of ``read_out``.
 ``changed`` (B,) bool
     Blocks whose counts have changed since then.
 ``used`` (1,) int64
-    Number of blocks that have a place; those from there on are spare.
+    Number of blocks in use; the blocks behind them are spare.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray, Int8Array, Int32Array
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 SHIFT, MASK, SIDE, CELLS = 5, 31, 32, 1024
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _block_at(ty, tx, table, hits, visits, values, used):
-    """Return the block at a place, a spare one with nothing in it if there was none."""
+def _block_at(ty: int, tx: int, table: Int32Array, hits: Int32Array, visits: Int32Array, values: Int8Array,
+              used: IndexArray) -> int:
+    """Return the block at a place; an empty spare block if there was none."""
     block = table[ty, tx]
     if block < 0:
         block = used[0]
@@ -38,11 +45,12 @@ def _block_at(ty, tx, table, hits, visits, values, used):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _trace(x0, y0, x1, y1, sign, hit, table, hits, visits, values, changed, used):
-    """Add ``sign`` to the visits of all cells on the line from (x0, y0) to (x1, y1) but the last one.
+def _trace(x0: int, y0: int, x1: int, y1: int, sign: int, hit: bool, table: Int32Array, hits: Int32Array,
+           visits: Int32Array, values: Int8Array, changed: BoolArray, used: IndexArray) -> None:
+    """Add ``sign`` to the visits of all cells on the line from (x0, y0) to (x1, y1) except the last one.
 
-    An integer line drawn from the end with the smaller x, or the smaller y if it is steep. With ``hit`` the last cell
-    gets a visit and a hit.
+    The line is an integer line, drawn from the end with the smaller x, or the smaller y if it is steep. With ``hit``
+    the last cell gets a visit and a hit.
     """
     dx, dy = abs(x1 - x0), abs(y1 - y0)
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
@@ -80,26 +88,46 @@ def _trace(x0, y0, x1, y1, sign, hit, table, hits, visits, values, changed, used
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def add_scan(pose, rays, ray_hits, first, anchor, per_metre, shift, sign, table, hits, visits, values, changed, used):
-    """Add (``sign`` 1) or take out (-1) a scan, from beam ``first`` on.
+def add_scan(pose: FloatArray, rays: Float32Array, ray_hits: BoolArray, first: int, anchor: FloatArray,
+             per_metre: float, shift: IndexArray, sign: int, table: Int32Array, hits: Int32Array, visits: Int32Array,
+             values: Int8Array, changed: BoolArray, used: IndexArray) -> int:
+    """Add or remove a scan, starting with beam ``first``.
 
     Parameters
     ----------
     pose : (3,) float64
-        Of the laser, in ``map``.
+        Pose of the laser in ``map`` [m, m, rad].
     rays : (2, S) float32
         Ends of the beams [m, laser frame].
     ray_hits : (S,) bool
-        Which of them mark their end.
+        Whether each ray ends at an obstacle.
+    first : int
+        First beam.
     anchor : (2,) float64
-        Centre of a cell in ``map`` [m]; the same in all calls, or a scan would not be taken out where it was added.
+        Centre of a cell in ``map`` [m]. It must be the same in all calls, so that a scan is removed where it was added.
+    per_metre : float
+        Cells per metre.
     shift : (2,) int64
         Column and row of that cell; cells outside the table are left out.
+    sign : int
+        1 adds, -1 removes.
+    table : (H, W) int32
+        Block at each place of 32 x 32 cells, -1 for none.
+    hits : (B, 1024) int32
+        Counts of the cells of each block.
+    visits : (B, 1024) int32
+        Counts of the cells of each block.
+    values : (B, 1024) int8
+        Occupancy of the cells.
+    changed : (B,) bool
+        Blocks with changed counts.
+    used : (1,) int64
+        Number of blocks in use.
 
     Returns
     -------
     int
-        The number of beams done: less than S where spare blocks may not suffice for the next one.
+        Number of beams done; less than S if the spare blocks may not be sufficient for the next beam.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x0 = int(math.floor((pose[0] - anchor[0]) * per_metre + 0.5)) + shift[0]
@@ -109,7 +137,8 @@ def add_scan(pose, rays, ray_hits, first, anchor, per_metre, shift, sign, table,
         wy = pose[1] + s * rays[0, k] + c * rays[1, k]
         x1 = int(math.floor((wx - anchor[0]) * per_metre + 0.5)) + shift[0]
         y1 = int(math.floor((wy - anchor[1]) * per_metre + 0.5)) + shift[1]
-        most = (abs(x1 - x0) >> SHIFT) + (abs(y1 - y0) >> SHIFT) + 3      # blocks that a line of that length crosses
+        # greatest number of blocks that the line crosses
+        most = (abs(x1 - x0) >> SHIFT) + (abs(y1 - y0) >> SHIFT) + 3
         if used[0] + min(most, table.size - used[0]) > changed.shape[0]:
             return k
         _trace(x0, y0, x1, y1, sign, ray_hits[k], table, hits, visits, values, changed, used)
@@ -117,8 +146,29 @@ def add_scan(pose, rays, ray_hits, first, anchor, per_metre, shift, sign, table,
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def read_out(threshold, table, hits, visits, values, changed, used, grid):
-    """Bring ``values`` to the counts and write them into ``grid`` (32 H, 32 W) int8; it stays where no block is."""
+def read_out(threshold: float, table: Int32Array, hits: Int32Array, visits: Int32Array, values: Int8Array,
+             changed: BoolArray, used: IndexArray, grid: Int8Array) -> None:
+    """Update ``values`` from the counts, and write them into a grid.
+
+    Parameters
+    ----------
+    threshold : float
+        A cell is occupied if hits / visits is greater.
+    table : (H, W) int32
+        Block at each place of 32 x 32 cells, -1 for none.
+    hits : (B, 1024) int32
+        Counts of the cells of each block.
+    visits : (B, 1024) int32
+        Counts of the cells of each block.
+    values : (B, 1024) int8
+        Occupancy of the cells.
+    changed : (B,) bool
+        Blocks with changed counts.
+    used : (1,) int64
+        Number of blocks in use.
+    grid : (32 H, 32 W) int8
+        Written where there are blocks.
+    """
     for block in range(used[0]):
         if not changed[block]:
             continue

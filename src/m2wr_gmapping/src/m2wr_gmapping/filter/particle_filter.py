@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The particle set: poses, weights, maps and paths, and what one processed scan does to them."""
+"""Particle filter: poses, weights, maps and paths of the particles, and their update by one processed scan."""
+from __future__ import annotations
+
 import zlib
+from typing import TYPE_CHECKING, Any, Optional, Sequence
 
 import numpy as np
 
@@ -13,18 +16,31 @@ from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.track_layout import DEPENDENT
 
-FROZEN_HITS = 20            # a mean of that many hits is known to a few millimetres
-POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least deviation of a proposal [m, m, rad]
-DRAWN = 0.3                 # share of a draw that is taken
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+FROZEN_HITS = 20            # the mean of so many hits is accurate to a few millimetres
+POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least standard deviation of a proposal [m, m, rad]
+DRAWN = 0.3                 # share of a draw that is used
 
 
-def stream(seed, name):
-    """Return the random generator of one user; adding another user changes nobody's numbers."""
+def stream(seed: int, name: str) -> np.random.Generator:
+    """Return a random generator of its own for one purpose; new purposes do not change the numbers of others.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the run.
+    name : str
+        Name of the purpose.
+    """
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
 class ParticleFilter:
-    """Particles with a map and a path each.
+    """A set of particles, each with a map and a path.
 
     Parameters
     ----------
@@ -39,16 +55,16 @@ class ParticleFilter:
     poses : (N, 3) float64
         In ``map``.
     log_weights, weight_sums : (N,) float64
-        Of the scans since the last resampling; of the whole path, but for a constant.
+        Log-likelihoods of the scans since the last resampling; of the whole path, up to a constant.
     weights : (N,) float64
-        Of the last processed scan, before it was resampled unless their number changed then; sum to 1.
+        Weights at the last processed scan, before resampling unless the number of particles changed; sum 1.
     """
 
-    def __init__(self, config, matcher, start):
+    def __init__(self, config: GmappingConfig, matcher: Any, start: Any) -> None:
         count = config["particles"]
         self._least, self._most = config["min_particles"], count
         self._matcher, self._noise = matcher, config.noise
-        self._gain, self._resample_below = config["ogain"], config["resampleThreshold"]     # for each particle
+        self._gain, self._resample_below = config["ogain"], config["resampleThreshold"]     # per particle
         self._rng_motion, self._rng_resample = stream(config["seed"], "motion"), stream(config["seed"], "resampling")
         self.poses = np.tile(np.asarray(start, float), (count, 1))
         self.log_weights, self.weight_sums = np.zeros(count), np.zeros(count)
@@ -58,41 +74,47 @@ class ParticleFilter:
         self.resamplings = 0
 
     @property
-    def count(self):
+    def count(self) -> int:
         """Number of particles."""
         return len(self.poses)
 
     @property
-    def best(self):
-        """Index of the particle whose path is the most probable."""
+    def best(self) -> int:
+        """Index of the particle with the most probable path."""
         return int(self.weight_sums.argmax())
 
     @property
-    def n_eff(self):
+    def n_eff(self) -> float:
         """Effective number of particles."""
         return resampling.effective_number(self.weights)
 
-    def normals(self):
+    def normals(self) -> FloatArray:
         """Return one row of standard normal numbers for each particle."""
         return self._rng_motion.standard_normal((self.count, 3))
 
-    def drift(self, step):
+    def drift(self, step: FloatArray) -> None:
         """Move all particles by an odometry step, with noise."""
         self.poses = sample_motion(self.poses, step, self._noise, self.normals())
 
-    def match(self, reading, starts, predictions, prior, minimum_score, sample):
-        """Move each particle to the best match near its prediction and weigh it.
+    def match(self, reading: ScanReading, starts: FloatArray, predictions: FloatArray, prior: FloatArray,
+              minimum_score: float, sample: Optional[FloatArray]) -> FloatArray:
+        """Move each particle to the best match near its prediction, and weight it.
 
         Parameters
         ----------
-        starts, predictions : (N, 3) float64
-            Where the matches begin, and where odometry has the particles.
+        reading : ScanReading
+            The scan.
+        starts : (N, 3) float64
+            Start poses in ``map``.
+        predictions : (N, 3) float64
+            Poses predicted by odometry.
         prior : (3,) float64
-            Inverse variances that keep the match near the pose, along the pose's axes.
+            Inverse variances along the axes of the prediction.
         minimum_score : float
-            A match of this score or less is not taken.
+            A match with this score or less is rejected.
         sample : (3,) float64 or None
-            Deviations of the motion; the pose is then drawn from the product of motion and match instead of its mode.
+            Standard deviations of the motion. The pose is drawn from the product of motion and match; None: its mode is
+            used.
 
         Returns
         -------
@@ -111,8 +133,8 @@ class ParticleFilter:
         kernels.weigh(rows, mk.LOG_LIKELIHOOD, self._gain * self.count, self.log_weights, self.weights)
         return rows
 
-    def resample(self):
-        """Resample if too few particles carry the weight, or it takes more or fewer; return the ancestors or None."""
+    def resample(self) -> Optional[IndexArray]:
+        """Resample if too few particles carry the weight, or their number changes; return the ancestors or None."""
         count, best = self.count, self.best
         if self._least < self._most:
             count = next_count(self.poses, best, self._least, self._most)
@@ -130,27 +152,29 @@ class ParticleFilter:
         self.resamplings += 1
         return ancestors
 
-    def register(self, reading):
-        """Write the scan into every map at the particle's pose and extend every path; False if it did not fit."""
+    def register(self, reading: ScanReading) -> bool:
+        """Write the scan into every map and extend every path; return False if it did not fit."""
         self.tree.extend(self.poses)
         return self.maps.register_all(self.poses, reading.points)
 
-    def begin_on(self, ground):
-        """Give all particles one map that was there before: end points (2, M) of ``ground``, seen from their pose."""
+    def begin_on(self, ground: Any) -> None:
+        """Give all particles one initial map: the end points (2, M) of ``ground``, relative to their pose."""
         self.tree.extend(self.poses)
         if ground.points.shape[1]:
             self.maps.register_path(0, self.poses[:1], [ground])
             self.maps.resample(np.zeros(self.count, np.int64))
 
-    def replace_past(self, path, readings):
+    def replace_past(self, path: FloatArray, readings: Sequence[Any]) -> None:
         """Give all particles one common past along corrected poses.
+
+        The individual maps of the other particles are dropped, so all particles restart at the end of the path.
 
         Parameters
         ----------
         path : (K, 3) float64
-            Corrected poses of the best particle at all processed scans. What the others knew was where they were in
-            maps of their own, which are gone: they begin anew beside it.
+            Corrected poses of the best particle at all processed scans.
         readings : sequence of K objects with ``points``
+            Scans of the path's nodes.
         """
         for particle in range(self.count):
             self.maps.clear(particle)

@@ -1,20 +1,28 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How sure the particles are of the pose: their covariance about the best of them."""
+"""Covariance of the pose, from the particles about the best one."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from m2wr_gmapping.se2 import wrap
 
-FLOOR = np.square([0.01, 0.01, 0.005])      # a map of cells does not tell better [m^2, m^2, rad^2]
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
+FLOOR = np.square([0.01, 0.01, 0.005])      # resolution of a grid map [m^2, m^2, rad^2]
 
 
-def covariance(poses, weights, best):
+def covariance(poses: FloatArray, weights: FloatArray, best: int) -> FloatArray:
     """Return the covariance (3, 3) of x, y [m], theta [rad] about the best pose.
 
     Parameters
     ----------
     poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
     weights : (N,) float64
-        Sum to 1.
+        Weights; sum 1.
     best : int
         Index of the pose that is reported.
     """

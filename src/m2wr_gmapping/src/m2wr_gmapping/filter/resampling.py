@@ -1,44 +1,60 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Weights of a particle set: normalising, effective number, entropy, low-variance resampling."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Optional
+
 import numpy as np
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
 
-def normalise(log_weights, gain):
-    """Return weights that sum to 1 from log-weights smoothed by ``gain`` (upstream: ogain times the particles)."""
+
+def normalise(log_weights: Any, gain: float) -> FloatArray:
+    """Return normalised weights of smoothed log-weights.
+
+    Parameters
+    ----------
+    log_weights : (N,) float64
+        Log-weights.
+    gain : float
+        Divisor of the log-weights (gmapping: ogain times the number of particles).
+    """
     log_weights = np.asarray(log_weights, float)
     weights = np.exp((log_weights - log_weights.max()) / gain)
     return weights / weights.sum()
 
 
-def effective_number(weights):
-    """Return 1 / sum(w^2): the number of particles that really carry the weight."""
+def effective_number(weights: FloatArray) -> float:
+    """Return 1 / sum(w^2), the effective number of particles."""
     return 1.0 / float(np.square(weights).sum())
 
 
-def entropy(weights):
+def entropy(weights: FloatArray) -> float:
     """Return -sum(w ln w), between 0 and ln(N)."""
     positive = weights[weights > 0.0]
     return float(max(0.0, -(positive * np.log(positive)).sum()))
 
 
-def systematic_resample(weights, start, count=None, keep=None):
+def systematic_resample(weights: FloatArray, start: float, count: Optional[int] = None,
+                        keep: Optional[int] = None) -> IndexArray:
     """Low-variance resampling from one uniform number.
 
     Parameters
     ----------
     weights : (N,) float64
-        Sum to 1.
+        Weights; sum 1.
     start : float
-        Uniform draw in [0, 1).
-    count : int, optional
+        Uniform number in [0, 1).
+    count : int or None
         Number of new particles; default N.
-    keep : int, optional
-        A particle that survives in any case.
+    keep : int or None
+        Particle that survives in any case.
 
     Returns
     -------
     (count,) int64
-        Ancestor of each new particle. One that survives keeps its place if there is one, so that only copies move.
+        Ancestor of each new particle. Survivors keep their index if possible, so that only copies move.
     """
     count = len(weights) if count is None else count
     targets = (start + np.arange(count)) / count

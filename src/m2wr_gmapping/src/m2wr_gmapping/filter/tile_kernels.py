@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writing scans into copy-on-write tile maps, and keeping count of who holds which tile.
+"""Registration of scans in copy-on-write tile maps, with reference counts of the tiles.
 
 Array layouts
 -------------
@@ -13,19 +13,26 @@ Array layouts
 ``free`` (T,) int32, ``counters`` (1,) int64
     Stack of unused tiles and its height.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 from numba import njit
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray, Int32Array, Uint8Array, Uint16Array
+
 SHIFT, MASK, CELLS = 4, 15, 256
 UNIT, MOST_HITS = 1.0 / 65535, 255
-TURNS_TOGETHER = 4              # turns that tiles_around looks at as if they were one
-PLACES, PLACE_SHIFT = 8, 13     # places of a mean in its cell that draw_field tells apart, a side: the upper three bits
+TURNS_TOGETHER = 4              # rotations that tiles_around handles together
+PLACES, PLACE_SHIFT = 8, 13     # positions of a mean in its cell along one axis in draw_field: the upper three bits
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _owned(table, n, ty, tx, mean, hits, holders, free, counters):
+def _owned(table: Int32Array, n: int, ty: int, tx: int, mean: Uint16Array, hits: Uint8Array, holders: Int32Array,
+           free: Int32Array, counters: IndexArray) -> int:
     """Give particle ``n`` a tile of its own at that place, a new one or a copy of the shared one; return it."""
     tile = table[n, ty, tx]
     counters[0] -= 1
@@ -47,12 +54,43 @@ def _owned(table, n, ty, tx, mean, hits, holders, free, counters):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def register_points(n, pose, points, start, table, mean, hits, holders, free, counters, frame, frozen):
-    """Register end points (2, B) [m, laser frame] seen from ``pose`` in the map of particle ``n``, from ``start`` on.
+def register_points(n: int, pose: FloatArray, points: FloatArray, start: int, table: Int32Array, mean: Uint16Array,
+                    hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
+                    frozen: int) -> int:
+    """Register end points in the map of one particle. Points outside the table are left out.
 
-    A cell with ``frozen`` hits has its mean and is not written any more.  Returns the number of points done: less than
-    B when the stack of free tiles is empty; the caller then makes room and calls again.  Points outside the table are
-    left out.
+    Parameters
+    ----------
+    n : int
+        Particle.
+    pose : (3,) float64
+        Pose of the laser in ``map`` [m, m, rad].
+    points : (2, B) float64
+        End points [m, laser frame].
+    start : int
+        First point.
+    table : (N, H, W) int32
+        Tile of each particle at each place, -1 for none.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    holders : (T,) int32
+        Number of particles that hold each tile.
+    free : (T,) int32
+        Stack of unused tiles.
+    counters : (1,) int64
+        Height of the stack.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
+    frozen : int
+        Cells with this number of hits are not changed any more.
+
+    Returns
+    -------
+    int
+        Number of points done; less than B if the stack of free tiles is empty. The caller then adds tiles and calls
+        again.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     ox, oy, inv = frame[0], frame[1], frame[2]
@@ -81,8 +119,16 @@ def register_points(n, pose, points, start, table, mean, hits, holders, free, co
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def bounds(poses, points):
-    """Return lower and upper corner of a box that holds end points (2, B) seen from any of the poses (N, 3)."""
+def bounds(poses: FloatArray, points: FloatArray) -> Tuple[Tuple[float, float], Tuple[float, float]]:
+    """Return lower and upper corner of a box that holds end points seen from any of the poses [m].
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    points : (2, B) float64
+        End points [m, laser frame].
+    """
     reach2 = 0.0
     for b in range(points.shape[1]):
         reach2 = max(reach2, points[0, b] * points[0, b] + points[1, b] * points[1, b])
@@ -96,11 +142,40 @@ def bounds(poses, points):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def register_scans(poses, points, progress, table, mean, hits, holders, free, counters, frame, frozen):
-    """Register end points (2, B) in the map of every particle n, seen from ``poses[n]``.
+def register_scans(poses: FloatArray, points: FloatArray, progress: IndexArray, table: Int32Array, mean: Uint16Array,
+                   hits: Uint8Array, holders: Int32Array, free: Int32Array, counters: IndexArray, frame: FloatArray,
+                   frozen: int) -> bool:
+    """Register end points in the map of every particle n, seen from ``poses[n]``.
 
-    ``progress`` (2,) holds the particle and the point to begin with; where the stack of free tiles becomes empty it
-    gets those to go on with, and the result is False.
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    points : (2, B) float64
+        End points [m, laser frame].
+    progress : (2,) int64
+        First particle and point; changed to the next ones if the stack of free tiles becomes empty.
+    table : (N, H, W) int32
+        Tile of each particle at each place, -1 for none.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    holders : (T,) int32
+        Number of particles that hold each tile.
+    free : (T,) int32
+        Stack of unused tiles.
+    counters : (1,) int64
+        Height of the stack.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
+    frozen : int
+        Cells with this number of hits are not changed any more.
+
+    Returns
+    -------
+    bool
+        False if the stack of free tiles is empty.
     """
     for n in range(progress[0], poses.shape[0]):
         done = register_points(n, poses[n], points, progress[1], table, mean, hits, holders, free, counters, frame,
@@ -113,8 +188,25 @@ def register_scans(poses, points, progress, table, mean, hits, holders, free, co
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def take_over(n, ancestor, table, holders, free, counters):
-    """Let particle ``n`` drop its map and share that of ``ancestor``."""
+def take_over(n: int, ancestor: int, table: Int32Array, holders: Int32Array, free: Int32Array,
+              counters: IndexArray) -> None:
+    """Let a particle drop its map and share that of another one.
+
+    Parameters
+    ----------
+    n : int
+        Particle.
+    ancestor : int
+        The other particle.
+    table : (N, H, W) int32
+        Tile of each particle at each place, -1 for none.
+    holders : (T,) int32
+        Number of particles that hold each tile.
+    free : (T,) int32
+        Stack of unused tiles.
+    counters : (1,) int64
+        Height of the stack.
+    """
     for ty in range(table.shape[1]):
         for tx in range(table.shape[2]):
             old, new = table[n, ty, tx], table[ancestor, ty, tx]
@@ -131,8 +223,22 @@ def take_over(n, ancestor, table, holders, free, counters):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def drop(n, table, holders, free, counters):
-    """Empty the map of particle ``n``."""
+def drop(n: int, table: Int32Array, holders: Int32Array, free: Int32Array, counters: IndexArray) -> None:
+    """Clear the map of a particle.
+
+    Parameters
+    ----------
+    n : int
+        Particle.
+    table : (N, H, W) int32
+        Tile of each particle at each place, -1 for none.
+    holders : (T,) int32
+        Number of particles that hold each tile.
+    free : (T,) int32
+        Stack of unused tiles.
+    counters : (1,) int64
+        Height of the stack.
+    """
     for ty in range(table.shape[1]):
         for tx in range(table.shape[2]):
             old = table[n, ty, tx]
@@ -145,8 +251,9 @@ def drop(n, table, holders, free, counters):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _stamp_values(by_sigma, stamps):
-    """Write 255 exp(-d^2 by_sigma) of the 5 x 5 cells around a mean, for each of its places: (PLACES, PLACES, 25)."""
+def _stamp_values(by_sigma: float, stamps: Uint8Array) -> None:
+    """Write 255 exp(-d^2 by_sigma) for the 5 x 5 cells around a mean, for each of its positions: (PLACES, PLACES, 25).
+    """
     for sy in range(PLACES):
         for sx in range(PLACES):
             mx, my = (sx + 0.5) / PLACES - 0.5, (sy + 0.5) / PLACES - 0.5
@@ -157,23 +264,29 @@ def _stamp_values(by_sigma, stamps):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def tiles_around(centre, widest, count, points, stride, reach, frame, wanted):
-    """Mark the tiles whose means come near the points of a scan that is turned about its pose.
+def tiles_around(centre: FloatArray, widest: float, count: int, points: FloatArray, stride: int, reach: float,
+                 frame: FloatArray, wanted: BoolArray) -> None:
+    """Mark the tiles with means close to the points of a scan at all rotations about its pose.
 
     Parameters
     ----------
     centre : (3,) float64
-        Pose of the scan.
+        Pose of the scan [m, m, rad].
     widest : float
-        How far it is turned to either side [rad].
+        Greatest rotation to either side [rad].
     count : int
-        Number of steps in which it is.
+        Number of steps to either side.
     points : (R, B) float64
-        End points in the first two rows [m, laser frame]; every ``stride``-th is used.
+        End points in the first two rows [m, laser frame].
+    stride : int
+        Every ``stride``-th point is used.
     reach : float
-        Marked is what lies so near, along either axis [m], or shares a value of ``draw_field`` with such a cell.
+        Distance along either axis within which tiles are marked, including cells that share a value of ``draw_field``
+        [m].
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
     wanted : (H, W) bool
-        Written: True where a tile is marked; others stay.
+        Written: True for marked tiles; others are unchanged.
     """
     between = widest / max(1, count) * TURNS_TOGETHER
     rows, columns = wanted.shape[0] << SHIFT, wanted.shape[1] << SHIFT
@@ -195,22 +308,31 @@ def tiles_around(centre, widest, count, points, stride, reach, frame, wanted):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def draw_field(grid, mean, hits, frame, corner, sigma, wanted, field):
+def draw_field(grid: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray, corner: IndexArray,
+               sigma: float, wanted: BoolArray, field: Uint8Array) -> None:
     """Draw the mean hit points of one map into a dense field of match values.
+
+    The value is 255 exp(-d^2 / sigma), where d is the distance of a cell's centre to the nearest mean within two cells,
+    and 0 without a mean. A mean is rounded to an eighth of a cell.
 
     Parameters
     ----------
     grid : (H, W) int32
-        Table of one particle.
+        Tile table of one particle.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
     corner : (2,) int64
-        Cell of the table at ``field[0, 0]``; may lie outside the table.
+        Cell of the table at ``field[0, 0]``; may be outside the table.
     sigma : float
-        Denominator of the value's exponent [m^2].
+        Denominator of the exponent [m^2].
     wanted : (H, W) bool
-        Tiles that are drawn.
+        Tiles to draw.
     field : (h, w) uint8
-        Written: 255 exp(-d^2 / sigma), d the distance of a cell's centre to the nearest mean within two cells, else 0.
-        A mean counts as if it were in the middle of its eighth of the cell, so a sixteenth off at most.
+        Written.
     """
     stamps = np.empty((PLACES, PLACES, 25), np.uint8)
     _stamp_values(1.0 / (frame[2] * frame[2] * sigma), stamps)

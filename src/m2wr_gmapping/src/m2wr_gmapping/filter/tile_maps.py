@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The particles' maps: copy-on-write tiles in flat storage, one index table a particle."""
+"""Maps of the particles: copy-on-write tiles in flat storage, with an index table for each particle."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Dict, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.filter import tile_kernels as kernels
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
+
 CELLS_A_SIDE = 1 << kernels.SHIFT
-MARGIN = 2                  # tiles kept around what is used
+MARGIN = 2                  # margin of spare tiles around the used ones
 FIRST_TILES = 1024
 NEVER = 256
 
@@ -22,28 +28,28 @@ class TileMaps:
     resolution : float
         Cell size [m].
     frozen : int, optional
-        Hits after which a cell's mean is final; a cell seen that often costs nothing any more.
+        Hits after which the mean of a cell is final, which saves time.
     limit : int, optional
-        Most tiles that the table of one particle may span; points beyond are left out.
+        Greatest number of tiles in the table of one particle; points outside are left out.
 
     Attributes
     ----------
     table, mean, hits, frame
-        What the kernels of ``match_kernels`` read.
+        Arrays for ``match_kernels``.
     beyond : int
-        Scans that did not fit within the limit.
+        Number of scans that did not fit within the limit.
     """
 
-    def __init__(self, count, resolution, frozen=64, limit=150000):
+    def __init__(self, count: int, resolution: float, frozen: int = 64, limit: int = 150000) -> None:
         self.count, self.resolution, self._frozen, self._limit = count, resolution, frozen, limit
         self.table = np.full((count, 0, 0), -1, np.int32)
-        self._corner = None                         # column, row of the table's first tile on the lattice
+        self._corner: Optional[Tuple[int, int]] = None                         # column, row of the table's first tile
         self.frame = np.array([0.0, 0.0, 1.0 / resolution])
         self._counters = np.zeros(1, np.int64)
         self.beyond = 0
         self._allocate(FIRST_TILES)
 
-    def _allocate(self, tiles):
+    def _allocate(self, tiles: int) -> None:
         cells = kernels.CELLS
         self.mean = np.empty((tiles, cells, 2), np.uint16)
         self.hits = np.empty((tiles, cells), np.uint8)
@@ -51,12 +57,12 @@ class TileMaps:
         self._free = np.arange(tiles - 1, -1, -1, dtype=np.int32)
         self._counters[0] = tiles
 
-    def _more_tiles(self):
+    def _more_tiles(self) -> None:
         old = len(self._holders)
         new = old + max(old // 8, FIRST_TILES)
         for name in ("mean", "hits"):
             array = getattr(self, name)
-            array.resize((new,) + array.shape[1:], refcheck=False)      # in place: no second copy at the peak
+            array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
         holders, free = np.zeros(new, np.int32), np.empty(new, np.int32)
         holders[:old] = self._holders
         unused = int(self._counters[0])
@@ -66,12 +72,25 @@ class TileMaps:
         self._counters[0] = unused + new - old
 
     @property
-    def tiles_in_use(self):
-        """Number of tiles that some particle holds."""
+    def tiles_in_use(self) -> int:
+        """Number of tiles that particles hold."""
         return len(self._holders) - int(self._counters[0])
 
-    def cover(self, low, high):
-        """Let the table span the box from ``low`` to ``high`` (2,) [m, map frame]; False where the limit forbids it."""
+    def cover(self, low: Tuple[float, float], high: Tuple[float, float]) -> bool:
+        """Let the table span a box.
+
+        Parameters
+        ----------
+        low : (2,) float
+            Corners of the box in ``map`` [m].
+        high : (2,) float
+            Corners of the box in ``map`` [m].
+
+        Returns
+        -------
+        bool
+            False if the limit is exceeded.
+        """
         size = CELLS_A_SIDE * self.resolution
         x, y = math.floor(low[0] / size), math.floor(low[1] / size)
         end_x, end_y = math.floor(high[0] / size) + 1, math.floor(high[1] / size) + 1
@@ -97,12 +116,22 @@ class TileMaps:
         self._place()
         return True
 
-    def _place(self):
-        """Set the frame: the lattice is the published map's, with cell centres at whole multiples of the resolution."""
+    def _place(self) -> None:
+        """Set the frame; cell centres are at multiples of the resolution, as in the published map."""
         self.frame[:2] = np.array(self._corner) * (CELLS_A_SIDE * self.resolution) - 0.5 * self.resolution
 
-    def register(self, particle, pose, points):
-        """Register end points (2, B) of a scan taken at ``pose`` in one particle's map, where the table spans it."""
+    def register(self, particle: int, pose: FloatArray, points: FloatArray) -> None:
+        """Register end points in the map of one particle; the table must span them.
+
+        Parameters
+        ----------
+        particle : int
+            Index of the particle.
+        pose : (3,) float64
+            Pose of the laser in ``map`` [m, m, rad].
+        points : (2, B) float64
+            End points [m, laser frame].
+        """
         done = 0
         while True:
             done = kernels.register_points(
@@ -112,18 +141,38 @@ class TileMaps:
                 return
             self._more_tiles()
 
-    def register_path(self, particle, path, readings):
-        """Register the ``points`` (2, B) of readings taken along a path (K, 3) in one particle's map."""
+    def register_path(self, particle: int, path: FloatArray, readings: Sequence[Any]) -> None:
+        """Register the end points of readings along a path in the map of one particle.
+
+        Parameters
+        ----------
+        particle : int
+            Index of the particle.
+        path : (K, 3) float64
+            Poses of the readings in ``map`` [m, m, rad].
+        readings : sequence of K objects with ``points``
+            Scans of the path's nodes.
+        """
         for k, reading in enumerate(readings):
             points = reading.points
             if points.shape[1]:
                 self.cover(*kernels.bounds(path[k:k + 1], points))
                 self.register(particle, path[k], points)
 
-    def register_all(self, poses, points):
-        """Register end points (2, B) of one scan in the map of every particle, taken at its pose (N, 3).
+    def register_all(self, poses: FloatArray, points: FloatArray) -> bool:
+        """Register end points of one scan in the map of every particle.
 
-        Returns False where not all fit within the limit.
+        Parameters
+        ----------
+        poses : (N, 3) float64
+            Poses x, y [m], theta [rad] in ``map``.
+        points : (2, B) float64
+            End points [m, laser frame].
+
+        Returns
+        -------
+        bool
+            False if not all fit within the limit.
         """
         if not points.shape[1]:
             return True
@@ -133,14 +182,8 @@ class TileMaps:
             self._more_tiles()
         return fits
 
-    def resample(self, ancestors):
-        """Let each particle whose ancestor is another one share that one's map.
-
-        Parameters
-        ----------
-        ancestors : (M,) int
-            From now on there are M particles; one that is its own ancestor keeps its place.
-        """
+    def resample(self, ancestors: IndexArray) -> None:
+        """Let each particle share the map of its ancestor, if that is another one."""
         before, after = self.count, len(ancestors)
         if after > before:
             more = np.full((after - before,) + self.table.shape[1:], -1, np.int32)
@@ -154,23 +197,23 @@ class TileMaps:
             self.table = self.table[:after].copy()
         self.count = after
 
-    def clear(self, particle):
-        """Empty the map of one particle."""
+    def clear(self, particle: int) -> None:
+        """Clear the map of one particle."""
         kernels.drop(particle, self.table, self._holders, self._free, self._counters)
 
     # ---- saving
 
-    def compact(self):
-        """Return what is stored: the tiles that somebody holds, numbered anew, for their numbers change nothing."""
+    def compact(self) -> Dict[str, object]:
+        """Return the attributes that are stored, with the tiles in use only and in a new numbering."""
         kept = np.flatnonzero(self._holders)
-        number = np.full(len(self._holders) + 1, -1, np.int32)          # the last one is for places without a tile
+        number = np.full(len(self._holders) + 1, -1, np.int32)          # the last entry is for places without a tile
         number[kept] = np.arange(len(kept))
         return dict(table=number[self.table], mean=self.mean[kept], hits=self.hits[kept], beyond=self.beyond,
                     _corner=self._corner)
 
-    def restore(self, stored):
-        """Take over what ``compact`` returned; raises ValueError where the table does not fit its limit or corner."""
-        self.__dict__.update(stored)            # mean and hits own their memory, which _more_tiles resizes
+    def restore(self, stored: Dict[str, Any]) -> None:
+        """Restore what ``compact`` returned; raises ValueError if the table does not fit its limit or corner."""
+        self.__dict__.update(stored)            # mean and hits must own their memory for resizing
         self.count, rows, columns = self.table.shape
         empty = not rows * columns
         if rows * columns > self._limit or (self._corner is None) != empty or empty != (not rows and not columns):

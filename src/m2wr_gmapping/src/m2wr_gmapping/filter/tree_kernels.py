@@ -1,19 +1,40 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The trajectory tree: new nodes, paths, and branches that no particle descends from.
+"""Trajectory tree: new nodes, paths, and removal of branches without particles.
 
 Array layouts
 -------------
 ``parent`` (M,) int64, ``children`` (M,) int32, ``pose`` (M, 3) float64, ``serial`` (M,) int64
-    Of each node: the one before, how many come after, where, and a number that no other node ever had.
+    Of each node: predecessor, number of successors, pose, and a unique number.
 ``free`` (M,) int64, ``counters`` (2,) int64
     Stack of unused nodes; its height, and the next serial number.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def release(leaf, parent, children, free, counters):
-    """Delete ``leaf`` if nothing hangs on it, and its ancestors that are then childless; their places become free."""
+def release(leaf: int, parent: IndexArray, children: Int32Array, free: IndexArray, counters: IndexArray) -> None:
+    """Delete a leaf without successors, and then its ancestors that have none.
+
+    Parameters
+    ----------
+    leaf : int
+        Node.
+    parent : (M,) int64
+        See the module.
+    children : (M,) int32
+        See the module.
+    free : (M,) int64
+        Stack of unused nodes.
+    counters : (2,) int64
+        Height of the stack; next serial number.
+    """
     node = leaf
     while node >= 0 and children[node] == 0:
         above = parent[node]
@@ -25,8 +46,23 @@ def release(leaf, parent, children, free, counters):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def lineage(leaf, parent, out):
-    """Write the nodes from ``leaf`` up to its root into ``out``; return how many."""
+def lineage(leaf: int, parent: IndexArray, out: IndexArray) -> int:
+    """Write the nodes from ``leaf`` to its root.
+
+    Parameters
+    ----------
+    leaf : int
+        Node.
+    parent : (M,) int64
+        See the module.
+    out : (K,) int64
+        Written.
+
+    Returns
+    -------
+    int
+        Number of nodes.
+    """
     count, node = 0, leaf
     while node >= 0:
         out[count] = node
@@ -36,8 +72,9 @@ def lineage(leaf, parent, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _added(above, place, parent, children, pose, serial, free, counters):
-    """Add one node at ``place`` (3,) below the node ``above``, -1 for none; return it."""
+def _added(above: int, place: FloatArray, parent: IndexArray, children: Int32Array, pose: FloatArray,
+           serial: IndexArray, free: IndexArray, counters: IndexArray) -> int:
+    """Add one node at ``place`` (3,) behind the node ``above``, -1 for none; return it."""
     if above >= 0:
         children[above] += 1
     counters[0] -= 1
@@ -49,15 +86,60 @@ def _added(above, place, parent, children, pose, serial, free, counters):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def extend(leaves, poses, parent, children, pose, serial, free, counters):
-    """Add a node below each of ``leaves`` (N,) and let it be the leaf; there must be as many free ones."""
+def extend(leaves: IndexArray, poses: FloatArray, parent: IndexArray, children: Int32Array, pose: FloatArray,
+           serial: IndexArray, free: IndexArray, counters: IndexArray) -> None:
+    """Add a node behind each leaf; it becomes the leaf. There must be enough unused nodes.
+
+    Parameters
+    ----------
+    leaves : (N,) int64
+        Changed: newest node of each particle.
+    poses : (N, 3) float64
+        Poses x, y [m], theta [rad] in ``map``.
+    parent : (M,) int64
+        See the module.
+    children : (M,) int32
+        See the module.
+    pose : (M, 3) float64
+        Pose of each node.
+    serial : (M,) int64
+        See the module.
+    free : (M,) int64
+        Stack of unused nodes.
+    counters : (2,) int64
+        Height of the stack; next serial number.
+    """
     for n in range(leaves.shape[0]):
         leaves[n] = _added(leaves[n], poses[n], parent, children, pose, serial, free, counters)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def chain(poses, parent, children, pose, serial, free, counters):
-    """Add a root and one node below the other; return the last one, -1 for no poses at all."""
+def chain(poses: FloatArray, parent: IndexArray, children: Int32Array, pose: FloatArray, serial: IndexArray,
+          free: IndexArray, counters: IndexArray) -> int:
+    """Add a root and a chain of nodes.
+
+    Parameters
+    ----------
+    poses : (K, 3) float64
+        Their poses.
+    parent : (M,) int64
+        See the module.
+    children : (M,) int32
+        See the module.
+    pose : (M, 3) float64
+        Pose of each node.
+    serial : (M,) int64
+        See the module.
+    free : (M,) int64
+        Stack of unused nodes.
+    counters : (2,) int64
+        Height of the stack; next serial number.
+
+    Returns
+    -------
+    int
+        The last node; -1 for an empty chain.
+    """
     node = -1
     for n in range(poses.shape[0]):
         node = _added(node, poses[n], parent, children, pose, serial, free, counters)
@@ -65,8 +147,25 @@ def chain(poses, parent, children, pose, serial, free, counters):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def path_to(leaf, parent, pose, out):
-    """Write the poses from the root to ``leaf`` at the end of ``out`` (K, 3); return in which row they begin."""
+def path_to(leaf: int, parent: IndexArray, pose: FloatArray, out: FloatArray) -> int:
+    """Write the poses from the root to ``leaf`` to the end of ``out``.
+
+    Parameters
+    ----------
+    leaf : int
+        Node.
+    parent : (M,) int64
+        See the module.
+    pose : (M, 3) float64
+        Pose of each node.
+    out : (K, 3) float64
+        Written.
+
+    Returns
+    -------
+    int
+        First row that was written.
+    """
     row, node = out.shape[0], leaf
     while node >= 0:
         row -= 1

@@ -1,21 +1,42 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exhaustive search for a scan in a raster of old end points, with an upper bound that spares most of the work.
+"""Exhaustive search for a scan in a raster of old end points, with an upper bound that saves most of the work.
 
 After the two-level idea of Olson, Real-Time Correlative Scan Matching, ICRA 2009: a second raster holds the maximum
 over blocks, so that the score of a whole block of offsets is bounded by one evaluation.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 from numba import njit
 
-BLOCK = 4               # offsets a side that share one bound
-CENTRE, BESIDE, CORNER = 255, 170, 110     # what an end point gives to its cell and to those around it
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
+
+BLOCK = 4               # width of a block of offsets that share one bound
+CENTRE, BESIDE, CORNER = 255, 170, 110     # values of an end point's cell and of its neighbours
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def stamp_points(pose, points, corner, per_metre, raster):
-    """Raise the cells around the end points (2, B) of a scan at ``pose`` in ``raster`` (H, W) uint8."""
+def stamp_points(pose: FloatArray, points: FloatArray, corner: FloatArray, per_metre: float,
+                 raster: Uint8Array) -> None:
+    """Raise the cells around the end points of a scan.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        Pose x, y [m], theta [rad] in ``map``.
+    points : (2, B) float64
+        End points [m, laser frame].
+    corner : (2,) float64
+        World position of the raster's corner [m].
+    per_metre : float
+        Cells per metre.
+    raster : (H, W) uint8
+        Changed: cells take the greater value.
+    """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for b in range(points.shape[1]):
         fx = (pose[0] + c * points[0, b] - s * points[1, b] - corner[0]) * per_metre
@@ -31,10 +52,28 @@ def stamp_points(pose, points, corner, per_metre, raster):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def add_points(eye, pose, points, away, out, count):
-    """Write those end points (2, B) of a scan at ``pose`` that lie within ``away`` [m] of ``eye``, and as seen from it.
+def add_points(eye: FloatArray, pose: FloatArray, points: FloatArray, away: float, out: FloatArray, count: int) -> int:
+    """Append the end points of a scan that are close to ``eye``, in the frame of ``eye``.
 
-    They come into ``out`` (2, Q) from column ``count`` on; returns where they end.
+    Parameters
+    ----------
+    eye : (3,) float64
+        Pose of the observer [m, m, rad].
+    pose : (3,) float64
+        Pose x, y [m], theta [rad] in ``map``.
+    points : (2, B) float64
+        End points [m, laser frame].
+    away : float
+        Greatest distance from ``eye`` [m].
+    out : (2, Q) float64
+        Written from column ``count`` on [m].
+    count : int
+        Number of columns that are already written.
+
+    Returns
+    -------
+    int
+        Number of columns that are written afterwards.
     """
     c, s = math.cos(eye[2]), math.sin(eye[2])
     dx, dy = pose[0] - eye[0], pose[1] - eye[1]
@@ -49,8 +88,16 @@ def add_points(eye, pose, points, away, out, count):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def block_maximum(raster, out):
-    """Write into ``out`` (H, W) the maximum of the BLOCK x BLOCK cells from each cell on, towards larger indices."""
+def block_maximum(raster: Uint8Array, out: Uint8Array) -> None:
+    """Write the maximum of the BLOCK x BLOCK cells that start at each cell, towards larger indices.
+
+    Parameters
+    ----------
+    raster : (H, W) uint8
+        Raster of end points.
+    out : (H, W) uint8
+        Written.
+    """
     height, width = raster.shape
     rows = raster.copy()
     for y in range(height):
@@ -63,15 +110,15 @@ def block_maximum(raster, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _raise(values, others):
-    """Raise each of the values (W,) to the other one; so plain that the compiler takes many at a time."""
+def _raise(values: Any, others: Any) -> None:
+    """Raise each of the values (W,) to the other one; a simple loop that the compiler vectorises."""
     for k in range(values.shape[0]):
         values[k] = max(values[k], others[k])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _sum_at(xs, ys, spread, dx, dy, raster):
-    """Sum of the raster's values at the shifted cells; cells outside count nothing.
+def _sum_at(xs: IndexArray, ys: IndexArray, spread: IndexArray, dx: int, dy: int, raster: Uint8Array) -> int:
+    """Return the sum of the raster at the shifted cells; cells outside count 0.
 
     ``spread`` (4,) holds least and greatest x, least and greatest y.
     """
@@ -89,13 +136,39 @@ def _sum_at(xs, ys, spread, dx, dy, raster):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def search(centre, points, turns, allowed, corner, per_metre, raster, coarse, apart_cells, apart_turn, share, best):
-    """Find the best offset and turn of ``points`` (2, Q) around ``centre`` (3,), and whether it is the only one.
+def search(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: Uint8Array, corner: FloatArray,
+           per_metre: float, raster: Uint8Array, coarse: Uint8Array, apart_cells: int, apart_turn: float, share: float,
+           best: FloatArray) -> None:
+    """Find the best offset and rotation of the points, and its best rival.
 
-    Offsets are whole cells, in blocks of BLOCK x BLOCK; ``allowed`` (2 * N + 1, 2 * N + 1) uint8 tells which blocks
-    around the centre are searched, rows along y.  ``best`` (7,) gets the pose, its score between 0 and 1, and the score
-    of the best rival that lies more than ``apart_cells`` or ``apart_turn`` away (0 if none comes within ``share`` of
-    the best), and that one's x and y.
+    Offsets are whole cells, in blocks of BLOCK x BLOCK.
+
+    Parameters
+    ----------
+    centre : (3,) float64
+        Pose around which is searched [m, m, rad].
+    points : (2, Q) float64
+        Points of the query [m].
+    turns : (T,) float64
+        Rotations to try [rad].
+    allowed : (2 * N + 1, 2 * N + 1) uint8
+        Nonzero for blocks around the centre to search, rows along y.
+    corner : (2,) float64
+        World position of the raster's corner [m].
+    per_metre : float
+        Cells per metre.
+    raster : (H, W) uint8
+        Raster of end points.
+    coarse : (H, W) uint8
+        ``block_maximum`` of the raster.
+    apart_cells : int
+        Least distance of a rival along either axis [cells].
+    apart_turn : float
+        Least rotation of a rival [rad].
+    share : float
+        Rivals with a smaller share of the best score are ignored.
+    best : (7,) float64
+        Written: pose, its score from 0 to 1, score of the best rival (0 if there is none), and the rival's x, y.
     """
     count, side = points.shape[1], allowed.shape[0]
     blocks = side // 2
@@ -148,20 +221,24 @@ def search(centre, points, turns, allowed, corner, per_metre, raster, coarse, ap
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def mark_near(middles, places, least, most, room, near):
-    """Mark the offsets that come near one of some places, and are of the length allowed for it.
+def mark_near(middles: FloatArray, places: FloatArray, least: FloatArray, most: FloatArray, room: float,
+              near: Uint8Array) -> None:
+    """Mark the offsets that lead close to one of some places and have an allowed length.
 
     Parameters
     ----------
     middles : (N,) float64
-        Offsets along either axis [m], evenly.
+        Offsets along either axis, evenly spaced [m].
     places : (C, 2) float64
-    least, most : (C,) float64
-        Length of the offset [m].
+        Places [m].
+    least : (C,) float64
+        Allowed length of the offset [m].
+    most : (C,) float64
+        Allowed length of the offset [m].
     room : float
-        How near, along either axis [m].
+        Greatest distance along either axis [m].
     near : (N, N) uint8
-        Rows along y.
+        Written: 1 for marked offsets, rows along y.
     """
     size, count = middles[1] - middles[0], middles.shape[0]
     beside = int(math.ceil(room / size))
@@ -176,8 +253,8 @@ def mark_near(middles, places, least, most, room, near):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _inside(at, along, size):
-    """Share of a ray along one axis, from 0 to 1, after which it is inside, and after which it is no longer."""
+def _inside(at: float, along: float, size: int) -> Tuple[float, float]:
+    """Share of a ray along one axis, from 0 to 1, after which it enters the range, and after which it leaves it."""
     if abs(along) < 1e-9:
         return (0.0, 1.0) if 0.0 <= at < size else (1.0, 0.0)
     first, last = -at / along, (size - at) / along
@@ -185,8 +262,22 @@ def _inside(at, along, size):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def mark_seen(pose, rays, corner, per_metre, seen):
-    """Mark the cells of ``seen`` (H, W) uint8 that the rays (2, S) of a scan at ``pose`` go through."""
+def mark_seen(pose: FloatArray, rays: Float32Array, corner: FloatArray, per_metre: float, seen: Uint8Array) -> None:
+    """Mark the cells that the rays of a scan pass through.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        Pose x, y [m], theta [rad] in ``map``.
+    rays : (2, S) float32
+        Ends of the beams [m, laser frame].
+    corner : (2,) float64
+        World position of the raster's corner [m].
+    per_metre : float
+        Cells per metre.
+    seen : (H, W) uint8
+        Written: 1 for marked cells.
+    """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = (pose[0] - corner[0]) * per_metre, (pose[1] - corner[1]) * per_metre
     for k in range(rays.shape[1]):
@@ -205,25 +296,40 @@ def mark_seen(pose, rays, corner, per_metre, seen):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def survey(centre, points, turns, allowed, corner, per_metre, raster, seen, against, share, rating, turn):
-    """Rate offsets around ``centre`` (3,) by the points (2, Q) that come to lie on ground that was looked at.
+def survey(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: Uint8Array, corner: FloatArray,
+           per_metre: float, raster: Uint8Array, seen: Uint8Array, against: int, share: float, rating: FloatArray,
+           turn: FloatArray) -> None:
+    """Rate offsets around ``centre`` by the points that fall into observed space.
 
-    What has not been looked at speaks neither for a place nor against it; a point in free space speaks against it as
-    ``against`` of them that lie on something speak for it.
+    Unknown cells do not count. A point in free space counts against a place as ``against`` points on obstacles count
+    for it.
 
     Parameters
     ----------
+    centre : (3,) float64
+        Pose around which is searched [m, m, rad].
+    points : (2, Q) float64
+        Points of the query [m].
     turns : (T,) float64
+        Rotations to try [rad].
     allowed : (N, N) uint8
-        Offsets to rate, of whole cells, rows along y; none at [N // 2, N // 2].
-    raster, seen : (H, W) uint8
-        Of ``stamp_points`` and ``mark_seen``.
+        Offsets to rate, in whole cells, rows along y; [N // 2, N // 2] is no offset.
+    corner : (2,) float64
+        World position of the raster's corner [m].
+    per_metre : float
+        Cells per metre.
+    raster : (H, W) uint8
+        Raster of ``stamp_points``.
+    seen : (H, W) uint8
+        Cells of ``mark_seen``.
     against : int
+        Weight of points in free space.
     share : float
-        What is rated by less than that share of the best so far need not be rated: 0.
-    rating, turn : (N, N) float64
-        Written, likewise: the best rating of all turns, from 0, where nothing speaks for a place, to 1; and the number
-        of that turn.
+        Offsets with a smaller share of the best rating may get 0.
+    rating : (N, N) float64
+        Written: best rating of all rotations, from 0 to 1.
+    turn : (N, N) float64
+        Written: index of that rotation.
     """
     count, half, width = points.shape[1], rating.shape[0] // 2, raster.shape[1]
     worth = np.empty(raster.size, np.int32)
@@ -260,24 +366,30 @@ def survey(centre, points, turns, allowed, corner, per_metre, raster, seen, agai
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def search_window(centre, offsets, turns, points, stride, corner, per_metre, field, best):
-    """Search all offsets and turns around a pose in a field of match values.
+def search_window(centre: FloatArray, offsets: FloatArray, turns: FloatArray, points: FloatArray, stride: int,
+                  corner: FloatArray, per_metre: float, field: Uint8Array, best: FloatArray) -> None:
+    """Search all offsets and rotations around a pose in a field of match values.
 
     Parameters
     ----------
     centre : (3,) float64
-        Middle of the window.
+        Pose around which is searched [m, m, rad].
     offsets : (A, 3) float64
-        x, y [m, map axes] and a penalty that is taken off the mean value of a point.
+        x, y [m, map axes], and a penalty on the mean value of a point.
     turns : (T, 2) float64
-        Angle [rad] and penalty.
+        Rotation [rad], and penalty.
     points : (R, B) float64
-        End points in the first two rows [m, laser frame]; every ``stride``-th is used.
+        End points in the first two rows [m, laser frame].
+    stride : int
+        Every ``stride``-th point is used.
     corner : (2,) float64
-        World place of the field's corner [m].
+        World position of the field's corner [m].
+    per_metre : float
+        Cells per metre.
     field : (H, W) uint8
+        Match values.
     best : (4,) float64
-        Written: pose and value, 1 at most.  Ties keep the earlier candidate: order both from the centre outwards.
+        Written: pose and value, at most 1. Ties keep the earlier candidate: order both from the centre outwards.
     """
     count = (points.shape[1] + stride - 1) // stride
     xs, ys = np.empty(count), np.empty(count)
@@ -292,7 +404,7 @@ def search_window(centre, offsets, turns, points, stride, corner, per_metre, fie
         for a in range(offsets.shape[0]):
             dx, dy = offsets[a, 0] * per_metre, offsets[a, 1] * per_metre
             total = 0
-            # what the sum must exceed; given up as soon as the points that are left cannot bring it there
+            # sum to exceed; the loop ends as soon as the remaining points cannot reach it
             needed = (best[3] + offsets[a, 2] + turns[t, 1]) * 255.0 * count
             for k in range(count):
                 if k & 7 == 0 and total + (count - k) * 255 <= needed:

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The original hill climb, score and likelihood, on the tile maps' own means.
+"""Hill climb, score and likelihood of the original gmapping on the mean hit points of the tile maps.
 
-Arrays as in ``match_kernels`` and ``tile_kernels``; ``settings`` (7,): first steps [m], [rad], halvings, sigma, lsigma,
-half width of the neighbourhood [cells], least score.  The original's companion free cell is left out, as it is there
-in effect.
+Arrays as in ``match_kernels`` and ``tile_kernels``. ``settings`` (7,): first steps [m], [rad], number of halvings,
+sigma, lsigma, half width of the neighbourhood [cells], least score. The free cell in front of each hit is not tested:
+it has no effect in the original either.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
 
 SHIFT, MASK = 4, 15
 UNIT = 1.0 / 65535
@@ -17,8 +23,9 @@ NULL_DISTANCE2 = 0.5
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _nearest(wx, wy, table, mean, hits, frame, kernel):
-    """Squared distance to the nearest mean hit point in the neighbourhood of a point; -1 if there is none."""
+def _nearest(wx: float, wy: float, table: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray,
+             kernel: int) -> float:
+    """Return the squared distance to the nearest mean hit point around a point [m^2]; -1 if there is none."""
     fx, fy = (wx - frame[0]) * frame[2], (wy - frame[1]) * frame[2]
     rows, columns = table.shape[0] << SHIFT, table.shape[1] << SHIFT
     delta = 1.0 / frame[2]
@@ -42,8 +49,9 @@ def _nearest(wx, wy, table, mean, hits, frame, kernel):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _score(x, y, theta, beams, table, mean, hits, frame, settings, result):
-    """Score of a pose; with its log-likelihood and number of partners written into ``result``."""
+def _score(x: float, y: float, theta: float, beams: FloatArray, table: Int32Array, mean: Uint16Array, hits: Uint8Array,
+           frame: FloatArray, settings: FloatArray, result: FloatArray) -> float:
+    """Return the score of a pose; its log-likelihood and number of matched beams are written into ``result``."""
     c, s = math.cos(theta), math.sin(theta)
     kernel = int(settings[KERNEL])
     score = likelihood = 0.0
@@ -62,8 +70,33 @@ def _score(x, y, theta, beams, table, mean, hits, frame, settings, result):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def climb_poses(starts, first, last, beams, table, mean, hits, frame, settings, results):
-    """Climb from ``starts`` for particles ``first`` to ``last`` - 1, each in its own map; write the result rows."""
+def climb_poses(starts: FloatArray, first: int, last: int, beams: FloatArray, table: Int32Array, mean: Uint16Array,
+                hits: Uint8Array, frame: FloatArray, settings: FloatArray, results: FloatArray) -> None:
+    """Climb from the start poses of some particles, each in its own map.
+
+    Parameters
+    ----------
+    starts : (N, 3) float64
+        Start poses in ``map``.
+    first : int
+        Particles ``first`` to ``last`` - 1.
+    last : int
+        Particles ``first`` to ``last`` - 1.
+    beams : (7, B) float64
+        Beams; layout of ``match_kernels``.
+    table : (N, H, W) int32
+        Tile of each particle at each place, -1 for none.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
+    settings : (7,) float64
+        Settings of the matcher.
+    results : (N, 13) float64
+        Written: result rows.
+    """
     for i in range(first, last):
         grid, row = table[i], results[i]
         x, y, theta = starts[i, 0], starts[i, 1], starts[i, 2]

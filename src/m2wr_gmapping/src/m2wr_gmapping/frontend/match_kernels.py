@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scan matching of particles in their tile maps.
 
-Plain arrays in, plain arrays out; a range of particles a call, so that threads may share the set.
+Plain arrays in, plain arrays out; each call handles a range of particles, so that threads can share the set.
 
 Array layouts
 -------------
@@ -15,15 +15,21 @@ Array layouts
     End point x, y and unit normal of the surface there, in the laser's frame; lever arm of the normal and of the
     tangent (the residual's derivative by heading); weight of the tangential residual.
 ``pairs`` (K * PAIRS,) float64
-    Scratch: the beams that have a partner, LANES of them after another.  Of each such block come first all first
-    values, then all second ones, and so on: the rows of ``beams``, the partner's place [m, from the table's corner] and
-    nine terms of the normal equations.  With offsets that are constant and indices that cannot be negative the compiler
-    works on several beams at a time; sums are taken one beam after another, so that they do not depend on how many.
+    Scratch: the beams that have a partner, in blocks of LANES.  Each block holds first all first
+    values, then all second ones, and so on: the rows of ``beams``, the partner's position [m, from the table's corner],
+    and nine terms of the normal equations.  Constant offsets and unsigned indices allow the compiler to vectorise.
+    Sums are taken one beam after another, so the result does not depend on the width of the vectors.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
 
 SHIFT, MASK = 4, 15
 UNIT = 1.0 / 65535
@@ -38,18 +44,18 @@ _QY, _NX, _NY, _ARM_N, _ARM_T, _SLIDE, _TX, _TY, _T0, _T1, _T2, _T3, _T4, _T5, _
     np.uint64(LANES * row) for row in range(1, PAIR_ROWS))
 STEP_LIMIT, CONVERGED = 0.15, 1e-3
 STEPS_A_ROUND = 2       # Gauss-Newton steps between two searches for partners
-NULL_DISTANCE2 = 0.5    # squared distance that a beam without a partner counts for in the likelihood
+NULL_DISTANCE2 = 0.5    # squared distance of a beam without a partner, for the likelihood
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def scratch(beams):
-    """Return room for the ``pairs`` of that many beams."""
+def scratch(beams: int) -> FloatArray:
+    """Return an array for the ``pairs`` of that many beams."""
     return np.empty((beams // LANES + 1) * PAIRS)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _placed(x, y, c, s, frame, beams, pairs):
-    """Write the end points' places, in cells from the table's corner, where the first two terms will be."""
+def _placed(x: float, y: float, c: float, s: float, frame: FloatArray, beams: FloatArray, pairs: FloatArray) -> None:
+    """Write the positions of the end points, in cells from the table's corner, to the first two terms of each pair."""
     ox, oy, inv = frame[0], frame[1], frame[2]
     for first in range(0, beams.shape[1], LANES):
         block = first // LANES * PAIRS
@@ -61,10 +67,35 @@ def _placed(x, y, c, s, frame, beams, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def partners(x, y, theta, beams, grid, mean, hits, frame, pairs):
-    """Find for each end point the nearest mean hit point among the 3 x 3 cells around it.
+def partners(x: float, y: float, theta: float, beams: FloatArray, grid: Int32Array, mean: Uint16Array, hits: Uint8Array,
+             frame: FloatArray, pairs: FloatArray) -> int:
+    """Find for each end point the nearest mean hit point in the 3 x 3 cells around it.
 
-    Writes the beams that have one, and its place, into ``pairs``; returns how many.
+    Parameters
+    ----------
+    x : float
+        Position of the laser in ``map`` [m].
+    y : float
+        Position of the laser in ``map`` [m].
+    theta : float
+        Heading [rad].
+    beams : (7, B) float64
+        Beams; layout of ``match_kernels``.
+    grid : (H, W) int32
+        Tile table of one particle.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
+    pairs : (P,) float64
+        Written: beams with a partner, and its position.
+
+    Returns
+    -------
+    int
+        Number of beams with a partner.
     """
     c, s = math.cos(theta), math.sin(theta)
     rows, columns = grid.shape[0] << SHIFT, grid.shape[1] << SHIFT
@@ -78,7 +109,7 @@ def partners(x, y, theta, beams, grid, mean, hits, frame, pairs):
             continue
         ix, iy = int(fx), int(fy)
         best, best_x, best_y = 1e9, 0.0, 0.0
-        if 0 < (ix & MASK) < MASK and 0 < (iy & MASK) < MASK:       # all nine in one tile
+        if 0 < (ix & MASK) < MASK and 0 < (iy & MASK) < MASK:       # all nine cells are in one tile
             tile = grid[iy >> SHIFT, ix >> SHIFT]
             if tile < 0:
                 continue
@@ -116,15 +147,16 @@ def partners(x, y, theta, beams, grid, mean, hits, frame, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _terms(x, y, c, s, by_width, free, block, count, pairs):
-    """Write what each of ``count`` beams of a block adds to the normal equations."""
+def _terms(x: float, y: float, c: float, s: float, by_width: float, free: float, block: int, count: int,
+           pairs: FloatArray) -> None:
+    """Write the terms of the normal equations of ``count`` beams of a block."""
     for k in range(count):
         j = np.uint64(block + k)
         qx, qy, nx, ny = pairs[j], pairs[j + _QY], pairs[j + _NX], pairs[j + _NY]
         an, at, slide = pairs[j + _ARM_N], pairs[j + _ARM_T], pairs[j + _SLIDE] - free
         dx, dy = x + c * qx - s * qy - pairs[j + _TX], y + s * qx + c * qy - pairs[j + _TY]
         u = (dx * dx + dy * dy) * by_width
-        w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))       # exp(-u), close enough for a weight
+        w = 1.0 / (1.0 + u * (1.0 + u * (0.5 + u * 0.16666667)))       # approximates exp(-u)
         ex, ey = c * dx + s * dy, c * dy - s * dx
         rn, rt = nx * ex + ny * ey, nx * ey - ny * ex
         v = w * (slide if slide > 0.0 else 0.0)
@@ -140,13 +172,14 @@ def _terms(x, y, c, s, by_width, free, block, count, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _accumulate(x, y, theta, frame, pairs, found, width, free, h, g):
-    """Normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's own axes.
+def _accumulate(x: float, y: float, theta: float, frame: FloatArray, pairs: FloatArray, found: int, width: float,
+                free: float, h: FloatArray, g: FloatArray) -> None:
+    """Write the normal equations h (xx xy xt yy yt tt), g of the weighted point-to-line residuals, in the laser's axes.
 
-    ``free`` is taken off the weight of the tangential residuals.
+    ``free`` is subtracted from the weight of the tangential residuals.
     """
     c, s = math.cos(theta), math.sin(theta)
-    # the laser's place and the partners are both taken in metres from the table's corner
+    # positions of laser and partners are relative to the table's corner [m]
     x, y, by_width = x - frame[0], y - frame[1], 1.0 / width
     h0 = h1 = h2 = h3 = h4 = h5 = g0 = g1 = g2 = 0.0
     for first in range(0, found, LANES):
@@ -168,8 +201,23 @@ def _accumulate(x, y, theta, frame, pairs, found, width, free, h, g):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def solve(h, g, step):
-    """Solve the symmetric 3 x 3 system h (xx xy xt yy yt tt) * step = -g by Cholesky; False if it is not definite."""
+def solve(h: FloatArray, g: FloatArray, step: FloatArray) -> bool:
+    """Solve the symmetric 3 x 3 system h * step = -g by Cholesky factorisation.
+
+    Parameters
+    ----------
+    h : (6,) float64
+        Upper triangle (xx xy xt yy yt tt).
+    g : (3,) float64
+        Gradient.
+    step : (3,) float64
+        Written: solution.
+
+    Returns
+    -------
+    bool
+        False if the matrix is not positive definite.
+    """
     if not h[0] > 0.0:
         return False
     l00 = math.sqrt(h[0])
@@ -193,8 +241,11 @@ def solve(h, g, step):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _ratings(x, y, c, s, sigma, by_width, block, count, pairs):
-    """Write of each of ``count`` beams of a block the squared distance, the score's exponent and the robust weight."""
+def _ratings(x: float, y: float, c: float, s: float, sigma: float, by_width: float, block: int, count: int,
+             pairs: FloatArray) -> None:
+    """Write the squared distance, the exponent of the score and the robust weight of each of ``count`` beams of a
+    block.
+    """
     for k in range(count):
         j = np.uint64(block + k)
         qx, qy = pairs[j], pairs[j + _QY]
@@ -206,8 +257,9 @@ def _ratings(x, y, c, s, sigma, by_width, block, count, pairs):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _rate(x, y, theta, beams, frame, pairs, found, settings, row):
-    """Write score, log-likelihood and number of partners of a pose, of that many beams, into a result row."""
+def _rate(x: float, y: float, theta: float, beams: int, frame: FloatArray, pairs: FloatArray, found: int,
+          settings: FloatArray, row: FloatArray) -> None:
+    """Write score, log-likelihood and number of partners of a pose into a result row."""
     c, s = math.cos(theta), math.sin(theta)
     x, y = x - frame[0], y - frame[1]
     score, squared, kept = 0.0, NULL_DISTANCE2 * (beams - found), 0.0
@@ -224,8 +276,9 @@ def _rate(x, y, theta, beams, frame, pairs, found, settings, row):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _add_prior(x, y, theta, prediction, prior, per_variance, h, g):
-    """Bring normal equations to the scale of their variances, and add what holds the pose to ``prediction`` (3,)."""
+def _add_prior(x: float, y: float, theta: float, prediction: FloatArray, prior: FloatArray, per_variance: float,
+               h: FloatArray, g: FloatArray) -> None:
+    """Divide the normal equations by the variance of a beam, and add the prior at ``prediction`` (3,)."""
     c, s = math.cos(theta), math.sin(theta)
     px, py = x - prediction[0], y - prediction[1]
     turn = theta - prediction[2]
@@ -243,8 +296,10 @@ def _add_prior(x, y, theta, prediction, prior, per_variance, h, g):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row):
-    """``match_pose`` with room for the pairs and for the equations, ``sums`` (12,)."""
+def _match(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint16Array,
+           hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, pairs: FloatArray,
+           sums: FloatArray, row: FloatArray) -> None:
+    """``match_pose`` with scratch arrays for pairs and equations, ``sums`` (12,)."""
     h, g, step = sums[:6], sums[6:9], sums[9:12]
     per_variance = 1.0 / (settings[SPREAD] * settings[SPREAD])
     x, y, theta = start[0], start[1], start[2]
@@ -271,7 +326,7 @@ def _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, p
             settled = True
             break
         width = max(settings[NARROW], 0.5 * width)
-    if not settled:             # else a millimetre ago they were the same
+    if not settled:             # otherwise the pose has moved by less than a millimetre
         found = partners(x, y, theta, beams, grid, mean, hits, frame, pairs)
     _accumulate(x, y, theta, frame, pairs, found, settings[NARROW], settings[FREE], h, g)
     row[0], row[1] = x, y
@@ -282,24 +337,77 @@ def _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, p
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def match_pose(start, prediction, grid, beams, mean, hits, frame, prior, settings, row):
-    """Gauss-Newton match from ``start`` (3,) in one map, ``grid`` (H, W) of the table.
+def match_pose(start: FloatArray, prediction: FloatArray, grid: Int32Array, beams: FloatArray, mean: Uint16Array,
+               hits: Uint8Array, frame: FloatArray, prior: FloatArray, settings: FloatArray, row: FloatArray) -> None:
+    """Match a scan in one map by Gauss-Newton, from ``start``.
 
-    The cost is the robust point-to-line distance of the end points to the mean hit points nearest to them, plus the
-    distance from ``prediction`` (3,) measured with ``prior`` (3,), inverse variances along the predicted pose's axes.
-    The kernel's width halves from round to round, from wide to narrow.  The result ``row`` gets pose, score,
-    log-likelihood, partners and the information matrix (upper triangle, laser axes) of the scan alone, in which sliding
-    along straight walls counts for nothing: that weight steadies the search, it is no knowledge.
+    The cost is the robust point-to-line distance of the end points to their nearest mean hit points, plus the distance
+    from ``prediction`` weighted by ``prior``. The width of the robust kernel is halved in each round. The information
+    matrix in the result excludes sliding along straight walls: this weight only stabilises the search.
+
+    Parameters
+    ----------
+    start : (3,) float64
+        Start pose in ``map``.
+    prediction : (3,) float64
+        Pose predicted by odometry.
+    grid : (H, W) int32
+        Tile table of one particle.
+    beams : (7, B) float64
+        Beams; layout of ``match_kernels``.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
+    prior : (3,) float64
+        Inverse variances along the axes of the prediction.
+    settings : (7,) float64
+        WIDE, NARROW, ROUNDS, SPREAD, SIGMA, LSIGMA, FREE.
+    row : (13,) float64
+        Written: pose, score, log-likelihood, partners, cost and the scan's information (upper triangle, laser axes).
     """
     pairs, sums = scratch(beams.shape[1]), np.zeros(12)
     _match(start, prediction, grid, beams, mean, hits, frame, prior, settings, pairs, sums, row)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings, least, results):
-    """``match_pose`` for particles ``first`` to ``last`` - 1, each in its own map, into their rows of ``results``.
+def match_particles(starts: FloatArray, predictions: FloatArray, first: int, last: int, beams: FloatArray,
+                    table: Int32Array, mean: Uint16Array, hits: Uint8Array, frame: FloatArray, prior: FloatArray,
+                    settings: FloatArray, least: float, results: FloatArray) -> None:
+    """Run ``match_pose`` for some particles, each in its own map.
 
-    A match that scores ``least`` or less is not taken: the prediction stands, and the scan tells nothing of it.
+    A match with score ``least`` or less is rejected: the prediction is kept, without information.
+
+    Parameters
+    ----------
+    starts : (N, 3) float64
+        Start poses in ``map``.
+    predictions : (N, 3) float64
+        Poses predicted by odometry.
+    first : int
+        Particles ``first`` to ``last`` - 1.
+    last : int
+        Particles ``first`` to ``last`` - 1.
+    beams : (7, B) float64
+        Beams; layout of ``match_kernels``.
+    table : (N, H, W) int32
+        Tile of each particle at each place, -1 for none.
+    mean : (T, 256, 2) uint16
+        Mean hit point of each cell.
+    hits : (T, 256) uint8
+        Number of hits of each cell.
+    frame : (3,) float64
+        World x, y of the table's corner [m], cells per metre.
+    prior : (3,) float64
+        Inverse variances along the axes of the prediction.
+    settings : (7,) float64
+        As of ``match_pose``.
+    least : float
+        Score of a rejected match.
+    results : (N, 13) float64
+        Written: result rows.
     """
     pairs, sums = scratch(beams.shape[1]), np.zeros(12)
     for i in range(first, last):

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Matching scans with particles' maps: the fast matcher."""
+"""Scan matcher of the particle filter."""
+from __future__ import annotations
+
 import functools
+from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
@@ -12,25 +15,32 @@ from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
 from m2wr_gmapping.se2 import between
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.filter.tile_maps import TileMaps
+    from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_gmapping.workers import Workers
+
 WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
-ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for one that is tracked already
+ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for a tracked one
 SPREAD = 0.05                   # standard deviation of one beam for the information matrix [m]
 SEARCH_BEAMS = 60               # beams used by the window search
-SEARCH_REACH = 12.0             # farther end points take no part in the window search [m]
+SEARCH_REACH = 12.0             # farther end points are not used in the window search [m]
 SEARCH_STEP = 0.08              # step of the window search [m]
-SEARCH_PENALTY = 0.06           # taken off a beam's mean score at the edge of the window
-WINDOW_DEVIATIONS = 3.0         # half width of the search, in deviations of the odometry
-WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the match converges from there [m, rad]
-WINDOW_MOST = np.array([0.8, 0.9])      # a search beyond would take longer than a scan may [m, rad]
-PULL = 9.0                      # squared deviations by which a match may move off odometry without being doubted
-SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in deviations of a slip
-SLIP_CONTINUES = 0.05                 # a scan that was found so far from odometry may have been found after a slip [m, rad]
-SLIP_COST = 6.0                 # minus the logarithm of how often odometry slips
-MINIMUM_SCORE_CAP = 0.5         # of the beams: a minimumScore above that asks for more than most good matches have
+SEARCH_PENALTY = 0.06           # penalty on the mean score of a beam at the edge of the window
+WINDOW_DEVIATIONS = 3.0         # half width of the search, in standard deviations of odometry
+WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the match converges [m, rad]
+WINDOW_MOST = np.array([0.8, 0.9])      # limit for the time of a search [m, rad]
+PULL = 9.0                      # squared Mahalanobis distance from odometry above which a match is doubted
+SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in standard deviations of a slip
+SLIP_CONTINUES = 0.05       # difference from odometry that indicates a slip before this scan [m, rad]
+SLIP_COST = 6.0                 # negative logarithm of the probability of a slip
+MINIMUM_SCORE_CAP = 0.5         # share of the beams; most good matches do not reach a higher minimumScore
 
 
 class FastMatcher:
-    """Gauss-Newton on point-to-line distances, with a window search where that is not enough.
+    """Gauss-Newton on point-to-line distances, with a window search after long or doubtful steps.
 
     Parameters
     ----------
@@ -38,7 +48,7 @@ class FastMatcher:
     workers : Workers
     """
 
-    def __init__(self, config, workers):
+    def __init__(self, config: GmappingConfig, workers: Workers) -> None:
         self._workers = workers
         self._settings = np.zeros(mk.MATCH_SETTINGS)
         self._settings[mk.WIDE], self._settings[mk.NARROW] = WIDE, NARROW
@@ -48,19 +58,24 @@ class FastMatcher:
         self._particle_settings = self._settings.copy()
         self._particle_settings[mk.WIDE], self._particle_settings[mk.ROUNDS] = NARROW, PARTICLE_ROUNDS
 
-    def match(self, maps, reading, starts, predictions, prior, minimum_score):
+    def match(self, maps: TileMaps, reading: ScanReading, starts: FloatArray, predictions: FloatArray,
+              prior: FloatArray, minimum_score: float) -> FloatArray:
         """Match one scan in the map of every particle.
 
         Parameters
         ----------
         maps : TileMaps
+            Maps of the particles.
         reading : ScanReading
-        starts, predictions : (N, 3) float64
-            Where the search begins, and what the prior holds it to.
+            The scan.
+        starts : (N, 3) float64
+            Start poses in ``map``.
+        predictions : (N, 3) float64
+            Poses predicted by odometry.
         prior : (3,) float64
-            Inverse variances along the prediction's axes.
+            Inverse variances along the axes of the prediction.
         minimum_score : float
-            A particle whose match scores this or less keeps its prediction, of which nothing is known then.
+            A particle whose match has this score or less keeps its prediction, without information.
 
         Returns
         -------
@@ -71,7 +86,7 @@ class FastMatcher:
         least = min(minimum_score, MINIMUM_SCORE_CAP * beams.shape[1])
         table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._particle_settings
 
-        def work(first, last):
+        def work(first: int, last: int) -> None:
             mk.match_particles(starts, predictions, first, last, beams, table, mean, hits, frame, prior, settings,
                                least, results)
 
@@ -79,37 +94,66 @@ class FastMatcher:
         tk.project_all_onto_degenerate(results, predictions)      # see _tied
         return results
 
-    def match_one(self, maps, particle, reading, start, prediction, prior):
-        """Match in one particle's map; returns its result row (13,)."""
+    def match_one(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
+                  prior: FloatArray) -> FloatArray:
+        """Match in the map of one particle.
+
+        Parameters
+        ----------
+        maps : TileMaps
+            Maps of the particles.
+        particle : int
+            Index of the particle.
+        reading : ScanReading
+            The scan.
+        start : (3,) float64
+            Start pose in ``map``.
+        prediction : (3,) float64
+            Pose predicted by odometry.
+        prior : (3,) float64
+            Inverse variances along the axes of the prediction.
+
+        Returns
+        -------
+        (13,) float64
+            Result row of ``match_kernels``.
+        """
         row = np.empty(mk.RESULT_SIZE)
         mk.match_pose(start, prediction, maps.table[particle], reading.beams, maps.mean, maps.hits, maps.frame, prior,
                       self._settings, row)
         return row
 
-    def _tied(self, maps, particle, reading, start, prediction, prior):
-        """``match_one`` that keeps to the prediction along a plain wall.
+    def _tied(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
+              prior: FloatArray) -> FloatArray:
+        """``match_one``, projected onto the prediction along a plain wall.
 
-        There it would stay where it began, be it anywhere as after a search, and be drawn to where the wall's map ends.
+        There the match would stay at its start, which may come from a search, or move to the end of the wall's map.
         """
         row = self.match_one(maps, particle, reading, start, prediction, prior)
         tk.project_onto_degenerate(row, prediction)
         return row
 
-    def track(self, maps, particle, reading, ask, long, good_share):
-        """Match in one particle's map, and tell whether odometry has slipped.
+    def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: FloatArray, long: bool,
+              good_share: float) -> Tuple[FloatArray, bool]:
+        """Match in the map of one particle, and detect slip of odometry.
 
-        The scan is first matched with what odometry says and how far that is to be trusted, searching the window that
-        this leaves.  If the match is doubtful, a slip that odometry knows nothing of is tried as well; it must explain
-        so much more of the scan as a slip is rare.
+        The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
+        match is doubtful, a slip is tried as well. It must explain the scan better by the improbability of a slip.
 
         Parameters
         ----------
-        ask : (5, 3) float64
-            Where the match begins, and what odometry says; layout of ``tracking_kernels``.
+        maps : TileMaps
+            Maps of the particles.
+        particle : int
+            Index of the particle.
+        reading : ScanReading
+            The scan.
+        ask : (ASK_ROWS, 3) float64
+            Start of the match and pose by odometry; layout of ``track_layout``.
         long : bool
-            Whether the step since the last match was so long that a match may be caught beside the right place.
+            Whether the step since the last match was so long that a match may converge to a wrong pose.
         good_share : float
-            Share of the beams' best possible score below which the match is doubted.
+            Share of the beams below whose score the match is doubted.
 
         Returns
         -------
@@ -133,7 +177,7 @@ class FastMatcher:
         slipped, window = False, np.minimum(WINDOW_MOST, ask[tl.WINDOW, :2])
         wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
         plain, start = row[:3], ask[tl.START]
-        # wheels that go on slipping have slipped already where the scan before was found
+        # a continuous slip has already moved the start pose
         for centre in (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,):
             for begin in (plain, self.search(maps, particle, reading, centre, window)):
                 other = self._tied(maps, particle, reading, begin, centre, 1.0 / wide)
@@ -142,8 +186,28 @@ class FastMatcher:
                     row, best, slipped = other, cost, True
         return row, slipped
 
-    def search(self, maps, particle, reading, prediction, window):
-        """Return the pose (3,) of the best score within a window around the prediction."""
+    def search(self, maps: TileMaps, particle: int, reading: ScanReading, prediction: FloatArray,
+               window: Any) -> FloatArray:
+        """Search a window around the prediction.
+
+        Parameters
+        ----------
+        maps : TileMaps
+            Maps of the particles.
+        particle : int
+            Index of the particle.
+        reading : ScanReading
+            The scan.
+        prediction : (3,) float64
+            Pose predicted by odometry.
+        window : (2,) float64
+            Half widths [m, rad].
+
+        Returns
+        -------
+        (3,) float64
+            Pose with the best score.
+        """
         beams = reading.beams
         reach = np.hypot(beams[mk.QX], beams[mk.QY])
         turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
@@ -165,15 +229,15 @@ class FastMatcher:
         return best[:3]
 
 
-def _outwards(half_width, step):
+def _outwards(half_width: float, step: float) -> FloatArray:
     """Return multiples of ``step`` up to ``half_width``, from 0 outwards."""
     numbers = np.arange(2 * int(np.ceil(half_width / step)) + 1)
     return np.where(numbers % 2, -1, 1) * ((numbers + 1) // 2) * step
 
 
 @functools.lru_cache(maxsize=16)
-def _squares(count):
-    """Return x, y and squared length of the offsets within ``count`` steps, from the middle outwards; read only."""
+def _squares(count: int) -> FloatArray:
+    """Return x, y and squared length of the offsets within ``count`` steps, from the centre outwards; read only."""
     steps = _outwards(count * SEARCH_STEP, SEARCH_STEP)
     offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     squared = np.square(offsets).sum(axis=1)

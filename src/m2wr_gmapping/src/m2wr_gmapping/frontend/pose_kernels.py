@@ -1,30 +1,73 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Planar poses in kernels: x, y [m], heading [rad]."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Tuple
 
 from numba import njit
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def wrapped(angle):
+def wrapped(angle: float) -> float:
+    """Return an angle in [-pi, pi) [rad]."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def compose(a, b, out):
-    """Write the pose ``b``, given in the frame ``a``, in the frame in which ``a`` is given; ``out`` may be either."""
+def compose(a: Any, b: Any, out: FloatArray) -> None:
+    """Transform the pose ``b`` from the frame ``a`` into the parent frame of ``a``.
+
+    Parameters
+    ----------
+    a : (3,) float64 or tuple
+        Pose [m, m, rad].
+    b : (3,) float64 or tuple
+        Pose [m, m, rad].
+    out : (3,) float64
+        Written; may be ``a`` or ``b``.
+    """
     c, s = math.cos(a[2]), math.sin(a[2])
     out[0], out[1], out[2] = a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], wrapped(a[2] + b[2])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def between(a, b):
-    """Return the pose ``b`` as seen from ``a``, as three numbers."""
+def between(a: Any, b: Any) -> Tuple[float, float, float]:
+    """Return the pose ``b`` in the frame ``a``.
+
+    Parameters
+    ----------
+    a : (3,) float64 or tuple
+        Pose [m, m, rad].
+    b : (3,) float64 or tuple
+        Pose [m, m, rad].
+
+    Returns
+    -------
+    x, y, theta : float
+        [m, m, rad]
+    """
     c, s = math.cos(a[2]), math.sin(a[2])
     dx, dy = b[0] - a[0], b[1] - a[1]
     return c * dx + s * dy, c * dy - s * dx, wrapped(b[2] - a[2])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def exceeds(x, y, theta, limits):
+def exceeds(x: float, y: float, theta: float, limits: Any) -> bool:
+    """Return whether a motion is larger than its limits in any component.
+
+    Parameters
+    ----------
+    x : float
+        [m]
+    y : float
+        [m]
+    theta : float
+        [rad]
+    limits : tuple of 3 float
+        Limits [m, m, rad].
+    """
     return abs(x) > limits[0] or abs(y) > limits[1] or abs(theta) > limits[2]

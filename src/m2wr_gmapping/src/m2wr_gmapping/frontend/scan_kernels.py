@@ -1,32 +1,38 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surface normals of a scan's end points, from the end points themselves."""
+"""End points of a scan, and surface normals at the end points."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Tuple
 
 from numba import njit
 
-SPARSE, SPARSE_MOST = 1.6, 1.0       # reach by the distance of the nearest neighbour; most of it [m]
-STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line by that along it: of a wall with noise, and of a corner
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
+
+SPARSE, SPARSE_MOST = 1.6, 1.0       # reach in distances of the nearest neighbour; its maximum [m]
+STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line over spread along it: of a noisy wall, and of a corner
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def surface_normals(points, reach, side, limit, out):
+def surface_normals(points: FloatArray, reach: float, side: int, limit: float, out: FloatArray) -> None:
     """Fit a line through each end point and its neighbours along the scan.
 
     Parameters
     ----------
     points : (2, B) float64
-        End points in the order of their beams [m], laser frame.
+        End points in the order of their beams [m, laser frame].
     reach : float
-        Neighbours farther than this from the point, or beyond the first that is, do not belong to its surface [m];
-        where beams graze a wall and its points lie far apart, those a little farther than the nearest one do.
+        Greatest distance of a neighbour [m]. At grazing incidence, neighbours a little farther than the nearest one are
+        also used.
     side : int
-        Most neighbours taken on either side.
+        Greatest number of neighbours on either side.
     limit : float
-        Surfaces are seen up to here [m]. An end point with one neighbour stands alone, like a post, but not where a
-        third one would lie beyond: a wall goes on there, and what ends is the range.
+        Greatest range of the laser [m]. An end point with one neighbour is isolated, like a post, unless the next one
+        would be out of range: then the wall continues there.
     out : (3, B) float64
-        Written: unit normal x, y and straightness in [0, 1]; 0 where a point stands alone, with the direction to the
-        laser as normal.
+        Written: unit normal x, y and straightness in [0, 1]. An isolated point gets straightness 0 and the direction to
+        the laser.
     """
     count = points.shape[1]
     for b in range(count):
@@ -83,10 +89,23 @@ def surface_normals(points, reach, side, limit, out):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def with_normals(points, reach, side, limit, straight, beams):
-    """Write end points (2, B) and what their surface is like as beams (7, B), in the layout of ``match_kernels``.
+def with_normals(points: FloatArray, reach: float, side: int, limit: float, straight: float, beams: FloatArray) -> None:
+    """Write end points and their surfaces as beams, in the layout of ``match_kernels``.
 
-    ``reach``, ``side`` and ``limit`` are those of ``surface_normals``, ``straight`` weighs sliding along a wall.
+    Parameters
+    ----------
+    points : (2, B) float64
+        End points [m, laser frame].
+    reach : float
+        See ``surface_normals`` [m].
+    side : int
+        See ``surface_normals``.
+    limit : float
+        See ``surface_normals`` [m].
+    straight : float
+        Weight of the tangential residual on a straight wall.
+    beams : (7, B) float64
+        Written.
     """
     shape = beams[2:5]          # the third of these rows holds straightness until the lever arm takes its place
     surface_normals(points, reach, side, limit, shape)
@@ -99,31 +118,36 @@ def with_normals(points, reach, side, limit, straight, beams):
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def classify_ranges(ranges, directions, limits, skip, gap, points, used, rays, ray_hits):
-    """Sort ranges into end points, beams that only clear space, and nothing.
+def classify_ranges(ranges: FloatArray, directions: FloatArray, limits: FloatArray, skip: int, gap: float,
+                    points: FloatArray, used: BoolArray, rays: Float32Array, ray_hits: BoolArray) -> Tuple[int, int]:
+    """Classify ranges as end points, beams that only clear space, and invalid ones.
 
     Parameters
     ----------
     ranges : (B,) float64
-        [m], in the order of the directions; NaN and infinite ones see nothing.
+        Ranges in the order of the directions [m]; NaN and infinite ones are invalid.
     directions : (2, B) float64
         Cosines and sines of the beam angles.
     limits : (4,) float64
-        Ranges below the first [m] count as the second; those above the third count as nothing, those above the fourth
-        clear space only, up to there.
+        Ranges below the first [m] are replaced by the second. Those above the third are invalid. Those above the fourth
+        only clear space, up to the fourth.
     skip : int
         Beams left out of the matching between two used ones.
     gap : float
-        End points that follow one nearer than this [m] become one with it, their mean; 0: none. Leaving them out
-        would choose, where beams graze a wall, those that noise has moved on, and turn the wall.
-    points : (2, B) float64, used : (B,) bool
-        Written: end points [m], and which of them belong to the matching; of several in one the first decides.
-    rays : (2, B) float32, ray_hits : (B,) bool
-        Written: ends of all beams that clear space, and which of them mark their end.
+        End points closer than this to the one before are merged into their mean [m]; 0: none. Dropping them instead
+        would select points by their noise and rotate the wall.
+    points : (2, B) float64
+        Written: end points [m].
+    used : (B,) bool
+        Written: end points for the matching; of merged points the first one decides.
+    rays : (2, B) float32
+        Written: ends of all beams that clear space [m].
+    ray_hits : (B,) bool
+        Written: beams that mark their end as occupied.
 
     Returns
     -------
-    tuple of int
+    int
         Number of end points, and of beams that clear space.
     """
     count = seen = together = 0

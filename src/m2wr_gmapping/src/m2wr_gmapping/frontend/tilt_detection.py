@@ -1,54 +1,66 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether the laser is level: odometry that knows of roll and pitch tells when a robot rocks."""
+"""Detection of scans of a tilted laser, by the roll and pitch of odometry."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
-TILTED_SHARE = 0.3          # of a scan's end points that are lifted too far
-MAX_TILTED_DISTANCE = 1.0                 # a robot that rocks while it drives is level again within so much way [m]
-MAX_SLOPE = 0.2              # no ramp rises more than that a metre: the robot has tipped over, or leans on a wall
-MEMORY = 10.0               # way in which what is usual follows: a ramp, or a level that is a little off [m]
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+TILTED_SHARE = 0.3          # share of end points that are too high or too low
+MAX_TILTED_DISTANCE = 1.0                 # a driving robot that pitches is level again within this distance [m]
+MAX_SLOPE = 0.2              # steeper than any ramp: the robot has tipped over or leans on a wall [m/m]
+MEMORY = 10.0               # distance in which the reference slope adapts: to a ramp, or to a mounting error [m]
 
 
 class TiltDetector:
-    """Tells scans that were taken while the robot rocked from those that were not.
+    """Detects scans that were taken while the robot pitched or rolled.
 
-    A robot that brakes nods; its laser then looks at the floor, or at walls that lean where they lean. What counts is
-    the slope against the usual one, which follows where a robot drives on and stays tilted. Nods are not usual however
-    many there are: they all lead the same way, and would make level scans tilted ones. Nor is what lasts while the
-    robot stays where it is, or is too steep: it leans against something.
+    A braking robot pitches, and its laser may see the floor or other parts of inclined walls. The slope is compared
+    with a reference slope, which adapts while the robot drives and stays tilted, as on a ramp. Short pitching does not
+    change the reference, however often it happens. Nor does a tilt of a stopped robot, or one that is too steep for a
+    ramp.
 
     Parameters
     ----------
     lift : float
-        End points that much above or below where they would be else show something else [m].
+        Greatest vertical displacement of an end point that is accepted [m].
     reach : float
-        No end point lies farther away [m].
+        Greatest range of an end point [m].
 
     Attributes
     ----------
-    rocks : bool
-        Whether the newest scan was tilted, and the robot does not stay so.
+    is_rocking : bool
+        Whether the newest scan was tilted, and the robot is expected to become level again.
     """
 
-    def __init__(self, lift, reach):
+    def __init__(self, lift: float, reach: float) -> None:
         self._lift, self._reach = lift, reach
         self._reference = 0.0, 0.0
-        self._tilted_distance = 0.0                         # with all scans tilted, and none of them too much
+        self._tilted_distance = 0.0                         # travelled with all scans tilted, none of them too steeply
         self._excess, self._is_tilted = (0.0, 0.0), False
         self.is_rocking = False
 
-    def is_tilted(self, slope, points, distance):
-        """Take in one scan; return whether it is tilted.
+    def is_tilted(self, slope: Tuple[float, float], points: FloatArray, distance: float) -> bool:
+        """Add one scan.
 
         Parameters
         ----------
         slope : (2,) float
-            Rise of the laser's plane a metre, along its x and y.
+            Rise of the laser's plane along its x and y [m/m].
         points : (2, H) float64
             End points of the scan, in that plane [m].
         distance : float
-            Way since the scan before [m].
+            Distance travelled since the scan before [m].
+
+        Returns
+        -------
+        bool
+            Whether the scan is tilted.
         """
         usual_x, usual_y = self._reference
         more_x, more_y = self._excess = slope[0] - usual_x, slope[1] - usual_y
@@ -65,8 +77,8 @@ class TiltDetector:
         self._is_tilted = is_tilted
         return is_tilted
 
-    def level_part(self, reading):
-        """Return what the newest scan, a ScanReading, shows at the height of the laser; all of it if it is tilted."""
+    def level_part(self, reading: ScanReading) -> ScanReading:
+        """Return the part of the newest scan at the height of the laser, or all of it if the scan is tilted."""
         if self._is_tilted or math.hypot(*self._excess) * self._reach <= self._lift:
             return reading
         return reading.level_part(self._excess, self._lift)
