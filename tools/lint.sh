@@ -64,7 +64,9 @@ lint_ruff() {
 
 # Sections of docstrings. Not yet: m2wr_gmapping, m2wr_lockstep, m2wr_sim, m2wr_tools, m2wr_view, motion_plan, dropin/*.
 lint_docstrings() {
-    "$PYTHON" tools/check_docstrings.py src/m2wr_course/src src/m2wr_node/src src/m2wr_sim/src/m2wr_sim/plugins
+    "$PYTHON" tools/check_docstrings.py src/m2wr_course/src src/m2wr_node/src src/m2wr_sim/src/m2wr_sim/plugins \
+        src/m2wr_gmapping/src/m2wr_gmapping/backend src/m2wr_gmapping/src/m2wr_gmapping/filter \
+        src/m2wr_gmapping/src/m2wr_gmapping/frontend
 }
 
 # Types: setup.cfg says what is checked. Without the paths of a build, so that each checkout gives the same result.

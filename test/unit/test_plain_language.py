@@ -19,12 +19,15 @@ PENDING = ("src/m2wr_sim", "src/m2wr_gmapping", "src/m2wr_node", "src/m2wr_locks
            "docs/5_bug2.md", "docs/troubleshooting.md", "docs/how-to/gymnasium.md", "docs/how-to/pause_and_step.md",
            "docs/how-to/python.md", "docs/reference/mapping_evaluation.md", "docs/reference/mapping_nodes.md")
 #: Folders and files inside those above that are rewritten.
-DONE = ("src/m2wr_sim/src/m2wr_sim/plugins",)
-#: Parts of interfaces, which stay: a key of /diagnostics, also in recorded bags, and a value of ~lockstep_on_silence.
-INTERFACES = re.compile(r"touches of\b|\bgo_on\b")
+DONE = ("src/m2wr_sim/src/m2wr_sim/plugins", "src/m2wr_gmapping/CHANGELOG.rst",
+        "src/m2wr_gmapping/src/m2wr_gmapping/backend", "src/m2wr_gmapping/src/m2wr_gmapping/filter",
+        "src/m2wr_gmapping/src/m2wr_gmapping/frontend")
+#: Parts of interfaces, which stay: a key of /diagnostics, also in recorded bags, a value of ~lockstep_on_silence, and a
+#: name in state files of the mapper.
+INTERFACES = re.compile(r"touches of\b|\bgo_on\b|\"hindsight\"|_tracker[.]hindsight\b")
 #: Characters of a test's name, at most, and folders whose tests are not renamed yet.
 LONGEST_NAME = 60
-PENDING_NAMES = ("src/m2wr_sim", "src/m2wr_gmapping", "src/m2wr_view", "src/m2wr_description", "src/m2wr_node",
+PENDING_NAMES = ("src/m2wr_sim", "src/m2wr_view", "src/m2wr_description", "src/m2wr_node",
                  "src/m2wr_lockstep", "src/m2wr_tools")
 
 

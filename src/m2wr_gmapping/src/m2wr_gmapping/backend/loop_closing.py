@@ -231,7 +231,7 @@ class LoopCloser:
         self.wide_searches += 1
         place = place_search.wide_search(scene, old)
         found = None if place is None else self.graph.fine_match(scene, old, place.pose, place.reach)
-        if found is None:
+        if found is None or place is None:
             return None
         node, row, around, supported = found
         if place_search.occlusion_conflict(scene, row[:3], around) > THROUGH_MOST:

@@ -2,7 +2,7 @@
 """Extension of accepted loop closures along the path, and search for loop closures at older nodes."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -120,11 +120,11 @@ class LoopExtension:
         if not OLD < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
             return False
         link, pose, slides = self._search(path, along, readings, node, correction)
-        return (link is not None and not slides
-                and (_deviation(compose(correction, path[node]), pose) <= AGREEMENT).all())
+        return link is not None and not slides and bool(
+            (_deviation(compose(correction, path[node]), pose) <= AGREEMENT).all())
 
     def _search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
-                correction: Optional[FloatArray] = None) -> Tuple[Optional[Link], Optional[FloatArray], bool]:
+                correction: Optional[FloatArray] = None) -> Tuple[Optional[Link], Any, bool]:
         """Return ``near_link`` at a node; no link if there is no near node."""
         scene, near, _ = self._graph.scene(path, along, readings, node, correction)
         return self._graph.near_link(scene, near, NEAR_PATH) if len(near) else (None, None, False)

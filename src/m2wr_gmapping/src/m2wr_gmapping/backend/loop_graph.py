@@ -222,7 +222,7 @@ class LoopGraph:
         return shift, turn
 
     def near_link(self, scene: place_search.Scene, near: IndexArray,
-                  reach: float = 0.0) -> Tuple[Optional[Link], Optional[FloatArray], bool]:
+                  reach: float = 0.0) -> Tuple[Optional[Link], Any, bool]:
         """Search for a loop closure close to the present pose of the newest node.
 
         Parameters
@@ -249,7 +249,7 @@ class LoopGraph:
             return None, None, False
         node, row, _, supported = found
         # along a plain wall the scan fits best where old scans saw all of the wall, and a second search agrees
-        moved = (change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any()
+        moved = bool((change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any())
         slides = slides or ((reach > 0.0 or moved) and not is_observed(row))
         row[mk.INFORMATION:] = supported
         return link_of(scene.path, node, row, slides), row[:3].copy(), slides

@@ -111,7 +111,7 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     return int(around[0]), row, around, _supported_information(matcher, maps, reading, row)
 
 
-def _supported_information(matcher: FastMatcher, maps: TileMaps, reading: MergedScan, row: FloatArray) -> FloatArray:
+def _supported_information(matcher: FastMatcher, maps: TileMaps, reading: Any, row: FloatArray) -> FloatArray:
     """Return the information (6,) of a match that its cost supports along the weakest direction.
 
     Normals of noisy end points are inclined, so a plain wall seems to give information along itself. Real information

@@ -334,9 +334,9 @@ def survey(centre: FloatArray, points: FloatArray, turns: FloatArray, allowed: U
     count, half, width = points.shape[1], rating.shape[0] // 2, raster.shape[1]
     worth = np.empty(raster.size, np.int32)
     for k in range(worth.shape[0]):
-        value = np.int32(raster.flat[k])
-        known = value > 0 or seen.flat[k] > 0
-        worth[k] = (1 + against) * value - (against * CENTRE if known else 0)
+        occupied = np.int32(raster.flat[k])
+        known = occupied > 0 or seen.flat[k] > 0
+        worth[k] = (1 + against) * occupied - (against * CENTRE if known else 0)
     xs, ys, cells = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
     rating[:], turn[:], top = 0.0, 0.0, 0
     order = np.argsort(np.abs(turns))

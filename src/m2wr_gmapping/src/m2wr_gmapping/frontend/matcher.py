@@ -94,7 +94,7 @@ class FastMatcher:
         tk.project_all_onto_degenerate(results, predictions)      # see _tied
         return results
 
-    def match_one(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
+    def match_one(self, maps: TileMaps, particle: int, reading: Any, start: FloatArray, prediction: FloatArray,
                   prior: FloatArray) -> FloatArray:
         """Match in the map of one particle.
 

@@ -18,7 +18,7 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan_kernels import classify_ranges, with_normals
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
 
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
@@ -240,10 +240,15 @@ class ScanReading:
         Whether each of them marks its end as occupied.
     """
 
+    points: FloatArray
+    beams: FloatArray
+    rays: Float32Array
+    ray_hits: BoolArray
+
     def __init__(self, laser: LaserModel, ranges: FloatArray, skip: int, gap: float) -> None:
-        beams = ranges.size
-        points, used = np.empty((2, beams)), np.empty(beams, bool)
-        rays, ray_hits = np.empty((2, beams), np.float32), np.empty(beams, bool)
+        size = ranges.size
+        points, used = np.empty((2, size)), np.empty(size, bool)
+        rays, ray_hits = np.empty((2, size), np.float32), np.empty(size, bool)
         count, seen = classify_ranges(ranges, laser.directions, laser.limits, skip, gap, points, used, rays, ray_hits)
         # copies, because readings are stored for the whole run
         self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()

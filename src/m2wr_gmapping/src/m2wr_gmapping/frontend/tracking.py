@@ -13,7 +13,6 @@ from m2wr_gmapping.frontend import tracking_kernels as tk
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
-    from m2wr_gmapping.backend.odometry_recalibration import Recalibration
     from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.matcher import FastMatcher
@@ -59,7 +58,7 @@ class Tracker:
         Forward direction of the base in the laser's frame.
     """
 
-    def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, recalibration: Recalibration,
+    def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, recalibration: Any,
                  ahead: Any = (1.0, 0.0)) -> None:
         self._matcher, self._dense = matcher, dense
         self._track, self._ask = new_track(noise, ahead), np.zeros((tl.ASK_ROWS, 3))

@@ -87,9 +87,9 @@ TRACKER = Part({
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES},
-    ("_lift", "_reach"), {"_reference": "_usual", "_tilted_distance": "_way", "_excess": "_more", "_is_tilted":
-    "_tilted",
-                          "is_rocking": "rocks"})
+    ("_lift", "_reach"),
+    {"_reference": "_usual", "_tilted_distance": "_way", "_excess": "_more", "_is_tilted": "_tilted",
+     "is_rocking": "rocks"})
 _MAPPER = {
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,

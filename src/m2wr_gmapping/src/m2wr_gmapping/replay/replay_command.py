@@ -286,7 +286,7 @@ def prepare(options, parameters, node):
     settle = settle_time(parameters)
     asked = GmappingConfig.from_mapping(parameters)
     beginning, config = InitialState.from_files(asked, options.load_map, options.pose, options.load_state,
-                                             not options.new_odometry)
+                                                not options.new_odometry)
     replay = Replay(BagFile(options.bag_filename), options, config, beginning, settle, node)
     for label, names in (("unknown parameters, ignored", asked.unknown),
                          ("of the wrong kind, ignored", asked.unusable),

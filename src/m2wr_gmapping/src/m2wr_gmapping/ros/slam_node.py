@@ -368,7 +368,7 @@ def _prepare():
         warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
         state_file = ""
     beginning, config = InitialState.from_files(config, options.map_file, options.initial_pose, state_file,
-                                             options.odometry_runs_on)
+                                                options.odometry_runs_on)
     warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
     return (config, options, beginning, autosave), warnings
 
