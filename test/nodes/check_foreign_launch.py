@@ -155,8 +155,9 @@ class ForeignLaunch(unittest.TestCase):
         robot = data_path("foreign", "hauler_description", "urdf", "hauler.urdf.xacro")
         world = data_path("foreign", "hauler_gazebo", "worlds", "aisle.world")
         with self.run_launch("m2wr_sim", "sim.launch", "world:=" + world, "model:=" + robot, "name:=robot", "x:=1",
-                             "y:=-1", "yaw:=1.570796", "model_args:=gpu:=false", "gui:=false") as run:
+                             "y:=-1", "yaw:=1.570796", "model_args:=gpu=false", "gui:=false") as run:
             run.wait_for_models("robot")
+            self.assertNotIn("gpu_ray", rospy.get_param("robot_description"))
             odometry = self.listen("/hauler/odom", Odometry)
             pose = self.simulation.call("get_model_state", "robot", "").pose
             self.assertAlmostEqual(pose.position.x, 1.0, delta=0.02)
