@@ -22,7 +22,7 @@ def main(argv=None):
     add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
         help="pose of the map's frame in the world [m, rad] (0 0 0); the robot's start where odometry begins there")
     add("--picture", metavar="FILE.png", help="draw the map over the world")
-    add("--least", type=float, default=0.0, help="exit code 3 if less than this share of wall cells is right")
+    add("--least", type=float, default=0.0, help="exit code 3 if less than this share (0 to 1) of wall cells is right")
     options = parser.parse_args(rosgraph.myargv(sys.argv)[1:] if argv is None else argv)
     if options.live == (options.map is not None):
         parser.error("expected either MAP.yaml or --live")
