@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A node that is interrupted at any moment of its start ends."""
+"""A node ends when it is interrupted, at any moment of its start."""
 import os
 import signal
 import socket
@@ -40,14 +40,14 @@ rospy.spin()
 
 @pytest.fixture
 def begin():
-    """Return a function that starts the program, where a master is or none, and waits until it has said something."""
+    """Return a function that starts the program and waits for its first line, with or without a master."""
     started = []
 
     def make(word, port):
         environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:%d" % port)
         child = subprocess.Popen([sys.executable, "-u", "-c", PROGRAM, word], stdout=subprocess.PIPE,
                                  stderr=subprocess.STDOUT, env=environment, universal_newlines=True)
-        started.append((child, threading.Timer(60, child.kill)))       # what says nothing keeps no reader waiting
+        started.append((child, threading.Timer(60, child.kill)))       # a silent program does not block the reader
         started[-1][1].start()
         return child, child.stdout.readline()
     yield make
@@ -58,7 +58,7 @@ def begin():
 
 
 def rest_of(child):
-    """Return what a program says until it ends, beyond what was read, which ``communicate`` would lose."""
+    """Return the rest of a program's output until it ends; ``communicate`` would lose what is buffered."""
     said = child.stdout.read()
     child.wait()
     return said
@@ -66,7 +66,7 @@ def rest_of(child):
 
 @pytest.fixture
 def silent_master():
-    """Port of a master that takes connections and says nothing, as one under a debugger."""
+    """Port of a master that accepts connections and does not answer, as in a debugger."""
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen(10)
@@ -90,7 +90,7 @@ def test_an_address_that_is_none_is_told(uri):
 
 
 class DyingMaster(SimpleXMLRPCServer):
-    """Answers so many calls and is gone then; ``port`` is where."""
+    """Answers so many calls and then closes; ``port`` is its port."""
 
     def __init__(self, calls):
         super().__init__(("127.0.0.1", 0), logRequests=False)
@@ -135,7 +135,7 @@ def test_the_next_signal_ends_what_hangs_on_a_silent_master(begin, word):
         master.settimeout(30)
         child, _ = begin(word, master.getsockname()[1])
         connections = [master.accept()[0]]
-        while not connections[-1].recv(1):                  # somebody only looked whether there is a master
+        while not connections[-1].recv(1):                  # the first only tests whether there is a master
             connections.append(master.accept()[0])
         child.send_signal(signal.SIGINT)
         with pytest.raises(subprocess.TimeoutExpired):      # the thread that registers waits for an answer
@@ -157,14 +157,14 @@ def test_a_fault_of_its_own_is_told(begin, silent_master):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_the_thread_that_was_interrupted_goes_on(monkeypatch, number):
+def test_the_interrupted_thread_continues(monkeypatch, number):
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)            # whoever runs this may have nohup in front
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)            # this may run below nohup
     told = []
     monkeypatch.setattr(starting.rospy, "signal_shutdown", lambda reason: told.append(
         (reason, starting.threading.current_thread() is starting.threading.main_thread())))
     try:
-        starting.shut_down_beside()
+        starting.shut_down_in_thread()
         os.kill(os.getpid(), number)
         for thread in starting.threading.enumerate():
             if thread is not starting.threading.current_thread() and not thread.daemon:
@@ -180,7 +180,7 @@ def test_nohup_keeps_a_node_alive_when_its_terminal_goes():
     before = {number: signal.getsignal(number) for number in numbers}
     try:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        starting.shut_down_beside()
+        starting.shut_down_in_thread()
         assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     finally:
         for number, handler in before.items():

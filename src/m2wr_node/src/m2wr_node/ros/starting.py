@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Starting a node so that signals always end it."""
+"""Starting a node that signals can always end."""
 from __future__ import annotations
 
 import errno
@@ -16,23 +16,23 @@ import rosgraph
 import rosgraph.network
 import rosgraph.rosenv
 import rospy
-from rospy.impl import registration
 
-from m2wr_node.ros.acceptor import accept_side_by_side
+from m2wr_node.internals.registration_shutdown import stop_registering_when
+from m2wr_node.internals.server_acceptor import accept_concurrently
 
-LOOK = 0.2              # between two looks for a master [s], wall
-PATIENCE = 2.0          # a master that is there takes a connection within that time [s], wall
-STUCK = 2.0             # after so long [s], wall, a second signal ends a node whose shutdown does not get on
-_GONE = (ConnectionError, http.client.HTTPException, rospy.exceptions.ROSInitException)      # what its end ends in
+LOOK = 0.2              # s of wall time between two attempts to connect to the master
+PATIENCE = 2.0          # s of wall time in which a running master accepts a connection
+STUCK = 2.0             # s of wall time after which a second signal ends a node whose shutdown hangs
+_GONE = (ConnectionError, http.client.HTTPException, rospy.exceptions.ROSInitException)      # errors of a lost master
 _registered = threading.Event()
 
 
-def shut_down_beside() -> None:
-    """Let SIGINT, SIGTERM and, where nohup does not ignore it, SIGHUP shut ROS down on a thread of its own.
+def shut_down_in_thread() -> None:
+    """Make SIGINT, SIGTERM and, unless nohup ignores it, SIGHUP shut ROS down in a thread of its own.
 
-    rospy does it inside the signal, on the thread that may be publishing, or registering, at that very moment and then
-    waits for ever for a lock that it holds itself.  Where even the thread hangs, as on a master that takes calls and
-    does not answer, the next signal ends the process.
+    rospy shuts down in the signal handler.  The interrupted thread may be publishing or registering; rospy then waits
+    for a lock that this thread holds, and hangs.  If the new thread hangs too, for instance because the master accepts
+    calls and does not answer, the next signal ends the process.
     """
     begun: List[float] = []
 
@@ -47,9 +47,9 @@ def shut_down_beside() -> None:
 
 
 def note_signals() -> List[int]:
-    """Let the same signals only be noted, in the list returned, for a node that has to end in its own good time.
+    """Make the same signals only add their number to the list returned, for a node with a graceful shutdown.
 
-    One that hangs while it is being registered has begun nothing yet: there, too, the next signal ends the process.
+    A node that hangs during its registration has nothing to release; there the next signal ends the process too.
     """
     noted, begun = [], []
 
@@ -75,7 +75,7 @@ def _handle_signals(handler: Callable[[int, Any], object]) -> None:
 
 
 def _master() -> Tuple[str, Tuple[str, int]]:
-    """Return the master's URI as rospy takes it, and its (host, port); ValueError if it is no address."""
+    """Return the master's URI as rospy reads it, and its (host, port); ValueError if it is not an address."""
     uri = rosgraph.get_master_uri() or rosgraph.rosenv.DEFAULT_MASTER_URI
     try:
         address = rosgraph.network.parse_http_host_and_port(uri)
@@ -85,7 +85,7 @@ def _master() -> Tuple[str, Tuple[str, int]]:
     return uri, address
 
 
-def _takes_connections(address: Tuple[str, int]) -> bool:
+def _accepts_connections(address: Tuple[str, int]) -> bool:
     try:
         socket.create_connection(address, PATIENCE).close()
         return True
@@ -94,99 +94,98 @@ def _takes_connections(address: Tuple[str, int]) -> bool:
 
 
 def wait_for_master(name: str, asked: Callable[[], bool] = rospy.core.is_shutdown_requested) -> None:
-    """Return once the master takes connections; exits with 1 if ``asked()``, whether the node is to end, comes before.
+    """Return when the master accepts connections; exit with 1 if ``asked()`` becomes true before.
 
-    rospy waits as well, but with a lock held that its own end needs: who had forgotten roscore could not stop it.
-    Exits with 1, too, where ROS_MASTER_URI is no address: rospy would try it for ever.
+    rospy waits too, but holds a lock that its shutdown needs: without a roscore, the node could not be stopped.
+    Also exits with 1 if ROS_MASTER_URI is not an address; rospy would try it without end.
 
     Parameters
     ----------
     name : str
         Name of the node, for messages.
     asked : callable
-        Returns whether the node is to end.
+        Returns whether the node has to end.
     """
     try:
         uri, address = _master()
     except ValueError as error:
         sys.stderr.write("%s: %s\n" % (name, error))
         sys.exit(1)
-    told = False
+    reported = False
     while not asked():
-        if _takes_connections(address):
+        if _accepts_connections(address):
             return
-        if not told:
+        if not reported:
             sys.stderr.write("%s: no master answers at %s yet; waiting for roscore or roslaunch\n" % (name, uri))
             sys.stderr.flush()
-        told = True
+        reported = True
         time.sleep(LOOK)
     sys.exit(1)
 
 
 def master_gone(error: BaseException) -> Optional[str]:
-    """Return a sentence if an error came of a master that is there no more, else None."""
+    """Return a sentence if the cause of an error is a master that has gone, else None."""
     uri, address = _master()
-    if not isinstance(error, _GONE) or _takes_connections(address):
+    if not isinstance(error, _GONE) or _accepts_connections(address):
         return None
     return "the master at %s has gone (%s: %s)" % (uri, type(error).__name__, error)
 
 
-def _tell_of_master(name: str) -> None:
-    """Let an error that ends the program be told in one sentence, where it came of a master that has gone."""
-    otherwise = sys.excepthook
+def _report_lost_master(name: str) -> None:
+    """Print one sentence instead of a traceback if the program ends with an error because the master has gone."""
+    default = sys.excepthook
 
-    def tell(kind: Any, error: Any, trace: Any) -> None:
+    def report(kind: Any, error: Any, trace: Any) -> None:
         sentence = master_gone(error)
         if sentence is None:
-            otherwise(kind, error, trace)
+            default(kind, error, trace)
         else:
             sys.stderr.write("%s: %s\n" % (name, sentence))
 
-    sys.excepthook = tell
+    sys.excepthook = report
 
 
-def _hush_closed_sockets() -> None:
-    """Let a thread of rospy that looks at its socket just when the shutdown has closed it end without a traceback."""
-    otherwise = threading.excepthook
+def _suppress_closed_socket_errors() -> None:
+    """End a thread of rospy without a traceback if it uses a socket that the shutdown has just closed."""
+    default = threading.excepthook
 
-    def tell(words: Any) -> None:
-        closed = isinstance(words.exc_value, OSError) and words.exc_value.errno == errno.EBADF
+    def report(details: Any) -> None:
+        closed = isinstance(details.exc_value, OSError) and details.exc_value.errno == errno.EBADF
         if not (closed and rospy.core.is_shutdown_requested()):
-            otherwise(words)
+            default(details)
 
-    threading.excepthook = tell
+    threading.excepthook = report
 
 
 def register(name: str, asked: Callable[[], bool] = rospy.core.is_shutdown_requested, **options: Any) -> None:
-    """Register the node ``name``, with options of ``rospy.init_node``; whoever calls has seen to the signals.
+    """Register the node ``name``, with options of ``rospy.init_node``; the caller has set the signal handlers.
 
-    Exits with 1 if the node is told to end meanwhile.  A master that goes, then or later, is told in one sentence
-    where the error of it ends the program.
+    Exits with 1 if the node has to end before it is registered.  If the master is lost, then or later, and the error
+    ends the program, one sentence reports it.
 
     Parameters
     ----------
     name : str
     asked : callable
-        Tells whether the node is to end.  From then on, for the whole life of the node, nothing is registered with the
-        master any more: rospy tries a master that is gone again and again until it has shut down, with a lock held that
-        its shutdown needs.
+        Returns whether the node has to end.  When it does, rospy stops registering with the master, see
+        :mod:`m2wr_node.internals.registration_shutdown`.
     **options
     """
     wait_for_master(name, asked)
-    _tell_of_master(name)
-    _hush_closed_sockets()
-    registration.is_shutdown = asked
+    _report_lost_master(name)
+    _suppress_closed_socket_errors()
+    stop_registering_when(asked)
     try:
         rospy.init_node(name, disable_signals=True, **options)
-    except Exception:                   # of whatever kind: what it was doing was closed under it
+    except Exception:                   # of any kind: the shutdown closes what the registration uses
         if not asked():
             raise
         sys.exit(1)
     _registered.set()
-    accept_side_by_side()
+    accept_concurrently()
 
 
 def start_node(name: str, **options: Any) -> None:
     """Register the node ``name``, with options of ``rospy.init_node``; exits with 1 if it is interrupted meanwhile."""
-    shut_down_beside()
+    shut_down_in_thread()
     register(name, **options)

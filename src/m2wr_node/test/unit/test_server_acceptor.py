@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Newcomers that do not say who they are keep nobody waiting."""
+"""Peers that send no header do not block other peers."""
 import socket
 import struct
 import threading
@@ -7,12 +7,12 @@ import threading
 import pytest
 from rospy.impl.tcpros_base import TCPServer
 
-from m2wr_node.ros.acceptor import accept_side_by_side, header_is_there
+from m2wr_node.internals.server_acceptor import accept_concurrently, is_header_complete
 
 
 @pytest.fixture
 def server():
-    """Return a server as rospy's, that reads two bytes of each newcomer, and what they were as they come."""
+    """Return a server as rospy's that reads two bytes of each peer, with what it has read."""
     read, arrived = [], threading.Event()
 
     def receive(connection, _):
@@ -34,8 +34,8 @@ def connect(server, data=b""):
     return connection
 
 
-def test_a_newcomer_that_is_silent_or_says_half_keeps_nobody_out(server):
-    assert accept_side_by_side(server)
+def test_a_silent_peer_does_not_block_others(server):
+    assert accept_concurrently(server)
     silent = [connect(server), connect(server)]
     talker = connect(server, b"hi")
     assert server.arrived.wait(10.0) and server.read == [b"hi"]
@@ -48,8 +48,8 @@ def test_twenty_clients_may_wait_to_be_accepted(server):
     server.server_sock.close()
     listening = server.server_sock = socket.socket()
     listening.bind(("127.0.0.1", 0))
-    listening.listen(5)                                 # as rospy does; nobody accepts
-    accept_side_by_side(server)
+    listening.listen(5)                                 # as rospy does; none is accepted
+    accept_concurrently(server)
     waiting = [socket.create_connection(listening.getsockname(), timeout=0.5) for _ in range(20)]
     for connection in waiting + [listening]:
         connection.close()
@@ -57,11 +57,11 @@ def test_twenty_clients_may_wait_to_be_accepted(server):
 
 def test_a_server_that_a_shutdown_has_closed_is_no_error(server):
     server.server_sock.close()
-    assert accept_side_by_side(server)
+    assert accept_concurrently(server)
 
 
-def test_the_silent_one_is_heard_when_it_speaks(server):
-    accept_side_by_side(server)
+def test_a_silent_peer_is_read_when_it_sends(server):
+    accept_concurrently(server)
     late = connect(server)
     connect(server, b"on").close()
     assert server.arrived.wait(10.0)
@@ -75,21 +75,21 @@ def test_the_silent_one_is_heard_when_it_speaks(server):
                                          (b"\x05\0\0\0abcde", True), (b"\x05\0\0\0abcdefgh", True),
                                          (struct.pack("<I", 0xffffffff) + b"abc", False), (b"\0\0\0\0", False),
                                          (b"\0\0\0\0x", True)])
-def test_a_header_is_there_when_all_of_it_is(sent, whole):
+def test_a_header_is_complete_when_all_of_it_is(sent, whole):
     here, there = socket.socketpair()
     with here, there:
         here.settimeout(20.0)
         there.sendall(sent)
-        assert header_is_there(here) is whole
+        assert is_header_complete(here) is whole
         assert here.recv(99) == sent if sent else True      # nothing was taken
 
 
-def test_a_connection_that_is_gone_has_none():
+def test_a_closed_connection_has_no_header():
     here, there = socket.socketpair()
     there.close()
     with here:
-        assert header_is_there(here) is False
+        assert is_header_complete(here) is False
 
 
 def test_without_a_server_nothing_is_changed():
-    assert accept_side_by_side(object()) is False
+    assert accept_concurrently(object()) is False
