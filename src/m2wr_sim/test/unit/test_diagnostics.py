@@ -112,13 +112,13 @@ def test_two_statuses_a_second_of_wall_time(monkeypatch):
     assert simulation.level == topics.level == OK
     assert values["real-time factor"] == "1.00" and values["steps per second"] == "1000"
     assert values["/scan"] == "20.0 Hz, 20 Hz asked, 1 subscribers" and values["/odom"] == "not sent, 0 subscribers"
-    assert float(values["memory at its highest [MB]"]) > 1.0
+    assert float(values["peak memory [MB]"]) > 1.0
 
 
-def test_nothing_is_made_for_nobody(monkeypatch):
+def test_nothing_is_built_without_a_subscriber(monkeypatch):
     rig = Rig(monkeypatch)
     rig.simulator.ports.port.listened = False
-    monkeypatch.setattr(rig.told, "_simulation", lambda *_: pytest.fail("made for nobody"))
+    monkeypatch.setattr(rig.told, "_simulation", lambda *_: pytest.fail("built without a subscriber"))
     rig.run()
     assert rig.messages == []
 
@@ -172,7 +172,7 @@ def test_lockstep_says_what_it_waits_for(monkeypatch):
     rig = Rig(monkeypatch, 0.0, lockstep)
     rig.run()
     _, _, values = rig.newest()
-    assert values["share of the time in which others had their turns"] == "25 %" and values["lockstep ticks"] == "7"
+    assert values["share of time spent waiting for other nodes"] == "25 %" and values["lockstep ticks"] == "7"
     lockstep.answer = (False, 7, 0.25, [], ["the node /bug2"])
     rig.run(1.0, 0.0, 0)
     assert rig.newest()[0].level == WARN and "the node /bug2" in rig.newest()[0].message
@@ -186,14 +186,15 @@ def test_a_reset_does_no_harm(monkeypatch):
     assert rig.newest()[2]["steps per second"] == "0" and rig.newest()[2]["real-time factor"] == "0.00"
 
 
-def test_of_many_touches_at_once_some_are_told_and_the_rest_counted(monkeypatch):
+def test_of_many_new_contacts_some_are_logged_the_rest_counted(monkeypatch):
     rig, lines = Rig(monkeypatch), []
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: lines.append(text % values))
     rig.simulator.touches = [Touch(1, "a%d::l::c" % k, "b::l::c", (0.0, 0.0, 0.0), 0.001) for k in range(50)]
     for _ in range(2):
         rig.run()
-    assert len(lines) == 21 and lines[19].startswith("a19::l::c touches b::l::c at (0.00, 0.00, 0.00), 1.0 mm deep")
-    assert lines[20] == "and 30 more pairs touch for the first time"
+    assert len(lines) == 21 and lines[19].startswith(
+        "contact of a19::l::c and b::l::c at (0.00, 0.00, 0.00), 1.0 mm deep")
+    assert lines[20] == "and 30 more pairs are in contact for the first time"
     rig.simulator.touches.append(Touch(2, "a50::l::c", "b::l::c", (0.0, 0.0, 0.0), 0.001))
     rig.run()
-    assert len(lines) == 22 and lines[21].startswith("a50::l::c touches")
+    assert len(lines) == 22 and lines[21].startswith("contact of a50::l::c and")

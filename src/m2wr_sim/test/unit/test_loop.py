@@ -149,7 +149,7 @@ def test_single_steps_pass_only_while_paused(simulator):
             simulator.paused = False
             return running.loop.step(), simulator.now_ns
         told, now_ns = running.loop.call(resume)
-        assert "time is running" in told and now_ns == 3 * simulator.step_ns
+        assert "the simulation runs" in told and now_ns == 3 * simulator.step_ns
 
 
 def test_a_request_does_not_wait_for_a_slow_schedule(simulator):
@@ -213,7 +213,7 @@ def test_many_threads_ask_at_once(simulator):
     assert sorted(answers) == sorted(list(range(4)) * 50)
 
 
-def test_time_goes_on_from_zero_after_a_reset(simulator):
+def test_time_continues_from_zero_after_a_reset(simulator):
     with Running(simulator, factor=50.0) as running:
         running.wait(lambda: simulator.now_ns >= 300 * MS)
         running.loop.call(simulator.reset_simulation)
@@ -267,7 +267,7 @@ def test_a_request_that_waits_at_the_end_is_refused(simulator):
     assert outcome == ["refused"]
 
 
-def test_a_simulator_that_fails_ends_the_loop_and_frees_who_waits(simulator, monkeypatch):
+def test_a_failing_simulator_ends_the_loop_and_waiting_calls(simulator, monkeypatch):
     def fail(_):
         raise RuntimeError("solver exploded")
     monkeypatch.setattr(simulator, "advance", fail)
@@ -278,7 +278,7 @@ def test_a_simulator_that_fails_ends_the_loop_and_frees_who_waits(simulator, mon
         loop.call(lambda: None)
 
 
-def test_who_asks_is_freed_when_the_bodies_are_lost_on_the_way_to_the_present(simulator, monkeypatch):
+def test_a_call_ends_when_bodies_are_lost_while_it_waits(simulator, monkeypatch):
     """The engine was left behind; what it meets when a request makes it catch up ends the simulation."""
     def fail():
         raise SimError("a body is lost")
@@ -403,7 +403,7 @@ def flooded(monkeypatch, factor, step_cost, request_cost, requests, turns):
 
 
 @pytest.mark.parametrize("factor", [0.0, 1.0])
-def test_requests_take_no_more_time_than_steps_while_time_is_behind(monkeypatch, factor):
+def test_requests_and_steps_share_time_behind_schedule(monkeypatch, factor):
     events = flooded(monkeypatch, factor, step_cost=0.02, request_cost=0.004, requests=2000, turns=12)
     answered = [event for event in events if event != "step"]
     assert answered == list(range(len(answered))), "not in the order in which they came"
@@ -414,7 +414,7 @@ def test_requests_take_no_more_time_than_steps_while_time_is_behind(monkeypatch,
     assert max(map(len, runs)) * 0.004 <= 10 * 0.02 + 0.004     # as long as a batch, and one request more
 
 
-def test_a_request_is_answered_after_the_next_step_while_others_have_not_held_time_up(monkeypatch):
+def test_a_request_is_answered_after_the_next_step(monkeypatch):
     wall = Wall()
     monkeypatch.setattr(time, "monotonic", wall)
     monkeypatch.setattr(time, "thread_time", wall)

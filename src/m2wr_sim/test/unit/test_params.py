@@ -97,7 +97,7 @@ def test_worlds_are_found_by_path_then_in_the_folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("text, number", [("1e-3", 0.001), ("2E-3", 0.002), ("5.e-3", 0.005)])
-def test_a_number_with_an_exponent_may_be_written_without_dot_and_sign(text, number):
+def test_a_number_with_an_exponent_needs_no_dot_and_no_sign(text, number):
     """YAML takes it for a text."""
     assert read_config({"step": text})[0].step == number
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every number of every service at the ends of its type: an answer, and a simulation that goes on, all finite."""
+"""Every number of every service at the ends of its type: an answer, and a simulation that continues, all finite."""
 import math
 from types import SimpleNamespace
 

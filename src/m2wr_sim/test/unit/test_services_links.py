@@ -87,7 +87,7 @@ def test_texts_of_set_link_state(make_api, request_, text):
 
 
 @pytest.mark.parametrize("as_gazebo, expected", [(True, (1.0, -2.0, 0.0)), (False, (0.0, 3.0, 0.0))])
-def test_velocity_in_a_frame_as_gazebo_has_it_and_as_it_should_be(make_api, as_gazebo, expected):
+def test_velocity_in_a_frame_as_in_gazebo_and_correct(make_api, as_gazebo, expected):
     rig, api = make_api(as_gazebo)
     assert api.set_link_state(link_state("a::link", 1.0, linear=(1.0, 0.0, 0.0), frame="b::link")).success
     state = rig.simulator.models["a"].state(rig.engine)
@@ -108,7 +108,7 @@ def test_properties_of_a_link(make_api):
 
 
 @pytest.mark.parametrize("as_gazebo, expected", [(True, 0.1), (False, 0.05)])
-def test_a_mass_that_is_set_is_read_back_and_acts_only_where_the_fault_is_not_kept(make_api, as_gazebo, expected):
+def test_a_mass_is_read_back_and_acts_only_without_the_fault(make_api, as_gazebo, expected):
     rig, api = make_api(as_gazebo)
     wanted = srv.SetLinkPropertiesRequest("a::link", Pose(), False, 4.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
     answer = api.set_link_properties(wanted)
@@ -117,7 +117,7 @@ def test_a_mass_that_is_set_is_read_back_and_acts_only_where_the_fault_is_not_ke
     api.apply_body_wrench(wrench("a::link"))
     rig.run(0.2)
     assert rig.simulator.models["a"].state(rig.engine).linear_velocity[0] == pytest.approx(expected)
-    wanted.link_name = "nobody"
+    wanted.link_name = "unknown"
     assert api.set_link_properties(wanted).status_message == "SetLinkProperties: link not found, " + SCOPE
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Performance metrics: rates between two messages, at most five a second, and nothing while nobody listens."""
+"""Performance metrics: rates between two messages, at most five a second, and nothing without a subscriber."""
 import pytest
 
 from m2wr_sim.ros.gazebo_services.performance import Performance
@@ -26,7 +26,7 @@ def test_rates_of_world_and_laser(metrics):
     assert laser.fps == -1.0
 
 
-def test_at_most_five_a_second_and_only_while_somebody_listens(metrics):
+def test_at_most_five_per_second_and_only_with_a_subscriber(metrics):
     rig, performance, hands = metrics
     port = rig.ports.topics["/~performance_metrics"]
     for tick in range(1, 101):

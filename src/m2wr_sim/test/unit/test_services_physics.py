@@ -41,7 +41,7 @@ def test_defaults_are_those_of_a_world_without_physics(api):
     assert answer.ode_config == ODEPhysics(False, 0, 50, 1.3, 0.0, 0.001, 100.0, 0.0, 0.2, 20)
 
 
-def test_what_is_set_is_read_back_but_for_what_gazebo_never_tells(api):
+def test_values_are_read_back_except_those_gazebo_omits(api):
     answer = api.set_physics_properties(wanted())
     assert (answer.success, answer.status_message) == (True, "physics engine updated")
     back = api.get_physics_properties(None)

@@ -22,7 +22,7 @@ def test_names_kinds_and_ranges_are_those_of_gazebo():
         "contact_max_correcting_vel": (float, 0.0, 1e7), "max_contacts": (int, 0, 10000000)}
 
 
-def test_values_are_the_physics_and_lead_back_to_it():
+def test_values_and_physics_convert_to_each_other():
     physics = Physics(0.002, 250.0, (1.0, 2.0, 3.0), 5, iters=70, precon_iters=2, sor=1.1, cfm=0.1, erp=0.3,
                       contact_max_correcting_vel=7.0, contact_surface_layer=0.02)
     values = dynamic.values_of(physics)
@@ -71,7 +71,7 @@ def served(monkeypatch):
                            changes=changes)
 
 
-def test_what_is_beyond_its_range_stays_as_it_is_unless_it_is_touched(served):
+def test_a_value_beyond_its_range_stays_unless_it_is_changed(served):
     """Five times real time at 1 ms is 5000 steps a second, which dynamic_reconfigure brings down to 1000."""
     served.server.update_configuration({})
     assert served.changes == []
@@ -82,7 +82,7 @@ def test_what_is_beyond_its_range_stays_as_it_is_unless_it_is_touched(served):
     assert served.server.config["max_update_rate"] == 200.0 and served.server.config["gravity_z"] == -1.0
 
 
-def test_telling_sets_nothing_when_somebody_else_sets_a_number_meanwhile(served):
+def test_notify_sets_nothing_while_a_client_sets_values(served):
     """Two services set the physics one after the other; the first one tells of it only then."""
     served.simulator.physics = replace(served.simulator.physics, max_step_size=0.002)
     call = served.loop.call
@@ -92,13 +92,13 @@ def test_telling_sets_nothing_when_somebody_else_sets_a_number_meanwhile(served)
         return call(function)
 
     served.loop.call = late
-    served.reconfigure.tell()
+    served.reconfigure.notify()
     served.loop.call = call
-    served.reconfigure.tell()
+    served.reconfigure.notify()
     assert served.changes == [] and served.server.config["time_step"] == served.simulator.physics.max_step_size
 
 
-def test_a_change_leaves_alone_what_a_service_has_set_and_not_yet_told(served):
+def test_a_change_keeps_values_that_a_service_has_just_set(served):
     served.simulator.physics = replace(served.simulator.physics, max_step_size=0.002)
     served.server.update_configuration({"gravity_z": -1.0})
     assert served.simulator.physics.max_step_size == 0.002 and served.simulator.physics.gravity[2] == -1.0

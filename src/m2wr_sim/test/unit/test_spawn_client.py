@@ -142,14 +142,14 @@ def test_the_database_means_an_include():
     assert "<include><uri>model://construction_barrel</uri></include>" in text and text.startswith("<sdf")
 
 
-def test_the_name_of_a_database_model_cannot_break_out_of_its_element():
+def test_the_name_of_a_database_model_is_escaped():
     text = read_description(parse(["-sdf", "-database", "a</uri><static>1</static>&", "-model", "m"]))
     assert "<uri>model://a&lt;/uri&gt;" in text and "<static>" not in text
 
 
 # -- normalising --------------------------------------------------------------------------------------------------
 
-def test_declaration_and_comments_go_and_other_letters_become_references():
+def test_declaration_and_comments_go_text_becomes_ascii():
     text = ('<?xml version="1.0" encoding="UTF-8"?><!-- first -->'
             '<robot name="r\u00e9"><!-- inner --><link name="l"/></robot>')
     assert normalise(text) == '<robot name="r&#233;"><link name="l"/></robot>'

@@ -93,7 +93,7 @@ def test_surface_in_a_urdf_counts_as_the_parameter_says(make_rig, caplog, mode, 
     assert ("is not read" if mode == "gazebo" else "are applied here") in caplog.text
 
 
-def test_the_collector_rests_while_a_long_text_is_read_and_works_again_after_a_failure(rig, monkeypatch):
+def test_garbage_collection_is_off_while_a_long_text_is_read(rig, monkeypatch):
     monkeypatch.setattr(spawning, "_LONG_TEXT", 10)
     states = []
     original = spawning.load_sdf
@@ -105,7 +105,7 @@ def test_the_collector_rests_while_a_long_text_is_read_and_works_again_after_a_f
     gc.unfreeze()
 
 
-def test_a_model_with_bad_parts_is_spawned_and_one_of_which_nothing_is_left_is_refused(rig, caplog):
+def test_a_model_with_bad_parts_is_spawned_an_empty_one_refused(rig, caplog):
     assert rig.spawner.spawn_sdf_model(request(SDF % LINK % ("l", "<pyramid/>"))).success
     assert 'unknown geometry "pyramid"' in caplog.text and "this collision is left out" in caplog.text
     answer = rig.spawner.spawn_sdf_model(request(
@@ -115,9 +115,9 @@ def test_a_model_with_bad_parts_is_spawned_and_one_of_which_nothing_is_left_is_r
     assert list(rig.simulator.models)[-1] == "thing"
 
 
-# ---- text that somebody else sent
+# ---- untrusted text
 
-def test_xacro_over_a_service_is_refused_with_the_command_to_run_first(rig, tmp_path):
+def test_xacro_over_a_service_is_refused_with_a_hint(rig, tmp_path):
     target = tmp_path / "owned"
     text = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="'
             '${(lambda: open(\'%s\', \'w\'))()}"/></robot>' % target)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The edge to ROS: parameters, topics, services."""
+"""The interface to ROS: parameters, topics, services."""

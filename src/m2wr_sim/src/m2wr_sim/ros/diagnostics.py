@@ -1,53 +1,57 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the simulation says about itself on ``/diagnostics``.  Nothing is counted in steps, nothing made for nobody."""
+"""The state of the simulation on ``/diagnostics``; nothing is built without a subscriber."""
 import time
+from typing import Any, Dict, List, Optional, Set, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from m2wr_sim.process_memory import memory_mb
 from m2wr_sim.ros.convert import stamp_of
+from m2wr_sim.runtime.simulator import Simulator
 
 _PERIOD = 1.0           # s of wall time
-_SHARE = 0.9            # of a rate; what stays below is told
-_TOLD = 20              # touches that are logged one by one at a time
-_ENOUGH = 20            # messages that should have come before a rate is judged
+_SHARE = 0.9            # of a rate; lower rates are reported
+_MOST_LOGGED = 20       # new contacts that are logged one by one at a time
+_ENOUGH = 20            # messages expected before a rate is judged
 
 
-def _memory():
-    """Return ``[(name, MB), ...]`` of this process's memory now and at its highest, as far as the system tells."""
-    figures = ("memory [MB]", memory_mb("VmRSS")), ("memory at its highest [MB]", memory_mb("VmHWM"))
+def _memory() -> List[Tuple[str, str]]:
+    """Return ``[(name, MB), ...]`` of this process's memory now and at its peak, as far as the system reports them."""
+    figures = ("memory [MB]", memory_mb("VmRSS")), ("peak memory [MB]", memory_mb("VmHWM"))
     return [(name, "%.0f" % size) for name, size in figures if size]
 
 
 class Diagnostics:
-    """Publishes two statuses a second of wall time; :meth:`turn` is called often and mostly does nothing.
+    """Publishes two statuses per second of wall time; :meth:`turn` is called often and usually does nothing.
 
     Parameters
     ----------
     simulator : Simulator
     factor : float
-        Real-time factor wanted; 0: as fast as it can.
+        Requested real-time factor; 0: as fast as possible.
     lockstep : Lockstep, optional
     """
 
-    def __init__(self, simulator, factor, lockstep=None):
+    def __init__(self, simulator: Simulator, factor: float, lockstep: Any = None) -> None:
         self._simulator, self._factor, self._lockstep = simulator, factor, lockstep
         self._publisher = simulator.ports.advertise("/diagnostics", DiagnosticArray, 10, "")
         self._last = (time.monotonic(), simulator.now_ns, simulator.steps)
-        self._run_seconds = self._run_sim_ns = 0
+        self._run_seconds, self._run_sim_ns = 0.0, 0
+        self._reported: Set[Tuple[str, str]]
         self._messages, self._seen, self._reported = simulator.engine.solver_messages, 0, set()
-        self._lost, self._traffic, self._waited = 0, None, 0.0
+        self._lost, self._waited = 0, 0.0
+        self._traffic: Optional[Tuple[int, Dict[str, Tuple[int, int]]]] = None
 
-    def set_factor(self, factor):
-        """Judge by another real-time factor from now on."""
+    def set_factor(self, factor: float) -> None:
+        """Compare with another real-time factor from now on."""
         self._factor = factor
 
-    def turn(self):
-        """Publish if a second has passed, and at once when something has been touched for the first time."""
+    def turn(self) -> None:
+        """Publish if a second has passed, and at once when a pair is in contact for the first time."""
         wall = time.monotonic()
         elapsed = wall - self._last[0]
-        if not self._report_touches() and elapsed < _PERIOD:
+        if not self._report_contacts() and elapsed < _PERIOD:
             return
         simulator = self._simulator
         advanced_ns, steps = simulator.now_ns - self._last[1], simulator.steps - self._last[2]
@@ -56,7 +60,7 @@ class Diagnostics:
             self._run_seconds += elapsed
             self._run_sim_ns += advanced_ns
         if not self._publisher.wanted():
-            self._traffic = None            # rates count between two messages
+            self._traffic = None            # rates are computed between two messages
             return
         elapsed = max(elapsed, 1e-6)
         array = DiagnosticArray(status=[self._simulation(elapsed, max(0, advanced_ns), max(0, steps)), self._topics()])
@@ -65,7 +69,7 @@ class Diagnostics:
 
     # ---- the simulation ------------------------------------------------------------------------------------------
 
-    def _simulation(self, elapsed, advanced_ns, steps):
+    def _simulation(self, elapsed: float, advanced_ns: int, steps: int) -> DiagnosticStatus:
         simulator, factor = self._simulator, advanced_ns * 1e-9 / elapsed
         messages = simulator.engine.solver_messages
         new_messages, self._messages = messages - self._messages, messages
@@ -88,29 +92,29 @@ class Diagnostics:
         return DiagnosticStatus(name="m2wr_sim: simulation", hardware_id="simulation", level=level, message=message,
                                 values=[KeyValue(key, value) for key, value in values])
 
-    def _lockstep_values(self, elapsed):
+    def _lockstep_values(self, elapsed: float) -> List[Tuple[str, str]]:
         if self._lockstep is None:
             return []
         is_open, ticks, waited, lost, missing = self._lockstep.status()
         new, self._waited = waited - self._waited, waited
-        return [("lockstep", "time passes" if is_open else "time stands still"), ("lockstep ticks", str(ticks)),
-                ("share of the time in which others had their turns", "%.0f %%" % (100.0 * min(1.0, new / elapsed))),
-                ("lockstep goes on without", ", ".join(lost) or "nobody"),
-                ("lockstep waits for", "; ".join(missing) or "nobody")]
+        return [("lockstep", "running" if is_open else "waiting"), ("lockstep ticks", str(ticks)),
+                ("share of time spent waiting for other nodes", "%.0f %%" % (100.0 * min(1.0, new / elapsed))),
+                ("lockstep without", ", ".join(lost) or "none"),
+                ("lockstep waits for", "; ".join(missing) or "none")]
 
-    def _judge(self, factor, new_messages, new_lost, off):
+    def _judge(self, factor: float, new_messages: int, new_lost: int, off: List[str]) -> Tuple[int, str]:
         if off:
             return DiagnosticStatus.ERROR, "switched off after a fault: %s" % ", ".join(off)
         if self._simulator.paused:
             return DiagnosticStatus.OK, "paused"
         if new_messages > 10:
-            return DiagnosticStatus.WARN, "the solver complains: %d messages in the last second" % new_messages
+            return DiagnosticStatus.WARN, "the solver wrote %d messages in the last second" % new_messages
         if new_lost > 0:
             return DiagnosticStatus.WARN, "subscribers read too slowly: %d messages dropped" % new_lost
         if self._lockstep is not None:
             is_open, _, _, _, missing = self._lockstep.status()
             if not is_open:
-                return DiagnosticStatus.WARN, "lockstep: time stands still, waiting for %s" % (
+                return DiagnosticStatus.WARN, "lockstep: simulation waits for %s" % (
                     "; ".join(missing) or "all nodes to be connected")
         if self._factor and factor < _SHARE * self._factor:
             return DiagnosticStatus.WARN, "slower than wanted: %.2f instead of %g" % (factor, self._factor)
@@ -118,8 +122,8 @@ class Diagnostics:
 
     # ---- its topics ----------------------------------------------------------------------------------------------
 
-    def _topics(self):
-        """Return the status of what is published: asked and achieved rate in simulated time, by topic."""
+    def _topics(self) -> DiagnosticStatus:
+        """Return the status of the topics: requested and measured rate in simulated time."""
         before, now_ns, traffic = self._traffic, self._simulator.now_ns, self._simulator.ports.traffic()
         self._traffic = (now_ns, traffic)
         seconds = (now_ns - before[0]) * 1e-9 if before else 0.0
@@ -132,8 +136,8 @@ class Diagnostics:
             if wanted:
                 words.append("%.4g Hz asked" % wanted)
             values.append((topic, ", ".join(words + ["%d subscribers" % listeners])))
-            if wanted and rate is not None and listeners and before[1].get(topic, (0, 0))[1]:
-                # some plugins count a period from the step at which they acted, up to one step late
+            if wanted and rate is not None and listeners and before and before[1].get(topic, (0, 0))[1]:
+                # some plugins count a period from the step at which they ran, up to one step late
                 least = _SHARE / (1.0 / wanted + self._simulator.step_ns * 1e-9)
                 if wanted * seconds >= _ENOUGH and rate < least:
                     slow.append("%s %.1f instead of %.4g Hz" % (topic, rate, wanted))
@@ -143,35 +147,35 @@ class Diagnostics:
             message="below their rates of simulated time: " + ", ".join(slow) if slow else "%d topics" % len(traffic),
             values=[KeyValue(key, value) for key, value in values])
 
-    def _asked(self):
-        """Return the rate [Hz of simulated time] that descriptions ask for, by topic; none for one message a step."""
-        rates = {}
+    def _asked(self) -> Dict[str, float]:
+        """Return {topic: requested rate [Hz of simulated time]}, without topics that publish every step."""
+        rates: Dict[str, float] = {}
         for model in self._simulator.models.values():
             for plugin, context, _ in model.plugins:
                 period_ns = plugin.period_ns()
                 if period_ns:
-                    rate = 1e9 / max(period_ns, self._simulator.step_ns)    # work is due only when a step ends
+                    rate = 1e9 / max(period_ns, self._simulator.step_ns)    # plugins run only at the end of a step
                     rates.update((topic, rate) for topic in context.topics())
         return rates
 
-    # ---- touches -------------------------------------------------------------------------------------------------
+    # ---- contacts ------------------------------------------------------------------------------------------------
 
-    def _report_touches(self):
-        """Log the first touch of each pair, so that a bump does not go unseen; return whether there was one."""
+    def _report_contacts(self) -> bool:
+        """Log the first contact of each pair; return whether there was one."""
         touches = self._simulator.touches
         if len(touches) < self._seen:       # the simulation was reset
             self._seen, self._reported = 0, set()
-        told = 0
+        new = 0
         for touch in touches[self._seen:]:
             pair = (touch.first, touch.second)
             if pair not in self._reported:
-                told += 1
+                new += 1
                 self._reported.add(pair)
-                if told > _TOLD:
+                if new > _MOST_LOGGED:
                     continue
-                rospy.logwarn("%s touches %s at (%.2f, %.2f, %.2f), %.1f mm deep, at %.2f s", touch.first, touch.second,
+                rospy.logwarn("contact of %s and %s at (%.2f, %.2f, %.2f), %.1f mm deep, at %.2f s", *pair,
                               *touch.position, 1000.0 * touch.depth, self._simulator.now_ns * 1e-9)
-        if told > _TOLD:
-            rospy.logwarn("and %d more pairs touch for the first time", told - _TOLD)
+        if new > _MOST_LOGGED:
+            rospy.logwarn("and %d more pairs are in contact for the first time", new - _MOST_LOGGED)
         self._seen = len(touches)
-        return told > 0
+        return new > 0

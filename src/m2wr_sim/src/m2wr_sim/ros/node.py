@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulation node: parameters in, world up, loop until told to stop."""
+"""The simulation node: reads parameters, loads the world, runs the loop until it is stopped."""
 import gc
 import logging
 import os
@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 from dataclasses import replace
+from typing import Any, Callable, List, Optional, Tuple
 
 import rosgraph
 import rospy
@@ -19,8 +20,9 @@ from m2wr_node.internals.ros_time import make_own_clock
 from m2wr_node.ros.is_there import alive
 from m2wr_node.ros.starting import master_gone, register
 from m2wr_sim.errors import ModelError, ParameterError, SimError, WorldError
+from m2wr_sim.model.model_folders import ModelFolders
 from m2wr_sim.model.sdf.loader import load_world
-from m2wr_sim.model.types import Physics
+from m2wr_sim.model.types import Physics, World
 from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.plugins.world_states import WorldStates
@@ -30,7 +32,7 @@ from m2wr_sim.ros.gazebo_services.performance import Performance
 from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.lockstep_ports import LockstepPorts, lockstep_settings
 from m2wr_sim.ros.loop import Loop
-from m2wr_sim.ros.params import private_parameters, read_config
+from m2wr_sim.ros.params import NodeConfig, private_parameters, read_config
 from m2wr_sim.ros.ports import RosPorts
 from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
@@ -42,13 +44,13 @@ from m2wr_sim.warm_up import warm_up
 log = logging.getLogger("m2wr_sim")
 _LOGGERS = ("m2wr_sim", "m2wr_lockstep", "m2wr_node")
 
-_END_PATIENCE = 5.0             # s for the loop to end before ROS closes the topics under it
+_END_PATIENCE = 5.0             # s for the loop to end before ROS closes its topics
 _TRUTH_RATE = 20.0              # Hz of simulated time
-_SWITCH_INTERVAL = 0.0005       # s; the loop must not keep rospy's threads waiting for Python's default of 5 ms
+_SWITCH_INTERVAL = 0.0005       # s; with Python's default of 5 ms the loop would delay rospy's threads
 
 
-def _log_through_rospy():
-    """Send the log lines of the simulator's packages to the screen and to /rosout."""
+def _log_through_rospy() -> None:
+    """Send the log of the simulator's packages to the terminal and to /rosout."""
     rosout = logging.getLogger("rosout")
     for name in _LOGGERS:
         logger = logging.getLogger(name)
@@ -56,23 +58,23 @@ def _log_through_rospy():
         logger.setLevel(logging.INFO)
 
 
-def _claim_time():
-    """Make simulated time the default, as Gazebo does, and be one's own clock."""
+def _claim_time() -> None:
+    """Make simulated time the default, as Gazebo does; this node sets its own clock."""
     if not rospy.has_param("/use_sim_time"):
         rospy.set_param("/use_sim_time", True)
     make_own_clock()
 
 
-def _note_signals():
-    """Let SIGINT and SIGTERM only be noted, in the list returned; the loop looks at it between two batches of steps.
+def _note_signals() -> List[Any]:
+    """Only record SIGINT and SIGTERM, in the list returned; the loop checks it between two batches of steps.
 
-    rospy's own handler shuts everything down inside the signal, on the thread that may be in the middle of publishing,
-    or of registering, and then waits for ever for a lock it holds itself.  While the node is being registered a thread
-    beside does that, for nobody looks at the list yet.
+    rospy's handler shuts down inside the signal handler. The interrupted thread may be publishing or registering, and
+    would then wait forever for a lock that it holds. While the node registers, nothing checks the list, so another
+    thread shuts down.
     """
-    noted = []
+    noted: List[Any] = []
 
-    def on_signal(number, _):
+    def on_signal(number: int, _: Any) -> None:
         noted.append(number)
         if not rospy.core.is_initialized():
             threading.Thread(target=rospy.signal_shutdown, args=("signal-%d" % number,), daemon=True).start()
@@ -82,50 +84,56 @@ def _note_signals():
     return noted
 
 
-def _convention_set_for(model):
-    """Return what the parameter ~wheel_conventions says of a model at this moment, or None."""
+def _convention_set_for(model: str) -> Optional[str]:
+    """Return the current value of the parameter ~wheel_conventions for a model, or None."""
     try:
         conventions = rospy.get_param("~wheel_conventions", {})
-    except (rospy.ROSException, OSError) as error:      # the master is away; what was read at the start holds
-        log.warning("parameter ~wheel_conventions cannot be read (%s); what it said before holds", error)
+    except (rospy.ROSException, OSError) as error:      # no master: the value read at the start is used
+        log.warning("parameter ~wheel_conventions cannot be read (%s); its previous value is used", error)
         return None
     return conventions.get(model) if isinstance(conventions, dict) else None
 
 
-def _load_world(config, worlds, folders):
-    """Return the record of the world and its name: of the one in its place if it cannot be read and one is named."""
+def _load_world(config: NodeConfig, worlds: str, folders: ModelFolders) -> Tuple[World, str]:
+    """Return the record and name of the world, or of ``~fallback_world`` if the world cannot be read."""
     try:
         return load_world(find_world(config.world, worlds), resolve_model=folders), config.world
     except WorldError as error:
         if not config.fallback_world:
             raise
-        log.error("%s; the world \"%s\" is used in its place", error, config.fallback_world)
+        log.error("%s; the world \"%s\" is used instead", error, config.fallback_world)
         return load_world(find_world(config.fallback_world, worlds), resolve_model=folders), config.fallback_world
 
 
-def _step_of(config, world, name):
-    """Return the physics step [ns]: the parameter's, or the world's if the engine can take that, else the default."""
+def _step_of(config: NodeConfig, world: World, name: str) -> int:
+    """Return the physics step [ns]: of the parameter, or of the world if it is valid, else the default."""
     if config.step:
         return whole_step(config.step, "parameter ~step")
     try:
         return whole_step(world.physics.max_step_size, "max_step_size of %s" % name)
     except WorldError as error:
         default = Physics().max_step_size
-        log.error("%s; %g s is taken", error, default)
+        log.error("%s; %g s is used", error, default)
         return whole_step(default, "the default")
 
 
-def build(config, folder):
+def build(config: NodeConfig, folder: str) -> Tuple[Simulator, float, ModelFolders, str]:
     """Make the simulator of a :class:`~m2wr_sim.ros.params.NodeConfig`.
+
+    Parameters
+    ----------
+    config : NodeConfig
+    folder : str
+        Folder of this package.
 
     Returns
     -------
     simulator : Simulator
     factor : float
-        Real-time factor wanted; 0: as fast as it can.
+        Requested real-time factor; 0: as fast as possible.
     folders : ModelFolders
     name : str
-        The world that was really loaded.
+        The world that was loaded.
 
     Raises
     ------
@@ -151,12 +159,19 @@ def build(config, folder):
     return simulator, factor, folders, name
 
 
-def run(config, stopping):
-    """Run the node until ``stopping()`` is true."""
+def run(config: NodeConfig, stopping: Callable[[], bool]) -> None:
+    """Run the node until it is to stop.
+
+    Parameters
+    ----------
+    config : NodeConfig
+    stopping : callable
+        Returns whether to stop.
+    """
     sys.setswitchinterval(_SWITCH_INTERVAL)
     simulator, factor, folders, name = build(config, package_folder())
     try:
-        log.info("loading the compiled kernels (the first start after an installation compiles them: some seconds)")
+        log.info("loading the compiled kernels (the first start after an installation compiles them, for some seconds)")
         warm_up(config.engine)
         lockstep = Lockstep(lockstep_settings(config), simulator.ports.topics) if config.lockstep else None
         loop, api = _network(config, simulator, factor, folders, stopping, lockstep)
@@ -165,9 +180,9 @@ def run(config, stopping):
         simulator.ports.answer_through(loop.call)
         simulator.engine.between = loop.end_if_asked
         log.info("world \"%s\" is ready%s: %d models, step %g ms, %s", name,
-                 "" if name == config.world else " in place of \"%s\"" % config.world, len(simulator.models),
-                 simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as it can")
-        gc.freeze()                             # thousands of lasting objects, which no collection need look at again
+                 "" if name == config.world else " instead of \"%s\"" % config.world, len(simulator.models),
+                 simulator.step_ns * 1e-6, "%g times real time" % factor if factor else "as fast as possible")
+        gc.freeze()                             # thousands of permanent objects: later garbage collections skip them
         loop.run()
         if api is not None:
             api.close()
@@ -175,19 +190,24 @@ def run(config, stopping):
         simulator.close()
 
 
-def _network(config, simulator, factor, folders, stopping, lockstep):
-    """Return the loop, and the services and topics of the world itself or None where they are not wanted."""
+def _network(config: NodeConfig, simulator: Simulator, factor: float, folders: ModelFolders,
+             stopping: Callable[[], bool], lockstep: Optional[Lockstep]) -> Tuple[Loop, Optional[GazeboApi]]:
+    """Return the loop, and the services and topics of the world or None if ``~enable_ros_network`` is false."""
     if not config.enable_ros_network:
         return Loop(simulator, factor, stopping, lambda: None, lockstep), None
-    states = [simulator.ports.advertise("~" + name, kind, 10, "")
-              for name, kind in (("model_states", ModelStates), ("link_states", LinkStates))]
-    simulator.add_observer(WorldStates(simulator, *states, rate=config.pub_state_frequency), "state topics")
+    models = simulator.ports.advertise("~model_states", ModelStates, 10, "")
+    links = simulator.ports.advertise("~link_states", LinkStates, 10, "")
+    simulator.add_observer(WorldStates(simulator, models, links, rate=config.pub_state_frequency), "state topics")
     diagnostics, performance = Diagnostics(simulator, factor, lockstep), Performance(simulator)
     markers, description = _view_topics(simulator, config)
-    loop = Loop(simulator, factor, stopping,
-                lambda: (diagnostics.turn(), performance.turn(), markers.turn(), description.turn()), lockstep)
 
-    def set_factor(new):
+    def on_turn() -> None:
+        for part in (diagnostics, performance, markers, description):
+            part.turn()
+
+    loop = Loop(simulator, factor, stopping, on_turn, lockstep)
+
+    def set_factor(new: float) -> None:
         loop.set_factor(new)
         diagnostics.set_factor(new)
 
@@ -196,7 +216,7 @@ def _network(config, simulator, factor, folders, stopping, lockstep):
     return loop, GazeboApi(simulator, loop, spawner, config.gazebo_faults, set_factor)
 
 
-def _view_topics(simulator, config):
+def _view_topics(simulator: Simulator, config: NodeConfig) -> Tuple[WorldMarkers, DescriptionTopic]:
     """Add what viewers and recordings need: markers, true states of robots, description (docs/reference/topics.md)."""
     markers = WorldMarkers(simulator, LatchedPort(simulator.ports, "~world_markers", MarkerArray),
                            config.world_markers_frame, config.world_markers_rate)
@@ -207,10 +227,10 @@ def _view_topics(simulator, config):
     return markers, DescriptionTopic(simulator)
 
 
-def running_namesake(name):
-    """Return the address of a living node that has this name already, or None.
+def running_namesake(name: str) -> Optional[str]:
+    """Return the address of a running node of this name, or None.
 
-    ROS would silently end that node in favour of a new one.
+    ROS would silently stop that node when a new one registers.
     """
     try:
         address = rosgraph.Master("/m2wr_sim_start").lookupNode(name)
@@ -219,27 +239,32 @@ def running_namesake(name):
     return address if alive(address, name) else None
 
 
-def main():
-    """Entry point of the executable; returns the exit code."""
+def main() -> int:
+    """Run the node; return the exit code."""
     mappings = rosgraph.names.load_mappings(sys.argv)
     name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(argv=sys.argv), mappings.get("__name", "gazebo"))
     address = running_namesake(name)
     if address is not None:
         sys.stderr.write("a simulation runs already: node %s at %s. Stop it first (rosnode kill %s), or start this one "
-                         "under another name or master.\n" % (name, address, name))
+                         "with another name or master.\n" % (name, address, name))
         return 1
     signals = _note_signals()
     register("gazebo", lambda: bool(signals) or rospy.core.is_shutdown_requested(), disable_rostime=True)
     if signals or rospy.is_shutdown():
         return 1
     ended = threading.Event()
-    rospy.on_shutdown(lambda: (signals.append("shutdown"), ended.wait(_END_PATIENCE)))     # rosnode kill comes this way
+
+    def on_shutdown() -> None:
+        signals.append("shutdown")
+        ended.wait(_END_PATIENCE)
+
+    rospy.on_shutdown(on_shutdown)              # called by rosnode kill
     _log_through_rospy()
     try:
         _claim_time()
         config, unknown = read_config(private_parameters())
         for name in unknown:
-            log.warning("parameter ~%s is not known and has no effect", name)
+            log.warning("parameter ~%s is unknown and has no effect", name)
         log.info("parameters: %s", config)
         run(config, lambda: bool(signals) or rospy.is_shutdown())
     except (ParameterError, WorldError, ModelError, SimError, LockstepError) as error:
@@ -250,7 +275,7 @@ def main():
         if gone:
             rospy.logfatal("%s", gone)
         else:
-            log.exception("the simulation ends for a fault of its own: %s: %s", type(error).__name__, error)
+            log.exception("internal error, the simulation stops: %s: %s", type(error).__name__, error)
         return 1
     finally:
         ended.set()

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages to bytes: the same bytes as genpy's, several times faster for the messages that go out often.
+"""Serialises messages: the same bytes as genpy, several times faster for messages that are published often.
 
-A framed message is its length and then its fields, little-endian, as it stands on the wire.  Number fields may hold
-arrays in place of lists.
+A framed message is its length and then its fields, little-endian, as it is sent. Number fields may hold arrays instead
+of lists.
 """
 import struct
 from io import BytesIO
+from typing import TYPE_CHECKING, Any, Callable, Dict, Sequence, Union
 
 import numpy as np
 from rospy.msg import serialize_message
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _HEADER = struct.Struct("<4I")                  # length of the message, seq, stamp
 _STAMP = struct.Struct("<3I")
@@ -18,11 +22,11 @@ _SCAN = struct.Struct("<7f")
 _POSE = struct.Struct("<7d")
 _ODOMETRY = struct.Struct("<85d")
 _CACHED_TEXTS = 1000
-_texts = {}
+_texts: Dict[str, bytes] = {}
 
 
-def _text(text):
-    """Return a string field; frames and names come again and again."""
+def _text(text: str) -> bytes:
+    """Return a string field; fields are cached, as frames and names repeat."""
     packed = _texts.get(text)
     if packed is None:
         coded = text.encode("utf-8")
@@ -33,26 +37,26 @@ def _text(text):
     return packed
 
 
-def _numbers(values, kind, code):
+def _numbers(values: "Union[NDArray[Any], Sequence[float]]", kind: str, code: str) -> bytes:
     """Return an array field: its length and its numbers, of numpy's ``kind`` and struct's ``code``."""
     if isinstance(values, np.ndarray):
         if values.dtype != kind or values.ndim != 1:
-            raise TypeError("an array of another kind")         # left to the plain way
+            raise TypeError("an array of another kind")         # the caller uses genpy then
         return _LENGTH.pack(values.size) + values.tobytes()
     return struct.pack("<I%d%s" % (len(values), code), len(values), *values)
 
 
-def _framed(header, body):
+def _framed(header: Any, body: bytes) -> bytes:
     """Return a message that begins with a header."""
     stamp = header.stamp
     return _HEADER.pack(12 + len(body), header.seq, stamp.secs, stamp.nsecs) + body
 
 
-def _clock(message):
+def _clock(message: Any) -> bytes:
     return _CLOCK.pack(8, message.clock.secs, message.clock.nsecs)
 
 
-def _scan(scan):
+def _scan(scan: Any) -> bytes:
     return _framed(scan.header, b"".join((
         _text(scan.header.frame_id),
         _SCAN.pack(scan.angle_min, scan.angle_max, scan.angle_increment, scan.time_increment, scan.scan_time,
@@ -60,34 +64,35 @@ def _scan(scan):
         _numbers(scan.ranges, "<f4", "f"), _numbers(scan.intensities, "<f4", "f"))))
 
 
-def _odometry(odometry):
-    where, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+def _odometry(odometry: Any) -> bytes:
+    where, rotation = odometry.pose.pose.position, odometry.pose.pose.orientation
     linear, angular = odometry.twist.twist.linear, odometry.twist.twist.angular
     return _framed(odometry.header, b"".join((
         _text(odometry.header.frame_id), _text(odometry.child_frame_id),
-        _ODOMETRY.pack(where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w, *odometry.pose.covariance,
-                       linear.x, linear.y, linear.z, angular.x, angular.y, angular.z, *odometry.twist.covariance))))
+        _ODOMETRY.pack(where.x, where.y, where.z, rotation.x, rotation.y, rotation.z, rotation.w,
+                       *odometry.pose.covariance, linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
+                       *odometry.twist.covariance))))
 
 
-def _joint_state(state):
+def _joint_state(state: Any) -> bytes:
     return _framed(state.header, b"".join(
         [_text(state.header.frame_id), _LENGTH.pack(len(state.name))] + [_text(name) for name in state.name]
         + [_numbers(values, "<f8", "d") for values in (state.position, state.velocity, state.effort)]))
 
 
-def _transforms(message):
+def _transforms(message: Any) -> bytes:
     parts = [b"", _LENGTH.pack(len(message.transforms))]
     for transform in message.transforms:
-        header, where, turn = transform.header, transform.transform.translation, transform.transform.rotation
+        header, where, rotation = transform.header, transform.transform.translation, transform.transform.rotation
         parts += (_STAMP.pack(header.seq, header.stamp.secs, header.stamp.nsecs), _text(header.frame_id),
                   _text(transform.child_frame_id),
-                  _POSE.pack(where.x, where.y, where.z, turn.x, turn.y, turn.z, turn.w))
+                  _POSE.pack(where.x, where.y, where.z, rotation.x, rotation.y, rotation.z, rotation.w))
     parts[0] = _LENGTH.pack(sum(map(len, parts)))
     return b"".join(parts)
 
 
-def _states(table):
-    """Model or link states from a :class:`~m2wr_sim.plugins.world_states.StateTable`."""
+def _states(table: Any) -> bytes:
+    """Return model or link states of a :class:`~m2wr_sim.plugins.world_states.StateTable`, framed."""
     count = _LENGTH.pack(len(table.names))
     parts = [b"", count] + [_text(name) for name in table.names]
     parts += (count, table.poses.tobytes(), count, table.twists.tobytes())
@@ -100,37 +105,49 @@ _FAST = {"rosgraph_msgs/Clock": _clock, "sensor_msgs/LaserScan": _scan, "nav_msg
          "gazebo_msgs/ModelStates": _states, "gazebo_msgs/LinkStates": _states}
 
 
-def plainly(seq, message):
-    """Serialise any message as rospy does.
+def serialise_by_genpy(seq: int, message: Any) -> bytes:
+    """Return any message serialised as rospy does, with its length.
+
+    Parameters
+    ----------
+    seq : int
+        For the header, if the message has one.
+    message : genpy.Message
 
     Raises
     ------
     genpy.SerializationError, rospy.ROSSerializationException
-        If a field does not hold what its type asks for.
+        If a field has a value of a wrong type.
     """
     stream = BytesIO()
     serialize_message(stream, seq, message)
     return stream.getvalue()
 
 
-def serialiser_of(message_class):
-    """Return a function ``(seq, message) -> bytes`` for messages of a class; ``seq`` goes into a header, if any."""
+def serialiser_of(message_class: Any) -> Callable[[int, Any], bytes]:
+    """Return a function ``(seq, message) -> bytes`` for messages of a class; ``seq`` goes into its header, if any."""
     fast = _FAST.get(message_class._type)
     if fast is None:
-        return plainly
+        return serialise_by_genpy
     has_header = getattr(message_class, "_has_header", False)
 
-    def serialise(seq, message):
+    def serialise(seq: int, message: Any) -> bytes:
         if has_header:
             message.header.seq = seq
         try:
             return fast(message)
-        except (struct.error, AttributeError, TypeError):       # an odd value: genpy copes, or says what is wrong
-            return plainly(seq, message_of(message, message_class))
+        except (struct.error, AttributeError, TypeError):       # genpy accepts the value or names the error
+            return serialise_by_genpy(seq, message_of(message, message_class))
 
     return serialise
 
 
-def message_of(record, message_class):
-    """Return a message for what was given for one: itself, or what a record of arrays makes of itself."""
+def message_of(record: Any, message_class: Any) -> Any:
+    """Return a message: the record itself, or the message made from a record of arrays.
+
+    Parameters
+    ----------
+    record : genpy.Message or object with a method ``message(message_class)``
+    message_class : type
+    """
     return record if isinstance(record, message_class) else record.message(message_class)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The spawn_model command: reads a description, asks the simulation to spawn it.  Exit code 0 or 1; 2 on misuse."""
+"""The spawn_model command: the simulation spawns a model from a description. Exit code 2: invalid options."""
 import argparse
 import math
 import os
 import re
 import sys
 import time
-from html import escape  # of xml.sax.saxutils it is slower to import: all of urllib
+from html import escape  # faster to import than xml.sax.saxutils, which imports urllib
+from typing import List, Optional
 
 import rospkg
 import rospy
@@ -26,11 +27,11 @@ from m2wr_sim.model.xml.lenient import root_tag
 from m2wr_sim.model.xml.safe import XmlError
 
 _DATABASE_WORLD = ('<sdf version="1.4"><world name="default"><include><uri>model://%s</uri></include></world></sdf>')
-_LONG_WAIT = 60.0          # s of wall time after which waiting for a service is worth a warning
+_LONG_WAIT = 60.0          # s of wall time after which waiting for a service is logged as a warning
 _NOT_CONFIGURED = "SetModelConfiguration service failed. Exiting."
 
 
-def make_parser():
+def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog="spawn_model", description="Spawn a URDF or SDF model in the simulation.",
                                      add_help=True)
@@ -59,8 +60,8 @@ def make_parser():
     return parser
 
 
-def parse(argv):
-    """Parse the command line; ``-J`` positions become numbers.  Misuse ends the program with code 2."""
+def parse(argv: List[str]) -> argparse.Namespace:
+    """Parse the command line; ``-J`` positions become floats. Invalid options end the program with code 2."""
     parser = make_parser()
     arguments = parser.parse_args([without_exponent(word) for word in argv])
     try:
@@ -76,23 +77,23 @@ def parse(argv):
 
 
 class SpawnError(Exception):
-    """Something that was asked for cannot be done; the message says why, ``last_words`` in which step."""
+    """A request failed; the message says why, ``last_words`` names the failed step."""
 
-    def __init__(self, message, last_words="Spawn service failed. Exiting."):
+    def __init__(self, message: str, last_words: str = "Spawn service failed. Exiting.") -> None:
         super().__init__(message)
         self.last_words = last_words
 
 
-def read_description(arguments):
-    """Return the text of the description from wherever the command line says.
+def read_description(arguments: argparse.Namespace) -> str:
+    """Return the text of the description from the source given on the command line.
 
     Raises
     ------
     SpawnError
-        If there is nothing there.
+        If the source is missing, empty or unreadable.
     """
     if arguments.file:
-        if not os.path.exists(arguments.file):      # roslaunch starts this program in a folder of its own
+        if not os.path.exists(arguments.file):      # roslaunch starts this program in another folder
             arguments.file = from_user(arguments.file)
         rospy.loginfo("Loading model XML from file %s", arguments.file)
         try:
@@ -100,7 +101,7 @@ def read_description(arguments):
                 text = stream.read()
             if not text.strip():
                 raise SpawnError("Error: file %s is empty" % arguments.file)
-            if root_tag(text) == "robot":       # here and not in the simulator: xacro runs code
+            if root_tag(text) == "robot":       # not in the simulator: xacro executes code
                 text = expanded(text, arguments.file, rospkg.RosPack().get_path)
         except XmlError as error:
             raise SpawnError("Invalid XML: %s" % error) from error
@@ -122,17 +123,24 @@ def read_description(arguments):
         rospy.loginfo("Loading model XML from stdin")
         text = sys.stdin.read()
         if not text.strip():
-            raise SpawnError("Error: nothing came on standard input")
+            raise SpawnError("Error: standard input is empty")
     return normalise(text, arguments.package_to_model)
 
 
-def normalise(text, package_to_model=False):
-    """Parse the XML and write it again in ASCII without declaration and comments.
+def normalise(text: str, package_to_model: bool = False) -> str:
+    """Return XML in ASCII, without declaration and comments.
+
+    Parameters
+    ----------
+    text : str
+        XML.
+    package_to_model : bool
+        Replace ``package://`` by ``model://`` in the names of meshes.
 
     Raises
     ------
     SpawnError
-        If it is no well-formed XML.
+        If the text is not well-formed or declares a document type.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, huge_tree=True)
     try:
@@ -140,7 +148,7 @@ def normalise(text, package_to_model=False):
     except etree.XMLSyntaxError as error:
         raise SpawnError("Invalid XML: %s" % error) from error
     if root.getroottree().docinfo.internalDTD is not None:
-        raise SpawnError("Invalid XML: it declares a document type; entities are not expanded here")
+        raise SpawnError("Invalid XML: it declares a document type; entities are not expanded")
     if package_to_model:
         for mesh in root.iter("mesh"):
             if mesh.get("filename"):
@@ -148,11 +156,24 @@ def normalise(text, package_to_model=False):
     return etree.tostring(root, encoding="us-ascii").decode("ascii")
 
 
-def wait_for_model(name, namespace):
-    """Wait until a model of that name is in the world; returns False if ROS shuts down before."""
-    seen = []
+def wait_for_model(name: str, namespace: str) -> bool:
+    """Wait until a model is in the world.
 
-    def store(message):
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    namespace : str
+        Namespace of the simulation.
+
+    Returns
+    -------
+    bool
+        False if ROS shuts down before.
+    """
+    seen: List[str] = []
+
+    def store(message: ModelStates) -> None:
         seen[:] = message.name
 
     topic = namespace.rstrip("/") + "/model_states"
@@ -167,8 +188,8 @@ def wait_for_model(name, namespace):
     return name in seen
 
 
-def wait_for_service(name):
-    """Wait for a service, naming it every few seconds."""
+def wait_for_service(name: str) -> None:
+    """Wait for a service; log its name every few seconds."""
     rospy.loginfo("Waiting for service %s", name)
     began = time.monotonic()
     while not rospy.is_shutdown():
@@ -177,19 +198,26 @@ def wait_for_service(name):
             return
         except rospy.ROSException:
             if not rospy.is_shutdown():
-                # a simulation takes its time to start on a slow machine
-                tell = rospy.loginfo if time.monotonic() - began < _LONG_WAIT else rospy.logwarn
-                tell("still waiting for service %s: is the simulation running?", name)
+                # the simulation may take long to start on a slow machine
+                write = rospy.loginfo if time.monotonic() - began < _LONG_WAIT else rospy.logwarn
+                write("still waiting for service %s: is the simulation running?", name)
     raise SpawnError("interrupted while waiting for %s" % name)
 
 
-def spawn(arguments, text):
+def spawn(arguments: argparse.Namespace, text: str) -> None:
     """Call the spawn service.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Parsed command line.
+    text : str
+        Description of the model.
 
     Raises
     ------
     SpawnError
-        If the call fails or the simulation refuses.
+        If the call fails or the simulation refuses the model.
     """
     service = arguments.gazebo_namespace.rstrip("/") + ("/spawn_urdf_model" if arguments.urdf else "/spawn_sdf_model")
     wait_for_service(service)
@@ -209,9 +237,9 @@ def spawn(arguments, text):
         raise SpawnError("Spawn service failed. Exiting.")
 
 
-def _configure(arguments):
+def _configure(arguments: argparse.Namespace) -> None:
     """Set the joint positions of ``-J``."""
-    time.sleep(1.0)         # as upstream: the model's plugins settle first
+    time.sleep(1.0)         # as Gazebo's spawn_model: the model's plugins start first
     service = arguments.gazebo_namespace.rstrip("/") + "/set_model_configuration"
     try:
         rospy.wait_for_service(service, timeout=5.0)
@@ -224,8 +252,8 @@ def _configure(arguments):
         raise SpawnError("joint positions were not set: %s" % response.status_message, _NOT_CONFIGURED)
 
 
-def _unpause(arguments):
-    """Let time go on, for ``-unpause``."""
+def _unpause(arguments: argparse.Namespace) -> None:
+    """Continue the simulation, for ``-unpause``."""
     rospy.loginfo("Unpausing physics")
     service = arguments.gazebo_namespace.rstrip("/") + "/unpause_physics"
     try:
@@ -235,12 +263,12 @@ def _unpause(arguments):
         raise SpawnError("Unpause physics service call failed: %s" % error, "") from error
 
 
-def _keep_bond(arguments):
-    """Wait for shutdown and take the model out again."""
+def _keep_bond(arguments: argparse.Namespace) -> None:
+    """Wait for shutdown, then delete the model."""
     service = arguments.gazebo_namespace.rstrip("/") + "/delete_model"
     proxy = rospy.ServiceProxy(service, DeleteModel)
 
-    def delete():
+    def delete() -> None:
         rospy.loginfo("Deleting model %s", arguments.model)
         try:
             proxy(arguments.model)
@@ -252,10 +280,10 @@ def _keep_bond(arguments):
     rospy.spin()
 
 
-def main(argv=None):
-    """Entry point; returns the exit code."""
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the command; return the exit code."""
     arguments = parse(rospy.myargv(argv)[1:])
-    # no ROS time here: this program must not hang while the simulation is paused or its clock has not started
+    # without ROS time: this program must not block while the simulation is paused or has not started
     start_node("spawn_model", anonymous=True, disable_rostime=True)
     rospy.rostime.switch_to_wallclock()
     try:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a viewer needs to show a world from topics alone: markers of everything that stands about, the robots' text.
+"""Topics from which a viewer can show a world: markers of its objects, and the description of the robot.
 
-Markers are of collision shapes, for that is what lasers see and robots bump into; robots themselves are left to viewers
-that know their description and tf.
+Markers show collision shapes, which lasers measure and robots collide with. Robots have no markers:
+viewers show them by their description and tf.
 """
 import copy
 import logging
 import threading
+from typing import Any, Dict, List, Optional, Tuple
 
 import rospy
 from geometry_msgs.msg import Point, Pose
@@ -14,15 +15,16 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from m2wr_sim.geometry import compose
-from m2wr_sim.model.types import Box, Cylinder, Mesh, Sphere
+from m2wr_sim.model.types import Box, Collision, Cylinder, Link, Mesh, Model, Sphere
 from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.ros.convert import write_pose
 from m2wr_sim.runtime.schedule import StrictSchedule
+from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger("m2wr_sim")
 
-MOST_TRIANGLES = 5000           # of one mesh; more would take longer to send than anybody looks at it
-STILL = 5e-4                    # m, and of quaternions: what moves less stays where it is shown; bodies at rest creep
+MOST_TRIANGLES = 5000           # of one mesh; larger meshes take too long to send
+STILL = 5e-4                    # m, and for quaternions: smaller motion is ignored, as bodies at rest creep
 OTHER_COLOUR = (0.6, 0.6, 0.6, 1.0)
 MATERIALS = {"black": (0.0, 0.0, 0.0), "blue": (0.0, 0.0, 1.0), "green": (0.0, 1.0, 0.0), "grey": (0.7, 0.7, 0.7),
              "darkgrey": (0.175, 0.175, 0.175), "orange": (1.0, 0.5, 0.0), "purple": (1.0, 0.0, 1.0),
@@ -30,29 +32,45 @@ MATERIALS = {"black": (0.0, 0.0, 0.0), "blue": (0.0, 0.0, 1.0), "green": (0.0, 1
              "yellow": (1.0, 1.0, 0.0), "wood": (0.72, 0.53, 0.30), "bricks": (0.65, 0.33, 0.24)}
 
 
-def is_robot(record):
-    """Tell whether a model has plugins of its own, which makes it a robot rather than part of its surroundings."""
+def is_robot(record: Model) -> bool:
+    """Return whether a model is a robot: it or one of its sensors has a plugin."""
     return bool(record.plugins) or any(sensor.plugins for link in record.links for sensor in link.sensors)
 
 
-def colour_of(link, collision):
-    """Return the colour (r, g, b, a) of a collision: that of the visual with its shape, else of the link's first."""
+def colour_of(link: Link, collision: Collision) -> Tuple[float, ...]:
+    """Return the colour (r, g, b, a) of a collision.
+
+    It is the colour of the visual of the same shape, else of the link's first visual with a colour.
+
+    Parameters
+    ----------
+    link : Link
+    collision : Collision
+    """
     coloured = [visual for visual in link.visuals if visual.rgba or visual.material]
     same = [visual for visual in coloured if visual.geometry.__class__ is collision.geometry.__class__
             and visual.geometry == collision.geometry]
     for visual in same + coloured:
         if visual.rgba:
             return tuple(visual.rgba)
-        known = MATERIALS.get(visual.material.rsplit("/", 1)[-1].lower())
+        known = MATERIALS.get((visual.material or "").rsplit("/", 1)[-1].lower())
         if known:
             return known + (1.0,)
     return OTHER_COLOUR
 
 
-def marker_of(collision, pose, colour):
-    """Return the Marker of a collision at a pose in world, without frame and name; None for what is not shown.
+def marker_of(collision: Collision, pose: Any, colour: Tuple[float, ...]) -> Optional[Marker]:
+    """Return the Marker of a collision without frame and name, or None for a shape that is not shown.
 
-    Planes and heightmaps are ground; meshes are shown up to ``MOST_TRIANGLES``.
+    Planes and heightmaps are ground and not shown, nor are meshes of more than ``MOST_TRIANGLES``.
+
+    Parameters
+    ----------
+    collision : Collision
+    pose : (position, orientation)
+        In the world; metres, quaternion x, y, z, w.
+    colour : tuple of 4 floats
+        r, g, b, a in 0 to 1.
     """
     shape, marker = collision.geometry, Marker(action=Marker.ADD)
     if isinstance(shape, Box):
@@ -72,8 +90,15 @@ def marker_of(collision, pose, colour):
     return marker
 
 
-def moved(marker, pose):
-    """Return a marker like this one at another pose; this one stays as it is, it may be on its way to somebody."""
+def moved(marker: Marker, pose: Any) -> Marker:
+    """Return a copy of a marker at another pose; the given one may still be in use by a publisher.
+
+    Parameters
+    ----------
+    marker : visualization_msgs.msg.Marker
+    pose : (position, orientation)
+        In the frame of the marker; metres, quaternion x, y, z, w.
+    """
     other = copy.copy(marker)
     other.pose = Pose()
     write_pose(other.pose, *pose)
@@ -81,10 +106,12 @@ def moved(marker, pose):
 
 
 class _Shown:
-    """One model among the markers: which link each marker hangs on, and where the links were last."""
+    """The markers of one model, their links, and the last poses of the links."""
 
-    def __init__(self, model, engine, frame):
-        self.model, self.parts, self._poses = model, [], None
+    def __init__(self, model: Any, engine: Any, frame: str) -> None:
+        self.model = model
+        self.parts: List[Tuple[Any, Any, Marker]] = []
+        self._poses: Optional[Dict[Any, Any]] = None
         links = {handle: link for link in model.record.links
                  for name, handle in model.handle.links.items() if name == link.name}
         for handle, collision, _ in engine.collisions(model.handle):
@@ -92,14 +119,14 @@ class _Shown:
             marker = marker_of(collision, pose, colour_of(links[handle], collision))
             if marker is None:
                 if isinstance(collision.geometry, Mesh):
-                    log.info("%s: a mesh of %d triangles is not among the world markers, which stop at %d",
+                    log.info("%s: a mesh of %d triangles has no world marker; at most %d are shown",
                              model.name, len(collision.geometry.triangles), MOST_TRIANGLES)
                 continue
             marker.header.frame_id, marker.ns, marker.id = frame, model.name, len(self.parts)
             self.parts.append((handle, collision.pose, marker))
 
-    def follow(self, engine):
-        """Bring the markers to where their links are now; returns whether anything has moved."""
+    def follow(self, engine: Any) -> bool:
+        """Move the markers to the poses of their links; return whether any has moved."""
         poses = {handle: engine.link_pose(handle) for handle in {part[0] for part in self.parts}}
         if self._poses is not None and all(
                 abs(one - two) <= STILL for handle, pose in poses.items()
@@ -113,16 +140,16 @@ class _Shown:
 
 
 class LatchedPort:
-    """A topic of the simulation's ports whose last message late subscribers get as well."""
+    """A topic of the simulation's ports whose last message later subscribers receive too."""
 
-    def __init__(self, ports, topic, message_class):
+    def __init__(self, ports: Any, topic: str, message_class: Any) -> None:
         self._port = ports.advertise(topic, message_class, 1, "")
         self._port.latch()
         self.publish, self.wanted = self._port.publish, self._port.wanted
 
 
 class WorldMarkers(Plugin):
-    """Publishes every marker there is, whenever one has come, gone or moved.
+    """Publishes all markers whenever one was added, removed or moved.
 
     Parameters
     ----------
@@ -132,41 +159,51 @@ class WorldMarkers(Plugin):
     frame : str
         Frame of the markers; its axes are those of the world.
     rate : float
-        Looks for changes a second of simulated time [Hz]; 0 looks once, at the start.
+        Rate of checks for changes [Hz of simulated time]; 0: only at the start.
     """
 
-    def __init__(self, simulator, port, frame, rate):
+    def __init__(self, simulator: Simulator, port: LatchedPort, frame: str, rate: float) -> None:
         self._simulator, self._port, self._frame = simulator, port, frame
         self._schedule = StrictSchedule(rate, simulator.now_ns) if rate else None
-        self._models, self._seen, self._placements, self._shown, self._moving = None, None, None, [], False
+        self._models: Optional[List[Any]] = None        # of the last check, robots too
+        self._seen: Optional[List[Any]] = None          # those of them that have markers
+        self._placements: Any = None
+        self._shown: List[_Shown] = []
+        self._moving = False
         self.look()
 
-    def configure(self, spec, ctx):
-        """Nothing to configure: this plugin stands for no tag."""
+    def configure(self, spec: Any, ctx: Any) -> None:
+        """Do nothing: this plugin belongs to no tag.
 
-    def next_before(self, now_ns):
+        Parameters
+        ----------
+        spec, ctx
+            Not used.
+        """
+
+    def next_before(self, now_ns: int) -> Optional[int]:
         schedule, step_ns = self._schedule, self._simulator.step_ns
         if schedule is None or not (self._moving or self._changed()):
-            return NEVER                    # what cannot move by itself is looked at again when somebody has been here
-        schedule.skip(now_ns)               # the looks left out meanwhile are not made up for
+            return NEVER                    # static models move only by requests, after which this is asked again
+        schedule.skip(now_ns)               # checks omitted meanwhile are not made up for
         return max(schedule.next_due(now_ns, step_ns), now_ns + step_ns)
 
-    def _changed(self):
-        """Tell whether models have come or gone, or been put somewhere, since the last look."""
+    def _changed(self) -> bool:
+        """Return whether models were added, removed or placed since the last check."""
         simulator = self._simulator
         return self._placements != simulator.engine.placements or self._models != list(simulator.models.values())
 
-    def before_step(self, now_ns):
-        if self._schedule.due(now_ns):
+    def before_step(self, now_ns: int) -> None:
+        if self._schedule is not None and self._schedule.due(now_ns):
             self.look(now_ns)
 
-    def turn(self):
-        """Follow what services change while time stands still; called every now and then."""
+    def turn(self) -> None:
+        """Publish changes by services while the simulation is paused; called regularly."""
         if self._simulator.paused and self._schedule is not None:
             self.look()
 
-    def look(self, now_ns=None):
-        """Publish all markers if anything has changed since the last look; the clock first, where a time is given."""
+    def look(self, now_ns: Optional[int] = None) -> None:
+        """Publish all markers, after the clock if a time is given, if anything has changed."""
         simulator = self._simulator
         changed, models = False, list(simulator.models.values())
         if models != self._models:
@@ -176,7 +213,7 @@ class WorldMarkers(Plugin):
                 self._shown = [known.get(id(model)) or _Shown(model, simulator.engine, self._frame) for model in models]
                 self._seen, changed = models, True
                 self._moving = not all(model.record.static for model in models)
-        elsewhere = self._placements != simulator.engine.placements     # what was put somewhere may be static
+        elsewhere = self._placements != simulator.engine.placements     # a placed model may be static
         self._placements = simulator.engine.placements
         for shown in self._shown:
             if elsewhere or changed or not shown.model.record.static:
@@ -188,24 +225,35 @@ class WorldMarkers(Plugin):
             first.header.frame_id = self._frame
             self._port.publish(MarkerArray([first] + [part[2] for shown in self._shown for part in shown.parts]))
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
+        """Restart the schedule and publish changes.
+
+        Parameters
+        ----------
+        now_ns : int
+            Simulated time [ns].
+        rewound : bool
+            Not used.
+        """
         if self._schedule is not None:
             self._schedule.restart(now_ns)
             self.look()
 
 
 class DescriptionTopic:
-    """Publishes the parameter ``robot_description`` as a latched topic of that name, so that recordings hold it.
+    """Publishes the parameter ``robot_description`` as a latched topic of this name, so that recordings contain it.
 
-    It is read at the start and, while there was none, after every change of the models.
+    It is read at the start. If it was not set, it is read again after each change of the models.
     """
 
-    def __init__(self, simulator):
-        self._simulator, self._publisher, self._models, self._reader = simulator, None, 0, None
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator, self._models = simulator, 0
+        self._publisher: Optional[rospy.Publisher] = None
+        self._reader: Optional[threading.Thread] = None
         self._read()
 
-    def turn(self):
-        """Read the parameter again if models have come; called every now and then, returns at once."""
+    def turn(self) -> None:
+        """Read the parameter again if the number of models has changed; returns at once."""
         models = len(self._simulator.models)
         if models == self._models or self._publisher is not None or (self._reader and self._reader.is_alive()):
             return
@@ -213,10 +261,10 @@ class DescriptionTopic:
         self._reader = threading.Thread(target=self._read, name="robot_description", daemon=True)
         self._reader.start()
 
-    def _read(self):
+    def _read(self) -> None:
         try:
             text = rospy.get_param("robot_description", None)
-        except Exception as error:      # the master has gone: the node will learn of it elsewhere
+        except Exception as error:      # no master: the node detects this elsewhere
             log.debug("robot_description: %s", error)
             return
         if isinstance(text, str) and text.strip():

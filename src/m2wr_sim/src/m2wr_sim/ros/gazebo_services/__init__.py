@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The services and command topics of Gazebo under ``/gazebo``: one class for each group, one table of names."""
+"""The services and command topics of Gazebo below ``/gazebo``: one class for each group, one table of names."""

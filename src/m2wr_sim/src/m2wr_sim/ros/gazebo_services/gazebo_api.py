@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Gazebo's services and command topics under ``~``, as calls of the simulator; texts are Gazebo's to the letter.
+"""Gazebo's services and command topics under ``~``, mapped to calls of the simulator; status texts are Gazebo's.
 
-Here are the services about models and the world, and the assembly; the other modules of this folder have the others.
+This module has the services of models and of the world, and puts all services together. The other modules of this
+folder have the rest.
 """
 import functools
 import logging
 import time
+from typing import Any, Callable, Dict, List, Tuple
 
 import rospy
 from std_srvs.srv import EmptyResponse, TriggerResponse
@@ -27,25 +29,27 @@ from m2wr_sim.ros.gazebo_services.lights import LightApi
 from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
 from m2wr_sim.ros.gazebo_services.reconfigure import make_reconfigure
+from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.gazebo_services.table import SERVICES
-from m2wr_sim.ros.loop import ShuttingDown
+from m2wr_sim.ros.loop import Loop, ShuttingDown
 from m2wr_sim.runtime.entities import tell
 from m2wr_sim.runtime.forces import Forces
+from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
-_DRAIN = 0.2            # s of wall time between the last message of the old time and the clock's jump back to zero
+_DRAIN = 0.2            # s of wall time between the last message before a reset and the clock's jump back to zero
 _NO_SCOPED_FRAME = ("reference relative_entity_name not found, did you forget to scope the body by model name?")
 
 
 class _CountedState(GetModelStateResponse):
-    """A response that keeps the ``header.seq`` it is given; rospy writes the number of the call into all others."""
+    """A response that keeps its ``header.seq``; in others rospy overwrites it with the number of the call."""
 
     _has_header = False
 
 
 class GazeboApi:
-    """The services; what touches the world runs in the loop's thread.
+    """The services. Everything that accesses the world runs in the loop's thread.
 
     Parameters
     ----------
@@ -53,23 +57,24 @@ class GazeboApi:
     loop : Loop
     spawner : Spawner
     as_gazebo : bool
-        Keep the known faults of Gazebo's services.
+        Reproduce the known faults of Gazebo's services.
     set_factor : callable
-        Takes a new real-time factor.
+        Called with a new real-time factor; 0: as fast as possible.
     """
 
-    def __init__(self, simulator, loop, spawner, as_gazebo, set_factor):
+    def __init__(self, simulator: Simulator, loop: Loop, spawner: Spawner, as_gazebo: bool,
+                 set_factor: Callable[[float], None]) -> None:
         self._simulator, self._loop = simulator, loop
-        self._sequence = {}
+        self._sequence: Dict[str, int] = {}
         forces = Forces(simulator)
         simulator.add_observer(forces, "applied forces")
         self._links, self._physics = LinkApi(simulator, forces, as_gazebo), PhysicsApi(simulator, set_factor)
         parts = (self, self._links, self._physics, JointApi(simulator, forces), LightApi(simulator), spawner)
         spawner.in_loop = self._call
-        self._services = []
+        self._services: List[Any] = []
         for name, kind in SERVICES.items():
             handler = next(getattr(part, name) for part in parts if hasattr(part, name))
-            if not name.startswith("spawn_"):       # those read long texts first, and go into the loop with the result
+            if not name.startswith("spawn_"):       # these parse the text first and enter the loop with the result
                 handler = functools.partial(self._in_loop, handler)
             if name == "set_physics_properties":
                 handler = functools.partial(self._set_physics, handler)
@@ -77,39 +82,39 @@ class GazeboApi:
         self._commands = [
             rospy.Subscriber("~set_model_state", ModelState, self._on_message, self._put_model, queue_size=10),
             rospy.Subscriber("~set_link_state", LinkState, self._on_message, self._links.put_link, queue_size=10)]
-        log.info("Finished loading Gazebo ROS API Plugin.")         # people and scripts wait for this line
+        log.info("Finished loading Gazebo ROS API Plugin.")         # scripts wait for this line
         self._reconfigure = make_reconfigure(simulator, loop, self._physics)
 
-    def _call(self, function):
+    def _call(self, function: Callable[[], Any]) -> Any:
         try:
             return self._loop.call(function)
         except ShuttingDown as error:
             raise rospy.ServiceException(str(error)) from error
 
-    def _in_loop(self, handler, request):
+    def _in_loop(self, handler: Callable[[Any], Any], request: Any) -> Any:
         return self._call(lambda: handler(request))
 
-    def _set_physics(self, handler, request):
-        """Let those who watch the dynamic parameters know of the change too; not in the loop, it asks the master."""
+    def _set_physics(self, handler: Callable[[Any], Any], request: Any) -> Any:
+        """Set the physics, then notify clients of the dynamic parameters (outside the loop: this calls the master)."""
         response = handler(request)
         if response.success and self._reconfigure is not None:
-            self._reconfigure.tell()
+            self._reconfigure.notify()
         return response
 
-    def _on_message(self, message, handler):
+    def _on_message(self, message: Any, handler: Callable[[Any], Any]) -> None:
         try:
             self._loop.call(lambda: handler(message))
         except ShuttingDown:
             pass
 
-    def close(self):
+    def close(self) -> None:
         """Withdraw the services."""
         for service in self._services:
             service.shutdown("the simulation ends")
 
     # ---- models ------------------------------------------------------------------------------------------------
 
-    def get_model_state(self, request):
+    def get_model_state(self, request: Any) -> GetModelStateResponse:
         """Answer get_model_state; ``header.seq`` counts the calls for each model from 1."""
         response = _CountedState()
         if request.model_name not in self._simulator.models:
@@ -130,12 +135,12 @@ class GazeboApi:
         response.success, response.status_message = True, "GetModelState: got properties"
         return response
 
-    def set_model_state(self, request):
+    def set_model_state(self, request: Any) -> SetModelStateResponse:
         """Answer set_model_state."""
         success, text = self._put_model(request.model_state)
         return SetModelStateResponse(success, text)
 
-    def _put_model(self, wanted):
+    def _put_model(self, wanted: Any) -> Tuple[bool, str]:
         if wanted.model_name not in self._simulator.models:
             log.warning("set_model_state: there is no model \"%s\"; models: %s", wanted.model_name,
                         tell(self._simulator.models))
@@ -155,7 +160,7 @@ class GazeboApi:
             return False, "SetModelState: %s" % error
         return True, "SetModelState: set model state done"
 
-    def set_model_configuration(self, request):
+    def set_model_configuration(self, request: Any) -> SetModelConfigurationResponse:
         """Answer set_model_configuration; ``urdf_param_name`` is not used, as in Gazebo."""
         if request.model_name not in self._simulator.models:
             return SetModelConfigurationResponse(False, "SetModelConfiguration: model does not exist")
@@ -173,19 +178,19 @@ class GazeboApi:
         self._simulator.set_joint_positions(request.model_name, wanted)
         return SetModelConfigurationResponse(True, "SetModelConfiguration: success")
 
-    def delete_model(self, request):
+    def delete_model(self, request: Any) -> DeleteModelResponse:
         """Answer delete_model."""
         if request.model_name not in self._simulator.models:
             return DeleteModelResponse(False, "DeleteModel: model does not exist")
         self._simulator.delete(request.model_name)
         return DeleteModelResponse(True, "DeleteModel: successfully deleted model")
 
-    def get_model_properties(self, request):
+    def get_model_properties(self, request: Any) -> GetModelPropertiesResponse:
         """Answer get_model_properties; ``canonical_body_name`` stays empty, as in Gazebo."""
         model = self._simulator.models.get(request.model_name)
         if model is None:
             return GetModelPropertiesResponse(status_message="GetModelProperties: model does not exist")
-        links = [link for link in model.record.links if "::" not in link.name]      # the others are of nested models
+        links = [link for link in model.record.links if "::" not in link.name]      # others belong to nested models
         return GetModelPropertiesResponse(
             parent_model_name="", canonical_body_name="", body_names=[link.name for link in links],
             geom_names=[collision.name for link in links for collision in link.collisions],
@@ -195,30 +200,30 @@ class GazeboApi:
 
     # ---- world -------------------------------------------------------------------------------------------------
 
-    def get_world_properties(self, _):
+    def get_world_properties(self, _: Any) -> GetWorldPropertiesResponse:
         """Answer get_world_properties."""
         return GetWorldPropertiesResponse(
             sim_time=self._simulator.now_ns * 1e-9, model_names=list(self._simulator.models), rendering_enabled=True,
             success=True, status_message="GetWorldProperties: got properties")
 
-    def reset_world(self, _):
-        """Put models back; time goes on."""
+    def reset_world(self, _: Any) -> EmptyResponse:
+        """Put the models back to their initial poses; simulated time continues."""
         self._simulator.reset_world()
         log.info("world reset: models are back at their initial poses")
         return EmptyResponse()
 
-    def step(self, _):
-        """Let one step pass while paused; answered when it has."""
+    def step(self, _: Any) -> TriggerResponse:
+        """Make one step while the simulation is paused; answer when it is done."""
         refused = self._loop.step()
         if refused:
             return TriggerResponse(False, refused)
         return TriggerResponse(True, "time is %.9g s" % (self._simulator.now_ns * 1e-9))
 
-    def reset_simulation(self, _):
-        """Start over at time zero."""
-        # robot_state_publisher falls silent until the old time comes again if a joint state of the old time reaches it
-        # after the clock has gone back
+    def reset_simulation(self, _: Any) -> EmptyResponse:
+        """Set simulated time to zero and all models to their initial state."""
+        # If robot_state_publisher receives a joint state with an old stamp after the clock was reset, it publishes
+        # nothing until simulated time reaches that stamp.
         time.sleep(_DRAIN)
         self._simulator.reset_simulation()
-        log.info("simulation reset: time is zero, models are as at the start")
+        log.info("simulation reset: time is zero, models are in their initial state")
         return EmptyResponse()

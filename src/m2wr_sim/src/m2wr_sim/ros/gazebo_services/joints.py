@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Gazebo's services about joints; the methods answer the services of their names, in the loop's thread."""
+"""Gazebo's services for joints; each method answers the service of its name, in the loop's thread."""
 import logging
+from typing import Any, Dict, Optional, Tuple
 
 from gazebo_msgs.srv import (
     ApplyJointEffortResponse,
@@ -12,18 +13,20 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.ros.convert import all_finite
 from m2wr_sim.runtime.changes import set_joint_properties
 from m2wr_sim.runtime.entities import find_joint
+from m2wr_sim.runtime.forces import Forces
+from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
-# Fields of gazebo_msgs/ODEJointProperties, and what they change: fields of the joint's Axis, parameters of the solver.
+# Fields of gazebo_msgs/ODEJointProperties and what they set: fields of the joint's Axis, parameters of the solver.
 _AXIS = {"damping": "damping", "hiStop": "upper", "loStop": "lower", "stop_erp": "stop_erp", "stop_cfm": "stop_cfm"}
 _SOLVER = {"hiStop": "upper", "loStop": "lower", "erp": "erp", "cfm": "cfm", "stop_erp": "stop_erp",
            "stop_cfm": "stop_cfm", "fudge_factor": "fudge_factor", "fmax": "max_force", "vel": "rate"}
-_MOST_AXES = 3              # values for more are no mistake in an axis but a mistake in the message
+_MOST_AXES = 3              # values beyond these are ignored: no joint has more axes
 
 
 class JointApi:
-    """The services about joints.
+    """The services for joints.
 
     Parameters
     ----------
@@ -31,14 +34,14 @@ class JointApi:
     forces : Forces
     """
 
-    def __init__(self, simulator, forces):
+    def __init__(self, simulator: Simulator, forces: Forces) -> None:
         self._simulator, self._forces = simulator, forces
 
-    def _find(self, name):
+    def _find(self, name: str) -> Optional[Tuple[Any, str]]:
         return find_joint(self._simulator.models.values(), name)
 
-    def get_joint_properties(self, request):
-        """Return position and rate of a joint's axis; the type is always 0 and damping empty, as in Gazebo."""
+    def get_joint_properties(self, request: Any) -> GetJointPropertiesResponse:
+        """Return position [rad or m] and rate of a joint's axis; type is always 0 and damping empty, as in Gazebo."""
         found = self._find(request.joint_name)
         if found is None:
             return GetJointPropertiesResponse(status_message="GetJointProperties: joint not found")
@@ -48,12 +51,12 @@ class JointApi:
         return GetJointPropertiesResponse(type=GetJointPropertiesResponse.REVOLUTE, position=[position], rate=[rate],
                                           success=True, status_message="GetJointProperties: got properties")
 
-    def set_joint_properties(self, request):
-        """Change what the fields that are not empty tell about a joint's axes, one value each."""
+    def set_joint_properties(self, request: Any) -> SetJointPropertiesResponse:
+        """Set the properties in the fields that are not empty, one value for each axis of the joint."""
         found = self._find(request.joint_name)
         if found is None:
             return SetJointPropertiesResponse(False, "SetJointProperties: joint not found")
-        changes = {}
+        changes: Dict[int, Tuple[Dict[str, float], Dict[str, float]]] = {}
         for position, names in enumerate((_AXIS, _SOLVER)):
             for field, name in names.items():
                 for axis, value in enumerate(getattr(request.ode_joint_config, field)[:_MOST_AXES]):
@@ -65,8 +68,8 @@ class JointApi:
             return SetJointPropertiesResponse(False, "SetJointProperties: %s" % error)
         return SetJointPropertiesResponse(True, "SetJointProperties: properties set")
 
-    def apply_joint_effort(self, request):
-        """Order an effort on a joint's axis."""
+    def apply_joint_effort(self, request: Any) -> ApplyJointEffortResponse:
+        """Apply an effort [N m or N] to a joint's axis."""
         found = self._find(request.joint_name)
         if found is None:
             return ApplyJointEffortResponse(False, "ApplyJointEffort: joint not found")
@@ -80,7 +83,7 @@ class JointApi:
             return ApplyJointEffortResponse(False, "ApplyJointEffort: %s" % error)
         return ApplyJointEffortResponse(True, "ApplyJointEffort: effort set")
 
-    def clear_joint_forces(self, request):
-        """Take back the efforts on a joint."""
+    def clear_joint_forces(self, request: Any) -> JointRequestResponse:
+        """Remove the efforts on a joint."""
         self._forces.clear_joint(request.joint_name)
         return JointRequestResponse()

@@ -1,27 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Gazebo's services about lights, which have names and colours here but shine on nothing."""
+"""Gazebo's services for lights; their names and colours are stored, but they illuminate nothing."""
 import logging
 from dataclasses import replace
+from typing import Any, Tuple
 
 from gazebo_msgs.srv import DeleteLightResponse, GetLightPropertiesResponse, SetLightPropertiesResponse
 from m2wr_sim.geometry import normalise_quaternion
 from m2wr_sim.ros.convert import all_finite, read_pose, read_vector
+from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
 
-def _read_colour(colour):
+def _read_colour(colour: Any) -> Tuple[float, float, float, float]:
     return (colour.r, colour.g, colour.b, colour.a)
 
 
 class LightApi:
-    """The services about lights; the methods answer the services of their names, in the loop's thread."""
+    """The services for lights; each method answers the service of its name, in the loop's thread."""
 
-    def __init__(self, simulator):
+    def __init__(self, simulator: Simulator) -> None:
         self._lights = simulator.lights
 
-    def get_light_properties(self, request):
-        """Return colour and attenuation; the text of success is empty, as in Gazebo."""
+    def get_light_properties(self, request: Any) -> GetLightPropertiesResponse:
+        """Return colour and attenuation; the status text on success is empty, as in Gazebo."""
         light = self._lights.get(request.light_name)
         if light is None:
             return GetLightPropertiesResponse(
@@ -33,8 +35,8 @@ class LightApi:
         diffuse.r, diffuse.g, diffuse.b, diffuse.a = light.diffuse
         return response
 
-    def set_light_properties(self, request):
-        """Store what a light is like; the text of success is empty, as in Gazebo."""
+    def set_light_properties(self, request: Any) -> SetLightPropertiesResponse:
+        """Store the properties of a light; the status text on success is empty, as in Gazebo."""
         light = self._lights.get(request.light_name)
         if light is None:
             return SetLightPropertiesResponse(
@@ -49,8 +51,8 @@ class LightApi:
         self._lights[light.name] = replace(new, pose=(position, normalise_quaternion(orientation)))
         return SetLightPropertiesResponse(True, "")
 
-    def delete_light(self, request):
-        """Take a light away; of one that is not there Gazebo says, after ten seconds, that it timed out."""
+    def delete_light(self, request: Any) -> DeleteLightResponse:
+        """Delete a light; the answer for an unknown one is Gazebo's, which gives it after ten seconds."""
         if self._lights.pop(request.light_name, None) is None:
             log.error("delete_light: there is no light \"%s\" (has %s)", request.light_name,
                       ", ".join(self._lights) or "none")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Gazebo's services about links; every method but the first answers the service of its name, in the loop's thread."""
+"""Gazebo's services for links; each method answers the service of its name, in the loop's thread."""
 import logging
+from typing import Any, Optional, Tuple
 
 from gazebo_msgs.srv import (
     ApplyBodyWrenchResponse,
@@ -16,33 +17,42 @@ from m2wr_sim.model.types import Inertial
 from m2wr_sim.ros.convert import all_finite, read_pose, read_vector, write_pose
 from m2wr_sim.runtime.changes import set_link_properties, set_link_state, wrench_as_gazebo, wrench_in_world
 from m2wr_sim.runtime.entities import INERTIAL_FRAMES, find_link, relative, tell
+from m2wr_sim.runtime.forces import Forces
+from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
 _SCOPE = "did you forget to scope the link by model name?"
 _NO_LINK = "link not found, " + _SCOPE
+Vector = Tuple[float, float, float]
+
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
+def _add(one: Vector, two: Vector, factor: float = 1.0) -> Vector:
+    return (one[0] + factor * two[0], one[1] + factor * two[1], one[2] + factor * two[2])
+
+
 class LinkApi:
-    """The services about links.
+    """The services for links.
 
     Parameters
     ----------
     simulator : Simulator
     forces : Forces
     as_gazebo : bool
-        Keep the known faults of Gazebo: wrenches in wrong axes, velocities that are not turned, masses that do not act.
+        Reproduce the known faults of Gazebo: wrenches in wrong axes, velocities that are not rotated, masses without
+        effect.
     """
 
-    def __init__(self, simulator, forces, as_gazebo):
+    def __init__(self, simulator: Simulator, forces: Forces, as_gazebo: bool) -> None:
         self._simulator, self._forces, self._as_gazebo = simulator, forces, as_gazebo
 
-    def _find(self, name):
+    def _find(self, name: str) -> Optional[Tuple[Any, str]]:
         return find_link(self._simulator.models.values(), name)
 
-    def get_link_state(self, request):
-        """Return pose and velocity of a link's frame; name and frame of the request come back as they are."""
+    def get_link_state(self, request: Any) -> GetLinkStateResponse:
+        """Return pose and velocity of a link's frame; name and reference frame are copied from the request."""
         response = GetLinkStateResponse()
         found = self._find(request.link_name)
         if found is None:
@@ -63,12 +73,12 @@ class LinkApi:
         response.success, response.status_message = True, "GetLinkState: got state"
         return response
 
-    def set_link_state(self, request):
-        """Put one link somewhere; its joints are not consulted."""
+    def set_link_state(self, request: Any) -> SetLinkStateResponse:
+        """Set pose and velocity of one link, regardless of its joints."""
         return SetLinkStateResponse(*self.put_link(request.link_state))
 
-    def put_link(self, wanted):
-        """Carry out a gazebo_msgs/LinkState; returns success and status text."""
+    def put_link(self, wanted: Any) -> Tuple[bool, str]:
+        """Apply a gazebo_msgs/LinkState; return success and status text."""
         found = self._find(wanted.link_name)
         if found is None:
             log.error("set_link_state: there is no link \"%s\"; models: %s", wanted.link_name,
@@ -83,7 +93,7 @@ class LinkApi:
         if wanted.reference_frame not in INERTIAL_FRAMES:
             frame = self._find(wanted.reference_frame)
             if frame is None:
-                log.error("set_link_state: reference_frame \"%s\" is no link", wanted.reference_frame)
+                log.error("set_link_state: reference_frame \"%s\" is not a link", wanted.reference_frame)
                 return False, "SetLinkState: failed"
             state = self._simulator.engine.link_state(frame[0].handle.links[frame[1]])
             pose = compose((state.position, state.orientation), pose)
@@ -95,16 +105,14 @@ class LinkApi:
             return False, "SetLinkState: %s" % error
         return True, "SetLinkState: success"
 
-    def _velocity(self, frame, linear, angular):
-        """Return the world velocity of a link for one given in a frame; Gazebo subtracts the frame's own, unturned."""
+    def _velocity(self, frame: Any, linear: Vector, angular: Vector) -> Tuple[Vector, Vector]:
+        """Return the world velocity for one given in a frame; Gazebo subtracts the frame's, without rotation."""
         if self._as_gazebo:
-            return (tuple(a - b for a, b in zip(linear, frame.linear_velocity)),
-                    tuple(a - b for a, b in zip(angular, frame.angular_velocity)))
-        turn = frame.orientation
-        return (tuple(a + b for a, b in zip(rotate(turn, linear), frame.linear_velocity)),
-                tuple(a + b for a, b in zip(rotate(turn, angular), frame.angular_velocity)))
+            return _add(linear, frame.linear_velocity, -1.0), _add(angular, frame.angular_velocity, -1.0)
+        return (_add(rotate(frame.orientation, linear), frame.linear_velocity),
+                _add(rotate(frame.orientation, angular), frame.angular_velocity))
 
-    def get_link_properties(self, request):
+    def get_link_properties(self, request: Any) -> GetLinkPropertiesResponse:
         """Return mass, inertia and centre of mass of a link, after the lumping of fixed joints."""
         found = self._find(request.link_name)
         if found is None:
@@ -117,8 +125,8 @@ class LinkApi:
         write_pose(response.com, record.inertial.pose[0], _UPRIGHT)
         return response
 
-    def set_link_properties(self, request):
-        """Set mass, inertia and centre of mass, which act unless faults are kept, and let gravity act or not."""
+    def set_link_properties(self, request: Any) -> SetLinkPropertiesResponse:
+        """Set mass, inertia, centre of mass and gravity; with Gazebo's faults only gravity has an effect."""
         found = self._find(request.link_name)
         if found is None:
             return SetLinkPropertiesResponse(False, "SetLinkProperties: " + _NO_LINK)
@@ -134,8 +142,8 @@ class LinkApi:
             return SetLinkPropertiesResponse(False, "SetLinkProperties: %s" % error)
         return SetLinkPropertiesResponse(True, "SetLinkProperties: properties set")
 
-    def apply_body_wrench(self, request):
-        """Order a wrench; the text of success is empty, as in Gazebo."""
+    def apply_body_wrench(self, request: Any) -> ApplyBodyWrenchResponse:
+        """Apply a wrench [N, N m]; the status text on success is empty, as in Gazebo."""
         found = self._find(request.body_name)
         if found is None:
             log.error("apply_body_wrench: there is no link \"%s\"", request.body_name)
@@ -163,7 +171,7 @@ class LinkApi:
             return ApplyBodyWrenchResponse(False, "ApplyBodyWrench: %s" % error)
         return ApplyBodyWrenchResponse(True, "")
 
-    def clear_body_wrenches(self, request):
-        """Take back the wrenches on a link, named with its model."""
+    def clear_body_wrenches(self, request: Any) -> BodyRequestResponse:
+        """Remove the wrenches on a link, which is named ``model::link``."""
         self._forces.clear_link(request.body_name)
         return BodyRequestResponse()

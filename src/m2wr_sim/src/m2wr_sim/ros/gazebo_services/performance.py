@@ -1,32 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``~performance_metrics``: how fast the world and its ray sensors run, while somebody listens."""
+"""``~performance_metrics``: rates of the simulation and its ray sensors, published while there is a subscriber."""
 import time
+from typing import Callable, Dict, Tuple
 
 from gazebo_msgs.msg import PerformanceMetrics, SensorPerformanceMetric
 from m2wr_sim.ros.convert import stamp_of
+from m2wr_sim.runtime.simulator import Simulator
 
-_PERIOD = 0.2           # s of wall time: five a second, as Gazebo
+_PERIOD = 0.2           # s of wall time: 5 Hz, as in Gazebo
 _NOT_A_CAMERA = -1.0
 
 
 class Performance:
-    """Publishes rates over the time since the last message; :meth:`turn` is called often and mostly does nothing."""
+    """Publishes rates since the last message; :meth:`turn` is called often and usually does nothing."""
 
-    def __init__(self, simulator, clock=time.monotonic):
+    def __init__(self, simulator: Simulator, clock: Callable[[], float] = time.monotonic) -> None:
         self._simulator, self._clock = simulator, clock
         self._port = simulator.ports.advertise("~performance_metrics", PerformanceMetrics, 10, "")
         self._last = self._snapshot()
 
-    def _snapshot(self):
-        counts = {}
+    def _snapshot(self) -> Tuple[float, int, Dict[Tuple[str, str], int]]:
+        counts: Dict[Tuple[str, str], int] = {}
         for model in self._simulator.models.values():
             for _, context, _ in model.plugins:
                 if context.sensor is not None and context.sensor.ray is not None:
                     counts[model.name, context.sensor.name] = context.measurements
         return self._clock(), self._simulator.now_ns, counts
 
-    def turn(self):
-        """Publish if it is time and somebody listens."""
+    def turn(self) -> None:
+        """Publish if the period has passed and there is a subscriber."""
         if self._clock() - self._last[0] < _PERIOD:
             return
         before, self._last = self._last, self._snapshot()

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Gazebo's services about the physics of the world, and pausing; the methods answer the services of their names."""
+"""Gazebo's services for the physics of the world and for pausing; each method answers the service of its name."""
 import logging
 from dataclasses import replace
+from typing import Any, Callable, Dict
 
 from std_srvs.srv import EmptyResponse
 
@@ -9,25 +10,26 @@ from gazebo_msgs.srv import GetPhysicsPropertiesResponse, SetPhysicsPropertiesRe
 from m2wr_sim.errors import ParameterError
 from m2wr_sim.ros.convert import read_vector
 from m2wr_sim.runtime.changes import set_physics
+from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
 
 class PhysicsApi:
-    """The services about the world's physics; all run in the loop's thread.
+    """The services for the physics of the world; all run in the loop's thread.
 
     Parameters
     ----------
     simulator : Simulator
     set_factor : callable
-        Takes the real-time factor that the update rate asks for; 0 is as fast as it goes.
+        Called with the real-time factor that follows from the update rate; 0: as fast as possible.
     """
 
-    def __init__(self, simulator, set_factor):
+    def __init__(self, simulator: Simulator, set_factor: Callable[[float], None]) -> None:
         self._simulator, self._set_factor = simulator, set_factor
 
-    def get_physics_properties(self, _):
-        """Return the numbers as they were last set; the engine takes some of them only within limits."""
+    def get_physics_properties(self, _: Any) -> GetPhysicsPropertiesResponse:
+        """Return the values as they were last set; the engine limits some of them."""
         physics = self._simulator.physics
         response = GetPhysicsPropertiesResponse(
             time_step=physics.max_step_size, pause=self._simulator.paused,
@@ -41,8 +43,8 @@ class PhysicsApi:
         ode.cfm, ode.erp, ode.max_contacts = physics.cfm, physics.erp, physics.max_contacts
         return response
 
-    def set_physics_properties(self, request):
-        """Set all numbers: what a request leaves out becomes zero, as in Gazebo, except a time step of zero."""
+    def set_physics_properties(self, request: Any) -> SetPhysicsPropertiesResponse:
+        """Set all values; what a request omits becomes zero, as in Gazebo, except a time step of zero."""
         ode = request.ode_config
         values = {"max_step_size": request.time_step, "real_time_update_rate": request.max_update_rate,
                   "gravity": read_vector(request.gravity), "precon_iters": ode.sor_pgs_precon_iters,
@@ -56,32 +58,32 @@ class PhysicsApi:
             return SetPhysicsPropertiesResponse(False, "SetPhysicsProperties: %s" % error)
         return SetPhysicsPropertiesResponse(True, "physics engine updated")
 
-    def change(self, values):
-        """Change fields of the world's Physics; a step of zero leaves the step as it is.
+    def change(self, values: Dict[str, Any]) -> None:
+        """Set fields of the world's Physics; a time step of zero leaves the step unchanged.
 
         Raises
         ------
         ParameterError
-            If a number cannot be used.
+            If a value is invalid.
         """
         simulator = self._simulator
         old = simulator.physics
         new = replace(old, **values)
         if new.max_step_size == 0.0:
-            log.warning("set_physics_properties: time_step is 0, which would stop time; it stays %g s",
+            log.warning("set_physics_properties: time_step is 0, which would pause the simulation; it stays %g s",
                         old.max_step_size)
             new = replace(new, max_step_size=old.max_step_size)
         set_physics(simulator, new)
-        pace = [physics.real_time_update_rate * physics.max_step_size for physics in (old, new)]
-        if pace[0] != pace[1]:
-            self._set_factor(max(0.0, pace[1]))
+        factors = [physics.real_time_update_rate * physics.max_step_size for physics in (old, new)]
+        if factors[0] != factors[1]:
+            self._set_factor(max(0.0, factors[1]))
 
-    def pause_physics(self, _):
-        """Stop time; services go on."""
+    def pause_physics(self, _: Any) -> EmptyResponse:
+        """Pause the simulation; services still answer."""
         self._simulator.paused = True
         return EmptyResponse()
 
-    def unpause_physics(self, _):
-        """Let time go on."""
+    def unpause_physics(self, _: Any) -> EmptyResponse:
+        """Continue the simulation."""
         self._simulator.paused = False
         return EmptyResponse()

@@ -6,6 +6,7 @@ import re
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any, Callable, Iterator, List, Optional, Tuple, Union
 
 import rospkg
 import rospy
@@ -16,11 +17,12 @@ from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.sdf.loader import load_sdf
-from m2wr_sim.model.types import Heightmap, Light, Mesh
+from m2wr_sim.model.types import Heightmap, Light, Mesh, Model
 from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.model.xml.lenient import root_tag, without_comments
 from m2wr_sim.physics import native_shapes
 from m2wr_sim.ros.convert import all_finite, read_pose
+from m2wr_sim.runtime.simulator import Simulator
 from m2wr_sim.sensors.mesh_tree import tree_of
 
 log = logging.getLogger(__name__)
@@ -31,21 +33,21 @@ _PACKAGE = re.compile(r"package://([^/\"'<>\s]+)")
 _NO_FRAME = ("SpawnModel: reference reference_frame not found, did you forget to scope the link by model name?")
 
 
-MOST_TEXT = 8 * 1024 * 1024        # characters of a description that comes over a service
-MOST_MARKS = 100000                # "<", "=" and "&" in it: tags, attributes, references; some 10 us and 100 bytes each
-_LONG_TEXT = 1000000        # characters; such a text makes so many objects that collecting them would stop the loop
-_MOST_PARTS = 10000         # links and collisions of a model; putting them into the world takes up to half a second
-_MANY_TRIANGLES = 50000     # from here on it is said that a mesh is being prepared
+MOST_TEXT = 8 * 1024 * 1024        # characters of a description received over a service
+MOST_MARKS = 100000                # of "<", "=", "&" in it (tags, attributes, ...); 10 us and 100 bytes each
+_LONG_TEXT = 1000000        # characters; it creates so many objects that garbage collection would block the loop
+_MOST_PARTS = 10000         # links and collisions of a model; adding them to the world takes up to 0.5 s
+_MANY_TRIANGLES = 50000     # from this size on, preparing a mesh is logged
 
 _uncollected = [0]
 _uncollected_lock = threading.Lock()
 
 
 @contextmanager
-def _no_collections(wanted):
-    """Keep Python's garbage collector from walking over what is being read, again and again, with the loop waiting.
+def _no_collections(wanted: bool) -> Iterator[None]:
+    """Disable Python's garbage collector while a long description is read: each collection would block the loop.
 
-    What is read lives as long as its model, and is put aside from all later collections.
+    The objects live as long as their model. They are frozen, so that later collections skip them.
     """
     if not wanted:
         yield
@@ -63,21 +65,21 @@ def _no_collections(wanted):
                 gc.enable()
 
 
-def _check_size(record, name):
-    """Raise ModelError for a model whose way into the world would stop time for long."""
+def _check_size(record: Union[Model, Light], name: str) -> None:
+    """Raise ModelError for a model that would block the simulation for long while it is added."""
     parts = sum(1 + len(link.collisions) for link in getattr(record, "links", ()))
     if parts > _MOST_PARTS:
         raise ModelError("\"%s\" has %d links and collisions; expected at most %d in a model that is spawned (a world "
                          "file may hold more)" % (name, parts, _MOST_PARTS))
 
 
-def prepare(record):
-    """Build what physics and rays need of a model's meshes and heightmaps, beside the simulation.
+def prepare(record: Union[Model, Light]) -> List[Any]:
+    """Prepare the meshes and heightmaps of a model for physics and rays, while the simulation runs.
 
     Returns
     -------
     list
-        To be kept until the model is in the world.
+        Prepared shapes; keep them until the model is in the world.
     """
     kept = []
     for link in getattr(record, "links", ()):
@@ -93,27 +95,32 @@ def prepare(record):
 
 
 class Spawner:
-    """Reads models from requests and puts them into a simulator.
+    """Reads models from requests and adds them to a simulator.
 
     Parameters
     ----------
     simulator : Simulator
     resolve_model : callable, optional
-        From ``NAME`` of a ``model://NAME`` to its folder, or None; for SDF that includes other models.
+        Returns the folder of ``NAME`` in ``model://NAME``, or None; for SDF that includes other models.
     urdf_surface : str
-        ``honour``: a ``<surface>`` inside a URDF collision counts; ``gazebo``: it does not.
+        ``honour``: a ``<surface>`` inside a URDF collision is used; ``gazebo``: it is ignored.
     """
 
-    def __init__(self, simulator, resolve_model=None, urdf_surface="honour"):
+    def __init__(self, simulator: Simulator, resolve_model: Optional[Callable[[str], Optional[str]]] = None,
+                 urdf_surface: str = "honour") -> None:
         self._simulator, self._resolve_model = simulator, resolve_model
         self._honour_surface = urdf_surface == "honour"
         self._packages = rospkg.RosPack()
-        self.in_loop = lambda function: function()      # runs what touches the world, between two steps
-        self.convention_set_for = lambda name: None     # what ~wheel_conventions says of a model now, or None
-        self._newest = ("", None)       # text and record of the URDF spawned last: many robots are often the same
-        self._told = (None, "")         # record of which all has been said, and its wheel convention
+        # runs a function between two steps
+        self.in_loop: Callable[[Callable[[], Any]], Any] = lambda function: function()
+        # returns the current value of ~wheel_conventions for a model, or None
+        self.convention_set_for: Callable[[str], Any] = lambda name: None
+        # text and record of the last URDF: often many equal robots are spawned
+        self._newest: Tuple[str, Optional[Model]] = ("", None)
+        # record whose warnings have been logged, and its wheel convention
+        self._logged: Tuple[Any, str] = (None, "")
 
-    def _package_folder(self, name):
+    def _package_folder(self, name: str) -> str:
         try:
             return self._packages.get_path(name)
         except rospkg.ResourceNotFound:
@@ -121,8 +128,8 @@ class Spawner:
                       name, name)
             raise rospy.ServiceException("urdf reference package name does not exist: %s" % name) from None
 
-    def spawn_urdf_model(self, request):
-        """Answer spawn_urdf_model; without a ``<robot>``, or with an unknown ``package://``, the call itself fails."""
+    def spawn_urdf_model(self, request: Any) -> SpawnModelResponse:
+        """Answer spawn_urdf_model; the call itself fails without a ``<robot>`` or with an unknown ``package://``."""
         refusal = self._size_refusal(request)
         if refusal:
             return SpawnModelResponse(False, refusal)
@@ -131,19 +138,19 @@ class Spawner:
                       request.model_name)
             raise rospy.ServiceException("SpawnModel: Failure - entity format is invalid.")
         for package in sorted(set(_PACKAGE.findall(without_comments(request.model_xml)))):
-            self._package_folder(package)       # also those of visual meshes, which nothing here opens
+            self._package_folder(package)       # including packages of visual meshes, which are not opened
         return self._spawn(request, lambda: self._urdf_record(request))
 
-    def _urdf_record(self, request):
+    def _urdf_record(self, request: Any) -> Model:
         text, record = self._newest
-        if text != request.model_xml:
-            record = load_urdf(request.model_xml, source="URDF of %s" % request.model_name,
-                               model_name=request.model_name, resolve_package=self._package_folder,
-                               honour_collision_surface=self._honour_surface, resolve_model=self._resolve_model)
-        return record
+        if record is not None and text == request.model_xml:
+            return record
+        return load_urdf(request.model_xml, source="URDF of %s" % request.model_name,
+                         model_name=request.model_name, resolve_package=self._package_folder,
+                         honour_collision_surface=self._honour_surface, resolve_model=self._resolve_model)
 
-    def spawn_sdf_model(self, request):
-        """Answer spawn_sdf_model; a URDF is taken too, as Gazebo does."""
+    def spawn_sdf_model(self, request: Any) -> SpawnModelResponse:
+        """Answer spawn_sdf_model; a URDF is accepted too, as in Gazebo."""
         refusal = self._size_refusal(request)
         if refusal:
             return SpawnModelResponse(False, refusal)
@@ -153,10 +160,10 @@ class Spawner:
         if root not in ("sdf", "gazebo"):
             reason = "the text begins with %s; expected <sdf> or <robot>" % ("<%s>" % root if root else "no element")
             log.error("spawn of \"%s\": %s", request.model_name, reason)
-            return SpawnModelResponse(False, _UNREADABLE)       # to the letter: here Gazebo answers so, too
+            return SpawnModelResponse(False, _UNREADABLE)       # exactly the answer of Gazebo
         return self._spawn(request, lambda: self._only_model(request))
 
-    def _only_model(self, request):
+    def _only_model(self, request: Any) -> Union[Model, Light]:
         models, lights = load_sdf(request.model_xml, source="SDF of %s" % request.model_name,
                                   resolve_model=self._resolve_model, most_parts=_MOST_PARTS)
         found = models or lights
@@ -165,20 +172,20 @@ class Spawner:
                 request.model_name, len(found), "models" if models else "lights"))
         return found[0]
 
-    def _put(self, record, pose, request):
-        """Put what was read into the world: a model, or a light."""
+    def _put(self, record: Union[Model, Light], pose: Any, request: Any) -> None:
+        """Add a model or a light to the world."""
         pose = compose(pose, record.pose)
         if isinstance(record, Light):
             self._simulator.lights[request.model_name] = replace(record, name=request.model_name, pose=pose)
         else:
             self._simulator.spawn(record, pose, request.model_name, request.robot_namespace)
 
-    def _spawn(self, request, load):
-        """Read the text in the caller's thread, so that a long one does not hold up time and other calls.
+    def _spawn(self, request: Any, load: Callable[[], Union[Model, Light]]) -> SpawnModelResponse:
+        """Read the text and prepare its meshes in the caller's thread, so that the simulation continues meanwhile.
 
-        So do its meshes become what physics and rays need of them; into the loop goes only what is ready.
+        Only the finished model enters the loop.
         """
-        refusal = self._take_convention(request.model_name) or self.in_loop(lambda: self._place_of(request)[1])
+        refusal = self._use_convention(request.model_name) or self.in_loop(lambda: self._place_of(request)[1])
         if refusal:
             return SpawnModelResponse(False, refusal)
         try:
@@ -193,12 +200,12 @@ class Spawner:
             raise
         except Exception as error:
             return self._fault(request, error)
-        response = self.in_loop(lambda: self._enter(request, record))
+        response = self.in_loop(lambda: self._add(request, record))
         del kept
         return response
 
-    def _take_convention(self, name):
-        """Let the parameter for a model's wheel convention count as it is now; return why it cannot, or None."""
+    def _use_convention(self, name: str) -> Optional[str]:
+        """Use the current value of a model's wheel convention; return why it is invalid, or None."""
         value = self.convention_set_for(name)
         if value is None:
             return None
@@ -211,8 +218,8 @@ class Spawner:
         return None
 
     @staticmethod
-    def _size_refusal(request):
-        """Return why a text is too large to be read beside a simulation, which the log has been told, or None."""
+    def _size_refusal(request: Any) -> Optional[str]:
+        """Return why a text is too large to be read while the simulation runs, and log it; None if it is not."""
         text, refusal = request.model_xml, None
         marks = sum(text.count(mark) for mark in "<=&")
         if len(text) > MOST_TEXT:
@@ -223,8 +230,8 @@ class Spawner:
             log.error("spawn of \"%s\": %s", request.model_name, refusal)
         return refusal
 
-    def _place_of(self, request):
-        """Return the wanted pose in the world, and why it cannot be had: a text for the answer, or None."""
+    def _place_of(self, request: Any) -> Tuple[Any, Optional[str]]:
+        """Return the requested pose in the world, and the status text of a refusal or None."""
         simulator, name = self._simulator, request.model_name
         pose = read_pose(request.initial_pose)
         if not all_finite(pose[0] + pose[1]):
@@ -235,31 +242,34 @@ class Spawner:
             log.error("spawn of \"%s\": %s", name, error)
             return None, _NO_FRAME
         if name in simulator.models or name in simulator.lights:
-            log.error("spawn of \"%s\": a model or light of that name is already in the world", name)
+            log.error("spawn of \"%s\": a model or light with this name is already in the world", name)
             return None, "SpawnModel: Failure - entity already exists."
         return pose, None if name else "SpawnModel: model_name is empty; expected a name for the model"
 
-    def _enter(self, request, record):
-        pose, refusal = self._place_of(request)         # again: others may have been at work meanwhile
+    def _add(self, request: Any, record: Union[Model, Light]) -> SpawnModelResponse:
+        pose, refusal = self._place_of(request)         # again: other clients may have changed the world
         if refusal:
             return SpawnModelResponse(False, refusal)
         try:
             convention = self._simulator.config.wheel_convention_of(request.model_name)
-            known, under = self._told
-            with said_once(record is known and convention == under):    # another of the same: all has been said
+            record_before, convention_before = self._logged
+            with said_once(record is record_before and convention == convention_before):   # an equal robot
                 self._put(record, pose, request)
-            self._told = (record, convention)
+            self._logged = (record, convention)
         except SimError as error:
             log.error("spawn of \"%s\": %s", request.model_name, error)
             return SpawnModelResponse(False, "%s %s" % (_UNREADABLE, error))
         except Exception as error:
             return self._fault(request, error)
-        # what a text refers to may change while the text does not
-        self._newest = (request.model_xml, record) if "<mesh" not in request.model_xml else ("", None)
+        # a mesh file may change while the text does not
+        if isinstance(record, Model) and "<mesh" not in request.model_xml:
+            self._newest = (request.model_xml, record)
+        else:
+            self._newest = ("", None)
         log.info("spawned \"%s\"", request.model_name)
         return SpawnModelResponse(True, "SpawnModel: Successfully spawned entity")
 
     @staticmethod
-    def _fault(request, error):
+    def _fault(request: Any, error: Exception) -> SpawnModelResponse:
         log.exception("spawn of \"%s\" failed", request.model_name)
         return SpawnModelResponse(False, "%s %s: %s" % (_UNREADABLE, type(error).__name__, error))

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The services of the simulation by name and type; each name is that of a method of a class of this folder."""
+"""The services of the simulation: name and type; each name is that of a method of a class in this folder."""
+from typing import Any, Dict
+
 from std_srvs.srv import Empty, Trigger
 
 from gazebo_msgs import srv
 
-SERVICES = {
+SERVICES: Dict[str, Any] = {
     "apply_body_wrench": srv.ApplyBodyWrench,
     "apply_joint_effort": srv.ApplyJointEffort,
     "clear_body_wrenches": srv.BodyRequest,
