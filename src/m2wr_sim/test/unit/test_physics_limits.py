@@ -212,6 +212,25 @@ ball = engine.add_model(conftest.sphere("ball", 0, 0, 0, 0.2, static=False), con
 engine.step(20)
 assert all(map(numpy.isfinite, engine.link_pose(ball.links["link"])[0]))
 """
+SOFT = PROGRAM + """
+engine = conftest.factory.make_engine(kind, EngineSettings())
+engine.add_model(conftest.ground(), conftest.at())
+handle = engine.add_model(robot, conftest.at(z=0.1))
+for joint in robot.joints:
+    if joint.kind == "revolute":
+        engine.change_joint(handle.joints[joint.name], joint.axis, {"lower": 0.2, "upper": 1.2, "stop_erp": 0.0,
+                                                                    "stop_cfm": float(end), "rate": 0.2}, 0)
+engine.step(200)
+assert all(map(numpy.isfinite, engine.link_pose(handle.links["link_chassis"])[0]))
+"""
+
+
+@pytest.mark.parametrize("softness", ["1e5", "1e9", "1e16"])
+def test_a_stop_may_be_as_soft_as_the_limit_allows(engine_kind, softness):
+    """The direct solver ends the process where softness over the step makes it lose the bodies' mobility."""
+    result = subprocess.run([sys.executable, "-c", SOFT, engine_kind, softness], timeout=600,
+                            cwd=str(SOURCE.parent / "test" / "unit"), stderr=subprocess.PIPE, universal_newlines=True)
+    assert result.returncode == 0, result.stderr
 
 
 @pytest.mark.parametrize("program, said", [(LONG, "beam::link: it is touched up to 32768 m from its centre of mass"),

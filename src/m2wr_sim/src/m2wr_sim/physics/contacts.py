@@ -7,6 +7,7 @@ import math
 from collections import namedtuple
 
 from m2wr_sim.model.types import Box, Heightmap, Mesh, Plane, Sphere
+from m2wr_sim.physics.limits import SOFTEST
 
 MODE_MU2 = 0x001
 MODE_FDIR1 = 0x002
@@ -96,7 +97,7 @@ def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, sett
         stiffness = 1.0 / (1.0 / max(one.kp, 1e-9) + 1.0 / max(two.kp, 1e-9))
         damping = max(0.0, one.kd + two.kd)
         soft_erp = step * stiffness / (step * stiffness + damping)
-        soft_cfm = max(MIN_SOFT_CFM / stiffer, 1.0 / (step * stiffness + damping))
+        soft_cfm = min(max(MIN_SOFT_CFM / stiffer, 1.0 / (step * stiffness + damping)), SOFTEST)
         mode |= MODE_SOFT_ERP | MODE_SOFT_CFM
     elif stiffer > 1.0:
         soft_cfm = settings.cfm / stiffer

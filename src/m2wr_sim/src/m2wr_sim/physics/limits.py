@@ -12,7 +12,8 @@ ODE was compiled with assertions.  These are the ones that numbers can reach, an
                                a shape thinner than ``LEAST_SIZE`` of physics/engine.py.
 ``d[i] != 0``                  The same, in the solver's factor.  Where it takes a row away, the direct solver adds
                                1 to numbers as large as a body's mobility squared, and beyond DIRECT the 1 is lost: such
-                               a body is left to the iterative solver, which factors nothing.
+                               a body is left to the iterative solver, which factors nothing.  Softness over the step
+                               adds to the mobility, and is held below SOFTEST.
 ``aabbBound < dMaxIntExact``   A place beyond 2^31 cells of the hash space: ``TOO_FAR`` of physics/engine.py.
 =============================  =====================================================================================
 """
@@ -23,13 +24,14 @@ import numpy as np
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import compose, matrix_from_quaternion
 from m2wr_sim.model.types import Box, Cylinder, Sphere
-from m2wr_sim.physics.engine import FARTHEST, LEAST_INERTIA, LEAST_MASS
+from m2wr_sim.physics.engine import FARTHEST, LEAST_INERTIA, LEAST_MASS, SHORTEST_STEP
 
 HEAVIEST, GREATEST_INERTIA = 1e9, 1e9       # kg, kg m^2
 FARTHEST_CENTRE = 100.0                     # m, of the centre of mass from its link's frame
 SPREAD = 1e10           # of the principal moments of a link; a double has 16 digits, and Cholesky's squares take half
 LEVERAGE = 1e13         # 1/kg: mobility of a point of a body, 1/m + r^2/I; times 1e-16 it is below CFM over the step
 DIRECT = 2.0 ** 26      # 1/kg: mobility beside whose square, 2^52, a double still holds 1
+SOFTEST = DIRECT * SHORTEST_STEP            # s/kg: softness (CFM); over the step it adds to the mobility
 LEAST_AXIS, GREATEST_AXIS = 1e-6, 1e6       # length of a joint's axis, which is a direction
 LEAST_ANGLE = 1e-3                          # rad, between the axes of a universal joint
 GREATEST_NUMBER = 1e16                      # of friction, stops and softness of joints; SDF's own infinity

@@ -14,7 +14,7 @@ from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Sphere
 from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
 from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
 from m2wr_sim.physics.idle import Countdown
-from m2wr_sim.physics.limits import check_inertial, turned_tensor
+from m2wr_sim.physics.limits import SOFTEST, check_inertial, turned_tensor
 from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
 
 CATEGORY_STATIC, CATEGORY_MOVING = 1, 2
@@ -232,6 +232,11 @@ def anchor_joint(joint, spec, child):
         joint.setAxis(axis)
 
 
+def bounded_softness(cfm: float) -> float:
+    """Return a softness (CFM) [s/kg] that the direct solver can take; beyond, a stop already holds nothing."""
+    return min(max(cfm, 0.0), SOFTEST)
+
+
 def axis_group(kind, index):
     """Return what libode adds to the numbers of the parameters of a joint's axis."""
     return PARAM_GROUP_2 if kind == "universal" and index == 0 else 0
@@ -246,7 +251,7 @@ def _set_up_axis(joint, kind, axis, group):
         joint.setParam(group + PARAM_HI_STOP, axis.upper)
     if axis.lower > -bound or axis.upper < bound:
         joint.setParam(group + PARAM_STOP_ERP, axis.stop_erp)
-        joint.setParam(group + PARAM_STOP_CFM, max(axis.stop_cfm, 0.0))
+        joint.setParam(group + PARAM_STOP_CFM, bounded_softness(axis.stop_cfm))
     if axis.fudge_factor is not None:
         joint.setParam(group + PARAMETERS["fudge_factor"], axis.fudge_factor)
     if axis.friction > 0.0:

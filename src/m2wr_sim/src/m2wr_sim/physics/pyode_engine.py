@@ -523,6 +523,8 @@ class PyodeEngine(Engine):
         drive = self._joints[joint]
         drive.spec = replace(drive.spec, **{"axis2" if index else "axis": axis})
         for name, value in parameters.items():
+            if name in ("cfm", "stop_cfm"):
+                value = bodies.bounded_softness(value)
             drive.joint.setParam(bodies.axis_group(drive.spec.kind, index) + bodies.PARAMETERS[name], value)
         self._refresh_lists()
         self._wake()
