@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from m2wr_gmapping.backend import drift_kernels, loop_closing, place_match, place_search
-from m2wr_gmapping.backend.loop_extension import LoopExtension
+from m2wr_gmapping.backend.loop_extension import APART, LINKED, LoopExtension
 from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.config import GmappingConfig
@@ -151,21 +151,28 @@ def graph_of(mapper):
     return graph, path, mapper.readings
 
 
-def test_loop_closure_is_extended_along_the_loop(open_ring):
+@pytest.mark.parametrize("nodes_before_end", [20, 100])
+def test_loop_closure_is_extended_along_the_loop(open_ring, nodes_before_end):
     mapper, truth = open_ring
     graph, path, readings = graph_of(mapper)
-    old = int(np.argmin(np.hypot(*(truth[:150] - truth[-20])[:, :2].T)))
-    link = (old, len(path) - 20, between(truth[old], truth[-20]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
+    new = len(path) - nodes_before_end
+    old = int(np.argmin(np.hypot(*(truth[:150] - truth[new])[:, :2].T)))
+    link = (old, new, between(truth[old], truth[new]), np.diag(1.0 / np.square([0.02, 0.02, 0.008])))
     graph.links.append(link)
     along, drifted = distances_along(truth), truth.copy()
-    drifted[200:, :2] += 0.04 * np.abs(along[-20] - along[200:, None])      # the more, the farther from the link
+    drifted[200:, :2] += 0.04 * np.abs(along[new] - along[200:, None])      # the more, the farther from the link
     growth = LoopExtension(graph)
     growth.start_at([link])
     growth.advance(drifted, along, readings, 1000)
-    assert len(graph.links) > 15 and not growth.frontiers and growth.has_moved
+    assert not growth.frontiers and growth.has_moved
+    again = along[[new for new in range(200, len(truth))
+                   if np.hypot(*(truth[:150] - truth[new])[:, :2].T).min() < 0.5]]
+    linked = np.sort(along[[new for _, new, _, _ in graph.links]])
+    assert linked[0] < again[0] + 2 * APART and linked[-1] > again[-1] - 2 * APART      # both ways from the first one
+    assert LINKED <= np.diff(linked).min() and np.diff(linked).max() < 2 * APART        # none twice, none left out
     for first, second, measured, _ in graph.links[1:]:
         error = between(between(truth[first], truth[second]), measured)
-        assert math.hypot(error[0], error[1]) < 0.3 and second != link[1]
+        assert math.hypot(error[0], error[1]) < 0.2 and abs(error[2]) < 0.02
 
 
 def test_wrong_loop_closure_is_not_extended(open_ring):
