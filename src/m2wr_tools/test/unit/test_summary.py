@@ -106,7 +106,7 @@ def test_run_is_read_in_simulated_time(tmp_path, offset):
     assert (log.x[-1], log.y[-1]) == (4.0, 3.0) and log.yaw[-1] == pytest.approx(math.pi / 2)
     assert log.hit_points.tolist() == [[4.0, 0.0]] and log.leave_points.tolist() == [[4.0, 2.0]]
     assert log.start == (0.0, 0.0) and log.goal == (4.0, 3.0)
-    assert log.touches == 2 and log.mean_factor == 3.25
+    assert log.contacts == 2 and log.mean_factor == 3.25
 
 
 def test_summary_of_a_known_way(tmp_path, build):
@@ -116,7 +116,7 @@ def test_summary_of_a_known_way(tmp_path, build):
     assert summary.straight_distance == 5.0 and summary.end_distance == 0.0
     assert summary.duration == pytest.approx(8.0 - 1.01)
     assert summary.state_changes == 3 and summary.final_state == "goal_reached"
-    assert summary.touches == 2 and summary.mean_factor == 3.25
+    assert summary.contacts == 2 and summary.mean_factor == 3.25
     # the wheel's outer side passes the crate's lower side: 0.75 - 0.22
     assert summary.least_clearance == pytest.approx(0.53, abs=1e-9) and summary.clearance_name == "crate"
     table = format_table(summary)
@@ -128,7 +128,7 @@ def test_summary_of_a_known_way(tmp_path, build):
 
 def test_arguments_win_over_the_recorded_line(tmp_path):
     log = read_run(record_corner(tmp_path / "run.bag"), start=(1, 2), goal=(3, 4), robot="other")
-    assert log.start == (1.0, 2.0) and log.goal == (3.0, 4.0) and log.touches == 0
+    assert log.start == (1.0, 2.0) and log.goal == (3.0, 4.0) and log.contacts == 0
 
 
 def test_being_moved_is_no_way(tmp_path):
@@ -164,7 +164,7 @@ def test_what_was_not_recorded_is_none(tmp_path):
     log = read_run(recorder.close())
     assert log == RunLog(log.path, states=((1.0, "go_to_point"),))
     summary = summarise(log, World())
-    assert summary.path_length is summary.least_clearance is summary.duration is summary.touches is None
+    assert summary.path_length is summary.least_clearance is summary.duration is summary.contacts is None
     assert format_table(summary).count("not recorded") == 7
     picture.draw_run(log, (), (), summary, tmp_path / "states.png")
     assert (tmp_path / "states.png").stat().st_size > 1000
@@ -200,7 +200,7 @@ def test_unusable_bags_are_named(tmp_path):
                         (str(tmp_path / "killed.bag"), "has not finished")):
         message = message_of(path)
         assert message.startswith("bag %s: " % path) and words in message and "expected" in message, message
-    assert read_run(good).touches == 2
+    assert read_run(good).contacts == 2
 
 
 def test_broken_bags_are_named(tmp_path):
@@ -414,7 +414,7 @@ def test_picture_is_to_scale(drawn):
     (x0, y0), (x1, y1) = drawn.axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
     assert x1 - x0 == pytest.approx(y1 - y0, rel=1e-3) and x1 - x0 > 50.0
     title = drawn.axes.get_title()
-    assert title.startswith("goal reached after 7.0 s") and "2 touches" in title
+    assert title.startswith("goal reached after 7.0 s") and "2 contacts" in title
     labels = [text.get_text() for text in drawn.axes.figure.legends[0].get_texts()]
     assert labels == ["obstacle", "go to point", "wall following", "m-line", "robot, every 10 s", "start (0, 0)",
                       "goal (4, 3)", "hit point", "leave point"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Opening recorded bags, so that every fault comes out as one sentence that says what helps."""
+"""Opens recorded bags; each error is reported in one sentence that says what helps."""
 import os
 from contextlib import contextmanager
 
@@ -11,7 +11,7 @@ from m2wr_view.errors import ViewError
 
 @contextmanager
 def open_bag(path):
-    """Give an open ``rosbag.Bag``; whatever goes wrong with it inside the ``with`` becomes a ViewError."""
+    """Yield an open ``rosbag.Bag``; all errors inside the ``with`` become a ViewError."""
     if path.endswith(".active"):
         raise ViewError("bag %s: the recorder is still writing it, or was killed before it could finish; expected a "
                         "finished bag (stop the recorder with Ctrl-C, or run `rosbag reindex` on the file)" % path)
@@ -28,7 +28,7 @@ def open_bag(path):
                         "`rosbag reindex`)" % path) from None
     except (ViewError, GeneratorExit):
         raise
-    except Exception as error:      # damaged bytes come out as whatever the reader trips over first
+    except Exception as error:      # damaged bytes cause errors of any kind
         raise ViewError("bag %s: it cannot be read (%s: %s); expected a bag of format 2.0 that is whole"
                         % (path, type(error).__name__, error)) from error
 
@@ -51,7 +51,7 @@ def messages_of(bag, path, topics):
     Raises
     ------
     ViewError
-        If a bag's definition of a type is another one than that of this installation: its messages have other fields.
+        If the bag defines a type in another way than this installation: its messages have other fields.
     """
     found = bag.get_type_and_topic_info()
     wanted = {info.msg_type for topic, info in found.topics.items() if topic in topics}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""When a picture is due, and what becomes of it when something goes wrong: the part of image_dump without ROS."""
+"""Decides when to draw and handles errors: the part of image_dump without ROS."""
 import logging
 import math
 from collections import defaultdict
@@ -10,7 +10,7 @@ from m2wr_view.scene import TOPICS, Scene
 
 log = logging.getLogger("rosout.m2wr_view")
 _TICK = 1e-6            # s; sums of periods and stamps differ in their last bits
-_MOST_BEHIND = 1000     # periods; a clock that jumps farther begins a new count
+_MOST_BEHIND = 1000     # periods; after a longer jump of the clock, counting starts again
 
 
 class Dump:
@@ -22,13 +22,13 @@ class Dump:
     rate : float
         Pictures a second of simulated time [Hz].
     writers : list
-        See :mod:`m2wr_view.writers`; one that fails is named and left out from then on.
+        See :mod:`m2wr_view.writers`; one that fails is logged and not used any more.
     show : callable, optional
         Called with (image, time [s]) of each picture.
     limit : int
-        So many pictures are written at most; then files are finished while ``show`` goes on.  0: no limit.
+        Number of pictures written at most; ``show`` is called for later ones too.  0: no limit.
     clock : callable, optional
-        Returns seconds; by it is measured what pictures take, see :meth:`timing`.
+        Returns seconds; measures the time for pictures, see :meth:`timing`.
     """
 
     def __init__(self, renderer, rate, writers, show=None, clock=None, limit=0):
@@ -39,16 +39,16 @@ class Dump:
 
     @property
     def failed(self):
-        """Whether every writer there was has failed."""
+        """Whether all writers have failed."""
         return not self._writers
 
     def take(self, topic, message):
-        """Take a message of one of ``TOPICS`` in, and draw if it is time; messages that make no sense are told once."""
+        """Process a message of one of ``TOPICS``, and draw if a picture is due; an invalid message is logged once."""
         try:
             getattr(self.scene, TOPICS[topic][1])(message)
         except ViewError as error:
             self._complain(topic, str(error))
-        except Exception as error:      # whatever a message holds must not end the pictures
+        except Exception as error:      # no message may end the program
             self._complain(topic, "%s: %s" % (type(error).__name__, error))
         now = self.scene.now
         if now is None:
@@ -63,7 +63,7 @@ class Dump:
             self._due += self._period * (1 + math.floor((now - self._due + _TICK) / self._period))
 
     def draw(self):
-        """Draw and hand the picture out."""
+        """Draw a picture and pass it to writers and ``show``."""
         self._timed("a picture", self._draw)
 
     def _draw(self):
@@ -74,7 +74,7 @@ class Dump:
             return
         self.count += 1
         if self._limit and self.count == self._limit + 1 and self._writers:
-            log.warning("%d pictures are written; no more are, for that is the limit (max_pictures; 0: none)",
+            log.warning("%d pictures written, the limit (max_pictures; 0: no limit); no more are written",
                         self._limit)
         for writer in list(self._writers) if not self._limit or self.count <= self._limit else ():
             self._guarded(writer, lambda writer=writer: self._timed(writer.path, writer.write, image))
@@ -90,7 +90,7 @@ class Dump:
         return result
 
     def timing(self):
-        """Return lines of text on what pictures took by the clock that was given: the parts, and the whole."""
+        """Return lines of text with the time for each part of a picture, and for the whole, by the given clock."""
         lines = []
         for what, seconds in self._times.items():
             ordered = sorted(1e3 * second for second in seconds)
@@ -99,7 +99,7 @@ class Dump:
         return lines
 
     def close(self):
-        """Draw the last moment and finish all files; returns what was written, as text."""
+        """Draw the last state and finish all files; returns the names of the files, as text."""
         if self.scene.now is not None:
             self.draw()
         for writer in list(self._writers):
@@ -111,7 +111,7 @@ class Dump:
             action()
         except ViewError as error:
             self._writers.remove(writer)
-            log.error("%s. No more pictures go there; what was written before stays.", error)
+            log.error("%s. No more pictures are written there; earlier ones are kept.", error)
 
     def _complain(self, topic, text):
         if (topic, text) not in self._complained and len(self._complained) < 100:

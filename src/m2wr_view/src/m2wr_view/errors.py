@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What can go wrong with pictures."""
+"""Errors of this package."""
 
 
 class ViewError(Exception):

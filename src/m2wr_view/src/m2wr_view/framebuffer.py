@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The screen of a virtual display, which Xvfb keeps in a file of the kind that xwd writes."""
+"""Reads the screen of a virtual display, which Xvfb keeps in a file in the format of xwd."""
 import struct
 
 import numpy as np
@@ -30,7 +30,7 @@ def read_xwd(data, origin):
     Raises
     ------
     ViewError
-        If it is no such dump, or cut short.
+        If it is no such dump, or incomplete.
     """
     if len(data) < 4 * _FIELDS:
         raise ViewError("screen %s: %d bytes; expected an X window dump" % (origin, len(data)))

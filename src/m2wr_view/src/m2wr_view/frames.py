@@ -41,7 +41,7 @@ def matrix_from_rpy(xyz, rpy):
 
 
 def inverse(matrix):
-    """Return the inverse (4, 4) of a transform, a rotation and a move."""
+    """Return the inverse (4, 4) of a transform, a rotation and a translation."""
     back = np.eye(4)
     back[:3, :3] = matrix[:3, :3].T
     back[:3, 3] = -back[:3, :3].dot(matrix[:3, 3])
@@ -73,7 +73,7 @@ class Frames:
     def root_chain(self, frame):
         """Return [(frame, root_from_frame seen from it)] from a frame up to its root, itself first."""
         frame, matrix, chain = frame.lstrip("/"), np.eye(4), []
-        while len(chain) <= len(self._parents):         # a ring of parents ends as well
+        while len(chain) <= len(self._parents):         # ends also if parents form a loop
             chain.append((frame, matrix))
             if frame not in self._parents:
                 break

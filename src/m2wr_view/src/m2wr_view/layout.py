@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where on a picture a metre of the world goes, and which part of the world is shown."""
+"""Maps the world to pixels and chooses the part of the world that is shown."""
 import math
 from collections import namedtuple
 
@@ -15,7 +15,7 @@ Window = namedtuple("Window", "left top width height")
 
 
 class View:
-    """Maps metres to pixels of a window, as long across as up.
+    """Maps metres to pixels of a window, with the same scale along both axes.
 
     Parameters
     ----------

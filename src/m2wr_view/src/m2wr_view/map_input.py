@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The two files of a saved map, YAML and picture, as somebody else wrote them: bounded, checked, not evaluated."""
+"""Reads the two files of a saved map, YAML and picture.  They are untrusted: bounded, checked, never evaluated."""
 import math
 import os
 import stat

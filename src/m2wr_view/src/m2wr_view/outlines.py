@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shapes seen from above, and how far they are from a robot.
+"""Shapes from above, and their distances from a robot.
 
-Robot and obstacles are outlines in the plane: what of their shapes lies between the floor and the top of the robot,
-seen from above.  An outline is a convex polygon rounded by a radius, so that discs are exact.
+Robot and obstacles are outlines in the plane: the part of their shapes between the floor and the top of the robot,
+from above.  An outline is a convex polygon rounded by a radius, so that discs are exact.
 """
 import math
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ from typing import Optional
 
 import numpy as np
 
-FLOOR = 0.001           # m; a slab whose top is the floor is no obstacle
-ROBOT_HEIGHT = 0.2      # m; what hangs higher does not stop m2wr
+FLOOR = 0.001           # m; a plate below this height is no obstacle
+ROBOT_HEIGHT = 0.2      # m; higher shapes do not stop m2wr
 RIM_POINTS = 120        # of a lying or tilted cylinder; its outline is too small by less than 4e-4 of the radius
 _CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _BOX_EDGES = np.array([(a, b) for a in range(8) for b in range(a) if bin(a ^ b).count("1") == 1])

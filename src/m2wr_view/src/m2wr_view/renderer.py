@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draws a scene from above, by cairo.
 
-What seldom changes (paper, axes, map, world, line, legend) and the trail are kept as pictures of their own, so that a
-frame is two copies, the scan, the robot and a line of text.
+Layers that rarely change (background, axes, map, world, line, legend) and the trail are cached as images.  A frame
+needs two copies, the scan, the robot and a line of text.
 """
 import math
 from dataclasses import replace
@@ -25,9 +25,9 @@ from m2wr_view.run_picture import (
 
 SCAN_COLOUR, ROBOT_COLOUR, MAP_COLOUR = "#56B4E9", "#D55E00", "#101010"
 GRID_COLOUR, TEXT_COLOUR, EDGE_COLOUR, OVERHANG_EDGE = "#E6E6E6", "#202020", "#606060", "#A8A8A8"
-RAYS_DRAWN = 90                     # of a scan; more would be a blot
+RAYS_DRAWN = 90                     # of a scan; more would not be distinguishable
 FONT = "DejaVu Sans"
-HIDDEN = 0.25                       # m around the robot's origin, half the length of m2wr: a path there is not seen
+HIDDEN = 0.25                       # m around the robot's origin, half the length of m2wr: a path there is hidden
 LEGEND_WIDTH = 1400                 # units; of all entries of a run of Bug 2 with a map, beside each other
 LEAST_UNIT = 0.75                   # of texts, lines and margins; 12 units, the smaller font, are then 9 pixels
 
@@ -96,7 +96,7 @@ class Renderer:
     width, height : int
         Of the pictures [pixels].
     bounds : (4,) floats, optional
-        Least x, least y, greatest x, greatest y to show [m]; without them everything is kept in view.
+        Least x, least y, greatest x, greatest y to show [m]; default: everything is shown.
     """
 
     def __init__(self, width=800, height=800, bounds=None):
@@ -114,7 +114,7 @@ class Renderer:
         self._cells, self._map = None, None         # those of the newest map, and what they look like
 
     def draw(self, scene):
-        """Return a scene as an RGB image of Pillow; it is the caller's own."""
+        """Return a scene as an RGB image of Pillow; a new image each time."""
         self._view = view = self._framing.view(scene)
         self._refresh_base(scene, view)
         self._refresh_trail(scene, view)
@@ -135,7 +135,7 @@ class Renderer:
         return Image.frombuffer("RGB", (self.width, self.height), bytes(self._surface.get_data()), "raw", "BGRX",
                                 self._surface.get_stride(), 1)
 
-    # ---- what is kept ------------------------------------------------------------------------------------------
+    # ---- cached layers ----------------------------------------------------------------------------------------
 
     def _refresh_base(self, scene, view):
         key = (id(view), scene.version, tuple(self._legend(scene)))
@@ -172,7 +172,7 @@ class Renderer:
         context.set_line_cap(cairo.LINE_CAP_ROUND)
         context.set_line_join(cairo.LINE_JOIN_ROUND)
         begin, trail = max(self._drawn - 1, 0), scene.trail
-        while begin < len(trail) - 1:               # one stroke for each stay in a state
+        while begin < len(trail) - 1:               # one stroke for each visit of a state
             end = begin + 1
             state = trail[end][2]
             while end < len(trail) - 1 and trail[end + 1][2] == state:
@@ -308,7 +308,7 @@ class Renderer:
         context.fill()
         context.set_source_rgba(*colour, 0.55)
         context.set_line_width(0.8 * self._unit)
-        context.set_antialias(cairo.ANTIALIAS_FAST)     # with the best, lines that meet in a point take thrice as long
+        context.set_antialias(cairo.ANTIALIAS_FAST)     # the best one takes three times as long here
         for x, y in points[::max(1, len(points) // RAYS_DRAWN)]:
             context.move_to(*origin)
             context.line_to(x, y)
@@ -395,7 +395,7 @@ class Renderer:
             right -= self._text(context, "t = %.1f s" % scene.now, right, 26 * unit, 1.0)
         if scene.pose is not None:
             self._font(context, 12)
-            # plus zero: nobody wants to read -0.00
+            # + 0.0 turns -0.00 into 0.00
             x, y, yaw = round(scene.pose[0], 2) + 0.0, round(scene.pose[1], 2) + 0.0, math.degrees(scene.pose[2])
             words = "x %.2f m, y %.2f m, heading %.0f°" % (x, y, round(math.remainder(yaw, 360.0)) + 0.0)
             if context.text_extents(words)[4] + 20 * unit <= right - left:

@@ -35,7 +35,7 @@ def draw_figure(path, out, robot="m2wr"):
     Returns
     -------
     list of str
-        What could not be drawn because it was not recorded, one sentence each.
+        What is missing because it was not recorded, one sentence each.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def draw_figure(path, out, robot="m2wr"):
 
 
 def run_page(path, robot="m2wr"):
-    """Return the matplotlib Figure of a bag, and what it lacks as sentences; see :func:`draw_figure`."""
+    """Return the matplotlib Figure of a bag, and sentences on what is missing; see :func:`draw_figure`."""
     log = read_run(path)
     if log.times is None or len(log.times) < 2:
         raise ViewError("bag %s: no run in topic /odom; expected odometry, so that there is a path to draw" % path)
@@ -163,7 +163,7 @@ def _draw_truth(panel, truth, above, log):
     most = max(1.0, *(1.15 * float(np.abs(values).max()) for values in (1e3 * truth.along, 1e3 * truth.across,
                                                                         1e3 * truth.turn)))
     panel.set_ylim(-most, most)
-    if max(np.abs(truth.along).max(), np.abs(truth.across).max()) > 0.05:       # else it would only hide the path
+    if max(np.abs(truth.along).max(), np.abs(truth.across).max()) > 0.05:       # else it hides the path
         line, = above.plot(truth.x, truth.y, color="#000000", linewidth=1.0, linestyle=":", zorder=6)
         above.annotate("truth", (truth.x[-1], truth.y[-1]), fontsize=9, xytext=(6, 6), textcoords="offset points")
 

@@ -19,14 +19,14 @@ TYPES = {ODOMETRY: "nav_msgs/Odometry", CLOCK: "rosgraph_msgs/Clock", DIAGNOSTIC
          LINE: "nav_msgs/Path"}
 SIMULATION_STATUS = "m2wr_sim: simulation"
 FIRST_STATE = "go_to_point"
-JUMP = 0.5          # m between two samples: somebody put the robot there, it did not drive
+JUMP = 0.5          # m between two samples; more means that the robot was placed there and did not drive
 
 _Entry = namedtuple("_Entry", "recorded message")   # recorded: the recorder's time [s], simulated or not
 
 
 @dataclass(frozen=True)
 class RunLog:
-    """One run.  Whatever was not recorded is None.
+    """One run.  What was not recorded is None.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class RunLog:
     states : tuple of (float, str) or None
         Simulated time [s] and name of each state that differs from the one before.
     hit_points, leave_points : (k, 2) float64 or None
-        Where walls were met and left [m].
-    touches : int or None
-        How often the robot began to touch something, as last told on /diagnostics.
+        Hit and leave points of Bug 2 [m].
+    contacts : int or None
+        Number of contacts that the robot began, as last published on /diagnostics.
     mean_factor : float or None
         Simulated seconds per second over the whole run.
     start, goal : (float, float) or None
@@ -54,7 +54,7 @@ class RunLog:
     states: Optional[Tuple[Tuple[float, str], ...]] = None
     hit_points: Optional[np.ndarray] = None
     leave_points: Optional[np.ndarray] = None
-    touches: Optional[int] = None
+    contacts: Optional[int] = None
     mean_factor: Optional[float] = None
     start: Optional[Tuple[float, float]] = None
     goal: Optional[Tuple[float, float]] = None
@@ -63,18 +63,18 @@ class RunLog:
 def read_run(path, start=None, goal=None, robot="m2wr"):
     """Read a recorded run.
 
-    The run begins with the first ``go_to_point`` on /bug2/state, or behind the last jump of more than 0.5 m between
-    two samples of /odom, whichever is later: falling to the ground and being put at the start belong to no run.  Where
-    the time stamps of /odom go back, the world was reset, and only what comes after that is read.
+    The run begins with the first ``go_to_point`` on /bug2/state, or after the last jump of more than 0.5 m between two
+    samples of /odom, whichever is later.  So falling to the ground and moving to the start pose are not part of it.
+    If the time stamps of /odom go back, the world was reset: only what follows is read.
 
     Parameters
     ----------
     path : str
         A finished bag.
     start, goal : (float, float), optional
-        Ends of the line to follow [m]; the ends of /bug2/m_line where not given.
+        Ends of the line to follow [m]; default: the ends of /bug2/m_line.
     robot : str
-        Name of the model whose touches count.
+        Name of the model whose contacts count.
 
     Returns
     -------
@@ -95,8 +95,8 @@ def read_run(path, start=None, goal=None, robot="m2wr"):
     line = [(pose.pose.position.x, pose.pose.position.y) for pose in topics[LINE][-1].message.poses] \
         if topics.get(LINE) else []
     times, x, y, yaw = (None,) * 4 if samples is None else _driven(samples, states)
-    touches, factor = _diagnosis(topics, robot, path)
-    return RunLog(path, times, x, y, yaw, states, _points(topics, HIT), _points(topics, LEAVE), touches, factor,
+    contacts, factor = _diagnosis(topics, robot, path)
+    return RunLog(path, times, x, y, yaw, states, _points(topics, HIT), _points(topics, LEAVE), contacts, factor,
                   _pair(start) or (line[0] if line else None), _pair(goal) or (line[-1] if line else None))
 
 
@@ -104,12 +104,12 @@ def _read_topics(path):
     """Return the messages of the topics of interest, in the order of the recorder's time."""
     with open_bag(path) as bag:
         if not bag.get_message_count():
-            raise ViewError("bag %s: there is no message in it; expected a recorded run" % path)
+            raise ViewError("bag %s: it has no messages; expected a recorded run" % path)
         check_types(bag, path, TYPES)
         topics = {}
         for topic, message, recorded in messages_of(bag, path, [name for name in TYPES if name != CLOCK]):
             topics.setdefault(topic, []).append(_Entry(recorded.to_sec(), message))
-        if ODOMETRY not in topics:      # a clock comes a hundred times a second: read only if nothing else tells
+        if ODOMETRY not in topics:      # the clock has many messages: read only if needed
             topics[CLOCK] = [_Entry(recorded.to_sec(), message)
                              for _, message, recorded in messages_of(bag, path, [CLOCK])]
         return topics
@@ -166,18 +166,18 @@ def _points(topics, topic):
 
 
 def _diagnosis(topics, robot, path):
-    """Return touches and mean real-time factor from the simulation's last status."""
+    """Return the number of contacts and the mean real-time factor from the simulation's last status."""
     found = [status for entry in topics.get(DIAGNOSTICS, ()) for status in entry.message.status
              if status.name == SIMULATION_STATUS]
     if not found:
         return None, None
     values = {pair.key: pair.value for pair in found[-1].values}
-    touches, factor = values.get("touches of " + robot, "0"), values.get("mean real-time factor")
-    try:        # a model that touched nothing is not listed
-        return int(touches), None if factor is None else float(factor)
+    contacts, factor = values.get("touches of " + robot, "0"), values.get("mean real-time factor")
+    try:        # a model without contacts is not listed
+        return int(contacts), None if factor is None else float(factor)
     except ValueError:
-        raise ViewError("bag %s: status \"%s\" on %s tells \"%s\" touches of %s and the mean real-time factor \"%s\"; "
-                        "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, touches, robot, factor)) from None
+        raise ViewError("bag %s: status \"%s\" on %s has \"%s\" contacts of %s and the mean real-time factor \"%s\"; "
+                        "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, contacts, robot, factor)) from None
 
 
 def _pair(point):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A run as a picture: the obstacles from above, the way the robot took, where it met and left walls."""
+"""A run as a picture: obstacles from above, the path of the robot, hit and leave points."""
 import math
 import os
 
@@ -20,7 +20,7 @@ AXES = (0.075, 0.135, 0.9, 0.8333)
 MARGIN = 0.5                # m around the run and the obstacles
 OUTLINE_PERIOD = 10.0       # s between two faint outlines of the robot
 
-# colours of Okabe and Ito, told apart also by those who do not see red or green
+# colours of Okabe and Ito, which colour-blind readers can distinguish
 STATE_COLOURS = {"go_to_point": "#0072B2", "wall_following": "#E69F00", "goal_reached": "#009E73",
                  "goal_unreachable": "#CC79A7"}
 OTHER_COLOUR = "#000000"    # a state that is not in the list, or not recorded
@@ -36,9 +36,9 @@ def draw_run(log, obstacles, anything, summary, path):
     log : m2wr_view.run_log.RunLog
         The run; what it lacks is left out.
     obstacles, anything : sequence of m2wr_view.outlines.Outline
-        What stops the robot, and that together with what hangs above it.
+        Obstacles at the height of the robot; these and the shapes above it.
     summary : object
-        For the title: has final_state, duration, path_length, least_clearance and touches; None where not known.
+        For the title: has final_state, duration, path_length, least_clearance and contacts; None where not known.
     path : str
         File to write.
 
@@ -67,7 +67,7 @@ def run_figure(log, obstacles, anything, summary):
 
 
 def draw_path(axes, log, obstacles, anything):
-    """Draw a run from above into an Axes in metres; returns what belongs into a legend."""
+    """Draw a run from above into an Axes in metres; returns the entries for a legend."""
     handles = _draw_obstacles(axes, obstacles, anything)
     handles += _draw_path(axes, log)
     handles += _draw_line(axes, log)
@@ -98,7 +98,7 @@ def _draw_obstacles(axes, obstacles, anything):
 
 
 def _draw_path(axes, log):
-    """Draw the way, one line for each stay in a state, without gaps in between."""
+    """Draw the path, one line for each visit of a state, without gaps in between."""
     if log.times is None or len(log.times) < 2:
         return []
     states = log.states or ()
@@ -111,7 +111,7 @@ def _draw_path(axes, log):
         line, = axes.plot(log.x[here], log.y[here], color=STATE_COLOURS.get(name, OTHER_COLOUR), linewidth=2.6,
                           solid_capstyle="round", zorder=5)
         if np.sum(np.hypot(np.diff(log.x[here]), np.diff(log.y[here]))) > 0.02:
-            seen.setdefault(name, line)         # no legend for a state that takes no room
+            seen.setdefault(name, line)         # no legend entry for a state in which the robot does not move
     return [Line2D([], [], color=line.get_color(), linewidth=2.6, label=name.replace("_", " "))
             for name, line in seen.items()]
 
@@ -125,7 +125,7 @@ def _draw_line(axes, log):
 
 
 def _draw_robot(axes, log):
-    """Draw the robot's outline at the start and the end, and faintly on the way."""
+    """Draw the robot's outline at the start and the end, and faintly in between."""
     if log.times is None or not len(log.times):
         return []
     for time in np.arange(log.times[0] + OUTLINE_PERIOD, log.times[-1], OUTLINE_PERIOD):
@@ -175,7 +175,7 @@ def _run_points(log):
 
 
 def _set_view(axes, points, obstacles):
-    """Show the run and its obstacles in a square, one metre as long across as up."""
+    """Show the run and its obstacles in a square, with the same scale on both axes."""
     low, high = with_obstacles(points.min(axis=0), points.max(axis=0), obstacles)
     centre, half = 0.5 * (low + high), 0.5 * float(np.max(high - low)) + MARGIN
     axes.set_xlim(centre[0] - half, centre[0] + half)
@@ -197,7 +197,7 @@ def _title(summary):
         words.append("%.2f m driven" % summary.path_length)
     if summary.least_clearance is not None and math.isfinite(summary.least_clearance):
         words.append("least clearance %.2f m" % summary.least_clearance)
-    if summary.touches is not None:
-        words.append("no touch" if not summary.touches else "%d touch%s" % (
-            summary.touches, "" if summary.touches == 1 else "es"))
+    if summary.contacts is not None:
+        words.append("no contact" if not summary.contacts else "%d contact%s" % (
+            summary.contacts, "" if summary.contacts == 1 else "s"))
     return ", ".join(words)

@@ -71,9 +71,9 @@ def commanded_speeds(path):
 
 
 def steady(times):
-    """Return times (n,) [s] of a topic with a rate of its own, without the jitter of having been noted by a recorder.
+    """Return times (n,) [s] of a topic with a rate of its own, without the jitter of the recorder.
 
-    What is within half a period of the beat that most of them keep is put on it; the rest stays as it is.
+    Times within half a period of a regular grid, which fits most of them, move onto it; the others stay.
     """
     if len(times) < 3:
         return times
@@ -88,8 +88,8 @@ def steady(times):
 def truth_against_odometry(path, log, robot="m2wr"):
     """Return the :class:`Truth` of a run, or None if it or the odometry was not recorded.
 
-    States come without a stamp, so the recorder's time counts; it is a clock message early now and then, which
-    :func:`steady` mends.
+    States have no stamp, so the recorder's time is used; it is early by a clock message now and then, which
+    :func:`steady` corrects.
     """
     rows = []
     for _, message, recorded in read_messages(path, {ROBOT_STATES: "gazebo_msgs/ModelStates"}):

@@ -40,7 +40,7 @@ def read_config(text, origin):
     Raises
     ------
     ViewError
-        If the text is none; it names ``origin``.
+        If the text is no such configuration; the message names ``origin``.
     """
     try:
         config = yaml.safe_load(text)
@@ -53,7 +53,7 @@ def read_config(text, origin):
 
 
 def for_pictures(text, origin, size, frame_rate, view="config", frame="", distance=10.0):
-    """Return an rviz configuration for a display that nobody looks at.
+    """Return an rviz configuration for a virtual display.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def for_pictures(text, origin, size, frame_rate, view="config", frame="", distan
     size : (int, int)
         Width and height of the display [pixels]; the window fills it.
     frame_rate : float
-        Pictures that rviz draws a second at most; what the file says, if that is less.
+        Pictures that rviz draws per second at most [Hz]; a lower rate in the file is kept.
     view, frame, distance
         See :func:`camera`; ``config`` or an empty frame: as the file says.
 
@@ -76,7 +76,7 @@ def for_pictures(text, origin, size, frame_rate, view="config", frame="", distan
         raise ViewError("view %r: expected one of %s" % (view, ", ".join(VIEWS)))
     manager = config["Visualization Manager"]
     options = manager.setdefault("Global Options", {})
-    # a whole number: rviz reads any other as one that is less than zero, and draws nothing
+    # an integer: rviz reads a float as a negative number and draws nothing
     options["Frame Rate"] = max(1, int(min(frame_rate, options.get("Frame Rate", frame_rate))))
     if view != "config" and frame:
         manager["Views"] = {"Current": camera(view, frame, distance, size[1])}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is known of a running robot and its world, gathered message by message."""
+"""State of a running robot and its world, from the messages received so far."""
 import math
 from array import array
 
@@ -10,9 +10,9 @@ from m2wr_view.frames import Frames, compose, inverse, matrix_of, planar, yaw_of
 from m2wr_view.outlines import M2WR_FOOTPRINT
 from m2wr_view.solids import Solids, read_robot
 
-JUMP = 0.5              # m between two samples: somebody put the robot there, it did not drive
+JUMP = 0.5              # m between two samples; more means that the robot was placed there and did not drive
 TRAIL_STEP = 0.02       # m between two points of the trail
-_HISTORY = 400          # poses kept for scans that come late
+_HISTORY = 400          # poses kept for scans that arrive late
 
 #: Topics that are drawn, by name: message type, and the method of :class:`Scene` that takes the messages.
 TOPICS = {
@@ -32,7 +32,7 @@ TOPICS = {
 
 
 class Scene:
-    """All that a picture may show; everything is in the odometry frame, metres and radians.
+    """Content of a picture; everything is in the odometry frame, in metres and radians.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class Scene:
     grid : (transform (4, 4), resolution, (rows, columns) int8) or None
         The map, and how its first cell's corner lies.
     version : int
-        Changes with everything that is not drawn anew in every picture.
+        Increases when something changes that is not drawn in each picture.
     trail_version : int
-        Changes when the trail begins anew.
+        Increases when the trail is cleared.
     """
 
     def __init__(self):
@@ -70,7 +70,7 @@ class Scene:
     # ---- messages ----------------------------------------------------------------------------------------------
 
     def take_clock(self, message):
-        """Take the time; one that goes back begins everything anew that belongs to a run."""
+        """Process the time; if it goes back, everything that belongs to a run is cleared."""
         now = message.clock.to_sec()
         if self.now is not None and now < self.now - 0.5:
             self.forget_run()
@@ -93,7 +93,7 @@ class Scene:
         self._move(message.header.stamp.to_sec(), np.array((where.x, where.y, yaw)))
 
     def place(self, now, pose):
-        """Take the robot's pose x, y, yaw (3,) at a time [s] from who has it at hand, without messages."""
+        """Take the robot's pose x, y, yaw (3,) at a time [s] directly, without messages."""
         self._odometry_seen = True
         self._move(now, np.asarray(pose, dtype=float))
 
@@ -102,7 +102,7 @@ class Scene:
             return
         if self._times and stamp < self._times[-1]:
             if stamp > self._times[-1] - 0.5:
-                return                      # a little late: nothing new in it
+                return                      # a little late: no news
             self.forget_run()
         if self.now is None or stamp > self.now:
             self.now = stamp
@@ -117,7 +117,7 @@ class Scene:
             self.trail.append((float(pose[0]), float(pose[1]), self.state, step <= JUMP))
 
     def take_transforms(self, message):
-        """Take transforms; they place the robot where there is no odometry, and maps and lasers."""
+        """Take transforms; they give the pose of maps and lasers, and of the robot if there is no odometry."""
         for entry in message.transforms:
             move, turn = entry.transform.translation, entry.transform.rotation
             self.frames.set(entry.header.frame_id, entry.child_frame_id, matrix_of(
@@ -134,9 +134,9 @@ class Scene:
     def take_map(self, message):
         """Take a map."""
         info = message.info
-        cells = np.array(array("b", message.data))      # which numpy alone would take three times as long for
+        cells = np.array(array("b", message.data))      # three times as fast as numpy alone
         if not info.width * info.height or cells.size != info.width * info.height:
-            raise ViewError("map of %d x %d cells has %d values; expected one a cell"
+            raise ViewError("map of %d x %d cells has %d values; expected one per cell"
                             % (info.width, info.height, cells.size))
         origin, turn = info.origin.position, info.origin.orientation
         self._map = (message.header.frame_id, info.resolution, cells.reshape(info.height, info.width), matrix_of(
@@ -182,11 +182,11 @@ class Scene:
             self.version += 1
 
     def take_hit_point(self, message):
-        """Take a point where a wall was met."""
+        """Process a hit point of Bug 2."""
         self._mark(self.hits, message.point)
 
     def take_leave_point(self, message):
-        """Take a point where a wall was left."""
+        """Process a leave point of Bug 2."""
         self._mark(self.leaves, message.point)
 
     @staticmethod
@@ -194,7 +194,7 @@ class Scene:
         if (point.x, point.y) not in points:
             points.append((point.x, point.y))
 
-    # ---- questions ---------------------------------------------------------------------------------------------
+    # ---- queries -----------------------------------------------------------------------------------------------
 
     def pose_at(self, stamp):
         """Return the robot's pose (3,) at a time [s], between two known ones; the newest if it is later."""
@@ -222,9 +222,9 @@ class Scene:
         return np.zeros(3)
 
     def rays(self):
-        """Return (origin (2,), ends (n, 2), hits (n,) bool) of the newest scan; None where it cannot be placed.
+        """Return (origin (2,), ends (n, 2), hits (n,) bool) of the newest scan; None if its pose is unknown.
 
-        A ray that met nothing ends at the greatest range; one that met something too close at the laser.
+        A ray without a return ends at range_max; a return closer than range_min ends at the laser.
         """
         scan = self.scan
         if scan is None or self.pose is None or not scan.ranges:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where screenshots go: numbered files in a folder, each whole as soon as it is there."""
+"""Writes screenshots: numbered files in a folder, each complete when it appears."""
 import io
 import os
 import re
@@ -23,17 +23,17 @@ def png_file(image):
 
 
 class Screenshots:
-    """Writes ``0000_start.png``, ``0001_wall_following.png`` and so on, after those that are there.
+    """Writes ``0000_start.png``, ``0001_wall_following.png`` and so on, after the existing ones.
 
     Parameters
     ----------
     folder : str
-        Made if need be.
+        Created if missing.
 
     Raises
     ------
     ViewError
-        If it cannot be had.
+        If it cannot be created or written to.
     """
 
     def __init__(self, folder):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What stands in a world and what a robot looks like from above, read from markers and from a robot description."""
+"""Obstacles of a world and shape of a robot from above, read from markers and from a robot description."""
 import xml.etree.ElementTree as ElementTree
 from collections import namedtuple
 
@@ -18,21 +18,21 @@ Robot = namedtuple("Robot", "footprint mounts root")
 
 
 class Solids:
-    """Everything that markers have shown, as outlines.
+    """The shapes of all markers, as outlines.
 
     Attributes
     ----------
     blocking, hanging : list of Outline
-        What stands between the floor and the robot's top, and what is only above that.
+        Shapes between the floor and the robot's top, and shapes that are only above it.
     """
 
     def __init__(self):
         self._shapes, self.blocking, self.hanging = {}, [], []     # shapes: {(ns, id): (content, low, high)}
 
     def update(self, markers):
-        """Take a sequence of markers in, as rviz would: added, changed, deleted, all deleted.
+        """Update from a sequence of markers, as rviz does: add, modify, delete, delete all.
 
-        Most come again as they were, for a world is sent whole when one thing in it moves: those are not cut anew.
+        All markers are published when one of them moves; outlines of unchanged markers are kept.
         """
         before = self._shapes.copy()
         for marker in markers:
@@ -109,7 +109,7 @@ def _seen(shape, matrix, name):
 
 
 def read_robot(text):
-    """Return the :class:`Robot` of a URDF; collisions and visuals are seen, meshes are not opened, joints stand at 0.
+    """Return the :class:`Robot` of a URDF; collisions and visuals count, meshes are ignored, joints are at 0.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def read_robot(text):
     mounts, footprint = {}, []
     for name in links:
         matrix, at = np.eye(4), name
-        for _ in links:                     # a ring of joints ends as well
+        for _ in links:                     # ends also if joints form a loop
             if at not in joints:
                 break
             matrix, at = _origin(joints[at]).dot(matrix), joints[at].find("parent").get("link")

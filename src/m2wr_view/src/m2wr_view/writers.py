@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where pictures go: a folder of PNG files, an animated GIF, an MP4 by ffmpeg."""
+"""Writes pictures: into a folder of PNG files, an animated GIF, or an MP4 by ffmpeg."""
 import os
 import shutil
 import struct
@@ -20,7 +20,7 @@ FFMPEG_PATIENCE = 60.0      # s for ffmpeg to finish its file
 def png_bytes(image):
     """Return an RGB image as PNG.
 
-    Rows are not filtered: drawings compress as well without, in a third of the time that Pillow takes.
+    Rows are not filtered: drawings compress as well, in a third of Pillow's time.
     """
     width, height = image.size
     rows = np.zeros((height, 1 + 3 * width), dtype=np.uint8)
@@ -38,7 +38,7 @@ def _refused(what, path, error, expected):
 
 
 def write_whole(path, data):
-    """Write a file so that there is never half of one under its name.
+    """Write a file atomically: under its name there is never an incomplete one.
 
     Raises
     ------
@@ -56,26 +56,26 @@ def write_whole(path, data):
     except OSError as error:
         if temporary is not None and os.path.exists(temporary):
             os.remove(temporary)
-        raise _refused("picture", path, error, "a folder that can be written to, on a disk with room") from error
+        raise _refused("picture", path, error, "a writable folder, and free space on the disk") from error
 
 
 def make_folder(path):
-    """Make a folder if there is none; ViewError if it cannot be had or written to."""
+    """Create a folder if there is none; ViewError if it cannot be created or written to."""
     try:
         os.makedirs(path, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise _refused("folder", path, error, "a folder that can be made and written to") from error
+        raise _refused("folder", path, error, "a folder that can be created and written to") from error
 
 
 class PngSeries:
-    """Writes ``frame_00000.png`` and so on; each file is whole as soon as it is there.
+    """Writes ``frame_00000.png`` and so on; each file is complete when it appears.
 
     Parameters
     ----------
     folder : str
-        Made if need be.
+        Created if missing.
     """
 
     def __init__(self, folder):
@@ -88,13 +88,13 @@ class PngSeries:
         self.count += 1
 
     def close(self):
-        """Nothing is left to be done."""
+        """Do nothing: all files are complete."""
 
 
 class Gif:
     """Writes an animated GIF picture by picture, each as the rectangle that differs from the one before.
 
-    What has been written can be looked at even if the end never comes.
+    The file can be shown even if it was never closed.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Gif:
         try:
             if self._stream is None:
                 self._stream = open(self.path, "wb")
-                # no palette for all: each picture brings its own; repeated for ever
+                # no common palette, each picture has its own; repeated without end
                 self._stream.write(struct.pack("<6s2H3B", b"GIF89a", image.width, image.height, 0x70, 0, 0)
                                    + b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00")
             self._stream.write(self._frame(image))
@@ -145,11 +145,11 @@ class Gif:
             raise self._failed(error) from error
 
     def _failed(self, error):
-        return _refused("animation", self.path, error, "a folder that can be written to, on a disk with room")
+        return _refused("animation", self.path, error, "a writable folder, and free space on the disk")
 
 
 class Mp4:
-    """Hands pictures to ffmpeg; what has been written can be played even if the end never comes.
+    """Writes a film by ffmpeg; the file can be played even if it was never closed.
 
     Parameters
     ----------
@@ -172,13 +172,13 @@ class Mp4:
         self._process, self._said = None, None
 
     def write(self, image):
-        """Hand one picture over; ViewError with what ffmpeg said if it has ended."""
+        """Append one picture; ViewError with the output of ffmpeg if it has ended."""
         try:
             if self._process is None:
                 self._said = tempfile.TemporaryFile()
                 self._process = subprocess.Popen(
                     self._command + ["-s", "%dx%d" % image.size] + self._rest, stdin=subprocess.PIPE,
-                    stderr=self._said, stdout=subprocess.DEVNULL, start_new_session=True)    # Ctrl-C is ours alone
+                    stderr=self._said, stdout=subprocess.DEVNULL, start_new_session=True)    # Ctrl-C is for us only
             self._process.stdin.write(image.tobytes())
         except OSError as error:
             raise self._failed(error) from error
@@ -190,7 +190,7 @@ class Mp4:
         Raises
         ------
         ViewError
-            If ffmpeg fails or does not come to an end.
+            If ffmpeg fails or does not end.
         """
         if self._process is None:
             return
@@ -198,7 +198,7 @@ class Mp4:
         try:
             process.stdin.close()
         except OSError:
-            pass                            # it has ended already; its code tells
+            pass                            # it has ended already; see its exit code
         try:
             code = process.wait(FFMPEG_PATIENCE)
         except subprocess.TimeoutExpired:

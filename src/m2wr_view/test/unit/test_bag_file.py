@@ -31,7 +31,7 @@ def make_bag(tmp_path, monkeypatch):
     return make
 
 
-def test_messages_are_those_of_the_installation_whatever_definition_the_bag_has(make_bag):
+def test_installed_message_definitions_are_used(make_bag):
     path = make_bag(b"geometry_msgs/PoseWithCovariance pose\n", b"geometry_msgs/PoseWithCovariance nose\n")
     messages = [message for _, message, _ in read_messages(path, EXPECTED)]
     assert len(messages) == 3 and all(type(message) is Odometry for message in messages)

@@ -83,7 +83,7 @@ def test_bags_that_cannot_be_drawn_are_named(corner_bag, tmp_path, capsys):
     assert "rosbag reindex" in said(capsys)
 
 
-def test_a_folder_that_cannot_be_written_does_not_stop_the_others(corner_bag, tmp_path, capsys):
+def test_a_read_only_folder_does_not_stop_other_writers(corner_bag, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["--bag", corner_bag(), "--out", str(tmp_path / "file"), "--out", str(tmp_path / "good")]) == 0
     assert "file" in said(capsys) and len(os.listdir(str(tmp_path / "good"))) > 10
@@ -115,14 +115,14 @@ class Kept:
         pass
 
 
-def test_a_writer_that_fails_is_left_out_and_the_rest_goes_on(make, caplog):
+def test_a_failed_writer_is_left_out_and_the_others_continue(make, caplog):
     kept, shown = Kept(), []
     dump = make_dump(10.0, (200, 200), None, [Broken(), kept], lambda image, now: shown.append(now))
     for number in range(21):
         dump.take("odom", make.odometry(0.1 * number, 0.0, 0.0))
     assert dump.close() == "kept (22 pictures)" and len(shown) == 22
     assert [record.getMessage() for record in caplog.records if "No space left" in record.getMessage()] == [
-        "picture broken: No space left on device. No more pictures go there; what was written before stays."]
+        "picture broken: No space left on device. No more pictures are written there; earlier ones are kept."]
 
 
 def test_messages_that_make_no_sense_are_told_once(make, caplog):
@@ -147,7 +147,7 @@ def test_a_change_of_state_is_drawn_at_once(make):
     assert shown == [1.0, 1.5]
 
 
-def test_what_pictures_take_is_measured_by_the_clock_that_is_given(make):
+def test_drawing_time_is_measured_by_the_given_clock(make):
     ticks = iter(range(1000))
     dump = make_dump(10.0, (200, 200), None, [Kept()], clock=lambda: 1e-3 * next(ticks))
     for number in range(4):
@@ -171,4 +171,4 @@ def test_what_is_left_alone_fills_no_disk(make, caplog):
         dump.take("odom", make.odometry(0.1 * number, 0.0, 0.0))
     assert len(shown) >= 10 and kept.count == 3 and not dump.failed
     assert dump.close().startswith(kept.path) and kept.count == 3
-    assert caplog.text.count("no more are, for that is the limit") == 1
+    assert caplog.text.count("the limit (max_pictures") == 1

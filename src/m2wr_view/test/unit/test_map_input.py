@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Map files that somebody else wrote: a clear error for all kinds of nonsense, and no memory for mere claims."""
+"""Untrusted map files: a clear error for each kind of invalid content, and no memory for sizes only claimed."""
 import pytest
 from PIL import Image
 

@@ -83,7 +83,7 @@ def test_a_metre_is_as_long_across_as_up(full):
     assert (columns[-1] - columns[0]) / picture.view.scale == pytest.approx(1.0, abs=0.06)
 
 
-def test_the_trail_grows_without_being_drawn_anew_and_goes_after_a_reset(make, full):
+def test_trail_grows_incrementally_and_is_cleared_after_a_reset(make, full):
     picture = Picture(full)
     before = picture.count(STATE_COLOURS["wall_following"])
     for number in range(41, 61):

@@ -13,7 +13,7 @@ from m2wr_view.rviz_config import YAW, for_pictures
 SOURCES = os.path.join(os.path.dirname(os.path.abspath(__file__)), *[os.pardir] * 3)
 FILES = {"robot": "m2wr_description/rviz/m2wr.rviz", "model": "m2wr_description/rviz/model.rviz",
          "bug2": "motion_plan/rviz/bug2.rviz", "mapping": "m2wr_gmapping/rviz/mapping.rviz",
-         "any": "m2wr_sim/rviz/sim.rviz", "crowd": "m2wr_sim/rviz/robots.rviz"}
+         "any": "m2wr_sim/rviz/sim.rviz", "robots": "m2wr_sim/rviz/robots.rviz"}
 WINDOW = """
 Panels: [{Class: rviz/Displays, Name: Displays}, {Class: rviz/Views, Name: Views}]
 Visualization Manager:
@@ -78,8 +78,8 @@ def test_every_configuration_can_be_derived_from(name):
 def test_tools_to_send_to_place_and_to_point_are_there(name):
     tools = {tool["Class"]: tool.get("Topic") for tool in config(name)["Visualization Manager"]["Tools"]}
     assert tools["rviz/SetInitialPose"] == "/initialpose" and tools["rviz/PublishPoint"] == "/clicked_point"
-    # none of a crowd drives to goals
-    assert tools.get("rviz/SetGoal") == (None if name == "crowd" else "/move_base_simple/goal")
+    # with several robots there is no common goal
+    assert tools.get("rviz/SetGoal") == (None if name == "robots" else "/move_base_simple/goal")
 
 
 @pytest.mark.parametrize("name, frame, shown", [
@@ -88,7 +88,7 @@ def test_tools_to_send_to_place_and_to_point_are_there(name):
     ("any", "odom", {"/scan", "/odom", "/gazebo/world_markers"}),
     ("mapping", "map", {"/map", "/m2wr/laser/scan", "/slam_gmapping/path", "/slam_gmapping/particles",
                         "/bug2/markers"}),
-    ("crowd", "world", {"/gazebo/world_markers", "/robot1/odom", "/robot4/m2wr/laser/scan"})])
+    ("robots", "world", {"/gazebo/world_markers", "/robot1/odom", "/robot4/m2wr/laser/scan"})])
 def test_what_a_configuration_shows(name, frame, shown):
     manager = config(name)["Visualization Manager"]
     assert manager["Global Options"]["Fixed Frame"] == frame

@@ -55,7 +55,7 @@ def test_a_map_with_too_few_cells_is_refused(make, scene):
         scene.take_map(message)
 
 
-def test_a_jump_is_not_driven_and_a_reset_begins_anew(make, scene):
+def test_a_jump_is_not_driven_and_a_reset_clears_the_trail(make, scene):
     for now, x in ((1.0, 0.0), (1.1, 0.1), (1.2, 5.0), (1.3, 5.1)):
         scene.take_odometry(make.odometry(now, x, 0.0))
     assert [driven for _, _, _, driven in scene.trail] == [False, True, False, True]

@@ -45,7 +45,7 @@ def test_a_full_disk_is_named_and_leaves_no_half_picture(tmp_path):
             "try:\n    Screenshots(%r).save(Image.new('RGB', (300, 200)), 'end')\n"
             "except ViewError as error:\n    sys.exit(str(error))" % str(tmp_path))
     done = subprocess.run([sys.executable, "-c", code], stderr=subprocess.PIPE, universal_newlines=True, timeout=30)
-    assert done.returncode == 1 and "0000_end.png" in done.stderr and "on a disk with room" in done.stderr
+    assert done.returncode == 1 and "0000_end.png" in done.stderr and "free space on the disk" in done.stderr
     assert os.listdir(str(tmp_path)) == []
 
 
@@ -147,7 +147,7 @@ def test_a_display_that_never_answers_is_given_up():
 
 
 @pytest.mark.parametrize("ending, told", [("kill -9 $$", "signal 9"), ("exit 7", "code 7"), ("exit 0", None)])
-def test_an_rviz_that_ends_ends_no_run(monkeypatch, tmp_path, capfd, ending, told):
+def test_end_of_rviz_does_not_end_the_run(monkeypatch, tmp_path, capfd, ending, told):
     program = tmp_path / "rviz"
     program.write_text("#!/bin/sh\n%s\n" % ending)
     program.chmod(0o755)
@@ -155,7 +155,7 @@ def test_an_rviz_that_ends_ends_no_run(monkeypatch, tmp_path, capfd, ending, tol
     monkeypatch.setattr(rviz_window, "display_problem", lambda environment: None)
     assert rviz_window.main([]) == 0
     said = capfd.readouterr().err
-    assert told in said and "the run goes on" in said if told else said == ""
+    assert told in said and "the run continues" in said if told else said == ""
 
 
 # ---- processes -------------------------------------------------------------------------------------------------
@@ -172,7 +172,7 @@ def test_how_a_process_ended_is_told_with_its_last_words(tmp_path):
     assert not child.alive() and child.end() == "code 3: two / three / no room"
 
 
-def test_folders_of_displays_that_were_killed_are_deleted_and_others_kept(tmp_path, monkeypatch):
+def test_folders_of_killed_displays_are_deleted(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     (tmp_path / "m2wr_display_strange").mkdir()         # whose it is cannot be told
     used, used_lock = make_folder()

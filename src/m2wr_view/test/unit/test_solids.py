@@ -51,7 +51,7 @@ def test_markers_move_and_go(make):
     assert not solids.blocking
 
 
-def test_only_what_has_changed_is_cut_anew(make, monkeypatch):
+def test_only_changed_markers_get_new_outlines(make, monkeypatch):
     cut = []
     monkeypatch.setattr("m2wr_view.solids.marker_outlines",
                         lambda marker: cut.append(marker.id) or marker_outlines(marker))

@@ -47,10 +47,10 @@ def perform(options):
     print("wall time %.1f s, picture %s, bag %s" % (wall, picture, bag))
     if code:
         return code
-    if summary.final_state != "goal_reached" or summary.touches != 0 or not summary.least_clearance > 0.0:
-        sys.stderr.write("demo: the run ended as \"%s\" with %s touches and a least clearance of %s m; expected "
+    if summary.final_state != "goal_reached" or summary.contacts != 0 or not summary.least_clearance > 0.0:
+        sys.stderr.write("demo: the run ended as \"%s\" with %s contacts and a least clearance of %s m; expected "
                          "goal_reached, 0 and more than 0\n"
-                         % (summary.final_state, "unknown" if summary.touches is None else summary.touches,
+                         % (summary.final_state, "unknown" if summary.contacts is None else summary.contacts,
                             summary.least_clearance))
         return 1
     return 0

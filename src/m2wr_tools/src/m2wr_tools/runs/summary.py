@@ -28,7 +28,7 @@ class Summary:
     clearance_name: str
     state_changes: Optional[int]
     final_state: Optional[str]
-    touches: Optional[int]
+    contacts: Optional[int]
     mean_factor: Optional[float]
 
 
@@ -69,7 +69,7 @@ def summarise_log(log, obstacles, footprint=M2WR_FOOTPRINT):
     if start is not None and log.goal is not None:
         straight = math.hypot(log.goal[0] - start[0], log.goal[1] - start[1])
     return Summary(path_length, straight, end_distance, duration, clearance, time, position, name,
-                   len(log.states) - 1 if log.states else None, final_state, log.touches, log.mean_factor)
+                   len(log.states) - 1 if log.states else None, final_state, log.contacts, log.mean_factor)
 
 
 def format_table(summary):
@@ -89,7 +89,7 @@ def format_table(summary):
             ("distance to goal at the end", _text("%.2f m", summary.end_distance)),
             ("least clearance", clearance),
             ("state changes", _text("%d", summary.state_changes)),
-            ("touches", _text("%d", summary.touches)),
+            ("contacts", _text("%d", summary.contacts)),
             ("mean real-time factor", _text("%.2f", summary.mean_factor)))
     width = max(len(name) for name, _ in rows)
     return "\n".join("%-*s  %s" % (width, name, value) for name, value in rows)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of what goes on: a node that listens to topics, or a command that reads a bag."""
+"""Draws a robot and its world from above: as a node from topics, or as a command from a bag."""
 import argparse
 import ctypes
 import gc
@@ -24,8 +24,8 @@ from m2wr_view.scene import TOPICS, Scene
 from m2wr_view.writers import make_writer
 
 log = logging.getLogger("rosout.m2wr_view")
-MOST_PICTURES = 500     # some 30 MB of PNG files, four minutes at two a second: what is left alone fills no disk
-_REMIND = 5.0           # s of wall time between two lines on what is waited for
+MOST_PICTURES = 500     # about 30 MB of PNG files, four minutes at 2 Hz; bounds the use of disk space
+_REMIND = 5.0           # s of wall time between two reminders of the topics that are waited for
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3           # of glibc's mallopt
 _KEPT_FREE, _LARGEST_KEPT = 128 << 20, 32 << 20         # bytes; the largest picture takes 64 MB, one of 800 x 800 3 MB
 
@@ -33,7 +33,7 @@ _KEPT_FREE, _LARGEST_KEPT = 128 << 20, 32 << 20         # bytes; the largest pic
 def _parser():
     parser = argparse.ArgumentParser(
         prog="image_dump", description=__doc__ + "  Topics are remapped as usual, also with --bag: odom:=/robot1/odom.")
-    parser.add_argument("--bag", help="draw this recorded run; without it: what the topics tell")
+    parser.add_argument("--bag", help="draw this recorded run; default: draw the topics")
     parser.add_argument("--out", action="append", default=[], metavar="PATH",
                         help="folder for PNG files, or a file .gif or .mp4; may be given several times")
     parser.add_argument("--rate", type=float, help="pictures a second of simulated time (default: 2)")
@@ -43,23 +43,22 @@ def _parser():
     parser.add_argument("--speed", type=float, default=5.0,
                         help="of films, in times the simulated time (default: %(default)s)")
     parser.add_argument("--max-pictures", type=int, metavar="N",
-                        help="write so many at most, 0: no limit (default: %d, of a bag no limit)" % MOST_PICTURES)
+                        help="largest number of pictures, 0: no limit (default: %d, of a bag no limit)" % MOST_PICTURES)
     parser.add_argument("--times", action="store_true",
-                        help="say at the end how much processor time drawing and writing took for a picture")
+                        help="print the CPU time for drawing and writing a picture at the end")
     return parser
 
 
 def _settle():
-    """Spare each picture what has nothing to do with it.
+    """Prepare for drawing: the first picture then takes no longer than the others.
 
-    Memory for pixels is asked for and given back several times a picture; taken from the system each time, its pages
-    cost more than the drawing.  What has been imported need not be looked at by every collection of garbage, and the
-    first words that are drawn load fonts.
+    Memory for pixels is allocated and freed several times per picture; page faults would cost more than the drawing,
+    so freed memory is kept.  Imported objects are excluded from garbage collection.  A first picture loads the fonts.
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError):
-        pass                            # a C library that has no such thing
+        pass                            # another C library than glibc
     else:
         mallopt(_M_TRIM_THRESHOLD, _KEPT_FREE)
         mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT)
@@ -77,7 +76,7 @@ def _log_to_screen():
 
 
 def _writers(paths, rate, speed):
-    """Return the writers that can be had; the others are named."""
+    """Return the writers that could be opened; errors of the others are logged."""
     found = []
     for path in paths:
         try:
@@ -85,12 +84,12 @@ def _writers(paths, rate, speed):
                 raise ViewError("speed %r: expected more than 0" % speed)
             found.append(make_writer(path, min(50.0, max(0.1, rate * speed))))
         except ViewError as error:
-            log.error("%s. The rest goes on.", error)
+            log.error("%s. The other outputs are written.", error)
     return found
 
 
 def main(argv=None):
-    """Entry point; 0 if all was written, 1 if nothing could be, 2 for wrong usage."""
+    """Entry point; returns 0 if all was written, 1 after an error, 2 for wrong usage."""
     words = rospy.myargv(sys.argv if argv is None else ["image_dump"] + argv)[1:]
     options = _parser().parse_args(words)
     _settle()
@@ -112,7 +111,7 @@ def dump_bag(options, mappings=None):
     Raises
     ------
     ViewError
-        If the bag cannot be read, nothing in it can be drawn, or an option makes no sense.
+        If the bag cannot be read, nothing in it can be drawn, or an option is invalid.
     """
     rate, path = 2.0 if options.rate is None else options.rate, options.bag
     dump = make_dump(rate, tuple(options.size or (800, 800)), options.view, [])
@@ -133,7 +132,7 @@ def dump_bag(options, mappings=None):
                     return 1
         except KeyboardInterrupt:
             log.info("interrupted; what has been drawn is kept")
-        except Exception as error:      # damaged bytes come out as whatever the reader trips over first
+        except Exception as error:      # damaged bytes cause errors of any kind
             log.error("bag %s: it cannot be read any further (%s: %s); what has been drawn is kept",
                       path, type(error).__name__, error)
     written = dump.close()
@@ -150,7 +149,7 @@ def _clock(options):
 
 
 def check_topics(path, types, names):
-    """Name what a bag lacks for pictures; ViewError if there is no place of a robot and no world in it."""
+    """Log which topics a bag lacks; ViewError if it has neither poses of a robot nor a world."""
     for topic, kind in types.items():
         if topic in names and kind != TOPICS[names[topic]][0]:
             log.warning("bag %s: topic %s has the type %s and is left out; expected %s", path, topic, kind,
@@ -173,7 +172,7 @@ def _parameter(name, given, default):
 
 
 class Node:
-    """Draws what the topics tell until it is stopped; options of the command line come before parameters."""
+    """Draws topics until it is stopped; options of the command line take precedence over parameters."""
 
     def __init__(self, options):
         self._options, self._lock, self._signals = options, threading.Lock(), []
@@ -187,7 +186,7 @@ class Node:
             paths = self._start()
         except (ViewError, ValueError, TypeError) as error:
             rospy.logfatal("%s", error)
-            rospy.signal_shutdown("a parameter makes no sense")
+            rospy.signal_shutdown("a parameter is invalid")
             return 1
         self._wait()
         with self._lock:
@@ -199,8 +198,8 @@ class Node:
             rospy.loginfo("%s", line)
         failed = bool(paths) and dump.failed
         if not dump.count:
-            rospy.logwarn("not one picture was drawn: nothing was heard on clock or odom")
-        rospy.signal_shutdown("told to end")
+            rospy.logwarn("no picture was drawn: no message was received on clock or odom")
+        rospy.signal_shutdown("shutdown requested")
         return 1 if failed else 0
 
     def _ending(self):
@@ -238,7 +237,7 @@ class Node:
         self._image.publish(message)
 
     def _wait(self):
-        """Sleep until told to end; say every now and then what is missing before the first picture."""
+        """Wait for shutdown; until the first picture, log every few seconds what is missing."""
         told = time.monotonic()
         while not self._ending():
             time.sleep(0.05)

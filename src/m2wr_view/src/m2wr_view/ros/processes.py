@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Xvfb and rviz as processes of ours: they end with us however we end, and say why when they end by themselves."""
+"""Xvfb and rviz as child processes: they end with this process in any case, and report why if they end earlier."""
 import fcntl
 import glob
 import os
@@ -17,11 +17,11 @@ from m2wr_view.framebuffer import read_xwd
 
 START_PATIENCE = 20.0       # s of wall time for Xvfb to come up
 _STOP_PATIENCE = 2.0        # s of wall time to end on a signal
-_LAST_LINES = 3             # of what a process has said, for messages
-_SAME_TRIES = 5             # looks at the screen until two agree: rviz may be drawing
+_LAST_LINES = 3             # of a process's output, for messages
+_SAME_TRIES = 5             # reads of the screen until two agree: rviz may be drawing
 _KILLED_BY = "signal %d"
-_FOLDER = "m2wr_display_"   # beginning of the names of displays' own folders
-_IN_USE = "in_use"          # file in each, locked by whose it is
+_FOLDER = "m2wr_display_"   # prefix of the folders of displays
+_IN_USE = "in_use"          # file in each, locked by its owner
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
 
 
@@ -34,14 +34,14 @@ def find_program(name, package):
 
 
 class Child:
-    """A process that gets no Ctrl-C of ours and is told to end when we are gone, even by SIGKILL.
+    """A process that does not receive our Ctrl-C and is ended when this process ends, even by SIGKILL.
 
     Parameters
     ----------
     words : list of str
         The command.
     log : str
-        File for what it says.
+        File for its output.
     environment : dict
     pass_fds : tuple of int
     """
@@ -63,7 +63,7 @@ class Child:
         return self._process.poll() is None
 
     def end(self):
-        """Return how it ended, with the last lines that it said."""
+        """Return how it ended, with the last lines of its output."""
         code = self._process.poll()
         how = _KILLED_BY % -code if code is not None and code < 0 else "code %s" % code
         try:
@@ -75,7 +75,7 @@ class Child:
         return how + (": " + " / ".join(lines) if lines else "")
 
     def stop(self):
-        """End it; returns when it has ended."""
+        """End it and wait for that."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):      # SIGTERM leaves rviz's name on the master
             if not self.alive():
                 return
@@ -109,7 +109,7 @@ def make_folder():
 
 
 class Xvfb:
-    """A display without a screen, with a number that nobody else has.
+    """A display without a screen, with a free display number.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Xvfb:
     Raises
     ------
     ViewError
-        If Xvfb is missing or does not come up.
+        If Xvfb is missing or does not start.
     """
 
     def __init__(self, size):
@@ -160,11 +160,11 @@ class Xvfb:
         return text.decode().strip()
 
     def path(self, name):
-        """Return the path of a file in the display's own folder, which goes with it."""
+        """Return the path of a file in the display's own folder, which is removed with it."""
         return os.path.join(self._folder, name)
 
     def alive(self):
-        """Whether the display is there."""
+        """Whether the display is running."""
         return self._child.alive()
 
     def end(self):
@@ -215,7 +215,7 @@ def start_rviz(display, config_text, node_name):
         If it is missing or cannot be started.
     """
     program, config = find_program("rviz", "rviz"), display.path("view.rviz")
-    # no graphics card is asked for: what is drawn is the same everywhere
+    # software rendering: the pictures are the same on each machine
     environment = dict(os.environ, DISPLAY=display.name, LIBGL_ALWAYS_SOFTWARE="1", QT_QPA_PLATFORM="xcb")
     environment.pop("WAYLAND_DISPLAY", None)
     runtime = display.path("runtime")
@@ -224,7 +224,7 @@ def start_rviz(display, config_text, node_name):
         os.makedirs(runtime, mode=0o700, exist_ok=True)
         with open(config, "w", encoding="utf-8") as stream:
             stream.write(config_text)
-        # drawing takes much time without a graphics card, and the robot is not to wait for its picture
+        # software rendering takes much CPU time, which must not delay the robot
         words = ["nice", "-n", "5", program, "-d", config, "--fullscreen", "__name:=" + node_name]
         return Child(words, display.path("rviz.log"), environment)
     except OSError as error:

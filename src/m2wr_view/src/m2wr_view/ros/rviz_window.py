@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""rviz in a window, as a node that ends no run: without a display it says so, and when rviz crashes, how."""
+"""rviz in a window, as a node that never ends a run: a missing display or a crash of rviz is reported."""
 import os
 import shutil
 import signal
@@ -9,10 +9,10 @@ import sys
 from m2wr_node.ros.is_there import who_is_there
 from m2wr_node.tie import tied
 
-_PATIENCE = 10.0            # s for a display to answer; one at the other end of a broken line never does
-# in a process of its own, because Xlib waits for ever
+_PATIENCE = 10.0            # s for a display to answer; over a broken connection it never does
+# in another process, because Xlib waits without a limit
 _TRY_DISPLAY = "import ctypes, sys; sys.exit(0 if ctypes.CDLL('libX11.so.6').XOpenDisplay(None) else 3)"
-_CURE = "the run goes on without a window (virtual_display:=true saves pictures of rviz without a display)"
+_CURE = "the run continues without a window (virtual_display:=true saves pictures of rviz without a display)"
 
 
 def say(text):
@@ -39,7 +39,7 @@ def display_problem(environment, run=subprocess.call):
                    stderr=subprocess.DEVNULL)
     except subprocess.TimeoutExpired:
         return "display %s (DISPLAY) has not answered within %g s" % (name, _PATIENCE)
-    # any other code: Xlib could not be asked, so rviz has to find out
+    # any other code: Xlib could not be loaded; rviz will report it
     return "display %s (DISPLAY) cannot be opened" % name if code == 3 else None
 
 
@@ -51,7 +51,7 @@ def chosen(words, look=who_is_there):
 
 
 def main(words=None):
-    """Entry point; returns 0 whatever becomes of rviz."""
+    """Entry point; returns 0 also if rviz fails."""
     words = sys.argv[1:] if words is None else words
     if "-h" in words or "--help" in words:
         sys.stdout.write("usage: rviz_window [--simulation CONFIG -d CONFIG] [OPTION OF RVIZ ...]\n\n%s\n" % __doc__)
@@ -64,7 +64,7 @@ def main(words=None):
         say("%s; %s" % (problem, _CURE))
         return 0
     told = []
-    for number in (signal.SIGINT, signal.SIGTERM):      # roslaunch tells the whole group, so rviz hears it as well
+    for number in (signal.SIGINT, signal.SIGTERM):      # roslaunch signals the whole group, rviz too
         signal.signal(number, lambda received, _: told.append(received))
     child = subprocess.Popen(tied([program] + chosen(words)))
     signal_sent = False
@@ -76,9 +76,9 @@ def main(words=None):
             if signal_sent:
                 child.kill()
             elif told:
-                child.send_signal(signal.SIGINT)        # at SIGTERM its name would stay on the master
+                child.send_signal(signal.SIGINT)        # after SIGTERM its name would stay on the master
                 signal_sent = True
     if code and not told:
-        say("ended with %s; the run goes on. Where the display's OpenGL is at fault: export LIBGL_ALWAYS_SOFTWARE=1"
+        say("ended with %s; the run continues. If the display's OpenGL is the cause: export LIBGL_ALWAYS_SOFTWARE=1"
             % ("signal %d" % -code if code < 0 else "code %d" % code))
     return 0

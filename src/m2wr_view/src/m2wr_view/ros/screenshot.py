@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Take a picture of rviz on its virtual display, or of a display that one looks at."""
+"""Take a picture of rviz on its virtual display, or of a real display."""
 import argparse
 import os
 import shutil
@@ -21,12 +21,12 @@ _NODE = "virtual_display"
 
 def _parser():
     parser = argparse.ArgumentParser(
-        prog="screenshot", description=__doc__ + "  Asks the node virtual_display where there is one, else it takes "
-        "the display of DISPLAY. Prints the path of the picture.")
-    parser.add_argument("--out", metavar="FILE.png", help="where the picture goes (default: the node's folder, or "
+        prog="screenshot", description=__doc__ + "  Calls the service of virtual_display if that runs, else it "
+        "captures the display of DISPLAY. Prints the path of the picture.")
+    parser.add_argument("--out", metavar="FILE.png", help="path of the picture (default: the node's folder, or "
                         "screenshot.png here)")
     parser.add_argument("--service", help="name of the service, where there are several virtual displays")
-    parser.add_argument("--display", help="take this X display, for instance :0, and ask nobody")
+    parser.add_argument("--display", help="take this X display, for instance :0, and call no service")
     return parser
 
 
@@ -57,7 +57,7 @@ def find_service(state, wanted=None):
 
 
 def services():
-    """Return the services that the master knows; nothing where there is no master."""
+    """Return the services that the master knows; none if there is no master."""
     try:
         return rosgraph.Master("/screenshot").getSystemState()[2]
     except (rosgraph.MasterException, OSError):
@@ -88,7 +88,7 @@ def ask(name):
 
 
 def grab(display):
-    """Return the picture on an X display; ViewError if that cannot be had."""
+    """Return the picture on an X display; ViewError if it cannot be read."""
     if not features.check("xcb"):
         raise ViewError("this Pillow cannot read X displays; expected one with XCB (7.1 or newer)")
     from PIL import ImageGrab  # an older Pillow refuses the import itself
@@ -99,7 +99,7 @@ def grab(display):
 
 
 def take(options, environment, ask_service=ask, known=services):
-    """Return the path of a new picture; ViewError if there is none to be had."""
+    """Return the path of a new picture; ViewError if none can be taken."""
     name = None if options.display else find_service(known(), options.service)
     if name is not None:
         path = ask_service(name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""rviz on a virtual display, with software rendering: saves screenshots by itself and when asked."""
+"""rviz on a virtual display, with software rendering: saves screenshots periodically and on request."""
 import logging
 import math
 import threading
@@ -21,11 +21,11 @@ from m2wr_view.screenshots import Screenshots
 
 log = logging.getLogger("rosout.m2wr_view")
 
-_LOOP = 0.05                # s of wall time between two looks at what there is to do
-_DRAW_TIME = 2.0            # s from rviz being there to its first good picture
+_LOOP = 0.05                # s of wall time between two passes of the loop
+_DRAW_TIME = 2.0            # s from the start of rviz to its first complete picture
 _STATE_DELAY = 1.0          # s from a change of state to its picture: rviz must have drawn it
-_READY_PATIENCE = 30.0      # s for rviz to come up, before that is said and before a request is refused
-_RESTARTS = 3               # of an rviz that ends by itself, each soon after its start
+_READY_PATIENCE = 30.0      # s for rviz to start, until a warning, and until a request is refused
+_RESTARTS = 3               # of an rviz that ends soon after its start
 _SOON = 120.0               # s
 _QUIET = 30.0               # s between two lines on pictures that cannot be written
 _GREATEST = 4000            # pixels
@@ -36,8 +36,8 @@ class DisplayConfig:
     """Parameters of the node; times in seconds of wall time."""
 
     config: str             # rviz configuration file
-    out: str                # folder of the pictures; empty: only those that are asked for, in the folder screenshots
-    period: float           # s between two pictures; 0: none of these
+    out: str                # folder of the pictures; empty: only on request, in the folder screenshots
+    period: float           # s between two pictures; 0: no periodic pictures
     size: tuple             # pixels
     frame_rate: float       # Hz
     view: str               # one of VIEWS
@@ -65,7 +65,7 @@ def read_parameters(get):
     Raises
     ------
     ViewError
-        Naming the parameter that cannot be used.
+        If a parameter is invalid; the message names it.
     """
     size = get("~size", [1280, 720])
     if not isinstance(size, (list, tuple)) or len(size) != 2 or not all(
@@ -95,23 +95,23 @@ class VirtualDisplay:
         self._states, self._next_period, self._complained = [], None, -math.inf
 
     def run(self):
-        """Run; returns the exit code, which is 0 also where no picture can be had: no run is to end for that."""
+        """Run; returns the exit code: 0 also if there are no pictures, because that must not end a run."""
         self._signals = note_signals()
         register("virtual_display", self._ending, disable_rostime=True)
         try:
             self._config = read_parameters(rospy.get_param)
         except ViewError as error:
             rospy.logfatal("virtual display: %s", error)
-            rospy.signal_shutdown("a parameter makes no sense")
+            rospy.signal_shutdown("a parameter is invalid")
             return 1
         try:
             self._start()
             self._loop()
         except (ViewError, OSError) as error:
-            rospy.logerr("virtual display: %s. The run goes on without pictures of rviz.", error)
+            rospy.logerr("virtual display: %s. The run continues without pictures of rviz.", error)
         finally:
             self._stop()
-        rospy.signal_shutdown("told to end")
+        rospy.signal_shutdown("shutdown requested")
         return 0
 
     # ---- beginning and end -----------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ class VirtualDisplay:
         try:
             self._shots = Screenshots(config.out)
         except ViewError as error:
-            rospy.logerr("virtual display: %s. No pictures are saved; the rest goes on.", error)
+            rospy.logerr("virtual display: %s. No pictures are saved; the run continues.", error)
         self._display = Xvfb(config.size)
         rospy.loginfo("virtual display: %s, %d x %d; pictures go to %s", self._display.name, config.size[0],
                       config.size[1], config.out)
@@ -139,7 +139,7 @@ class VirtualDisplay:
     def _start_rviz(self):
         self._ready.clear()
         self._drawn_from, self._born = None, time.monotonic()
-        self._stale = self._rviz_service()      # left behind by one that was killed
+        self._stale = self._rviz_service()      # of one that was killed
         self._rviz = start_rviz(self._display, self._text, rospy.get_name().rsplit("/", 1)[-1] + "_rviz")
 
     def _stop(self):
@@ -158,7 +158,7 @@ class VirtualDisplay:
         if self._shots is not None and self._shots.count:
             rospy.loginfo("virtual display: %d pictures in %s", self._shots.count, self._shots.folder)
 
-    # ---- what goes on ----------------------------------------------------------------------------------------
+    # ---- main loop -------------------------------------------------------------------------------------------
 
     def _loop(self):
         told = False
@@ -187,8 +187,8 @@ class VirtualDisplay:
         if self._restarts == _RESTARTS:
             raise ViewError("rviz has ended again, with %s" % how)
         self._restarts += 1
-        rospy.logwarn("virtual display: starting rviz again (%d of %d times), for it has ended with %s", self._restarts,
-                      _RESTARTS, how)
+        rospy.logwarn("virtual display: rviz ended with %s; starting it again (%d of %d times)", how,
+                      self._restarts, _RESTARTS)
         self._start_rviz()
 
     def _look_for_rviz(self, now):
@@ -207,7 +207,7 @@ class VirtualDisplay:
 
     @staticmethod
     def _rviz_service():
-        """Return the address of what rviz advertises last, or None."""
+        """Return the address of the service that rviz advertises last, or None."""
         try:
             return rosgraph.Master(rospy.get_name()).lookupService(rospy.get_name() + "_rviz/load_config")
         except (rosgraph.MasterException, OSError):
@@ -249,7 +249,7 @@ class VirtualDisplay:
         except ViewError as error:
             if time.monotonic() - self._complained > _QUIET:
                 self._complained = time.monotonic()
-                rospy.logerr("virtual display: %s. The run goes on.", error)
+                rospy.logerr("virtual display: %s. The run continues.", error)
             return None, str(error)
 
 
@@ -257,9 +257,9 @@ def main():
     """Entry point; returns the exit code."""
     answer_help("virtual_display", "Run rviz on a virtual display and save screenshots.", {
         "config": "rviz configuration file, required", "out": "folder of the pictures (screenshots)",
-        "period": "seconds between two pictures; 0: none of these (10)",
+        "period": "seconds between two pictures; 0: no periodic pictures (10)",
         "size": "[width, height] in pixels ([1280, 720])",
         "frame_rate": "[Hz] (10)", "view": "one of %s (orbit)" % ", ".join(VIEWS),
         "follow": "frame that the camera keeps above", "distance": "of the camera [m] (10)",
-        "state_topic": "topic whose changes are pictured; empty: none (bug2/state)"})
+        "state_topic": "topic; each change is saved as a picture; empty: none (bug2/state)"})
     return VirtualDisplay().run()
