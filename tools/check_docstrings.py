@@ -6,7 +6,7 @@ tools/check_docstrings.py FOLDER ...     check all Python files below these fold
 
 ``Parameters`` names each argument. ``Returns`` or ``Yields`` is there unless the first line begins with "Return" or
 "Yield" or the return type is None. ``Raises`` names each exception that the function itself raises by name. The form of
-the sections is checked by ruff (rules D4xx). A method without a docstring in a class with a base inherits that of the base.
+the sections is checked by ruff (rules D4xx). A method of a derived class may inherit the docstring of the base.
 """
 import ast
 import os
@@ -65,7 +65,9 @@ def faults(text: str) -> Iterator[Tuple[int, str]]:
         for name in names:
             if not re.search(r"^(?:\w+, )*%s\b" % re.escape(name), found.get("Parameters", ""), re.M):
                 yield function.lineno, "%s: Parameters does not name %s" % (function.name, name)
-        nothing = isinstance(function.returns, ast.Constant) and function.returns.value is None
+        returned = function.returns
+        nothing = (isinstance(returned, ast.Constant) and returned.value is None
+                   or isinstance(returned, ast.Name) and returned.id == "NoReturn")
         if not nothing and not text.startswith(("Return", "Yield")) and not {"Returns", "Yields"} & set(found):
             yield function.lineno, "%s: neither Returns nor Yields" % function.name
         for name in sorted(raised_by(function)):

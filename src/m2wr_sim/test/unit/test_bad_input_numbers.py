@@ -42,7 +42,7 @@ def numbers_of(rig, models):
 # ---- steps and rates ---------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("step", [0.0, -0.001, 1e-6, 0.11, 1.0, math.inf, math.nan])
-def test_a_step_out_of_bounds_is_refused_with_the_bounds(step):
+def test_a_step_out_of_bounds_is_rejected_with_the_bounds(step):
     with pytest.raises(WorldError, match=r"a.world: physics step of .* s; expected 1e-05 to 0.1 s"):
         whole_step(step, "a.world")
     if math.isfinite(step):
@@ -71,12 +71,12 @@ def test_at_long_steps_the_numbers_stay_numbers(m2wr_rig, build, step_ms):
     (20.0, 1, None), (20.0, 5, None), (0.0, 1, None),
     (30.0, 1, "30 Hz does not fit into steps of 1 ms: intervals are 33 or 34 ms"),
     (30.0, 5, "intervals are 30 or 35 ms"), (200.0, 10, "more often than there are steps of 10 ms"), (-3.0, 1, None)])
-def test_rates_that_do_not_fit_are_told(rate, step_ms, told):
+def test_rates_that_do_not_fit_are_reported(rate, step_ms, told):
     said = misfit(rate, step_ms * MS)
     assert said is None if told is None else told in said
 
 
-def test_a_rate_that_does_not_fit_is_told_once_and_kept_on_average(make_rig, m2wr, caplog):
+def test_rate_between_steps_is_reported_and_kept_on_average(make_rig, m2wr, caplog):
     caplog.set_level(logging.INFO)
     link, = [link for link in m2wr.links if link.sensors]
     sensors = tuple(replace(sensor, update_rate=30.0) for sensor in link.sensors)
@@ -93,7 +93,7 @@ def test_a_rate_that_does_not_fit_is_told_once_and_kept_on_average(make_rig, m2w
 # ---- sensors -----------------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("limits", [(5.0, 1.0), (2.0, 2.0)])
-def test_a_laser_whose_least_range_is_its_greatest_reads_nothing_and_is_named(m2wr_rig, m2wr, build, limits, caplog):
+def test_laser_with_an_empty_range_is_reported(m2wr_rig, m2wr, build, limits, caplog):
     link, = [link for link in m2wr.links if link.sensors]
     ray = replace(link.sensors[0].ray, range_min=limits[0], range_max=limits[1])
     sensors = (replace(link.sensors[0], ray=ray),)
@@ -107,7 +107,7 @@ def test_a_laser_whose_least_range_is_its_greatest_reads_nothing_and_is_named(m2
 # ---- bodies ------------------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, math.nan, math.inf])
-def test_a_body_without_mass_is_refused_by_name_and_the_world_goes_on(m2wr_rig, build, mass):
+def test_body_without_mass_is_rejected(m2wr_rig, build, mass):
     rig = m2wr_rig()
     with pytest.raises(ModelError, match="ghost::link.*mass"):
         rig.simulator.spawn(build.box("ghost", 1.0, 0.0, 1.0, static=False, mass=mass), at(1.0, 0.0, 1.0))
@@ -120,7 +120,7 @@ MASSLESS = """<sdf version="1.6"><world name="w"><model name="ghost"><link name=
 
 
 @pytest.mark.parametrize("mass", ["0", "-2"])
-def test_a_body_without_mass_in_a_world_is_named_and_left_out(mass):
+def test_a_body_without_mass_in_a_world_is_reported_and_skipped(mass):
     world = load_world(MASSLESS % mass)
     note, = world.notes
     assert "model[ghost]" in note and "mass is %s" % mass in note and "left out" in note
@@ -130,10 +130,10 @@ def test_a_body_without_mass_in_a_world_is_named_and_left_out(mass):
 
 
 @pytest.mark.parametrize("mass", ["nan", "1e999", "heavy"])
-def test_a_mass_that_is_no_number_is_named_and_that_of_sdf_taken(mass):
+def test_invalid_mass_is_reported_and_uses_the_default(mass):
     world = load_world(MASSLESS % mass)
     note, = world.notes
-    assert 'mass is "%s"; expected a finite number; 1 is taken' % mass in note
+    assert 'mass is "%s"; expected a finite number; using 1' % mass in note
     assert world.models[0].links[0].inertial.mass == 1.0
 
 
@@ -158,7 +158,7 @@ def test_things_that_overlap_at_the_start_part_gently(make_rig, build, step_ms):
 
 @pytest.mark.parametrize("step_ms", [1, 5])
 @pytest.mark.parametrize("shift", [0.0, 1e-9, 0.1])
-def test_robots_spawned_into_one_another_stay_numbers_and_come_free(make_rig, m2wr, step_ms, shift):
+def test_overlapping_robots_separate_with_finite_poses(make_rig, m2wr, step_ms, shift):
     rig = make_rig(step_ms=step_ms)
     for k in range(3):
         rig.simulator.spawn(m2wr, at(shift * k, 0.0, 0.1), "r%d" % k, "/r%d" % k)
@@ -172,7 +172,7 @@ def test_robots_spawned_into_one_another_stay_numbers_and_come_free(make_rig, m2
 
 
 @pytest.mark.parametrize("far", [1e9, -1e9, 1e300])
-def test_coordinates_beyond_reach_are_refused_with_the_limit(m2wr_rig, build, far):
+def test_coordinates_beyond_reach_are_rejected_with_the_limit(m2wr_rig, build, far):
     rig = m2wr_rig()
     for position in ((far, 0.0, 0.1), (0.0, far, 0.1), (0.0, 0.0, far)):
         with pytest.raises(ModelError, match="expected at most 1e\\+06 m from the origin"):
@@ -192,7 +192,7 @@ def test_a_robot_at_the_edge_of_what_is_allowed_drives(m2wr_rig):
 
 # ---- a world that comes apart ------------------------------------------------------------------------------------
 
-def test_a_world_that_diverged_ends_the_loop_before_it_is_published(m2wr_rig):
+def test_diverged_world_ends_the_loop_before_publishing(m2wr_rig):
     rig = m2wr_rig(loss_ends=True).send(0.4, 0.0).run(0.5)
     rig.engine.add_link_force(rig.simulator.models["m2wr"].root, (1e13, 0.0, 1e13), (0.0, 0.0, 0.0))
     loop = Loop(rig.simulator, 0.0, lambda: False, lambda: None)

@@ -50,7 +50,7 @@ def check_surface(part, applied=True):
 
 
 @pytest.mark.parametrize("name, applied", [("", True), ("a_plate", True), ("plate", False)])
-def test_own_surface_tags_reach_collisions_that_bear_the_links_name(name, applied):
+def test_surface_tags_apply_to_collisions_by_link_name(name, applied):
     model = robot(link("a", collision(name)), block(SURFACE, "a"))
     check_surface(model.links[0].collisions[0], applied)
     told = [note for note in model.notes if "does not reach" in note]
@@ -77,7 +77,7 @@ def test_tags_of_the_carrier_do_not_reach_lumped_collisions():
     assert model.notes == ()
 
 
-def test_wheel_named_after_the_other_wheel_receives_nothing():
+def test_wheel_reported_after_the_other_wheel_receives_nothing():
     named = collision("link_right_wheel_collision")
     joints = "".join('<joint name="j{0}" type="continuous"><parent link="base"/><child link="link_{0}_wheel"/></joint>'
                      .format(side) for side in ("left", "right"))
@@ -88,7 +88,7 @@ def test_wheel_named_after_the_other_wheel_receives_nothing():
     check_surface(right, True)
 
 
-def test_gazebo_tags_win_over_surface_in_the_urdf_and_later_blocks_over_earlier():
+def test_later_gazebo_tags_take_precedence():
     own = ('<collision><geometry><sphere radius="1"/></geometry><surface><friction><ode><mu>0.1</mu><slip1>0.3</slip1>'
            '</ode></friction></surface></collision>')
     model = robot(link("a", own), block("<mu1>0.7</mu1>", "a"), block("<mu1>0.8</mu1>", "a"))
@@ -109,7 +109,7 @@ def test_link_switches_also_from_a_lumped_link():
     assert (body.gravity, body.linear_damping, body.angular_damping, body.self_collide) == (False, 0.5, 0.5, True)
 
 
-def test_material_reaches_visuals_by_the_same_rule_and_last_block_wins():
+def test_last_material_applies_to_visuals():
     model = robot(link("a", visual(), visual("plate")), link("b", visual()), fixed("a", "b"),
                   block("<material>Gazebo/Blue</material>", "a"), block("<material>Gazebo/Red</material>", "a"),
                   block("<material>Gazebo/Black</material>", "b"))
@@ -128,7 +128,7 @@ def test_joint_tags():
     assert model.notes == () and "<provideFeedback>" in remark and "<implicitSpringDamper>" in remark
 
 
-def test_blobs_for_viewers_are_named_in_one_quiet_line():
+def test_blobs_for_viewers_are_reported_in_one_quiet_line():
     model = robot(link("a"), block("<visual><material/></visual><light name='l'/><projector/>", "a"),
                   block("<enable_wind>true</enable_wind>"))
     remark, = model.remarks
@@ -209,22 +209,22 @@ def test_noise_kinds(text, kind):
     assert sensor.ray.noise.kind == kind and notes == ()
 
 
-def test_unknown_noise_is_told_and_left_out():
+def test_unknown_noise_is_reported_and_skipped():
     sensor, notes = sensor_of("<ray><noise><type>pink</type><stddev>1</stddev></noise></ray>")
     assert sensor.ray.noise == Noise()
     assert '"pink"' in notes[0] and "gaussian" in notes[0]
 
 
 @pytest.mark.parametrize("body, words, taken", [
-    ("<ray><scan><horizontal><samples>0</samples></horizontal></scan></ray>", "at least 1", "640 is taken"),
+    ("<ray><scan><horizontal><samples>0</samples></horizontal></scan></ray>", "at least 1", "using 640"),
     ("<ray><scan><horizontal><samples>1e9</samples></horizontal></scan></ray>", "at most 1000000", "one row of 640"),
-    ("<ray><scan><vertical><resolution>0</resolution></vertical></scan></ray>", "a positive number", "1 is taken"),
-    ("<ray><range><max>inf</max></range></ray>", "finite number", "0 is taken"),
-    ("<ray><range><min>-1</min></range></ray>", "zero or a positive number", "0 is taken"),
-    ("<update_rate>fast</update_rate>", "finite number", "0 is taken"),
+    ("<ray><scan><vertical><resolution>0</resolution></vertical></scan></ray>", "a positive number", "using 1"),
+    ("<ray><range><max>inf</max></range></ray>", "finite number", "using 0"),
+    ("<ray><range><min>-1</min></range></ray>", "zero or a positive number", "using 0"),
+    ("<update_rate>fast</update_rate>", "finite number", "using 0"),
     ("<plugin name='p'/>", "filename", "this plugin is left out"),
 ])
-def test_bad_values_of_sensors_are_told_and_have_their_defaults(body, words, taken):
+def test_invalid_sensor_values_are_reported_and_use_defaults(body, words, taken):
     sensor, (note,) = sensor_of(body)
     assert words in note and taken in note and "r.urdf:5" in note
     assert sensor.ray == RayScan() and sensor.update_rate == 0.0 and sensor.plugins == ()
@@ -249,15 +249,15 @@ def test_plugin_parameters_keep_order_text_value_and_depth():
     assert plugin.where.startswith("r.urdf:3") and "libp.so" in plugin.where
 
 
-def test_unknown_reference_is_told_with_the_names_there_are():
+def test_unknown_reference_is_reported_with_the_names_there_are():
     model = robot(link("a"), block("<mu1>1</mu1>", "wheel"))
     note, = model.notes
     assert '"wheel"' in note and "links: a" in note
 
 
 @pytest.mark.parametrize("tag, instead", [("mu", "<mu1>"), ("plugin", "<sensor>"), ("friction", "<mu1>"),
-                                          ("slip1", "<surface>"), ("whatever", "is not read.")])
-def test_tags_nobody_reads_are_told_with_the_place_that_is_read(tag, instead):
+                                          ("slip1", "<surface>"), ("whatever", "ignored.")])
+def test_unsupported_tags_are_reported_with_an_alternative(tag, instead):
     model = robot(link("a"), block("<{0}>1</{0}>".format(tag), "a"), block("<{0}>1</{0}>".format(tag), "a"))
     note, = model.notes
     assert "<{}>".format(tag) in note and instead in note and "r.urdf:3" in note
@@ -267,14 +267,14 @@ def test_tags_nobody_reads_are_told_with_the_place_that_is_read(tag, instead):
     ("<mu1>slippery</mu1>", "mu1"), ("<turnGravityOff>perhaps</turnGravityOff>", "true or false"),
     ("<fdir1>1 0</fdir1>", "3 numbers"), ("<maxContacts>2.5</maxContacts>", "whole"),
     ("<dampingFactor>much</dampingFactor>", "dampingFactor"), ("<sensor type='ray'/>", "attribute name")])
-def test_bad_values_are_told_with_line_and_have_their_defaults(text, words):
+def test_invalid_values_are_reported_and_use_defaults(text, words):
     model, plain = robot(link("a", collision()), block(text, "a")), robot(link("a", collision()))
     note, = model.notes
-    assert words in note and "r.urdf:3" in note and ("is taken" in note or "left out" in note)
+    assert words in note and "r.urdf:3" in note and ("using" in note or "left out" in note)
     assert model.links == plain.links
 
 
 @pytest.mark.parametrize("text", ["<static>perhaps</static>", "<plugin name='p'/>"])
-def test_bad_values_of_the_model_are_told(text):
+def test_bad_values_of_the_model_are_reported(text):
     model = robot(link("a"), block(text))
     assert len(model.notes) == 1 and not model.static and model.plugins == ()

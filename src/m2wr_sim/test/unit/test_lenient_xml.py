@@ -20,7 +20,7 @@ BODY = '<sdf version="1.6">\n<world name="w"><x>1</x></world>\n</sdf>'
     (BODY.replace("<x>", "<n>this & that &amp; &lt; &#38;</n><x>").encode(), '"&amp;"'),
     (BODY.replace("<x>", "<sensor:camera sensor:a='1'/><x>").encode(), "prefix sensor"),
 ])
-def test_slips_are_put_right_and_told_once(data, slip, caplog):
+def test_errors_are_corrected_and_reported_once(data, slip, caplog):
     with caplog.at_level(logging.WARNING):
         root = parse_xml(data, "a.world")
     assert root.find("world").findtext("x") == "1"
@@ -39,7 +39,7 @@ def test_texts_names_and_lines_come_out_as_written():
     assert parse_xml(declared, "a")[1].text == parse_xml(declared.encode("latin-1"), "a")[1].text == "caf\u00e9 <"
 
 
-def test_what_is_broken_otherwise_is_refused_in_the_first_words():
+def test_what_is_broken_otherwise_is_rejected_in_the_first_words():
     for text in ("<sdf><!-- -- --><world></sdf>", "<sdf>&nothing; <!-- -- --></sdf>", "<sdf><!-- never closed </sdf>",
                  '<!DOCTYPE r [<!ENTITY x "y">]><sdf><!-- -- -->&x;</sdf>'):
         with pytest.raises(XmlError) as caught:
@@ -57,7 +57,7 @@ def test_unclosed_comments_stay_as_they_are():
     assert tidy(text.encode()) == (text.encode(), [])
 
 
-def test_a_world_with_slips_loads():
+def test_world_with_corrected_errors_loads():
     box = ('<model name="b&b"><static>1</static><link name="l"><collision name="c"><geometry><box><size>1 1 1</size>'
            '</box></geometry></collision></link></model>')
     world = load_world(' <?xml version="1.0"?><sdf version="1.6"><world name="w"><!-- --x-- -->%s</world></sdf>' % box)

@@ -55,7 +55,7 @@ def test_result_is_expressed_in_the_parents_inertial_orientation():
         assert got == pytest.approx(one + other)
 
 
-def test_parent_without_inertial_receives_one_and_none_adds_nothing():
+def test_parent_without_inertial_gets_that_of_merged_links():
     merged = merge_inertials(None, UNIT_BALL, at(0.0, 2.0, 0.0, 0.0, 0.0, 1.0))
     assert merged.mass == 1.0 and merged.pose == ((0.0, 2.0, 0.0), IDENTITY[1])
     assert merged.inertia == pytest.approx(UNIT_BALL.inertia)
@@ -67,7 +67,7 @@ def bodies_of(*names, **inertials):
     return {name: Body(name, inertials.get(name, UNIT_BALL), [Part("", name, Sphere(1.0))]) for name in names}
 
 
-def test_chain_of_fixed_joints_ends_in_the_root_with_composed_poses():
+def test_chain_of_fixed_joints_is_merged_into_the_root():
     bodies = bodies_of("root", "arm", "tip")
     joints = [Connection("j_arm", "fixed", "root", "arm", at(1.0, yaw=math.pi / 2), reduced=True),
               Connection("j_tip", "fixed", "arm", "tip", at(2.0), reduced=True)]
@@ -92,7 +92,7 @@ def test_moving_joints_below_a_merged_link_go_to_its_parent():
     assert joints[0].pose[0] == pytest.approx((0.0, 0.5, 1.0))
 
 
-def test_order_is_root_first_depth_first_and_alphabetical_by_joint():
+def test_order_is_depth_first_by_joint_name():
     bodies = bodies_of("r", "x", "y", "z", "x1")
     joints = [Connection("j3", "revolute", "r", "x"), Connection("j1", "revolute", "r", "z"),
               Connection("j2", "revolute", "r", "y"), Connection("j0", "revolute", "x", "x1")]

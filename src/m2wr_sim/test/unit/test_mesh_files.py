@@ -96,7 +96,7 @@ AUTHOR = b"<asset><contributor><author>Ren\xe9 -- x</author></contributor>"
     ("a.obj", b"# caf\xe9\nmtllib none.mtl\n" + obj(CORNERS, FACES).encode()),
     ("a.dae", dae(BROKEN_ENDS)), ("a.dae", dae(NODE.format("")).replace(b"<asset>", AUTHOR)),
     ("a.dae", dae(NODE.format("")).replace(b"2005/11", b"2008/03").replace(b"1.4.1", b"1.5.0"))])
-def test_what_programs_write_into_their_files_besides_shapes_does_no_harm(saved, name, content):
+def test_other_elements_of_mesh_files_are_ignored(saved, name, content):
     assert same(read_mesh_file(saved(name, content)), PYRAMID)
 
 
@@ -115,11 +115,11 @@ def test_faces_of_an_obj_with_more_corners_are_cut(saved):
 
 
 @pytest.mark.parametrize("up", ["Z_UP", "Y_UP", "X_UP"])
-def test_the_unit_of_collada_is_applied_and_its_up_axis_is_not_as_in_gazebo(saved, up):
+def test_collada_unit_is_applied_but_up_axis_is_not(saved, up):
     assert same(read_mesh_file(saved("a.dae", dae(NODE.format(""), unit=0.01, up=up))), 0.01 * PYRAMID)
 
 
-def test_node_transforms_of_collada_are_applied_from_the_inside_out(saved):
+def test_collada_transforms_are_applied_inner_first(saved):
     outer = '<node><translate>0 0 10</translate><rotate>0 0 1 90</rotate>%s</node>' % NODE.format(
         "<scale>2 2 2</scale>")
     moved = 2.0 * PYRAMID
@@ -134,7 +134,7 @@ def test_a_mirrored_node_keeps_faces_outwards(saved):
     assert volume == pytest.approx(1.0)
 
 
-def test_a_collada_part_answers_to_the_names_of_its_node_and_geometry(saved):
+def test_collada_part_has_names_of_node_and_geometry(saved):
     part, = read_mesh_file(saved("a.dae", dae(NODE.format(""))))
     assert set(part.names) == {"here", "n1", "shape", "g"}
 
@@ -173,18 +173,18 @@ BOMB = b'<?xml version="1.0"?><!DOCTYPE c [<!ENTITY a "aaaa">]><COLLADA>&a;</COL
     ("a.dae", b"<robot/>", "expected <COLLADA>"),
     ("a.dae", dae(""), "no triangle"),
 ])
-def test_a_file_that_cannot_be_used_is_named(saved, name, content, said):
+def test_a_file_that_cannot_be_used_is_reported(saved, name, content, said):
     with pytest.raises(XmlError) as caught:
         read_mesh_file(saved(name, content))
     assert name in str(caught.value) and said in str(caught.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(XmlError, match="nowhere.stl: cannot be read: No such file"):
         read_mesh_file(str(tmp_path / "nowhere.stl"))
 
 
-def test_too_many_triangles_are_refused_with_the_limit(saved, monkeypatch):
+def test_too_many_triangles_are_rejected_with_the_limit(saved, monkeypatch):
     monkeypatch.setattr(mesh_files, "MAX_TRIANGLES", 3)
     with pytest.raises(XmlError, match="has 4 triangles; expected at most 3"):
         read_mesh_file(saved("many.stl", text_stl(PYRAMID)))
@@ -198,13 +198,13 @@ def test_a_large_file_is_announced(saved, monkeypatch, caplog):
 
 
 @pytest.mark.parametrize("text", ["v 0 0\nv 1 0\nv 0 1\nv 2 2\nf 1 2 3\n", "v 0\nv 1\nv 2\nv 3\nf 1 2 3\n"])
-def test_vertices_with_other_than_three_coordinates_are_refused(tmp_path, text):
+def test_vertices_with_other_than_three_coordinates_are_rejected(tmp_path, text):
     (tmp_path / "a.obj").write_text(text)
     with pytest.raises(XmlError, match=r"a\.obj: .*three coordinates"):
         read_mesh_file(str(tmp_path / "a.obj"))
 
 
-def test_pipes_and_devices_are_refused_at_once(tmp_path):
+def test_pipes_and_devices_are_rejected_at_once(tmp_path):
     os.mkfifo(str(tmp_path / "pipe.stl"))
     (tmp_path / "zero.obj").symlink_to("/dev/zero")
     for name in ("pipe.stl", "zero.obj"):

@@ -36,7 +36,7 @@ def star(draw, count):
 @pytest.mark.parametrize("outline", [
     SQUARE, SQUARE[::-1], HOLE, [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)],
     [(0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2)]] + [star(random.Random(seed), 5 + seed) for seed in range(20)])
-def test_an_outline_becomes_a_closed_body_of_its_area_times_height(outline):
+def test_outline_becomes_a_closed_body_of_area_times_height(outline):
     shape = extrude([outline], 1.5)
     assert volume(*shape) == pytest.approx(1.5 * abs(area([tuple(map(float, corner)) for corner in outline])))
     assert open_area(*shape) < 1e-12

@@ -64,7 +64,7 @@ def test_files_are_found(folder, uri):
     ("http://example.org/a.stl", "nothing is downloaded"),
     ("package://part/meshes/a.stl/../../../x.stl", '".."'), ("beside.world", "no such file"),
     ("my.world", "expected one of .stl, .obj, .dae")])
-def test_a_file_that_cannot_be_had_is_named_and_the_rest_loads(folder, uri, said):
+def test_missing_mesh_file_is_reported_and_skipped(folder, uri, said):
     shapes, (note,) = load(folder, mesh(uri))
     assert shapes == []
     assert uri in note and said in note and "my.world:2" in note and "collision[c]" in note and "left out" in note
@@ -82,26 +82,26 @@ def test_media_folders_are_searched_after_the_files_own(folder):
         assert same([model.links[0].collisions[0].geometry], scale * PYRAMID) and model.notes == ()
 
 
-def test_a_broken_file_is_named_and_the_rest_loads(folder):
+def test_a_broken_file_is_reported_and_the_rest_loads(folder):
     (folder / "beside.stl").write_bytes(b"solid x\nfacet")
     shapes, (note,) = load(folder, mesh("beside.stl"))
     assert shapes == [] and "beside.stl" in note and "collision[c]" in note
 
 
-def test_too_many_triangles_are_told_with_the_limit(folder, monkeypatch):
+def test_too_many_triangles_are_reported_with_the_limit(folder, monkeypatch):
     monkeypatch.setattr("m2wr_sim.model.mesh.files.MAX_TRIANGLES", 3)
     (folder / "fresh.stl").write_bytes(text_stl(PYRAMID))
     shapes, (note,) = load(folder, mesh("fresh.stl"))
     assert shapes == [] and "has 4 triangles; expected at most 3" in note
 
 
-def test_the_same_missing_file_is_told_once_for_each_element(folder):
+def test_the_same_missing_file_is_reported_once_for_each_element(folder):
     text = mesh("gone.stl")
     _, notes = load(folder, text + '</geometry></collision><collision name="d"><geometry>' + text)
     assert len(notes) == 2 and "collision[d]" in notes[1]
 
 
-def test_a_missing_library_is_told(folder, monkeypatch):
+def test_a_missing_library_is_reported(folder, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "trimesh", None)
     (folder / "other.stl").write_bytes(text_stl(PYRAMID))
     shapes, (note,) = load(folder, mesh("other.stl"))
@@ -125,7 +125,7 @@ def test_a_submesh_is_chosen_by_name_and_centred(folder):
     assert shapes == [] and 'no submesh "nobody"' in note and "there" in note
 
 
-def test_a_mesh_without_a_file_or_with_no_extent_is_left_out(folder):
+def test_a_mesh_without_a_file_or_with_no_extent_is_skipped(folder):
     for geometry, said in (("<mesh/>", "<uri> is missing"), (mesh("beside.stl", "<scale>1 0 1</scale>"), "scale is"),
                            (mesh("beside.stl", "<scale>1 1</scale>"), "3 numbers"),
                            (mesh("beside.stl", "<scale>1 1 1e300</scale>"), "beyond 1e+06 m")):
@@ -195,7 +195,7 @@ def test_a_urdf_mesh_by_model_name_is_found_in_the_model_folders(folder):
     ("package://part//etc/passwd", "part/etc"), ("package://../part/meshes/a.stl", '".."'),
     ("package://nobody/a.stl", 'no package "nobody"'), ("package://part/../../x.stl", '".."'),
     ("package://part/meshes/gone.stl", "no such file")])
-def test_a_urdf_mesh_that_cannot_be_had_is_named(folder, filename, said):
+def test_a_urdf_mesh_that_cannot_be_had_is_reported(folder, filename, said):
     model = urdf(folder, filename, resolve_package=packages(folder))
     note, = model.notes
     assert model.links[0].collisions == () and filename in note and said in note and "r.urdf:1" in note
@@ -241,11 +241,11 @@ def test_pictures_of_many_kinds_are_read(folder, name, levels):
     assert shape.heights.shape == (5, 5) and set(np.unique(shape.heights)) == {2.0 if levels.any() else 0.0}
 
 
-def test_a_picture_for_too_many_triangles_is_sampled_less_or_refused(folder, monkeypatch):
+def test_large_heightmap_is_sampled_less_or_rejected(folder, monkeypatch):
     picture(folder, np.zeros((9, 9), np.uint8))
     monkeypatch.setattr(mesh_shapes, "MAX_TRIANGLES", 512)
     (shape,), (note,) = load(folder, heightmap("<sampling>4</sampling>"))
-    assert shape.heights.shape == (17, 17) and "<sampling> 4" in note and "2 is taken" in note
+    assert shape.heights.shape == (17, 17) and "<sampling> 4" in note and "using 2" in note
     monkeypatch.setattr(mesh_shapes, "MAX_TRIANGLES", 100)
     shapes, (note,) = load(folder, heightmap())
     assert shapes == [] and "9 x 9 pixels; expected at most 50" in note
@@ -253,20 +253,20 @@ def test_a_picture_for_too_many_triangles_is_sampled_less_or_refused(folder, mon
 
 @pytest.mark.parametrize("content, said", [(None, "no such file"), (b"no picture", "expected a picture"),
                                            (b"\x89PNG\r\n\x1a\n", "expected a picture")])
-def test_a_picture_that_cannot_be_had_is_named(folder, content, said):
+def test_a_picture_that_cannot_be_had_is_reported(folder, content, said):
     if content is not None:
         (folder / "h.png").write_bytes(content)
     shapes, (note,) = load(folder, heightmap())
     assert shapes == [] and said in note and "heightmap h.png" in note and "collision[c]" in note
 
 
-def test_a_heightmap_without_extent_is_left_out(folder):
+def test_a_heightmap_without_extent_is_skipped(folder):
     picture(folder, np.zeros((3, 3), np.uint8))
     shapes, (note,) = load(folder, heightmap("<size>0 1 1</size>"))
     assert shapes == [] and "positive extent" in note and "this collision is left out" in note
 
 
-def test_a_heightmap_in_a_moving_model_is_told(folder):
+def test_a_heightmap_in_a_moving_model_is_reported(folder):
     picture(folder, np.zeros((3, 3), np.uint8))
     text = ('<sdf version="1.6"><model name="m"><link name="l"><collision name="c"><geometry>%s</geometry></collision>'
             '</link></model></sdf>' % heightmap(name=str(folder / "h.png")))
@@ -293,6 +293,6 @@ def test_polylines_are_drawn_up_and_one_inside_another_is_a_hole(folder):
     (polyline([(0, 0), (1, 0), (1, 1)], "<height>-1</height>"), "height"),
     (polyline([(0, 0), (1e300, 0), (1, 1)]), "beyond 1e+06 m"),
     ("<polyline><point>1</point><point>1 2</point><point>2 2</point><height>1</height></polyline>", "point")])
-def test_a_polyline_without_a_body_is_left_out(folder, text, said):
+def test_a_polyline_without_a_body_is_skipped(folder, text, said):
     shapes, (note,) = load(folder, text)
     assert shapes == [] and said in note and "this collision is left out" in note

@@ -54,7 +54,7 @@ def test_a_message_names_few_folders():
     assert str(ModelFolders(["/a", "/b"])) == "/a, /b" and str(ModelFolders()) == "no folders"
 
 
-def test_packages_are_asked_once_and_only_for_what_is_nowhere_else(places):
+def test_packages_are_searched_once_and_last(places):
     asked = []
     folders = ModelFolders([places("own", "a")], packages=lambda: asked.append(1) or [])
     assert folders("model://a") and not asked
@@ -70,7 +70,7 @@ def test_media_and_relative_paths_count_from_the_resources(places, package):
     assert folders("file://media/c.dae") is None and folders("https://example.com/media/a.dae") is None
 
 
-def test_exports_with_several_folders_and_files_that_export_nothing(package, tmp_path):
+def test_exports_with_several_folders_and_without_any(package, tmp_path):
     (tmp_path / "empty").mkdir()
     broken = package("broken", "gazebo_model_path", "x")
     (tmp_path / "broken" / "package.xml").write_text("<package gazebo_model_path=")
@@ -82,13 +82,13 @@ def test_exports_with_several_folders_and_files_that_export_nothing(package, tmp
 
 @pytest.mark.parametrize("uri", ["model://../../etc/passwd", "model://a/../../x", "file://media/../../x", "../x",
                                  "file:///a/../etc/passwd"])
-def test_paths_that_leave_their_folder_are_refused(places, uri):
+def test_paths_that_leave_their_folder_are_rejected(places, uri):
     with pytest.raises(XmlError, match="leaves the model's folder"):
         ModelFolders([places("own", "a")], [places("res", "media/a.dae")])(uri)
 
 
 @pytest.mark.parametrize("listed, taken", [(("1.5", "1.8", "1.7"), "1.7"), (("1.10", "1.8"), "1.8"), (("1.9",), "1.9")])
-def test_the_newest_version_that_is_read_counts_else_the_oldest_there_is(tmp_path, listed, taken):
+def test_newest_supported_version_is_used_else_the_oldest(tmp_path, listed, taken):
     folder = tmp_path / "m"
     folder.mkdir()
     for version in listed:

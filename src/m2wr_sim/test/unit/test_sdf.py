@@ -193,7 +193,7 @@ def test_relative_to_links_frames_joints_and_models():
     assert loaded.models[0].pose[0] == pytest.approx((0.0, 3.0, 0.0))
 
 
-def test_empty_frame_attribute_is_ignored_and_unknown_one_told():
+def test_unknown_frame_attribute_is_reported():
     loaded = world(static("m", pose="<pose frame=''>1 2 3 0 0 0</pose>"),
                    static("n", pose="<pose frame='nowhere'>1 2 3 0 0 0</pose>"))
     assert [found.pose[0] for found in loaded.models] == [(1.0, 2.0, 3.0)] * 2
@@ -201,10 +201,10 @@ def test_empty_frame_attribute_is_ignored_and_unknown_one_told():
     assert '"nowhere"' in note and "a.world:4" in note
 
 
-def test_poses_in_a_ring_are_told_and_the_first_is_put_where_it_says():
+def test_cyclic_poses_are_reported():
     loaded, note = told(static("m", pose='<pose relative_to="n">1 0 0 0 0 0</pose>'),
                         static("n", pose='<pose relative_to="m">2 0 0 0 0 0</pose>'))
-    assert "form a ring (m -> n -> m)" in note and "a.world:3" in note and "the enclosing frame" in note
+    assert "form a cycle (m -> n -> m)" in note and "a.world:3" in note and "the enclosing frame" in note
     assert [found.pose[0][0] for found in loaded.models] == [1.0, 3.0, 0.0]
 
 
@@ -230,13 +230,13 @@ def test_nested_models_are_flattened_with_scoped_names():
     assert found.links[2].sensors[0].plugins[0].reference == "arm::upper"
 
 
-def test_models_nested_too_deep_are_left_out():
+def test_models_nested_too_deep_are_skipped():
     loaded, note = told("".join('<model name="m">' + LINK for _ in range(40)) + "</model>" * 40)
     assert "nested deeper than 32" in note and "this model is left out" in note
     assert len(loaded.models[0].links) == 32
 
 
-def test_repeated_names_are_skipped_and_told():
+def test_repeated_names_are_skipped_and_reported():
     loaded = world(static("m", pose="<pose>1 0 0 0 0 0</pose>"), static("m"), static("n", LINK + LINK),
                    static("empty", ""))
     assert [found.name for found in loaded.models] == ["m", "n"] and loaded.models[0].pose[0] == (1.0, 0.0, 0.0)
@@ -285,7 +285,7 @@ def test_newest_sdf_that_can_be_read_is_taken(folders):
     assert [found.name for found in world(include("model://v"), resolve_model=folders).models] == ["seven"]
 
 
-def test_missing_model_is_told_with_the_folders_searched_and_the_rest_loads(folders):
+def test_missing_model_is_reported_with_the_searched_folders(folders):
     loaded = world(include("model://nothing"), include("https://example.com/x"), static("m"), resolve_model=folders)
     assert [found.name for found in loaded.models] == ["m"]
     assert "model://nothing" in loaded.notes[0] and "/nonexistent" in loaded.notes[0] and "a.world:3" in loaded.notes[0]
@@ -293,7 +293,7 @@ def test_missing_model_is_told_with_the_folders_searched_and_the_rest_loads(fold
 
 
 @pytest.mark.parametrize("uri", ["model://../../etc", "model://post/../../x.sdf", "file:///tmp/../etc/x.sdf"])
-def test_includes_whose_paths_leave_the_folder_are_left_out(folders, uri):
+def test_includes_outside_the_folder_are_skipped(folders, uri):
     loaded, note = told(include(uri), resolve_model=folders)
     assert '".."' in note and "this include is left out" in note and uri in note and len(loaded.models) == 1
 
@@ -303,7 +303,7 @@ def test_a_config_that_points_outside_costs_its_include(folders):
     assert '".."' in told(include("model://bad"), resolve_model=folders)[1]
 
 
-def test_a_ring_of_includes_is_left_out_where_it_closes(folders):
+def test_cyclic_includes_are_skipped(folders):
     nested = '<sdf version="1.6"><model name="{0}">{1}<include><uri>model://{2}</uri></include></model></sdf>'
     folders.add("one", nested.format("one", LINK, "two"))
     folders.add("two", nested.format("two", LINK, "one"))
@@ -312,7 +312,7 @@ def test_a_ring_of_includes_is_left_out_where_it_closes(folders):
     assert [link.name for link in loaded.models[0].links] == ["link", "two::link"]
 
 
-def test_include_inside_a_model_is_nested_and_takes_the_outer_static(folders):
+def test_include_in_a_model_inherits_static(folders):
     folders.add("row", '<sdf version="1.6"><model name="row"><static>true</static>' + "".join(
         include("model://post", "<name>p{0}</name><pose>{0} 0 0 0 0 0</pose>".format(index)) for index in (1, 2)) +
         "</model></sdf>")
@@ -326,7 +326,7 @@ def test_include_inside_a_model_is_nested_and_takes_the_outer_static(folders):
     ("<sdf>\n<model>", "broken/model.sdf:2: not well-formed"), ("<robot/>", "expected <sdf>"),
     ('<sdf version="1.6"><model name="m"><link name="l"><inertial><mass>-1</mass></inertial></link></model></sdf>',
      "mass is -1"), ('<sdf version="1.6"><model/></sdf>', "attribute name is missing")])
-def test_an_included_file_that_cannot_be_used_is_told_once_and_left_out(folders, text, words):
+def test_unusable_included_file_is_reported_once(folders, text, words):
     folders.add("broken", text)
     twice = include("model://broken") + "\n" + include("model://broken", "<name>other</name>")
     loaded, note = told(twice, resolve_model=folders)
@@ -341,7 +341,7 @@ def test_database_form_of_spawning(folders):
 
 # -- stored state -------------------------------------------------------------------------------------------------
 
-def test_first_state_with_times_poses_velocities_and_nested_links():
+def test_first_state_is_read():
     loaded = world(static("m"), static("gone"), """<state world_name="w"><sim_time>1183 639000000</sim_time>
         <real_time>1 2</real_time><wall_time>3 4</wall_time><iterations>5</iterations>
         <model name="m"><pose frame=''>1 2 3 0 0 {0}</pose><scale>1 1 1</scale>
@@ -383,7 +383,7 @@ BAD_SHAPES = [
 
 
 @pytest.mark.parametrize("part, words", BAD_SHAPES)
-def test_a_collision_that_cannot_be_made_is_left_out(part, words):
+def test_invalid_collision_is_skipped(part, words):
     loaded, note = told(part)
     assert note.startswith("a.world:") and "; expected " in note and "/world[w]/model[m]" in note
     assert note.endswith("; this collision is left out.")
@@ -392,7 +392,7 @@ def test_a_collision_that_cannot_be_made_is_left_out(part, words):
         assert word in note
 
 
-def test_the_rest_of_a_link_stays_where_a_collision_or_visual_is_left_out():
+def test_link_without_an_invalid_collision_or_visual_loads():
     loaded, note = told(static("m", '<link name="l"><visual name="v"><geometry/></visual><visual name="w"/>'
                                '<collision name="c">{}</collision></link>'.format(BOX)))
     link, = loaded.models[0].links
@@ -402,7 +402,7 @@ def test_the_rest_of_a_link_stays_where_a_collision_or_visual_is_left_out():
 @pytest.mark.parametrize("body, words", [
     ("<inertial><mass>-1</mass></inertial>", ("mass is -1", "a positive mass", "link[l]")),
     ("<inertial><mass>0</mass></inertial>", ("mass is 0", "a positive mass"))])
-def test_a_moving_model_without_mass_is_left_out(body, words):
+def test_a_moving_model_without_mass_is_skipped(body, words):
     bad = '<model name="m">{}<link name="l">{}</link></model>'
     loaded, note = told(bad.format("", body))
     assert len(loaded.models) == 1 and "this model is left out" in note and "model[m]" in note
@@ -421,7 +421,7 @@ def test_a_moving_model_without_mass_is_left_out(body, words):
     (TURNED + '<joint name="j" type="ball"><parent>a</parent><child>world</child></joint>', ("child is the world",)),
     (TURNED + '<joint name="j" type="fixed"><parent>a</parent><child>a</child></joint>', ('both "a"',)),
     (TURNED + '<joint type="fixed"><parent>a</parent><child>b</child></joint>', ("attribute name is missing",))])
-def test_a_joint_that_cannot_be_made_is_left_out_as_in_gazebo(text, words):
+def test_invalid_joint_is_skipped_as_in_gazebo(text, words):
     loaded, note = told('<model name="m">{}</model>'.format(text))
     assert loaded.models[0].joints == () and loaded.models[0].links
     assert note.endswith("; this joint is left out.") and "model[m]" in note
@@ -436,7 +436,7 @@ def test_a_fixed_joint_to_the_world_may_name_it_as_the_child():
 
 
 @pytest.mark.parametrize("parent, child", [("m::a", "m::b"), ("a", "m::b"), ("m::a", "b")])
-def test_the_ends_of_a_joint_may_be_named_with_their_model(parent, child):
+def test_the_ends_of_a_joint_may_be_reported_with_their_model(parent, child):
     ends = "<parent>{}</parent><child>{}</child>"
     hinge = TURNED + joint("<axis><xyz>1 0 0</xyz></axis>", more="<pose>0 0 1 0 0 0</pose>")
     text = '<model name="m">{}</model>'
@@ -445,13 +445,13 @@ def test_the_ends_of_a_joint_may_be_named_with_their_model(parent, child):
     assert named.models == plain.models and plain.models[0].joints and not named.notes
 
 
-def test_a_nested_model_of_the_same_name_comes_before_the_models_own_links():
+def test_nested_model_takes_precedence_over_own_links():
     found = model('<link name="a"/><link name="b"/><model name="m"><link name="a"/></model>'
                   '<joint name="j" type="fixed"><parent>b</parent><child>m::a</child></joint>')
     assert found.joints[0].child == "m::a"
 
 
-def test_a_joint_to_a_nested_model_that_was_left_out_goes_with_it():
+def test_joint_to_a_skipped_nested_model_is_skipped():
     body = ('<link name="base"/><model name="arm"><link name="upper"><inertial><mass>0</mass></inertial></link></model>'
             '<joint name="shoulder" type="fixed"><parent>base</parent><child>arm::upper</child></joint>')
     loaded = world('<model name="m">' + body + "</model>")
@@ -465,7 +465,7 @@ def test_a_joint_to_a_nested_model_that_was_left_out_goes_with_it():
     ('<light type="point"/>', ("attribute name", "this light")),
     ("<model/>", ("attribute name", "this model")),
     ("<frame/>", ("attribute name", "this frame"))])
-def test_what_lacks_what_it_cannot_be_without_is_left_out(part, words):
+def test_part_without_a_required_element_is_skipped(part, words):
     loaded, note = told(part)
     assert len(loaded.models) == 1 and note.startswith("a.world:3: <sdf/world[w]/") and "; expected " in note
     assert all(word in note for word in words)
@@ -474,47 +474,47 @@ def test_what_lacks_what_it_cannot_be_without_is_left_out(part, words):
 @pytest.mark.parametrize("body, words", [
     ("<plugin name='x'/>", "this plugin"), ("<plugin filename='libx.so'/>", "attribute name is missing"),
     ("<link/>", "this link"), ("<joint type='fixed'/>", "this joint")])
-def test_in_a_model_only_the_bad_part_is_left_out(body, words):
+def test_only_the_invalid_part_of_a_model_is_skipped(body, words):
     loaded, note = told(static("m", LINK + body))
     assert words in note and len(loaded.models[0].links) == 1
     assert [plugin.name for plugin in loaded.models[0].plugins] == (["libx.so"] if "libx" in body else [])
 
 
-def test_a_sensor_without_a_type_or_name_is_left_out():
+def test_a_sensor_without_a_type_or_name_is_skipped():
     for attributes, words in (("name='s'", "attribute type"), ("type='ray'", "attribute name")):
         loaded, note = told(static("m", "<link name='l'><sensor {}/></link>".format(attributes)))
         assert words in note and "this sensor is left out" in note and loaded.models[0].links[0].sensors == ()
 
 
 @pytest.mark.parametrize("part, words, value, expected", [
-    ("<physics type='ode'><max_step_size>0</max_step_size></physics>", ("max_step_size is 0", "positive", "0.001 is"),
-     lambda loaded: loaded.physics.max_step_size, 0.001),
+    ("<physics type='ode'><max_step_size>0</max_step_size></physics>",
+     ("max_step_size is 0", "positive", "using 0.001"), lambda loaded: loaded.physics.max_step_size, 0.001),
     ("<physics type='ode'><ode><solver><iters>many</iters></solver></ode></physics>",
-     ('iters is "many"', "50 is taken"), lambda loaded: loaded.physics.iters, 50),
-    ("<gravity>0 0</gravity>", ("3 numbers", "0 0 -9.8 is taken"), lambda loaded: loaded.physics.gravity, (0, 0, -9.8)),
-    ("<state world_name='w'><sim_time>12</sim_time></state>", ("seconds and nanoseconds", "0 is taken"),
+     ('iters is "many"', "using 50"), lambda loaded: loaded.physics.iters, 50),
+    ("<gravity>0 0</gravity>", ("3 numbers", "using 0 0 -9.8"), lambda loaded: loaded.physics.gravity, (0, 0, -9.8)),
+    ("<state world_name='w'><sim_time>12</sim_time></state>", ("seconds and nanoseconds", "using 0"),
      lambda loaded: loaded.state.sim_time_ns, 0),
     ("<state world_name='w'><sim_time>4294967296 5</sim_time></state>",
-     ('sim_time is "4294967296 5"', "at most 2147483648 s", "0 is taken"), lambda loaded: loaded.state.sim_time_ns, 0),
+     ('sim_time is "4294967296 5"', "at most 2147483648 s", "using 0"), lambda loaded: loaded.state.sim_time_ns, 0),
     ("<state world_name='w'><sim_time>0 9000000000000000000000</sim_time></state>", ("at most 2147483648 s",),
      lambda loaded: loaded.state.sim_time_ns, 0),
-    (static("m", LINK, "<pose>1 2 3</pose>"), ("six numbers", "missing ones are taken as 0"),
+    (static("m", LINK, "<pose>1 2 3</pose>"), ("six numbers", "using 0 for the missing ones"),
      lambda loaded: loaded.models[0].pose, ((1.0, 2.0, 3.0), IDENTITY[1])),
-    (static("m", LINK, "<pose>1 2 3 0 0 0 7</pose>"), ("six numbers", "first 6 are taken"),
+    (static("m", LINK, "<pose>1 2 3 0 0 0 7</pose>"), ("six numbers", "using the first 6"),
      lambda loaded: loaded.models[0].pose[0], (1.0, 2.0, 3.0)),
-    (static("m", LINK, "<pose>1 b 3 0 0 0</pose>"), ('pose is "b"', "zeros"),
+    (static("m", LINK, "<pose>1 b 3 0 0 0</pose>"), ('pose is "b"', "zero pose"),
      lambda loaded: loaded.models[0].pose, IDENTITY),
     (static("m", LINK.replace("</geometry>", "</geometry><surface><friction><ode><mu>slippery</mu></ode></friction>"
-                              "</surface>")), ('mu is "slippery"', "1 is taken"),
+                              "</surface>")), ('mu is "slippery"', "using 1"),
      lambda loaded: loaded.models[0].links[0].collisions[0].surface, Surface())])
-def test_a_value_that_is_none_has_its_default_and_is_told(part, words, value, expected):
+def test_invalid_value_uses_its_default_and_is_reported(part, words, value, expected):
     loaded, note = told(part)
     assert value(loaded) == expected
     assert note.startswith("a.world:") and "; expected " in note
     assert all(word in note for word in words)
 
 
-def test_a_robot_that_lacks_nothing_but_a_part_is_spawned_with_the_message():
+def test_robot_with_a_skipped_part_is_spawned():
     found = model(LINK + "<joint name='j' type='fixed'><parent>link</parent><child>gone</child></joint>"
                   "<plugin name='p'/>")
     assert [link.name for link in found.links] == ["link"] and found.joints == found.plugins == ()
@@ -527,17 +527,17 @@ def test_a_robot_that_lacks_nothing_but_a_part_is_spawned_with_the_message():
     ("<sdf version='1.6'/>", "no <world>.*expected one"),
     ("<!DOCTYPE sdf [<!ENTITY a 'b'>]><sdf/>", "entity"),
 ])
-def test_documents_that_are_no_world_are_refused(text, words):
+def test_documents_that_are_no_world_are_rejected(text, words):
     with pytest.raises(WorldError, match=words):
         load_world(text, "a.world")
 
 
-def test_missing_world_file_is_named(tmp_path):
+def test_missing_world_file_is_reported(tmp_path):
     with pytest.raises(WorldError, match="nowhere.world: cannot be read: No such file"):
         load_world(str(tmp_path / "nowhere.world"))
 
 
-def test_models_for_spawning_are_refused_as_models():
+def test_models_for_spawning_are_rejected_as_models():
     with pytest.raises(ModelError, match="attribute name is missing"):
         load_sdf_models("<sdf version='1.6'><model/></sdf>")
     with pytest.raises(ModelError, match="no model is in it"):
@@ -545,14 +545,14 @@ def test_models_for_spawning_are_refused_as_models():
 
 
 @pytest.mark.parametrize("shape", ["mesh", "heightmap", "image", "capsule"])
-def test_geometry_without_counterpart_is_left_out_and_told(shape):
+def test_unsupported_geometry_is_skipped_and_reported(shape):
     loaded = world(collision("<{0}><uri>model://x/y.dae</uri></{0}>".format(shape)), static("n"))
     assert [len(found.links[0].collisions) for found in loaded.models] == [0, 1]
     note, = loaded.notes
     assert shape in note and "model://x/y.dae" in note and "collision[c]" in note
 
 
-def test_what_is_not_read_is_told_once_with_its_line():
+def test_unsupported_element_is_reported_once_with_its_line():
     loaded = world("<scene/><gui/><audio/><wind/><spherical_coordinates/><actor name='a'/>",
                    static("m", LINK + "<gripper name='g'/>"), static("n", LINK + "<gripper name='g'/>"))
     assert [("<actor>" in note, "<gripper>" in note, note.startswith("a.world:")) for note in loaded.notes] == [
@@ -562,7 +562,7 @@ def test_what_is_not_read_is_told_once_with_its_line():
     assert "<scene> in <world> (line 3)" in remark
 
 
-def test_blocks_that_gazebo_saves_by_default_are_not_told():
+def test_blocks_that_gazebo_saves_by_default_are_not_reported():
     body = """<pose frame=''>0 0 0 0 0 0</pose><enable_wind>0</enable_wind><link name='l'><collision name='c'>{}
       <surface><contact><ode/></contact><bounce/><friction><torsional><ode/></torsional><ode/></friction></surface>
       <max_contacts>10</max_contacts></collision><self_collide>0</self_collide><enable_wind>0</enable_wind></link>"""
@@ -571,7 +571,7 @@ def test_blocks_that_gazebo_saves_by_default_are_not_told():
     assert "<torsional>" in model(patch.format(BOX)).notes[0]
 
 
-def test_newer_version_is_told():
+def test_newer_version_is_reported():
     assert "newer" in world(version="1.9").notes[0]
 
 

@@ -30,13 +30,13 @@ def test_a_missing_element_gives_defaults_all_the_way_down():
 
 
 @pytest.mark.parametrize("read, text, words", [
-    (lambda node: node.number("x", 2.0), "one", 'x is "one"; expected a finite number; 2 is taken.'),
-    (lambda node: node.number("x", 2.0, 0.0), "-1", "x is -1; expected zero or a positive number; 2 is taken."),
-    (lambda node: node.whole("x", 3, 1), "0", "expected a whole number of at least 1; 3 is taken."),
-    (lambda node: node.flag("x", True), "maybe", "expected true or false; true is taken."),
-    (lambda node: node.vector("x", 3, (0.0, 0.0, 1.0)), "1 2", "expected 3 numbers; 0 0 1 is taken."),
-    (lambda node: node.positive("x", 0.5), "0", "x is 0; expected a positive number; 0.5 is taken.")])
-def test_a_value_that_is_none_is_told_and_the_default_taken(read, text, words):
+    (lambda node: node.number("x", 2.0), "one", 'x is "one"; expected a finite number; using 2.'),
+    (lambda node: node.number("x", 2.0, 0.0), "-1", "x is -1; expected zero or a positive number; using 2."),
+    (lambda node: node.whole("x", 3, 1), "0", "expected a whole number of at least 1; using 3."),
+    (lambda node: node.flag("x", True), "maybe", "expected true or false; using true."),
+    (lambda node: node.vector("x", 3, (0.0, 0.0, 1.0)), "1 2", "expected 3 numbers; using 0 0 1."),
+    (lambda node: node.positive("x", 0.5), "0", "x is 0; expected a positive number; using 0.5.")])
+def test_invalid_value_is_reported_and_replaced_by_default(read, text, words):
     node, notes = node_of("<r><x>{}</x></r>".format(text))
     default, = (read(Node(None, Notes())),)
     assert read(node) == default
@@ -55,21 +55,21 @@ def test_what_has_no_default_is_an_error():
             call()
 
 
-def test_elements_and_attributes_that_nobody_asked_for_are_told_once():
+def test_unread_elements_and_attributes_are_reported_once():
     node, notes = node_of("<link name='l' colour='red'><gravity unit='g'>1<x/></gravity><pose/><pose/><strange/>"
                           "<strange/><enable_wind>true</enable_wind><inner><deep/></inner></link>")
     node.name(), node.flag("gravity", True), node.child("pose"), node.child("inner")
     node.done()
     assert [sentence.partition(": ")[2] for sentence in notes.sentences()] == [
-        "attribute unit of <gravity> is not read.", "<x> in <gravity> is not read.",
-        "there is another <pose> in <link>; the first is read.", "<strange> in <link> is not read.",
-        "attribute colour of <link> is not read.", "<deep> in <inner> is not read."]
+        "unsupported attribute unit of <gravity> ignored.", "unsupported element <x> in <gravity> ignored.",
+        "there is another <pose> in <link>; the first is read.", "unsupported element <strange> in <link> ignored.",
+        "unsupported attribute colour of <link> ignored.", "unsupported element <deep> in <inner> ignored."]
     assert notes.remarks() == ("a.sdf: without effect on the simulation: <enable_wind> in <link> (line 1).",)
     node.done()
     assert len(notes.sentences()) == 6
 
 
-def test_what_changes_nothing_at_its_value_is_not_told_at_all():
+def test_element_without_effect_is_not_reported():
     node, notes = node_of("<link><enable_wind>false</enable_wind><must_be_base_link>0</must_be_base_link></link>")
     node.done()
     assert notes.sentences() == notes.remarks() == ()
@@ -78,7 +78,7 @@ def test_what_changes_nothing_at_its_value_is_not_told_at_all():
 def test_reasons_are_given():
     node, notes = node_of("<link><battery/></link>")
     node.done()
-    assert "<battery> in <link> is not read; no charge is simulated." in notes.sentences()[0]
+    assert "unsupported element <battery> in <link> ignored; no charge is simulated." in notes.sentences()[0]
 
 
 # -- the tables ---------------------------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ def test_the_table_of_what_is_read_is_what_the_readers_ask_for(monkeypatch):
     assert sorted({row for row, _ in asked if row is not None} - set(sdf_elements.READ) - {"pose", "xyz"}) == []
 
 
-def test_no_element_stands_in_two_columns():
+def test_no_element_is_in_two_columns():
     for row, tags in sdf_elements.READ.items():
         told = {tag for parent, tag in sdf_elements.REASONS if parent == row}
         assert not tags & sdf_elements.QUIET.get(row, set()) and not tags & told
@@ -186,13 +186,13 @@ def test_ordinary_worlds_cause_one_quiet_line_and_no_warning(name):
      "<torsional> in <friction>"),
     ("<contact><elastic_modulus>1e6</elastic_modulus></contact>", "<elastic_modulus> in <contact>"),
     ("<contact><category_bitmask>1</category_bitmask></contact>", "<category_bitmask> in <contact>")])
-def test_friction_and_stiffness_that_would_act_are_told(text, words):
+def test_unsupported_friction_and_stiffness_are_reported(text, words):
     model, = load_sdf_models('<sdf version="1.6"><model name="m"><link name="l"><collision name="c">%s<surface>'
                              "%s</surface></collision></link></model></sdf>" % (BOX, text))
-    assert words in model.notes[0] and "is not read" in model.notes[0]
+    assert words in model.notes[0] and "ignored" in model.notes[0]
 
 
-def test_solver_values_of_joints_are_told_where_they_would_act():
+def test_unsupported_solver_values_of_joints_are_reported():
     joint = ('<sdf version="1.6"><model name="m"><link name="a"/><link name="b"/><joint name="j" type="revolute">'
              '<parent>a</parent><child>b</child><physics><ode><fudge_factor>0.5</fudge_factor><cfm>{0}</cfm>'
              "<max_force>{0}</max_force><erp>0.2</erp></ode></physics></joint></model></sdf>")
@@ -214,7 +214,7 @@ def test_versions_after_1_7_what_is_read_of_them():
     assert "canonical_link" in note and '"a", stands for the model' in note
 
 
-def test_included_models_are_placed_by_a_frame_and_merging_is_told(tmp_path):
+def test_placement_frame_is_applied_and_merge_is_reported(tmp_path):
     path = tmp_path / "post.sdf"
     path.write_text('<sdf version="1.6"><model name="post"><link name="top"><pose>0 0 2 0 0 0</pose></link></model>'
                     "</sdf>")

@@ -35,16 +35,16 @@ def test_an_imu_that_says_nothing_is_exact():
     assert sensor("imu", "")[0].imu_noise == () and sensor("ray", IMU)[0].imu_noise == ()
 
 
-def test_a_noise_that_cannot_be_is_told_and_none_taken():
+def test_invalid_noise_is_reported_and_ignored():
     found, notes = sensor("imu", IMU.replace("0.2", "-1"))
-    assert found.imu_noise[2] == Noise("gaussian", 0.1) and "stddev is -1" in notes[0] and "0 is taken" in notes[0]
+    assert found.imu_noise[2] == Noise("gaussian", 0.1) and "stddev is -1" in notes[0] and "using 0" in notes[0]
 
 
 WANDERS = "<dynamic_bias_stddev>0.5</dynamic_bias_stddev>"
 TIME = "<dynamic_bias_correlation_time>100</dynamic_bias_correlation_time>"
 
 
-def test_a_wandering_bias_is_read_for_imus_and_told_elsewhere():
+def test_dynamic_bias_is_read_for_imus_and_reported_for_others():
     rate = "<imu><angular_velocity><x><noise>{}</noise></x></angular_velocity></imu>"
     found, notes = sensor("imu", rate.format(WANDERS + TIME))
     assert found.imu_noise[0] == Noise("gaussian", dynamic_bias_stddev=0.5, dynamic_bias_correlation_time=100.0)
@@ -52,10 +52,10 @@ def test_a_wandering_bias_is_read_for_imus_and_told_elsewhere():
     found, notes = sensor("imu", rate.format(WANDERS))
     assert found.imu_noise[0] == Noise("gaussian") and "correlation_time" in notes[0]
     found, notes = sensor("ray", "<ray><noise>{}</noise></ray>".format(WANDERS + TIME))
-    assert found.ray.noise == Noise("gaussian") and "imu sensor alone" in notes[0]
+    assert found.ray.noise == Noise("gaussian") and "only IMU sensors" in notes[0]
 
 
-def test_sensors_that_measure_nothing_are_told():
+def test_sensors_that_measure_nothing_are_reported():
     for kind, words in (("camera", "not simulated"), ("nose", 'unknown type "nose"')):
         found, (note,) = sensor(kind, "<camera/>" if kind == "camera" else "")
         assert words in note and '"s"' in note and "test:2" in note and found.kind == kind
@@ -63,7 +63,7 @@ def test_sensors_that_measure_nothing_are_told():
     assert [sensor(kind, "")[1] for kind in ("ray", "gpu_ray", "imu", "contact")] == [(), (), (), ()]
 
 
-def test_what_a_sensor_holds_of_another_kind_is_told():
+def test_elements_of_other_sensor_types_are_reported():
     assert "<ray> in a sensor of type imu" in sensor("imu", "<ray/>")[1][0]
 
 

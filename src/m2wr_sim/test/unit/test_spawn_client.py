@@ -95,7 +95,7 @@ def test_a_file_is_read(tmp_path):
     assert read_description(from_file(path)) == ROBOT
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     message = refusal(from_file(tmp_path / "gone.urdf"))
     assert "gone.urdf" in message and "No such file" in message
 

@@ -110,7 +110,7 @@ def test_a_world_gets_them_with_one_sentence_each(tmp_path, monkeypatch):
                for note in told)
 
 
-def test_an_installed_model_comes_first_and_is_not_told_of(tmp_path, monkeypatch):
+def test_installed_model_comes_first_and_is_not_reported(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     folder = tmp_path / ".gazebo" / "models" / "mailbox"
     folder.mkdir(parents=True)
@@ -121,7 +121,7 @@ def test_an_installed_model_comes_first_and_is_not_told_of(tmp_path, monkeypatch
     assert world.models[0].links[0].name == "own" and world.notes == ()
 
 
-def test_what_is_nowhere_is_named_with_what_to_do():
+def test_what_is_nowhere_is_reported_with_what_to_do():
     world = load_world(INCLUDE % "<include><uri>model://no_such_thing</uri></include>", "a.world",
                        ModelFolders(["/nowhere"], stand_ins=str(FOLDER)))
     note, = world.notes

@@ -80,20 +80,20 @@ def test_cost_grows_with_length_for_every_piece_repeated(name):
                 raise AssertionError("{!r} + {!r} ...: {}".format(head, piece, error)) from error
 
 
-def test_many_prefixes_cost_no_more_than_their_length():
+def test_cost_of_many_prefixes_is_linear():
     check_growth(READERS["tidy"], lambda length: "".join("<p%d:a " % k for k in range(length // 8)))
 
 
 @pytest.mark.parametrize("name, root", [("urdf", "robot"), ("sdf", "sdf")])
 @pytest.mark.parametrize("inside", ["<{0} {1}/>", "<{0}><a {1}/></{0}>"])
-def test_many_attributes_of_one_element_cost_no_more_than_their_length(name, root, inside):
+def test_cost_of_many_attributes_is_linear(name, root, inside):
     check_growth(READERS[name], lambda length: inside.format(root, "".join(" a%d='1'" % k for k in range(length // 9))))
 
 
 @pytest.mark.parametrize("name, head, tail", [("urdf", "<robot name='r' a='", "'/>"), ("urdf", "<robot name='r'>", ""),
                                               ("sdf", "<sdf version='1.6'><model name='m'>", "</model></sdf>")])
 @pytest.mark.parametrize("piece", ["x", "&", "1 ", "a:b "])
-def test_long_values_cost_no_more_than_their_length(name, head, tail, piece):
+def test_cost_of_long_values_is_linear(name, head, tail, piece):
     check_growth(READERS[name], lambda length: head + piece * (length // len(piece)) + tail)
 
 
@@ -114,7 +114,7 @@ def _chain(length, kind, block="", parent=lambda k: k):
 @pytest.mark.parametrize("block", [
     "", "<gazebo reference='l{0}'><mu1>1</mu1></gazebo>", "<gazebo reference='j{0}'><stopCfm>1</stopCfm></gazebo>",
     "<gazebo reference='x{0}'><mu1>1</mu1></gazebo>"], ids=["plain", "links", "joints", "nothing"])
-def test_many_links_and_tags_for_them_cost_no_more_than_their_number(kind, parent, block):
+def test_cost_of_many_links_and_tags_is_linear(kind, parent, block):
     check_growth(READERS["urdf"], lambda length: _chain(length, kind, block, parent), 100000, 400000)
 
 
@@ -124,7 +124,7 @@ def _world(length):
     return "<sdf version='1.6'><world name='w'>%s<state world_name='w'>%s</state></world></sdf>" % (models, states)
 
 
-def test_many_models_and_their_state_cost_no_more_than_their_length():
+def test_cost_of_many_models_and_states_is_linear():
     check_growth(lambda text: load_world(text, "w.world"), _world)
 
 
@@ -155,7 +155,7 @@ def _dae(count):
 
 
 @pytest.mark.parametrize("kind, make", [("obj", _obj), ("stl", _text_stl), ("stl", _binary_stl), ("dae", _dae)])
-def test_meshes_cost_no_more_than_their_length(tmp_path, kind, make):
+def test_cost_of_meshes_is_linear(tmp_path, kind, make):
     def read(count):
         content = make(count)
         path = tmp_path / ("%d.%s" % (count, kind))
@@ -178,7 +178,7 @@ def test_the_texts_that_stopped_the_clock():
             assert cost(read, text, 1) < 1.0
 
 
-def test_of_many_things_that_are_not_read_a_thousand_are_told():
+def test_at_most_a_thousand_warnings_are_reported():
     notes = load_sdf("<sdf version='1.6'><model name='m'><link name='l'>%s</link></model></sdf>" % "".join(
         "<a%d/>" % k for k in range(1500)), "a.sdf")[0][0].notes
-    assert len(notes) == 1001 and notes[-1] == "500 more things are not told."
+    assert len(notes) == 1001 and notes[-1] == "500 more warnings are not shown."

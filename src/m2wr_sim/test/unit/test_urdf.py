@@ -81,7 +81,7 @@ def test_m2wr_collision_names(m2wr):
         ["link_right_wheel_collision_collision"]]
 
 
-def test_m2wr_caster_friction_is_the_reports_and_everything_else_default(m2wr):
+def test_m2wr_surface_is_default_except_caster_friction(m2wr):
     box, caster, laser = (part.surface for part in m2wr.links[0].collisions)
     assert (caster.mu, caster.mu2, caster.slip1, caster.slip2) == (0.0, 0.0, 1.0, 1.0)
     assert (box.mu, box.mu2, box.slip1) == (laser.mu, laser.mu2, laser.slip1) == (1.0, 1.0, 0.0)
@@ -116,7 +116,7 @@ def test_m2wr_laser_and_plugins(m2wr):
         "joint_left_wheel", "joint_right_wheel", "0.4", "0.1", None]
 
 
-def test_m2wr_remarks_name_what_is_not_read_and_where_to_put_it_without_a_warning(m2wr):
+def test_m2wr_unsupported_elements_are_remarks(m2wr):
     remarks = " ".join(m2wr.remarks)
     assert m2wr.notes == ()
     for dead, instead in (("<pose>", "<origin>"), ("<joint_properties>", "<dynamics"), ("<surface>", "<mu1>")):
@@ -195,7 +195,7 @@ def test_link_with_negative_mass_goes_as_one_without():
 
 
 @pytest.mark.parametrize("shape", ['<box size="0 1 1"/>', '<sphere radius="-1"/>', '<cylinder radius="1" length="0"/>'])
-def test_shapes_without_extent_are_left_out_and_told(shape):
+def test_shapes_without_extent_are_skipped_and_reported(shape):
     parts = "".join("<{0}><geometry>{1}</geometry></{0}>".format(tag, shape) for tag in ("collision", "visual"))
     model = robot(link("a", INERTIAL + parts + BALL))
     assert [part.geometry for part in model.links[0].collisions] == [Sphere(0.1)] and model.links[0].visuals == ()
@@ -203,7 +203,7 @@ def test_shapes_without_extent_are_left_out_and_told(shape):
     assert all("positive number" in note and "r.urdf:2" in note for note in model.notes)
 
 
-def test_bad_offset_of_a_plugin_on_a_lumped_link_is_told_and_taken_as_none():
+def test_invalid_plugin_offset_on_a_lumped_link_is_reported():
     model = robot(link("a"), link("b"), joint("j", "fixed", "a", "b"), '<gazebo><plugin name="p" filename="libp3d.so">'
                   '<bodyName>b</bodyName><xyzOffset>1 0</xyzOffset></plugin></gazebo>')
     note, = model.notes
@@ -224,7 +224,7 @@ def test_root_called_world_bolts_the_robot_down():
     assert (item.kind, item.parent, item.child) == ("fixed", "world", "base")
 
 
-def test_mesh_collision_is_left_out_and_named():
+def test_mesh_collision_is_skipped_and_reported():
     mesh = '<geometry><mesh filename="package://p/a.stl" scale="1 1 1"/></geometry>'
     model = robot(link("a", INERTIAL + "<visual>" + mesh + "</visual><collision>" + mesh + "</collision>" + BALL))
     assert [part.geometry for part in model.links[0].collisions] == [Sphere(0.1)]
@@ -243,7 +243,7 @@ def test_transmissions_of_any_shape_do_no_harm():
     assert len(model.links) == 1 and model.notes == ()
 
 
-def test_body_of_a_plugin_on_a_lumped_link_becomes_the_carrier_with_offsets():
+def test_plugin_on_a_lumped_link_gets_carrier_and_offsets():
     origin = '<origin xyz="1 0 0" rpy="0 0 1.5707963267949"/>'
     model = robot(link("a"), link("b"), joint("j", "fixed", "a", "b", origin),
                   '<gazebo><plugin name="p" filename="libp3d.so"><bodyName>b</bodyName><xyzOffset>1 0 0</xyzOffset>'
@@ -281,7 +281,7 @@ def test_xacro_that_does_not_expand_names_file_and_cause(name, parts):
         assert part in str(caught.value)
 
 
-def test_xacro_and_its_include_that_are_no_xml_name_file_and_line(tmp_path):
+def test_invalid_xacro_reports_file_and_line(tmp_path):
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
     (tmp_path / "a.xacro").write_text(head + '<link name="${1}">\n</robot>')
     with pytest.raises(ModelError, match=r"a\.xacro:3: not well-formed"):
@@ -292,7 +292,7 @@ def test_xacro_and_its_include_that_are_no_xml_name_file_and_line(tmp_path):
         read_robot(tmp_path / "a.xacro")
 
 
-def test_unknown_package_in_find_is_named(tmp_path):
+def test_unknown_package_in_find_is_reported(tmp_path):
     text = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
             '<xacro:include filename="$(find no_such_package)/a.xacro"/></robot>')
     (tmp_path / "r.xacro").write_text(text)
@@ -305,7 +305,7 @@ def test_unknown_package_in_find_is_named(tmp_path):
     '<xacro:property name="m" value="3"/>', '<link name="${(lambda: open(TARGET, \'w\'))()}"/>',
     '<link name="$(eval open(TARGET, \'w\'))"/>', '<xacro:include filename="/etc/passwd"/>',
     '<link name="${load_yaml(\'/etc/passwd\')}"/>', '<link name="${\'a\'*3*10**9}"/>'])
-def test_xacro_in_text_is_refused_and_nothing_of_it_runs(inside, tmp_path):
+def test_xacro_in_text_is_rejected_and_nothing_of_it_runs(inside, tmp_path):
     target = tmp_path / "owned"
     text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}{}</robot>'.format(
         link("a"), inside.replace("TARGET", "'%s'" % target))
@@ -342,7 +342,7 @@ TWO = link("a") + link("b")
     ((link("a", INERTIAL + BALL.replace("<geometry>", '<origin xyz="1 2"/><geometry>')),), ("3 numbers",)),
     (('<link/>',), ("attribute name is missing",)),
 ])
-def test_bad_urdf_is_refused_with_file_line_and_expectation(parts, words):
+def test_bad_urdf_is_rejected_with_file_line_and_expectation(parts, words):
     message = refusal(*parts)
     assert message.startswith("r.urdf:") and "; expected " in message
     for word in words:
@@ -350,18 +350,18 @@ def test_bad_urdf_is_refused_with_file_line_and_expectation(parts, words):
 
 
 @pytest.mark.parametrize("text", ["<sdf version='1.6'/>", "<model name='x'/>"])
-def test_other_roots_are_refused(text):
+def test_other_roots_are_rejected(text):
     with pytest.raises(ModelError, match="entity format is invalid.*expected <robot>"):
         load_urdf(text)
 
 
 @pytest.mark.parametrize("text", ["", "not xml", "<robot name='r'>", b"\xff\xfe"])
-def test_what_is_no_xml_is_refused(text):
+def test_what_is_no_xml_is_rejected(text):
     with pytest.raises(ModelError, match="robot_description"):
         load_urdf(text)
 
 
-def test_inertia_no_body_can_have_is_told_but_accepted():
+def test_inertia_no_body_can_have_is_reported_but_accepted():
     model = robot(link("a", INERTIAL.replace('ixx="0.1"', 'ixx="0.5"')))
     note, = model.notes
     assert "no real body" in note and "link[a]" in note
@@ -374,7 +374,7 @@ def test_nothing_is_printed(capfd):
 
 
 @pytest.mark.parametrize("axis", ["1e200 0 0", "1e308 1e308 1e308"])
-def test_numbers_whose_squares_no_float_can_hold_are_no_traceback(axis):
+def test_numbers_with_overflowing_squares_raise_no_traceback(axis):
     try:
         robot(TWO, joint("j", "continuous", "a", "b", '<axis xyz="{}"/>'.format(axis)))
     except ModelError as error:

@@ -55,7 +55,7 @@ def two_links(of_link="", of_joint="", of_collision="", **options):
     {"of_collision": "<surface><friction><ode><mu>0.1</mu><slip1>1</slip1></ode></friction></surface>",
      "honour_collision_surface": False},
 ])
-def test_what_gazebo_never_sees_of_a_urdf_changes_nothing_and_is_told(more):
+def test_elements_that_gazebo_ignores_are_reported(more):
     changed, plain = two_links(**more), two_links()
     assert (changed.links, changed.joints) == (plain.links, plain.joints)
     # the file works without it: a remark, and no warning
@@ -65,21 +65,21 @@ def test_what_gazebo_never_sees_of_a_urdf_changes_nothing_and_is_told(more):
 @pytest.mark.parametrize("tag", ["visual", "collision"])
 @pytest.mark.parametrize("further, told", [('<material name="grey"/>', "a material belongs after </geometry>"),
                                            ('<box size="1 1 1"/>', "the first element of <geometry> is the shape.")])
-def test_the_first_element_of_a_geometry_is_its_shape_and_what_follows_is_told(tag, further, told):
+def test_first_element_of_a_geometry_is_its_shape(tag, further, told):
     model = robot(link("a", INERTIAL + shape(tag).replace("</geometry>", further + "</geometry>")))
     kept, = getattr(model.links[0], tag + "s")
     note, = [note for note in model.notes if "<geometry>" in note]
     assert kept.geometry.radius == 0.1 and note.startswith("r.urdf:2: ") and told in note
 
 
-def test_a_slider_without_limit_is_refused():
+def test_a_slider_without_limit_is_rejected():
     with pytest.raises(ModelError, match="<limit> is missing.*prismatic"):
         robot(link("a"), link("b"), joint("j", "prismatic", "a", "b"))
 
 
 @pytest.mark.parametrize("kind", ["fixed", "continuous", "revolute", "prismatic"])
 @pytest.mark.parametrize("given", ['effort="1"', 'velocity="1"', 'lower="-1" upper="1"'])
-def test_a_limit_without_effort_or_velocity_costs_the_robot_whatever_the_joint(kind, given):
+def test_limit_needs_effort_and_velocity(kind, given):
     with pytest.raises(ModelError, match="expected effort and velocity with every <limit>"):
         robot(link("a"), link("b"), joint("j", kind, "a", "b", "<limit {}/>".format(given)))
 
@@ -91,7 +91,7 @@ def test_colours_of_a_urdf_name_no_material():
 
 
 @pytest.mark.parametrize("tag", ["collision", "visual"])
-def test_all_shapes_of_a_link_are_kept_in_order_with_names_of_their_own(tag):
+def test_all_shapes_of_a_link_keep_order_and_names(tag):
     parts = shape(tag, radius=0.1) + shape(tag, "a_rim", 0.2) + shape(tag, "rim", 0.3) + shape(tag, radius=0.4)
     body = robot(link("a", INERTIAL + parts)).links[0]
     kept = body.collisions if tag == "collision" else body.visuals
@@ -148,7 +148,7 @@ def test_a_sensor_of_a_link_that_was_kept_stays_on_it():
     assert model.links[1].sensors[0].pose[0] == (1.0, 0.0, 0.0)
 
 
-def test_tags_of_a_link_merged_over_two_joints_still_know_its_name():
+def test_tags_of_a_link_merged_twice_apply_by_its_name():
     model = robot(link("a", INERTIAL + shape("collision")), link("b", INERTIAL + shape("collision")),
                   link("c", INERTIAL + shape("collision") + shape("visual")),
                   joint("ab", "fixed", "a", "b"), joint("bc", "fixed", "b", "c"),
@@ -159,7 +159,7 @@ def test_tags_of_a_link_merged_over_two_joints_still_know_its_name():
 
 
 @pytest.mark.parametrize("tag", ["bodyName", "frameName"])
-def test_a_models_plugin_on_a_merged_link_goes_to_the_carrier_with_its_offset(tag):
+def test_model_plugin_on_a_merged_link_moves_to_the_carrier(tag):
     model = robot(link("a"), link("b"), joint("j", "fixed", "a", "b", QUARTER), block(
         "", "<plugin name='p' filename='libp.so'><{0}>b</{0}><rpyOffset>0 0 0.5</rpyOffset></plugin>".format(tag)))
     plugin, = model.plugins
@@ -180,14 +180,14 @@ def test_a_sensors_plugin_on_a_merged_link_keeps_its_names(tag):
 @pytest.mark.parametrize("body", ["", INERTIAL.replace('mass value="1"', 'mass value="0"')])
 @pytest.mark.parametrize("kind, switch", [
     ("continuous", ""), ("fixed", "preserveFixedJoint"), ("fixed", "disableFixedJointLumping")])
-def test_a_massless_link_that_is_not_merged_is_dropped_with_all_behind_it(body, kind, switch):
+def test_massless_link_is_dropped_with_its_children(body, kind, switch):
     model = robot(link("a"), link("b", body), link("c"), joint("ab", kind, "a", "b"),
                   joint("bc", "continuous", "b", "c"), block("ab", "<{0}>true</{0}>".format(switch)) if switch else "")
     assert [found.name for found in model.links] == ["a"] and model.joints == ()
     assert any('"b"' in note and "with it c" in note for note in model.notes)
 
 
-def test_a_massless_link_lives_by_the_mass_of_what_is_merged_into_it():
+def test_massless_link_gets_mass_of_merged_links():
     model = robot(link("a"), link("b", ""), link("c"), joint("ab", "continuous", "a", "b"),
                   joint("bc", "fixed", "b", "c", QUARTER))
     assert [found.name for found in model.links] == ["a", "b"]
@@ -206,7 +206,7 @@ TAGS = [("b", "mu1", "0.5"), ("b", "mu2", "0.5"), ("b", "kp", "5000"), ("b", "kd
 
 
 @pytest.mark.parametrize("owner, tag, value", TAGS)
-def test_the_value_of_a_tag_stands_in_its_text_or_in_an_attribute(owner, tag, value):
+def test_value_of_a_tag_is_its_text_or_an_attribute(owner, tag, value):
     def made(text):
         return robot(link("a"), link("b", INERTIAL + shape("collision") + shape("visual")), link("c"),
                      joint("j", "continuous", "a", "b"), joint("fix", "fixed", "b", "c"), text)
@@ -235,7 +235,7 @@ def test_an_empty_reference_means_the_model():
 
 # -- joints -------------------------------------------------------------------------------------------------------
 
-def test_joints_of_urdf_and_sdf_that_say_nothing_have_the_defaults():
+def test_joint_defaults_of_urdf_and_sdf():
     item, = robot(link("a"), link("b"), joint("j", "continuous", "a", "b")).joints
     assert item.axis == replace(Axis(), xyz=(1.0, 0.0, 0.0))
     model, = load_sdf_models('<sdf version="1.6"><model name="m"><link name="a"/><link name="b"/><joint name="j" '
@@ -251,7 +251,7 @@ def bolted(of_joint="", kind="continuous", body=INERTIAL):
                  block("arm", "<turnGravityOff>true</turnGravityOff>"))
 
 
-def test_the_axis_is_in_the_childs_frame_and_the_child_turns_about_it(make_engine):
+def test_axis_is_in_the_frame_of_the_child(make_engine):
     engine = make_engine(1, [bolted('<axis xyz="1 0 0"/>')])
     handle = engine.handles[0]
     engine.set_joint_motor(handle.joints["j"], 2.0, 100.0)
@@ -303,13 +303,13 @@ def three_balls(*self_colliding):
 @pytest.mark.parametrize("self_colliding, pairs", [
     ("", set()), ("ab", set()), ("a", set()), ("ac", {("r::a::a_collision", "r::c::c_collision")}),
     ("abc", {("r::a::a_collision", "r::c::c_collision")})])
-def test_links_of_a_model_touch_where_both_ask_for_it_and_no_joint_is_between_them(make_engine, self_colliding, pairs):
+def test_self_collide_needs_both_links_and_no_joint(make_engine, self_colliding, pairs):
     engine = make_engine(1, [three_balls(*self_colliding)])
     engine.step(3)
     assert {tuple(sorted((touch.first, touch.second))) for touch in engine.drain_touches()} == pairs
 
 
-def test_links_of_different_models_touch(make_engine):
+def test_links_of_different_models_collide(make_engine):
     one = robot(link("a", INERTIAL + shape("collision")))
     engine = make_engine(1, [replace(one, name="one"), replace(one, name="two")])
     engine.step(1)
@@ -317,7 +317,7 @@ def test_links_of_different_models_touch(make_engine):
     assert {touch.first, touch.second} == {"one::a::a_collision", "two::a::a_collision"}
 
 
-def test_things_that_do_not_move_never_touch_each_other_but_what_moves_touches_them(make_engine, build):
+def test_static_bodies_collide_only_with_moving_ones(make_engine, build):
     ball = build.sphere("ball", -0.49, 0, 0.2, static=False)
     engine = make_engine(1, [build.box("one", 0, 0, 0.2), build.box("two", 0.1, 0, 0.15), ball])
     engine.step(3)
@@ -334,7 +334,7 @@ SLED = (link("a", INERTIAL + '<collision><geometry><box size="0.4 0.4 0.2"/></ge
     ((block("", "<allow_auto_disable>false</allow_auto_disable>"),), False),
     ((block("a", "<sensor name='s' type='ray'/>"),), False),
     ((link("b"), joint("j", "continuous", "a", "b"), block("b", "<turnGravityOff>true</turnGravityOff>")), False)])
-def test_what_has_neither_joint_nor_sensor_falls_asleep_after_a_second_of_slowness(make_engine, build, more, sleeps):
+def test_slow_body_without_joint_or_sensor_is_disabled(make_engine, build, more, sleeps):
     engine = make_engine(1, [build.ground(), replace(robot(*SLED + more), pose=build.at(z=0.1))])
     for number in engine.handles[1].links.values():
         engine.set_link_velocity(number, (0.09, 0.0, 0.0), (0.0, 0.0, 0.0))      # slow is below 0.1 m/s
@@ -345,7 +345,7 @@ def test_what_has_neither_joint_nor_sensor_falls_asleep_after_a_second_of_slowne
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("slip", [0.1, 0.05])
-def test_slip_is_the_speed_for_a_force_however_many_contacts_carry_it(make_engine, build, slip, axis):
+def test_slip_does_not_depend_on_the_number_of_contacts(make_engine, build, slip, axis):
     force = (2.0, 0.0, 0.0) if axis == 0 else (0.0, 2.0, 0.0)
     crate = build.box("crate", 0, 0, 0.25, static=False, mass=1.0, surface=Surface(slip1=slip, slip2=slip))
     engine = make_engine(1, [build.ground(), crate])

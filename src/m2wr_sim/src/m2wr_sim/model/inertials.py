@@ -1,25 +1,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Masses and tensors that descriptions give to bodies: which a solver can use, and what stands in for one it cannot."""
+"""Checks masses and inertia tensors of descriptions and replaces tensors that a solver cannot use."""
+from __future__ import annotations
+
 import math
+from typing import Optional, Sequence, Tuple
 
 import numpy as np
 
+from m2wr_sim.geometry import Vector
 from m2wr_sim.model.sdf.shapes import inertial_moments
-from m2wr_sim.model.types import Box, Cylinder, Inertial, Mesh, Sphere
+from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Mesh, Sphere
 
-_NO_SHAPE = 0.1         # m: radius of the ball that stands in for a link without shapes
+_NO_SHAPE = 0.1         # m: radius of the sphere that replaces a link without shapes
 
 
-def mass_fault(inertial):
-    """Return why no moving body can have this mass as (found, expected), or None."""
+def mass_fault(inertial: Inertial) -> Optional[Tuple[str, str]]:
+    """Return (found, expected) if the mass is invalid for a moving body, else None."""
     return None if inertial.mass > 0.0 else ("mass is {:g}".format(inertial.mass), "a positive mass in kg")
 
 
-def usable(inertial, collisions):
-    """Return an Inertial that a solver can use, and a sentence part where it is not the one given.
+def usable(inertial: Inertial, collisions: Sequence[Collision]) -> Tuple[Inertial, Optional[str]]:
+    """Return an Inertial that a solver can use, and a message if it is not the given one.
 
-    A tensor that is not positive definite, all zeros most often, gives way to that of a solid ball around the centre of
-    mass which the link's collisions just fit into.
+    A tensor that is not positive definite, mostly all zeros, is replaced. The new one is that of a solid sphere around
+    the centre of mass that just encloses the link's collisions: 2/5 m r^2.
 
     Parameters
     ----------
@@ -30,20 +34,20 @@ def usable(inertial, collisions):
     Returns
     -------
     inertial : Inertial
-    told : str or None
+    message : str or None
     """
     if inertial_moments(inertial)[0] > 0.0:
         return inertial, None
     radius = max((_reach(shape, inertial.pose[0]) for shape in collisions), default=0.0) or _NO_SHAPE
     moment = 0.4 * inertial.mass * radius * radius
-    told = ("the inertia tensor (ixx ixy ixz iyy iyz izz = {}) is not positive definite; expected three positive "
-            "principal moments; that of a ball of {:g} kg and {:.3g} m is taken".format(
-                " ".join("{:g}".format(value) for value in inertial.inertia), inertial.mass, radius))
-    return Inertial(inertial.mass, inertial.pose, (moment, 0.0, 0.0, moment, 0.0, moment)), told
+    message = ("the inertia tensor (ixx ixy ixz iyy iyz izz = {}) is not positive definite; expected three positive "
+               "principal moments; using that of a ball of {:g} kg and {:.3g} m".format(
+                   " ".join("{:g}".format(value) for value in inertial.inertia), inertial.mass, radius))
+    return Inertial(inertial.mass, inertial.pose, (moment, 0.0, 0.0, moment, 0.0, moment)), message
 
 
-def _reach(collision, centre):
-    """Return how far a collision reaches from a point of its link [m], at most; 0 for what has no end."""
+def _reach(collision: Collision, centre: Vector) -> float:
+    """Return an upper bound [m] of the distance from a point to the points of a collision; 0 for an infinite shape."""
     shape = collision.geometry
     if isinstance(shape, Box):
         extent = 0.5 * math.hypot(*shape.size)

@@ -7,7 +7,7 @@ from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
 
 NEWEST_SDF = (1, 7)
 HOW_TO_INSTALL = "put its folder into ~/.gazebo/models or into a folder that GAZEBO_MODEL_PATH names"
-_MOST_TOLD = 5          # folders in a message
+_MOST_LISTED = 5          # folders in a message
 _INSTALLED = "/usr/share/gazebo*/models"        # where Gazebo's packages put theirs, its default for GAZEBO_MODEL_PATH
 
 
@@ -32,7 +32,7 @@ def exported_paths(packages, attribute):
     Parameters
     ----------
     packages : iterable of str
-        Folders of packages; a file that cannot be read exports nothing.
+        Folders of packages; a file that cannot be read is ignored.
     attribute : str
         ``gazebo_model_path`` or ``gazebo_media_path``.
     """
@@ -76,7 +76,7 @@ class ModelFolders:
         self._packages, self._by_package = packages, {}
 
     def _ask_packages(self):
-        """Add what packages export; return whether there was anything to ask."""
+        """Add what packages export; return whether there are packages."""
         if self._packages is None:
             return False
         folders, self._packages = list(self._packages()), None
@@ -86,7 +86,7 @@ class ModelFolders:
         return True
 
     def __call__(self, uri):
-        """Return the path of the file that a URI stands for, or None if it is not on this machine.
+        """Return the path of the file of a URI, or None if it is not on this machine.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class ModelFolders:
         return found
 
     def stood_in(self, path):
-        """Return the name of the model that the file at ``path`` stands in for; an empty text if it is no stand-in."""
+        """Return the name of the model that a stand-in at ``path`` replaces; empty if it is not a stand-in."""
         if not self._stand_ins:
             return ""
         inside = os.path.relpath(os.path.realpath(path), os.path.realpath(self._stand_ins))
@@ -141,10 +141,10 @@ class ModelFolders:
         return [rest] if os.path.isabs(rest) else [os.path.join(folder, rest) for folder in self.resources]
 
     def __str__(self):
-        told = list(self.folders[:_MOST_TOLD])
-        if len(self.folders) > _MOST_TOLD:
-            told.append("and %d folders that packages or GAZEBO_MODEL_PATH name" % (len(self.folders) - _MOST_TOLD))
-        return ", ".join(told) if told else "no folders"
+        names = list(self.folders[:_MOST_LISTED])
+        if len(self.folders) > _MOST_LISTED:
+            names.append("and %d folders that packages or GAZEBO_MODEL_PATH name" % (len(self.folders) - _MOST_LISTED))
+        return ", ".join(names) if names else "no folders"
 
 
 def standard_folders(share, environment, packages=None):
@@ -161,13 +161,13 @@ def standard_folders(share, environment, packages=None):
 
 
 def tell_stand_in(notes, folders, path):
-    """Say once of a model that a stand-in takes its place, where the file at ``path`` belongs to one.
+    """Report once for each model that a stand-in is used, if the file at ``path`` belongs to one.
 
     Parameters
     ----------
     notes : Notes
     folders : callable or None
-        What found the file; only :class:`ModelFolders` has stand-ins.
+        Function that found the file; only :class:`ModelFolders` has stand-ins.
     path : str
     """
     name = folders.stood_in(path) if isinstance(folders, ModelFolders) else ""

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Outlines of collision shapes, seen from above: what a robot can run into between two heights."""
+"""Outlines of collision shapes from above: obstacles for a robot between two heights."""
+from __future__ import annotations
+
+from typing import Any, List, Optional
+
 import numpy as np
 
-from m2wr_sim.geometry import matrix_from_quaternion
+from m2wr_sim.geometry import Pose, matrix_from_quaternion
 from m2wr_sim.model.placed import placed_collisions
-from m2wr_sim.model.types import Box, Cylinder, Sphere
-from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, box_outline, cylinder_outline, sphere_outline
+from m2wr_sim.model.types import Box, Cylinder, Sphere, World
+from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, Outline, box_outline, cylinder_outline, sphere_outline
 
 
-def outline_of(geometry, pose, low=FLOOR, high=ROBOT_HEIGHT, name=""):
-    """Return what of a shape lies between two heights, seen from above.
+def outline_of(geometry: Any, pose: Pose, low: float = FLOOR, high: float = ROBOT_HEIGHT,
+               name: str = "") -> Optional[Outline]:
+    """Return the outline from above of the part of a shape between two heights.
 
     Parameters
     ----------
@@ -25,7 +30,7 @@ def outline_of(geometry, pose, low=FLOOR, high=ROBOT_HEIGHT, name=""):
     Returns
     -------
     Outline or None
-        None for a plane and where nothing lies between the heights.
+        None for a plane, and if no part of the shape is between the heights.
     """
     centre, rotation = np.asarray(pose[0], float), matrix_from_quaternion(pose[1])
     if isinstance(geometry, Sphere):
@@ -37,8 +42,15 @@ def outline_of(geometry, pose, low=FLOOR, high=ROBOT_HEIGHT, name=""):
     return None
 
 
-def obstacle_outlines(world, low=FLOOR, high=ROBOT_HEIGHT):
-    """Return the outlines of all that a robot can bump into in a world, planes apart, where the world file puts it."""
+def obstacle_outlines(world: World, low: float = FLOOR, high: float = ROBOT_HEIGHT) -> List[Outline]:
+    """Return the outlines of all obstacles of a world, except planes, at their poses in the world file.
+
+    Parameters
+    ----------
+    world : World
+    low, high : float
+        Heights [m]; obstacles are shapes between the two.
+    """
     outlines = [outline_of(collision.geometry, pose, low, high, model.name)
                 for model, collision, pose in placed_collisions(world)
                 if collision.surface.collide_bitmask and not collision.surface.collide_without_contact]

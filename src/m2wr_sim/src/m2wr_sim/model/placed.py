@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where a world's models stand when it has been loaded, for those who look at a world without running it."""
-from m2wr_sim.geometry import compose
+"""Poses of a world's collisions after loading, without a simulation."""
+from __future__ import annotations
+
+from typing import Iterator, Tuple
+
+from m2wr_sim.geometry import Pose, compose
+from m2wr_sim.model.types import Collision, Model, World
 
 
-def placed_collisions(world):
-    """Yield every collision of a world with the pose it has once the world's ``<state>`` has been applied.
+def placed_collisions(world: World) -> Iterator[Tuple[Model, Collision, Pose]]:
+    """Yield every collision of a world with its pose after the world's ``<state>`` has been applied.
 
-    The same rule as that of ``Simulator.apply_state``: a stored pose of a model takes its links
-    along, a stored pose of a link counts alone, and what the state does not mention stays where ``<model>`` puts it.
+    The rule is that of ``Simulator.apply_state``: the stored pose of a model moves its links too, the stored pose of a
+    link moves only that link. All others keep the pose of ``<model>``.
 
     Parameters
     ----------

@@ -1,18 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A ``<plugin>`` element of SDF or of a URDF ``<gazebo>`` block -> PluginSpec."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Iterator, Optional, Tuple
+
 from lxml import etree
 
 from m2wr_sim.model.types import PluginSpec
 from m2wr_sim.model.xml.safe import fail, line_of, place
 
+if TYPE_CHECKING:
+    from m2wr_sim.model.notes import Notes
 
-def tag_value(element):
-    """Return an element's stripped text, or its ``value`` attribute where there is no text, or ''."""
+
+def tag_value(element: Any) -> str:
+    """Return an element's stripped text or, without text, its ``value`` attribute or an empty string."""
     text = (element.text or "").strip()
     return text if text else (element.get("value") or "").strip()
 
 
-def _parameters(element, prefix=""):
+def _parameters(element: Any, prefix: str = "") -> Iterator[Tuple[str, str]]:
     for child in element:
         tag = prefix + etree.QName(child).localname
         value = tag_value(child)
@@ -22,7 +29,7 @@ def _parameters(element, prefix=""):
             yield from _parameters(child, tag + "/")
 
 
-def read_plugin(element, reference=None, notes=None):
+def read_plugin(element: Any, reference: Optional[str] = None, notes: Optional[Notes] = None) -> PluginSpec:
     """Read one ``<plugin name= filename=>``.
 
     Parameters
@@ -32,7 +39,7 @@ def read_plugin(element, reference=None, notes=None):
     reference : str or None
         Link that a sensor plugin belongs to.
     notes : Notes or None
-        Told where the plugin has no name, which Gazebo asks for.
+        Gets a warning if the plugin has no name, which Gazebo requires.
 
     Returns
     -------
@@ -50,7 +57,7 @@ def read_plugin(element, reference=None, notes=None):
     if not name:
         name = filename
         if notes is not None:
-            notes.add("{}: attribute name is missing or empty; expected a name; {} is taken.".format(
+            notes.add("{}: attribute name is missing or empty; expected a name; using {}.".format(
                 place(element), filename))
     return PluginSpec(name=name, filename=filename, parameters=tuple(_parameters(element)), reference=reference,
                       where='{}: plugin "{}" ({})'.format(line_of(element), name, filename))

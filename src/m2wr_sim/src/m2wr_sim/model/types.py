@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a world is made of, as frozen records: the one form that URDF and SDF are read into.
+"""Immutable records of a world: both URDF and SDF are converted to them.
 
 Poses are pairs ``((x, y, z), (x, y, z, w))`` in metres and unit quaternions; see :mod:`m2wr_sim.geometry`.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass, field
-from typing import Any, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 import numpy as np
 
-from m2wr_sim.geometry import IDENTITY
+from m2wr_sim.geometry import IDENTITY, Pose, Vector
 
-Vector = Tuple[float, float, float]
-Pose = Tuple[Vector, Tuple[float, float, float, float]]
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 @dataclass(frozen=True)
@@ -38,21 +40,23 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Plane:
-    """The boundary of an infinite half space; ``normal`` in world axes, offset taken from the collision's pose."""
+    """The boundary of an infinite half space; ``normal`` in world axes, its offset is in the collision's pose."""
 
     normal: Vector = (0.0, 0.0, 1.0)
     size: Tuple[float, float] = (1.0, 1.0)   # only for drawing
 
 
 class _Arrays:
-    """Compares records that hold arrays by what is in them."""
+    """Compares records with arrays by the values of the arrays."""
 
-    def __eq__(self, other):
+    source: str
+
+    def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
         return all(np.array_equal(mine, others) for mine, others in zip(vars(self).values(), vars(other).values()))
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash((type(self).__name__, self.source))
 
 
@@ -60,25 +64,25 @@ class _Arrays:
 class Mesh(_Arrays):
     """Triangles in the collision's frame, counter-clockwise seen from outside; scale and units are applied.
 
-    ``vertices`` is (n, 3) float64 [m], ``triangles`` (m, 3) int32; neither must be written to.  ``source`` says for
-    messages where they come from.
+    ``vertices`` is (n, 3) float64 [m], ``triangles`` (m, 3) int32; both are read-only.  ``source`` is the
+    file or element they come from, for messages.
     """
 
-    vertices: Any
-    triangles: Any
+    vertices: npt.NDArray[np.float64]
+    triangles: npt.NDArray[np.int32]
     source: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Heightmap(_Arrays):
-    """Ground over a rectangle around its frame; never moves by itself.
+    """Terrain over a rectangle around its frame; it is always static.
 
-    ``heights`` is (rows, columns) float64 [m], columns along x and rows *against* y, as in a picture; each cell is cut
-    from its corner at least x, least y to the one at greatest x, greatest y.  ``size`` is the extent in x and y [m],
-    ``position`` where the middle at height 0 lies in the collision's frame.
+    ``heights`` is (rows, columns) float64 [m], columns along x and rows *against* y, as in an image; each cell is
+    split along the diagonal from least x, least y to greatest x, greatest y.  ``size`` is the extent in x and y [m],
+    ``position`` the centre at height 0 in the collision's frame.
     """
 
-    heights: Any
+    heights: npt.NDArray[np.float64]
     size: Tuple[float, float] = (1.0, 1.0)
     position: Vector = (0.0, 0.0, 0.0)
     source: str = ""
@@ -105,7 +109,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Collision:
-    """A shape that touches and is seen by lasers; ``pose`` in the link frame."""
+    """A shape that collides and is hit by laser rays; ``pose`` in the link frame."""
 
     name: str
     geometry: Any
@@ -145,8 +149,8 @@ class Noise:
     bias_mean: float = 0.0
     bias_stddev: float = 0.0
     precision: float = 0.0
-    dynamic_bias_stddev: float = 0.0            # of a bias that wanders; 0: it stands still
-    dynamic_bias_correlation_time: float = 0.0  # s after which the wandering bias has forgotten itself
+    dynamic_bias_stddev: float = 0.0            # of a bias that changes; 0: constant
+    dynamic_bias_correlation_time: float = 0.0  # s, of the changing bias
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,7 @@ class RayScan:
     vertical_max_angle: float = 0.0
     range_min: float = 0.0
     range_max: float = 0.0
-    range_resolution: float = 0.0   # read, never used to quantise, as in Gazebo
+    range_resolution: float = 0.0   # has no effect, as in Gazebo
     noise: Noise = Noise()
 
 
@@ -205,7 +209,7 @@ class Axis:
     """One degree of freedom: direction in the joint frame, damping [N m s/rad], friction [N m], limits, spring.
 
     ``spring_stiffness`` [N m/rad or N/m] pulls towards the position ``spring_reference`` [rad or m].  ``fudge_factor``,
-    from 0 to 1, tones a motor down that pushes off a stop; None leaves it to the solver, whose own is 1.
+    from 0 to 1, scales the force of a motor that moves away from a stop; None: the solver's value, 1.
     """
 
     xyz: Vector = (0.0, 0.0, 1.0)
@@ -238,8 +242,8 @@ class Joint:
     axis: Axis = Axis()
     axis2: Optional[Axis] = None
 
-    def axes(self):
-        """Return the axes that a joint of this kind has, the parent's first."""
+    def axes(self) -> Tuple[Axis, ...]:
+        """Return the axes of the joint, the parent's first."""
         if self.kind == "universal":
             x, y, z = self.axis.xyz
             return (self.axis, self.axis2 or Axis(xyz=(y, z, x)))
@@ -252,8 +256,8 @@ class PluginSpec:
 
     ``parameters`` holds (tag, text) pairs in document order; a tag's text comes from the element's text or its
     ``value`` attribute.  ``reference`` names the link a sensor plugin belongs to (None for a model plugin).
-    ``where`` says for error messages in what file and element the plugin stands.  A model plugin of a nested model has
-    that model's name, ``inner`` or ``inner::innermost``, in ``scope``, and in ``frame`` its pose in the outermost one.
+    ``where`` is the file and element, for error messages.  For a plugin of a nested model, ``scope`` is that model's
+    name, ``inner`` or ``inner::innermost``, and ``frame`` its pose in the outermost model.
     """
 
     name: str
@@ -264,8 +268,8 @@ class PluginSpec:
     scope: str = ""
     frame: Pose = IDENTITY
 
-    def find(self, tag):
-        """Return the stripped text of the first ``tag``, or None where it is missing."""
+    def find(self, tag: str) -> Optional[str]:
+        """Return the stripped text of the first ``tag``, or None if it is missing."""
         for name, text in self.parameters:
             if name == tag:
                 return text
@@ -289,8 +293,8 @@ class Model:
     nested: Tuple[str, ...] = ()                     # names of nested models
     lumped: Tuple[Tuple[str, str, Pose], ...] = ()
     allow_auto_disable: bool = True
-    notes: Tuple[str, ...] = ()                      # what was read but not used, one sentence each
-    remarks: Tuple[str, ...] = ()                    # what belongs to viewers and others, at most one sentence
+    notes: Tuple[str, ...] = ()                      # warnings about elements that are ignored, one sentence each
+    remarks: Tuple[str, ...] = ()                    # elements without effect, for level info
 
 
 @dataclass(frozen=True)
@@ -330,7 +334,7 @@ class WorldState:
 
 @dataclass(frozen=True)
 class Light:
-    """A lamp, for clients that ask after it; colours are red, green, blue, alpha from 0 to 1.
+    """A light, for the services about lights; colours are red, green, blue, alpha from 0 to 1.
 
     ``attenuation`` is constant [-], linear [1/m] and quadratic [1/m^2].
     """

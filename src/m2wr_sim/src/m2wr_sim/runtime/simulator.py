@@ -17,8 +17,8 @@ from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Physics, Plane, PluginSpec
 from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.plugins.base import PluginReader
-from m2wr_sim.plugins.unsupported import UnsupportedPlugins
 from m2wr_sim.plugins.registry import find_plugin
+from m2wr_sim.plugins.unsupported import UnsupportedPlugins
 from m2wr_sim.runtime.context import ModelContext
 from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
 from m2wr_sim.runtime.event_queue import EventQueue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Mesh files (.stl, .obj, .dae) -> triangles in metres, z up; nothing here knows of URDF or SDF.
+"""Mesh files (.stl, .obj, .dae) -> triangles in metres, z up; independent of URDF and SDF.
 
 The formats are read by trimesh and pycollada, imported when the first mesh is met.
 """
@@ -26,9 +26,9 @@ _KEPT_FILES = 64
 _FORMATS = (".stl", ".obj", ".dae")
 
 MeshPart = namedtuple("MeshPart", "names vertices triangles")
-"""One piece of a mesh file: the names it answers to, vertices (n, 3) [m], triangles (m, 3) int32."""
+"""One part of a mesh file: its names, vertices (n, 3) [m], triangles (m, 3) int32."""
 
-_files = OrderedDict()          # (path, size, time of change) -> parts; the same table stands in many houses
+_files = OrderedDict()          # (path, size, time of change) -> parts; many models share files
 
 
 def read_mesh_file(path):
@@ -52,7 +52,7 @@ def read_mesh_file(path):
     """
     kind = os.path.splitext(path)[1].lower()
     if kind not in _FORMATS:
-        raise XmlError("{}: meshes of this kind are not read; expected one of {}".format(path, ", ".join(_FORMATS)))
+        raise XmlError("{}: mesh format is not supported; expected one of {}".format(path, ", ".join(_FORMATS)))
     try:
         status = os.stat(path)
         key = (os.path.realpath(path), status.st_size, status.st_mtime_ns)
@@ -133,12 +133,12 @@ def _read_plain(content, path, kind):
         content = _whole_binary_stl(content, path)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")     # about textures, which nothing here looks at
+            warnings.simplefilter("ignore")     # about textures, which are not used
             loaded = trimesh.load(io.BytesIO(content), file_type=kind, **options)
         geometries = getattr(loaded, "geometry", None)
         meshes = [("", loaded)] if geometries is None else sorted(geometries.items())
         return [((name,), mesh.vertices, mesh.faces) for name, mesh in meshes if hasattr(mesh, "faces")]
-    except Exception as error:      # whatever a broken file provokes in there
+    except Exception as error:      # any error of the parser in a broken file
         raise XmlError("{}: cannot be read as {}: {}; expected a whole mesh file".format(
             path, kind.upper(), shorten(str(error) or repr(error), 200))) from None
 
@@ -159,7 +159,7 @@ def _as_utf8(content):
 
 
 def _whole_binary_stl(content, path):
-    """Return header and triangles of a binary STL, without what stands behind them."""
+    """Return header and triangles of a binary STL, without the bytes after them."""
     stated = int.from_bytes(content[80:84], "little")
     if stated * 50 + 84 > len(content):
         raise XmlError("{}: the header states {} triangles, which would take {} bytes, but the file has {}; expected a "
@@ -188,12 +188,12 @@ def _shapes_of_collada(content, path):
 
 
 def _read_collada(content, path):
-    """Return [(names, vertices, triangles)] of a COLLADA file, one for each place where a geometry stands."""
+    """Return [(names, vertices, triangles)] of a COLLADA file, one for each instance of a geometry."""
     content = _shapes_of_collada(content, path)
     collada = _collada(path)
     try:
         document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])
-        # Gazebo's loader reads the unit and never <up_axis>; models are made to stand upright there
+        # Gazebo's loader reads the unit and ignores <up_axis>
         to_metres = np.diag([float(document.assetInfo.unitmeter or 1.0)] * 3 + [1.0])
         found = []
         scene = document.scene or (document.scenes[0] if len(document.scenes) else None)
@@ -206,7 +206,7 @@ def _read_collada(content, path):
         if not found and document.errors:
             raise ValueError(document.errors[0])
         return found
-    except Exception as error:      # whatever a broken file provokes in there
+    except Exception as error:      # any error of the parser in a broken file
         raise XmlError("{}: cannot be read as COLLADA: {}; expected a whole mesh file".format(
             path, shorten(str(error) or repr(error), 200))) from None
 

@@ -35,7 +35,7 @@ class MeshReader:
     Parameters
     ----------
     notes : Notes
-        What is left out is told here.
+        Gets warnings about ignored parts.
     resolve_model : callable or None
         ``resolve_model("model://NAME/path")`` gives a path or None; see
         :class:`m2wr_sim.model.model_folders.ModelFolders`.
@@ -72,7 +72,7 @@ class MeshReader:
     def heightmap(self, node):
         """Read ``<heightmap>``, a Node; returns a Heightmap, or None where it has to be left out (noted).
 
-        The brightest pixel stands as high as ``<size>`` says, black at 0; between pixels heights are interpolated, so
+        The brightest pixel has the height of ``<size>``, black is 0; between pixels heights are interpolated, so
         that each pixel gives ``<sampling>`` samples a side.
 
         Raises
@@ -101,7 +101,7 @@ class MeshReader:
             return self._leave_out(element, "heightmap {}: the picture has {} x {} pixels; expected at most {} in "
                                    "all".format(uri, heights.shape[1], heights.shape[0], MAX_TRIANGLES // 2))
         if sampling != wanted:
-            self._notes.add("{}: heightmap {}: <sampling> {} would make more than {} triangles; {} is taken.".format(
+            self._notes.add("{}: heightmap {}: <sampling> {} would make more than {} triangles; using {}.".format(
                 place(element), uri, wanted, MAX_TRIANGLES, sampling))
         return Heightmap(_sampled(heights, sampling), (size[0], size[1]), position, path)
 
@@ -161,11 +161,11 @@ class MeshReader:
         return Mesh(vertices, np.ascontiguousarray(triangles, dtype=np.int32), path)
 
     def _leave_out(self, element, reason):
-        self._notes.add("{}: {}; this collision is left out and nothing touches it.".format(
+        self._notes.add("{}: {}; this collision is left out.".format(
             place(element), reason.rstrip(".")))
 
     def _find(self, uri, element):
-        """Return the path that a URI stands for.
+        """Return the path of a URI.
 
         Raises
         ------
@@ -241,7 +241,7 @@ def _read_levels(path):
                 levels = np.asarray(picture.convert("RGB"), dtype=np.float64)[:, :, 0] / 255.0
     except XmlError:
         raise
-    except Exception as error:      # whatever a broken file provokes in there
+    except Exception as error:      # any error of the parser in a broken file
         raise XmlError("{}: cannot be read: {}; expected a picture such as a PNG".format(path, error)) from None
     if min(levels.shape) < 2 or not np.all(np.isfinite(levels)):
         raise XmlError("{}: the picture has {} x {} pixels; expected at least 2 x 2, all finite".format(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What becomes of the elements of SDF: which are read, which belong to viewers or others, which are told and why.
+"""Elements of SDF: which are read, which have no effect on the simulation, which are reported and why.
 
-The readers ask for what they use, and :class:`~m2wr_sim.model.sdf.node.Node` compares that with what stands in the
-file.  These tables say what to report of the rest; docs/reference/sdf.md shows them
+Readers mark what they use; :class:`~m2wr_sim.model.sdf.node.Node` compares that with the
+file.  These tables define how the rest is reported; docs/reference/sdf.md shows them
 (``python3 -m m2wr_sim.model.sdf.elements`` prints its table), and tests hold both against the readers.  Elements of one
 name in different places have rows of their own (``physics/ode``, ``friction/ode``).
 """
@@ -80,7 +80,7 @@ READ = {row: _words(text) for row, text in {
     "attenuation": "constant linear quadratic",
 }.items()}
 
-#: Row -> the elements in it that have no part in the simulation; told in one quiet line a document.
+#: Row -> its elements without effect on the simulation; reported in one info line for a document.
 QUIET = {row: _words(text) for row, text in {
     "world": "scene gui audio wind atmosphere magnetic_field spherical_coordinates road",
     "physics": "real_time_factor bullet simbody dart magnetic_field",
@@ -111,7 +111,7 @@ QUIET = {row: _words(text) for row, text in {
     "attenuation": "range",
 }.items()}
 
-#: (row, element) -> why it is not read; told as a warning.
+#: (row, element) -> why it is ignored; reported as a warning.
 REASONS = {
     ("world", "actor"): "actors are not simulated",
     ("world", "population"): "write the models out, or spawn them",
@@ -133,7 +133,7 @@ REASONS = {
     ("axis", "mimic"): "the joint moves freely",
 }
 
-#: (row, element) -> the value at which an element that is not read changes nothing, and is not told at all; 0 is also
+#: (row, element) -> the value at which an element that is not read changes nothing, and is not reported; 0 is also
 #: ``false``.
 IDLE = {("physics", "real_time_factor"): 1.0, ("model", "enable_wind"): 0.0, ("link", "enable_wind"): 0.0,
         ("link", "must_be_base_link"): 0.0, ("joint/ode", "cfm"): 0.0, ("joint/ode", "erp"): 0.2,
@@ -186,9 +186,9 @@ def table():
     lines = ["| in | read | differs from Gazebo | no effect, one INFO line | not read, reported |",
              "|---|---|---|---|---|"]
     for row in READ:
-        told = ["`{}`: {}".format(tag, re.sub("(<.*?>)", r"`\1`", reason))
-                for (parent, tag), reason in REASONS.items() if parent == row]
-        cells = "`%s`" % row, _listed(READ[row]), DIFFERS.get(row, ""), _listed(QUIET.get(row, ())), "; ".join(told)
+        reasons = ["`{}`: {}".format(tag, re.sub("(<.*?>)", r"`\1`", reason))
+                   for (parent, tag), reason in REASONS.items() if parent == row]
+        cells = "`%s`" % row, _listed(READ[row]), DIFFERS.get(row, ""), _listed(QUIET.get(row, ())), "; ".join(reasons)
         lines.append("| {} |".format(" | ".join(cells)).replace("  ", " "))
     return lines
 

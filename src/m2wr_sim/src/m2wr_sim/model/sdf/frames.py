@@ -7,17 +7,17 @@ from m2wr_sim.model.xml.safe import XmlError, fail, parse_float, shorten
 
 
 def _numbers(leaf, count, expected):
-    """Return the numbers of a pose; where some are missing they are 0, as in Gazebo, and that is told."""
+    """Return the numbers of a pose; missing ones are 0 with a warning, as in Gazebo."""
     text = leaf.own_text()
     try:
         numbers = tuple(parse_float(leaf.element, word, "pose") for word in text.split())
     except XmlError as error:
-        leaf.notes.add("{}; a pose of zeros is taken.".format(error))
+        leaf.notes.add("{}; using a zero pose.".format(error))
         numbers = (0.0,) * count
     if len(numbers) != count:
         leaf.notes.add('{}: pose is "{}"; expected {}; {}.'.format(
-            leaf.place, shorten(text), expected, "the missing ones are taken as 0" if len(numbers) < count else
-            "the first {} are taken".format(count)))
+            leaf.place, shorten(text), expected, "using 0 for the missing ones" if len(numbers) < count else
+            "using the first {}".format(count)))
     return (numbers + (0.0,) * count)[:count]
 
 
@@ -71,48 +71,48 @@ class Frames:
         """Name a frame: its pose and what that is relative to (None: the root frame).  The first of a name wins."""
         self._given.setdefault(name, (pose, relative_to, node))
 
-    def knows(self, name):
-        """Tell whether there is a frame of this name."""
+    def has(self, name):
+        """Return whether there is a frame of this name."""
         return name in self._given or name in self._roots
 
     def resolve(self, name, node=None, asking=()):
         """Return the pose of a named frame in the root frame.
 
-        A name that does not exist is noted and stands for the root frame.
+        For an unknown name there is a warning and the root frame is used.
 
         Raises
         ------
         XmlError
-            If frames are relative to each other in a ring.
+            If the frames form a cycle.
         """
         if name is None or name in self._roots:
             return IDENTITY
         if name not in self._given:
             if node is not None:
-                self._notes.add('{}: the pose is relative to "{}", which is no frame there (has {}); the enclosing '
-                                'model is taken.'.format(node.line, name, _some(self._given)))
+                self._notes.add('{}: the pose is relative to "{}", which is not a frame of it (frames: {}); using '
+                                'the enclosing model.'.format(node.line, name, _some(self._given)))
             return IDENTITY
         if name not in self._resolved:
             pose, relative_to, given_at = self._given[name]
             if name in asking:
-                fail(given_at.element, "poses relative to each other form a ring ({})".format(
+                fail(given_at.element, "poses relative to each other form a cycle ({})".format(
                     " -> ".join(asking + (name,))), "frames that end at the model")
             self._resolved[name] = compose(self.resolve(relative_to, given_at, asking + (name,)), pose)
         return self._resolved[name]
 
     def settle(self):
-        """Take apart rings of frames, which are told: the first of a ring is put into the root frame as it is."""
+        """Break cycles of frames with a warning: the first of a cycle is placed in the root frame."""
         for name, (pose, _, node) in self._given.items():
             try:
                 self.resolve(name)
             except (XmlError, RecursionError) as error:
                 what = str(error) if isinstance(error, XmlError) else "{}: poses are relative to each other through " \
                     "too many frames; expected fewer".format(node.line)
-                self._notes.add("{}; the pose of {} is taken in the enclosing frame.".format(what, name))
+                self._notes.add("{}; using the pose of {} in the enclosing frame.".format(what, name))
                 self._resolved[name] = pose
 
     def pose_in(self, node, carrier):
-        """Return an element's pose in the frame ``carrier``, to which it is relative unless it says otherwise."""
+        """Return an element's pose in the frame ``carrier``, to which it is relative by default."""
         pose, relative_to = raw_pose(node)
         if relative_to is None or relative_to == carrier:
             return pose

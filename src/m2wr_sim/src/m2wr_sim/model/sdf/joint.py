@@ -23,7 +23,7 @@ def unit(element, vector):
 
 
 def clamp_limit(value):
-    """Return a joint limit with infinity as the +-1e16 that stands for none."""
+    """Return a joint limit with infinity replaced by +-1e16, which means no limit."""
     return max(-NO_LIMIT, min(NO_LIMIT, value))
 
 
@@ -63,7 +63,7 @@ def _no_limit(value):
 def named_end(node, tag, model, known):
     """Return the name of a joint's parent or child; empty where it has none.
 
-    A name that is not ``known(name)`` goes without that of the joint's own model in front.
+    If a name is not ``known(name)``, the prefix of the joint's model is removed.
     """
     end = node.text(tag) or node.child(tag).text("link") or ""
     return end[len(model) + 2:] if end.startswith(model + "::") and not known(end) else end
@@ -95,7 +95,7 @@ def read_joint(node, links, frames, version, model=""):
     version : tuple of int
         SDF version; up to 1.4 axes are given in the model frame.
     model : str
-        Name of the model, which may stand before a link's.
+        Name of the model, which may be a prefix of a link's.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def read_joint(node, links, frames, version, model=""):
     if kind == "continuous":
         kind = "revolute"
     if kind in _UNUSED_KINDS:
-        node.pass_over()
+        node.ignore()
         node.notes.add('{}: joint "{}" of type {} is not supported; its links stay unconnected.'.format(
             node.line, name, kind))
         return None
@@ -133,8 +133,8 @@ def read_joint(node, links, frames, version, model=""):
     if kind == "universal":
         axis2 = _axis(second, node, model_from_joint, frames, version)
     elif second:
-        second.pass_over()
-        node.notes.add("{}: <axis2> of a {} joint is not read; expected it in one of type universal.".format(
+        second.ignore()
+        node.notes.add("{}: <axis2> of a {} joint ignored; expected it in a joint of type universal.".format(
             second.line, kind), ("unread", kind, "axis2"))
     node.done()
     return Joint(name=name, kind=kind, parent=parent, child=child, pose=pose, axis=axis, axis2=axis2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``<light>`` of SDF -> Light: nothing here shines, but clients ask for lights by name."""
+"""``<light>`` of SDF -> Light: light is not simulated, but services report lights by name."""
 from m2wr_sim.model.sdf.frames import raw_pose
 from m2wr_sim.model.types import Light
 

@@ -2,7 +2,7 @@
 """SDF files: worlds for the simulator to load, and models for spawning.
 
 Reads SDF 1.4 to 1.7.  What cannot be used is left out in its smallest part (a collision, a joint, a model, an include)
-and named in the ``notes`` with file, line, element and what was expected; so is whatever is not read.  What has no part
+and named in the ``notes`` with file, line, element and what was expected; so are ignored elements.  What has no part
 in the simulation (colours, scene, window layout, sound) is gathered in one quiet sentence, the ``remarks``.
 """
 import logging
@@ -46,7 +46,7 @@ class _Contents:
         self.lights.setdefault(light.name, light)
 
     def read(self, parent, context):
-        """Read every model, include and light that stands directly in ``parent``, a Node."""
+        """Read every model, include and light that is a child of ``parent``, a Node."""
         nodes = {tag: iter(parent.children(tag)) for tag in ("model", "include", "light")}
         for tag in parent.tags():
             if tag not in nodes:
@@ -62,7 +62,7 @@ class _Contents:
             if model is not None:
                 self.add_model(model, child, relative_to)
             elif tag != "light" or lights[0] is None:
-                child.pass_over()
+                child.ignore()
             for light in lights:
                 if light is not None:
                     self.add_light(light, child)
@@ -86,7 +86,7 @@ def _world_element(root, notes):
     if not worlds:
         fail(root, "the file has no <world>", "one <world>")
     if len(worlds) > 1:
-        notes.add("{}: the file has {} worlds; the first is taken.".format(Node(worlds[1], notes).line, len(worlds)))
+        notes.add("{}: the file has {} worlds; using the first.".format(Node(worlds[1], notes).line, len(worlds)))
     return worlds[0]
 
 

@@ -41,7 +41,7 @@ class SdfContext:
     parts: int = 0
 
     def count(self, node, collisions):
-        """Count a link that was read, and say now and then how many.
+        """Count a link and log the progress from time to time.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class SdfContext:
 
 
 def version_of(element):
-    """Return the SDF version of the document an element stands in, (1, 6) where it does not say."""
+    """Return the SDF version of an element's document, (1, 6) by default."""
     return parse_version(element.getroottree().getroot().get("version")) or (1, 6)
 
 
@@ -67,19 +67,19 @@ def check_root(root, notes):
     if root.tag not in ("sdf", "gazebo"):
         fail(root, "the root element is <{}>".format(root.tag), "<sdf>")
     if version_of(root) > NEWEST_SDF:
-        notes.add("{}: SDF version {} is newer than {}.{}; what is new in it is not read.".format(
+        notes.add("{}: SDF version {} is newer than {}.{}; new elements are ignored.".format(
             line_of(root), root.get("version"), *NEWEST_SDF))
 
 
 def _read_shapes(node, tag, reader, frames, link_name):
-    """Return the collisions or visuals of a link; ``reader(node, pose)`` reads one, or says that it is left out."""
+    """Return the collisions or visuals of a link; ``reader(node, pose)`` reads one."""
     shapes, names = [], set()
     for child in node.children(tag):
         shape = node.notes.attempt("this " + tag, reader, child, frames.pose_in(child, link_name))
         if shape is None:
-            child.pass_over()
+            child.ignore()
         elif shape.name in names:
-            child.pass_over()
+            child.ignore()
             node.notes.add("{}: the link has another {} of this name; the first is kept.".format(child.place, tag))
         else:
             names.add(shape.name)
@@ -96,8 +96,8 @@ def _inertial(node, name, frames, static, collisions):
     fault = mass_fault(inertial)
     if fault is not None:
         fail(inertial_node.element, *fault)
-    inertial, told = usable(inertial, collisions)
-    for sentence in (told, inertial_doubt(inertial)):
+    inertial, problem = usable(inertial, collisions)
+    for sentence in (problem, inertial_doubt(inertial)):
         if sentence is not None:
             node.notes.add("{}: {}.".format(inertial_node.place, sentence))
     return inertial
@@ -115,7 +115,7 @@ def _read_link(node, frames, static, self_collide, files):
     for child in node.children("sensor"):
         sensor = notes.attempt("this sensor", read_sensor, child, name, lambda found: frames.pose_in(found, name))
         if sensor is None:
-            child.pass_over()
+            child.ignore()
         else:
             sensors.append(sensor)
     raw_pose(node)      # its place is in the frames already
@@ -158,7 +158,7 @@ def _named_once(nodes, kind, notes):
             notes.add('{}: there is another {} "{}" in <{}>; this one is skipped.'.format(
                 node.line, kind, name, path_of(node.element.getparent())))
         if name is None or name in found:
-            node.pass_over()
+            node.ignore()
         else:
             found[name] = node
     return list(found.items())
@@ -172,17 +172,17 @@ def _nested_models(node, context, static):
         if tag not in ("model", "include"):
             continue
         child = next(models if tag == "model" else includes)
-        relative_to, stands_still = raw_pose(child)[1], child.flag("static", False)
+        relative_to, is_static = raw_pose(child)[1], child.flag("static", False)
         if tag == "model":
             model = notes.attempt("this model", read_model, child, context, static)
         else:
             model = read_include(child, context, static)[0]
         if model is None:
-            child.pass_over()
+            child.ignore()
             continue
-        if not static and stands_still:
-            notes.add('{}: nested model "{}" is static, but its outermost model is not; it is taken as '
-                      'moving.'.format(child.line, model.name))
+        if not static and is_static:
+            notes.add('{}: nested model "{}" is static, but its outermost model is not; it is '
+                      'treated as moving.'.format(child.line, model.name))
         if model.name in names:
             notes.add('{}: there is another nested model "{}"; this one is skipped.'.format(child.line, model.name))
             continue
@@ -203,8 +203,8 @@ def _frames_of(node, link_nodes, joint_nodes, nested):
     add_frames(node, frames)
     for name, child in joint_nodes:
         pose, relative_to = raw_pose(child)
-        relative_to = relative_to or named_end(child, "child", node.name(), frames.knows)
-        if frames.knows(relative_to):       # otherwise there will be no such joint, which is told then
+        relative_to = relative_to or named_end(child, "child", node.name(), frames.has)
+        if frames.has(relative_to):       # otherwise there is a warning about the joint
             frames.add(name, pose, relative_to, child)
     frames.settle()
     return frames
@@ -222,7 +222,7 @@ def read_plugins(node):
     found = []
     for child in node.children("plugin"):
         found.append(node.notes.attempt("this plugin", read_plugin, child.element, None, node.notes))
-        child.pass_over()
+        child.ignore()
     return [plugin for plugin in found if plugin is not None]
 
 
@@ -233,7 +233,7 @@ def _joints(node, joint_nodes, links, frames):
         joint = node.notes.attempt("this joint", read_joint, child, poses, frames, version_of(node.element),
                                    node.name())
         if joint is None:
-            child.pass_over()
+            child.ignore()
         else:
             joints.append(joint)
     return joints
@@ -266,7 +266,7 @@ def read_model(node, context, static=None):
     ------
     XmlError
         Where it has no name, a link that moves has no mass, or models are nested too deep.  Whatever else
-        is unusable is left out of the model, and told.
+        is unusable is left out with a warning.
     """
     name, notes = node.name(), context.notes
     if context.nesting >= MAX_NESTING:
@@ -361,7 +361,7 @@ def read_include(node, context, static=None):
     """Read one ``<include>``: the named model with the include's own name, pose, static and plugins.
 
     An include that cannot be used, because its file is malformed, leaves its folder or includes itself, is left out
-    and told.
+    with a warning.
 
     Parameters
     ----------
@@ -380,7 +380,7 @@ def read_include(node, context, static=None):
     found = context.notes.attempt("this include", _read_include, node, context, static,
                                   subject=("include", node.text("uri")) if node.text("uri") else None)
     if found is None:
-        node.pass_over()
+        node.ignore()
         return None, ()
     node.done()
     return found
@@ -417,5 +417,5 @@ def _read_include(node, context, static):
 
 def _tell_merge(node):
     if node.attribute("merge").lower() in ("true", "1"):
-        node.notes.add("{}: attribute merge of <include> is not read; what is included keeps a model of its own, its "
-                       "links are NAME::LINK.".format(node.line), ("attribute", "include", "merge"))
+        node.notes.add("{}: unsupported attribute merge of <include> ignored; the included model stays a "
+                       "nested model, its links are NAME::LINK.".format(node.line), ("attribute", "include", "merge"))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One element of SDF while it is read: hands out values and children, and tells what nobody asked for.
+"""Access to values and children of one SDF element, with warnings about unsupported elements.
 
-Nothing in a document can be ignored in silence: what a reader does not ask for is named when it is done, by the rules
-of :mod:`m2wr_sim.model.sdf.elements`.  A value that cannot be used is told and the default taken in its place, as
-Gazebo does; what has no default raises an XmlError, and whoever reads the part around it leaves that out.
+Every element that a reader does not use is reported by the rules of :mod:`m2wr_sim.model.sdf.elements`.  For an invalid
+value there is a warning and the default is used, as in Gazebo.  Without a default it raises an XmlError, and the part
+that contains it is left out.
 """
 from lxml import etree
 
@@ -25,7 +25,7 @@ _FIRST, _ALL = 1, 2
 
 
 def shown(value):
-    """Return a default as one would write it in a file."""
+    """Return a default as it is written in a file."""
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -36,7 +36,7 @@ def shown(value):
 
 
 class Node:
-    """An element that is being read, or the lack of one: then everything in it has its default.
+    """One element, or a missing one, whose values are all defaults.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Node:
 
     @property
     def file(self):
-        """The document it stands in."""
+        """Name of the document."""
         return file_of(self.element)
 
     @property
@@ -110,11 +110,11 @@ class Node:
         return [] if self.element is None else [child.tag for child in self.element]
 
     def has(self, tag):
-        """Tell whether there is a child ``tag``; that alone does not count as reading it."""
+        """Return whether there is a child ``tag``, without marking it as read."""
         return tag in self._children
 
     def child(self, tag):
-        """Return the first child ``tag`` as a Node, which is false where there is none."""
+        """Return the first child ``tag`` as a Node, which is false if there is none."""
         node = self._kept.get(tag)
         if node is None:
             node = self._kept[tag] = Node(self._ask(tag), self.notes, ROWS.get((self.row, tag), tag))
@@ -144,17 +144,17 @@ class Node:
         found = self._ask(tag)
         text = "" if found is None else (found.text or "").strip()
         if found is not None and (len(found) or found.keys()):
-            self._tell_more(found)
+            self._report_extras(found)
         if not text:
             return default
         try:
             return parse(found, text, tag, *extra)
         except XmlError as error:
-            self.notes.add("{}; {} is taken.".format(error, shown(default)))
+            self.notes.add("{}; using {}.".format(error, shown(default)))
             return default
 
     def number(self, tag, default, least=None, allow_infinite=False):
-        """Return the number in child ``tag``; ``default`` where it is missing, no number (told), or below ``least``."""
+        """Return the number in child ``tag``, or the default if it is missing, invalid or below ``least``."""
         def parse(element, text, what):
             value = parse_float(element, text, what, allow_infinite)
             if least is not None and value < least:
@@ -182,7 +182,7 @@ class Node:
         return parse_vector(found, text, count, tag) if text else default
 
     def positive(self, tag, default=None):
-        """Return the positive number in child ``tag``; XmlError where there is none and no ``default`` either."""
+        """Return the positive number in child ``tag``; XmlError if it is missing and there is no default."""
         found = self._ask(tag)
 
         def parse(element, text, what):
@@ -208,44 +208,44 @@ class Node:
             fail(found, '{} is "{}"'.format(tag, (found.text or "").strip()), expected)
         return values
 
-    def _tell_more(self, leaf):
-        """Tell attributes and children of an element that should hold nothing but a value."""
+    def _report_extras(self, leaf):
+        """Report attributes and children of an element that should hold only a value."""
         for name in leaf.keys():
             if "}" not in name and name not in SILENT_ATTRIBUTES.get(leaf.tag, ()):
-                self.notes.add("{}: attribute {} of <{}> is not read.".format(line_of(leaf), name, _local(leaf.tag)),
-                               ("attribute", leaf.tag, name))
+                self.notes.add("{}: unsupported attribute {} of <{}> ignored.".format(
+                    line_of(leaf), name, _local(leaf.tag)), ("attribute", leaf.tag, name))
         for child in leaf:
-            self.notes.add("{}: <{}> in <{}> is not read.".format(line_of(child), _local(child.tag), _local(leaf.tag)),
-                           ("unread", leaf.tag, child.tag))
+            self.notes.add("{}: unsupported element <{}> in <{}> ignored.".format(
+                line_of(child), _local(child.tag), _local(leaf.tag)), ("unread", leaf.tag, child.tag))
 
     # ---- the rest ----------------------------------------------------------------------------------------------
 
-    def pass_over(self):
-        """Count everything in it as read: it belongs to something that is left out, or to a plugin."""
+    def ignore(self) -> None:
+        """Mark everything in it as read: it belongs to a part that is left out, or to a plugin."""
         self._children, self._kept, self._lists = {}, {}, {}
         self._attributes.update(() if self.element is None else self.element.keys())
 
-    def done(self):
-        """Tell what nobody asked for, here and in the children that were handed out."""
+    def done(self) -> None:
+        """Report the elements and attributes that were not read, here and in the children that were."""
         for tag, elements in self._children.items():
             asked = self._asked.get(tag, 0)
             if not asked:
-                self._tell(tag, elements[0])
+                self._report(tag, elements[0])
             elif asked == _FIRST and len(elements) > 1:
                 self.notes.add("{}: there is another <{}> in <{}>; the first is read.".format(
                     line_of(elements[1]), _local(tag), self._local_tag()), ("again", self.row, tag))
         for name in () if self.element is None else self.element.keys():
             if name not in self._attributes and "}" not in name and name not in SILENT_ATTRIBUTES.get(self.row, ()):
-                self.notes.add("{}: attribute {} of <{}> is not read.".format(self.line, name, self._local_tag()),
-                               ("attribute", self.row, name))
+                self.notes.add("{}: unsupported attribute {} of <{}> ignored.".format(
+                    self.line, name, self._local_tag()), ("attribute", self.row, name))
         for node in list(self._kept.values()) + [node for nodes in self._lists.values() for node in nodes]:
             node.done()
-        self.pass_over()
+        self.ignore()
 
     def _local_tag(self):
         return etree.QName(self.element).localname
 
-    def _tell(self, tag, element):
+    def _report(self, tag, element):
         idle = IDLE.get((self.row, tag))
         if idle is not None and _is_idle(element.text, idle):
             return
@@ -253,7 +253,7 @@ class Node:
             self.notes.remark(element, "<{}>".format(self._local_tag()))
             return
         reason = REASONS.get((self.row, tag))
-        self.notes.add("{}: <{}> in <{}> is not read{}.".format(
+        self.notes.add("{}: unsupported element <{}> in <{}> ignored{}.".format(
             line_of(element), _local(tag), self._local_tag(), "; " + reason if reason else ""),
             ("unread", self.row, tag))
 

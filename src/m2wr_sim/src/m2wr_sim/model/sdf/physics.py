@@ -5,11 +5,11 @@ from m2wr_sim.model.types import ModelStateEntry, Physics, WorldState
 from m2wr_sim.model.xml.safe import fail, parse_int, parse_vector
 
 _SOLVERS = ("quick", "world")
-LATEST = 2 ** 31        # s, of a stored time: a stamp holds 2^32, and the run is to go on
+LATEST = 2 ** 31        # s, of a stored time; a time stamp holds 2^32
 
 
 def _profile(world):
-    """Return the ``<physics>`` in force, a Node: the one marked default, else the first; false where there is none."""
+    """Return the active ``<physics>``, a Node: the one marked default, else the first; false if there is none."""
     profiles = world.children("physics")
     if not profiles:
         return world.child("physics")
@@ -19,7 +19,7 @@ def _profile(world):
         world.notes.add("{}: the world has {} physics profiles; this one is used.".format(chosen.line, len(profiles)))
         for profile in profiles:
             if profile is not chosen:
-                profile.pass_over()
+                profile.ignore()
     kind = chosen.attribute("type") or "ode"
     if kind != "ode":
         world.notes.add('{}: physics type "{}" is not available; ode is used.'.format(chosen.line, kind))
@@ -107,7 +107,7 @@ def read_state(world):
     if len(states) > 1:
         world.notes.add("{}: the world has {} states; only the first is used.".format(states[0].line, len(states)))
         for other in states[1:]:
-            other.pass_over()
+            other.ignore()
     state = states[0]
     entries = [world.notes.attempt("this stored state", _model_state, child) for child in state.children("model")]
     return WorldState(sim_time_ns=state.value("sim_time", 0, _sim_time_ns),

@@ -9,34 +9,34 @@ NOISE_KINDS = ("none", "custom", "gaussian", "gaussian_quantized")
 MOST_RAYS = 1000000         # rays of one sensor, and readings; 16 MB a scan
 #: Sensors of SDF that plugins here read.
 READ_KINDS = RAY_KINDS + ("imu", "contact")
-#: Sensors of SDF that nothing here simulates; what they hold is not looked at.
+#: Sensors of SDF that are not simulated; their elements are ignored.
 OTHER_KINDS = ("camera", "depth", "depth_camera", "multicamera", "rgbd_camera", "wideanglecamera", "thermal_camera",
                "altimeter", "air_pressure", "force_torque", "gps", "navsat", "logical_camera", "magnetometer", "rfid",
                "rfidtag", "sonar", "wireless_receiver", "wireless_transmitter", "lidar", "gpu_lidar", "custom", "none")
 
 
-def read_noise(node, wanders=False):
+def read_noise(node, dynamic_bias=False):
     """Read ``<noise>``; a missing one gives no noise, an element without type is gaussian, as in SDF.
 
-    An unknown type is noted and gives no noise.  ``wanders`` tells whether the sensor has a bias that changes.
+    An unknown type gives a warning and no noise.  ``dynamic_bias``: whether the sensor has a bias that changes.
     """
     if not node:
         return Noise()
     kind = node.attribute("type") or node.text("type") or "gaussian"
     node.text("type")
     if kind not in NOISE_KINDS:
-        node.pass_over()
+        node.ignore()
         node.notes.add('{}: noise type "{}" is unknown (expected one of {}); no noise is applied.'.format(
             node.line, kind, ", ".join(NOISE_KINDS)))
         return Noise()
-    wander = node.number("dynamic_bias_stddev", 0.0, 0.0), node.number("dynamic_bias_correlation_time", 0.0, 0.0)
-    if wander[0] > 0.0 and not (wanders and wander[1] > 0.0):
-        node.notes.add("{}: <dynamic_bias_stddev> in <noise> is not read; {}.".format(
-            node.line, "it needs a <dynamic_bias_correlation_time> above 0" if wanders else
-            "the bias of an imu sensor alone wanders"), ("unread", "noise", "dynamic_bias_stddev", wanders))
-        wander = (0.0, 0.0)
+    bias = node.number("dynamic_bias_stddev", 0.0, 0.0), node.number("dynamic_bias_correlation_time", 0.0, 0.0)
+    if bias[0] > 0.0 and not (dynamic_bias and bias[1] > 0.0):
+        node.notes.add("{}: <dynamic_bias_stddev> in <noise> ignored; {}.".format(
+            node.line, "it needs a <dynamic_bias_correlation_time> above 0" if dynamic_bias else
+            "only IMU sensors have a dynamic bias"), ("unread", "noise", "dynamic_bias_stddev", dynamic_bias))
+        bias = (0.0, 0.0)
     return Noise(kind, node.number("mean", 0.0), node.number("stddev", 0.0, 0.0), node.number("bias_mean", 0.0),
-                 node.number("bias_stddev", 0.0, 0.0), node.number("precision", 0.0, 0.0), *wander)
+                 node.number("bias_stddev", 0.0, 0.0), node.number("precision", 0.0, 0.0), *bias)
 
 
 def _fan(node, default):
@@ -117,14 +117,14 @@ def read_sensor(node, link_name, resolve_pose=None):
     contact = tuple(child.own_text() for child in parts["contact"].children("collision"))
     for part, kinds in (("ray", RAY_KINDS), ("imu", ("imu",)), ("contact", ("contact",))):
         if parts[part] and kind not in kinds:
-            parts[part].pass_over()
-            node.notes.add('{}: <{}> in a sensor of type {} is not read.'.format(parts[part].line, part, kind),
-                           ("unread", kind, part))
+            parts[part].ignore()
+            node.notes.add('{}: unsupported element <{}> in a sensor of type {} ignored.'.format(
+                parts[part].line, part, kind), ("unread", kind, part))
     plugins = tuple(plugin for plugin in (
         node.notes.attempt("this plugin", read_plugin, child.element, link_name, node.notes)
         for child in node.children("plugin")) if plugin is not None)
     for child in node.children("plugin"):
-        child.pass_over()
+        child.ignore()
     _tell_idle(node, name, kind, plugins)
     sensor = Sensor(name=name, kind=kind, pose=raw_pose(node)[0] if resolve_pose is None else resolve_pose(node),
                     update_rate=node.number("update_rate", 0.0, 0.0), always_on=node.flag("always_on", False),
@@ -135,7 +135,7 @@ def read_sensor(node, link_name, resolve_pose=None):
 
 
 def _tell_idle(node, name, kind, plugins):
-    """Tell of a sensor that measures nothing: of an unknown type, or one that only a plugin could make speak."""
+    """Report a sensor without measurements: its type is unknown, or it has no plugin."""
     if kind not in READ_KINDS + OTHER_KINDS:
         node.notes.add('{}: sensor "{}" is of the unknown type "{}" (expected one of {}); it measures nothing by '
                        'itself.'.format(node.line, name, kind, ", ".join(READ_KINDS)))

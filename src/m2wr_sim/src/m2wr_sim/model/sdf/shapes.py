@@ -55,14 +55,14 @@ def read_geometry(parent, files=None):
     Raises
     ------
     XmlError
-        If there is no geometry, if it is none that SDF knows, or if a size is not positive.
+        If there is no geometry, it is unknown, or a size is not positive.
     """
     geometry = parent.child("geometry")
     expected = "one of {}".format(", ".join(READABLE))
     if not geometry:
         parent.fail("<geometry> is missing", expected + " in it")
     tags = [tag for tag in geometry.tags() if tag != "empty"]
-    geometry.child("empty").pass_over()
+    geometry.child("empty").ignore()
     if not tags:
         return None
     tag = tags[0]
@@ -77,7 +77,7 @@ def read_geometry(parent, files=None):
     if tag in FROM_FILES:
         return _unopened([shape]) if files is None else getattr(files, tag)(shape)
     uri = shape.text("uri")
-    shape.pass_over()
+    shape.ignore()
     parent.notes.add("{}: geometry {}{} is not supported; this {} is left out.".format(
         shape.place, tag, " " + uri if uri else "", parent.tag))
     return None
@@ -86,18 +86,18 @@ def read_geometry(parent, files=None):
 def _unopened(shapes):
     """Pass over shapes of a visual that only a viewer would need."""
     for shape in shapes:
-        shape.pass_over()
+        shape.ignore()
 
 
 def _torsion(node):
-    """Tell friction against spinning on the spot where Gazebo would have any: without a patch it does nothing."""
+    """Report torsional friction if it has an effect in Gazebo, which needs a patch radius."""
     if not node:
         return
     patch, radius = node.number("patch_radius", 0.0), node.number("surface_radius", 0.0)
     given = patch if node.flag("use_patch_radius", True) else radius
     if node.number("coefficient", 1.0) != 0.0 and given > 0.0:
-        node.notes.add("{}: <torsional> in <friction> is not read; turning on the spot meets no friction of its "
-                       "own.".format(node.line), ("unread", "friction", "torsional"))
+        node.notes.add("{}: unsupported element <torsional> in <friction> ignored; torsional friction is 0.".format(
+            node.line), ("unread", "friction", "torsional"))
 
 
 def read_surface(node, base=Surface()):     # noqa: B008  (cannot be changed)
@@ -108,7 +108,7 @@ def read_surface(node, base=Surface()):     # noqa: B008  (cannot be changed)
     ode, contact_ode = friction.child("ode"), contact.child("ode")
     _torsion(friction.child("torsional"))
     if contact.number("elastic_modulus", 0.0) > 0.0:
-        node.notes.add("{}: <elastic_modulus> in <contact> is not read; <kp> and <kd> say how stiff it is.".format(
+        node.notes.add("{}: unsupported element <elastic_modulus> in <contact> ignored; use <kp> and <kd>.".format(
             contact.child("elastic_modulus").line), ("unread", "contact", "elastic_modulus"))
     return Surface(
         mu=ode.number("mu", base.mu), mu2=ode.number("mu2", base.mu2), fdir1=ode.vector("fdir1", 3, base.fdir1),

@@ -77,8 +77,8 @@ def _check_geometry(link, notes):
                 fail(geometry, "<geometry> holds 0 elements", expected)
             if geometry[0].tag not in SHAPES:
                 fail(geometry[0], 'unknown geometry "{}"'.format(geometry[0].tag), expected)
-            for further in geometry[1:]:                # Gazebo's reader takes the first, whatever comes after it
-                notes.add("{}: <{}> is not read; the first element of <geometry> is the shape{}.".format(
+            for further in geometry[1:]:                # Gazebo's reader uses the first and ignores the others
+                notes.add("{}: <{}> ignored; the first element of <geometry> is the shape{}.".format(
                     place(further), further.tag,
                     ", and a material belongs after </geometry>" if further.tag == "material" else ""))
                 geometry.remove(further)

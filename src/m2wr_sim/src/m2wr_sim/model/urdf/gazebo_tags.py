@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The ``<gazebo>`` blocks of a URDF -> surfaces, sensors, plugins and switches.
 
-Values stand in an element's text or in its ``value`` attribute.  A block with ``reference`` belongs to that link or
+A value is an element's text or its ``value`` attribute.  A block with ``reference`` belongs to that link or
 joint, one without to the model.
 """
 from dataclasses import replace
@@ -52,7 +52,7 @@ def tag_bool(element):
 
 
 class GazeboTags:
-    """All ``<gazebo>`` blocks of one robot, ready to be asked link by link.
+    """All ``<gazebo>`` blocks of one robot, with access by link and joint.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class GazeboTags:
     links, joints : containers of str
         Names that a ``reference`` may have.
     notes : Notes
-        Receives references that name nothing, and tags that nobody reads.
+        Gets warnings about unknown references and unsupported tags.
     """
 
     def __init__(self, root, links, joints, notes):
@@ -101,16 +101,16 @@ class GazeboTags:
                 self._notes.remark(element, "a <gazebo> block")
                 continue
             instead = _INSTEAD.get(element.tag)
-            self._notes.add("{}: <{}> in a <gazebo> block of {} is not read{}.".format(
+            self._notes.add("{}: unsupported element <{}> in a <gazebo> block of {} ignored{}.".format(
                 line_of(element), element.tag, owner, "; " + instead if instead else ""),
                 ("gazebo", element.tag, owner.split(" ")[0]))
 
     def _value(self, element, parse, default):
-        """Return ``parse(element)``; where the tag holds no such value that is told, and the default taken."""
+        """Return ``parse(element)``; for an invalid value log a warning and return the default."""
         try:
             return parse(element)
         except XmlError as error:
-            self._notes.add("{}; {} is taken.".format(error, shown(default)))
+            self._notes.add("{}; using {}.".format(error, shown(default)))
             return default
 
     def _last(self, elements, tag):
@@ -139,7 +139,7 @@ class GazeboTags:
         return False if element is None else self._value(element, tag_bool, False)
 
     def joint_axis(self, joint, axis):
-        """Return an Axis with what the joint's tags tell of stops and springs put in."""
+        """Return an Axis with the stops and springs of the joint's tags."""
         elements = self._joints.get(joint, ())
         for tag, name in _AXIS_TAGS.items():
             element = self._last(elements, tag)
@@ -179,7 +179,7 @@ class GazeboTags:
         collision : Collision
             With its final name.
         origin : str
-            Link of the URDF that the collision stands in.
+            Link of the URDF that holds the collision.
         carrier : str
             Link that carries it now.
         tagged : dict
@@ -188,7 +188,7 @@ class GazeboTags:
         Notes
         -----
         As in Gazebo a tag reaches a collision through the name alone: the carrier's own tags those without a lump
-        prefix, a lumped link's tags those whose name tells that link.
+        prefix, a lumped link's tags those whose name contains that link.
         """
         reaching = _reaching(collision.name, carrier, tagged)
         for source in reaching:
@@ -277,7 +277,7 @@ class GazeboTags:
                 pose = element.find("pose")
                 relative = None if pose is None else pose.get("relative_to") or pose.get("frame")
                 if relative:
-                    self._notes.add('{}: the sensor\'s pose is relative to "{}"; it is taken in the frame of link '
+                    self._notes.add('{}: the sensor\'s pose is relative to "{}"; using the frame of link '
                                     '"{}".'.format(line_of(pose), relative, carrier))
                 elif carrier_from_source is not None:
                     sensor = replace(sensor, pose=compose(carrier_from_source, sensor.pose))
@@ -288,13 +288,13 @@ class GazeboTags:
 def _reaching(name, carrier, tagged, kind="_collision"):
     """Return the links of ``tagged`` whose tags reach a collision or visual, in the order in which they count.
 
-    Those that a name may tell are looked up rather than all tried: a text may hold thousands of both.
+    Looks up the links in the name instead of trying all: a document may hold thousands of both.
     """
     if LUMP_MARK not in name:
         return [carrier] if carrier in tagged else []
     starts, ends = _places(name, LUMP_MARK), _places(name, kind)
-    told = {name[start + len(LUMP_MARK):end] for start in starts for end in ends if end >= start + len(LUMP_MARK)}
-    return sorted((source for source in told if source in tagged and source != carrier),
+    named = {name[start + len(LUMP_MARK):end] for start in starts for end in ends if end >= start + len(LUMP_MARK)}
+    return sorted((source for source in named if source in tagged and source != carrier),
                   key=lambda source: tagged[source][0])
 
 

@@ -22,7 +22,7 @@ from m2wr_sim.model.xml.safe import XmlError, errors_as, fail, line_of, parse_xm
 
 
 def _drop_massless(bodies, connections, order, root, elements, notes):
-    """Return the surviving link names: a link without mass goes, with its joint and everything behind it."""
+    """Return the surviving link names: a link without mass is removed with its joint and all links below it."""
     children, dropped = children_of(connections), set()
     for name in order:
         inertial = bodies[name].inertial
@@ -62,10 +62,10 @@ def _refuse_nothing(root, elements):
 
 def _link(body, pose, element, tags, notes):
     """Return the finished Link of a surviving body."""
-    inertial, told = usable(body.inertial, body.collisions)
-    if told is not None:
+    inertial, problem = usable(body.inertial, body.collisions)
+    if problem is not None:
         notes.add("{}: {}.".format(place(element if element.find("inertial") is None else element.find("inertial")),
-                                   told))
+                                   problem))
     sources = [body.name] + [name for name, _ in body.lumped]
     tagged = tags.tagged(sources)
     collisions = [tags.collision(Collision(name, part.geometry, part.pose, part.surface), part.origin, body.name,
@@ -86,7 +86,7 @@ def _offset(plugin, tag, notes):
     except ValueError:
         numbers = ()
     if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
-        notes.add('{}: {} is "{}"; expected three numbers; 0 0 0 is taken.'.format(plugin.where, tag, text))
+        notes.add('{}: {} is "{}"; expected three numbers; using 0 0 0.'.format(plugin.where, tag, text))
         return (0.0, 0.0, 0.0)
     return numbers
 
@@ -94,7 +94,7 @@ def _offset(plugin, tag, notes):
 def _retarget(plugin, lumped, notes):
     """Return a model plugin whose ``bodyName`` or ``frameName`` names a lumped link, pointed at the carrying link.
 
-    The lumped link's pose in the carrier goes in front of what ``xyzOffset`` and ``rpyOffset`` [m, rad] say.
+    The lumped link's pose in the carrier is composed with ``xyzOffset`` and ``rpyOffset`` [m, rad].
     """
     for tag in ("bodyName", "frameName"):
         if plugin.find(tag) not in lumped:
@@ -127,7 +127,7 @@ def _link_poses(order, connections):
     """Return link name -> pose in the model frame with every joint at zero."""
     by_child = {connection.child: connection for connection in connections}
     poses = {WORLD: IDENTITY}
-    for name in order:      # parents stand before their children
+    for name in order:      # parents before their children
         connection = by_child.get(name)
         poses[name] = IDENTITY if connection is None else compose(poses[connection.parent], connection.pose)
     return poses
@@ -145,7 +145,7 @@ def _document(text, source):
 
 
 def _origin(element):
-    """Return the pose in the xyz and rpy attributes of an ``<origin>``; identity where there is none."""
+    """Return the pose in the xyz and rpy attributes of an ``<origin>``; identity without it."""
     if element is None:
         return IDENTITY
     xyz = attribute_numbers(element, "xyz", 3) if element.get("xyz") is not None else (0.0, 0.0, 0.0)
@@ -176,7 +176,7 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
     -------
     Model
         Links root first, depth first, siblings in alphabetical order of their joints; ``pose`` from an ``<origin>``
-        directly under ``<robot>``; ``notes`` tell what was read but not used.
+        directly under ``<robot>``; ``notes`` has the warnings about ignored elements.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Merging links over fixed joints, and the names that collisions and visuals bear afterwards (Gazebo's rules).
 
-Works on mutable records of its own: a :class:`Body` for each URDF link, a :class:`Connection` for each URDF joint.
+Works on mutable records: a :class:`Body` for each URDF link, a :class:`Connection` for each URDF joint.
 """
 from dataclasses import dataclass, field
 from typing import Any, List, Optional, Tuple
@@ -43,7 +43,7 @@ class Body:
 class Connection:
     """A URDF joint; ``pose`` is the child link's (= joint's) frame in the parent link's frame.
 
-    ``reduced`` says that it is a fixed joint to be merged away.
+    ``reduced``: a fixed joint that is removed by merging.
     """
 
     name: str
@@ -120,7 +120,7 @@ def lump(bodies, connections, root):
     connections : list of Connection
         Reduced ones are taken out; the others get the surviving parent and their pose in it.
     root : str
-        Name of the root link; nothing is merged into a root called ``world``.
+        Name of the root link; no link is merged into a root called ``world``.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def lump(bodies, connections, root):
     by_child = {connection.child: connection for connection in connections}
     reduced = {name: [connection for connection in children.get(name, ()) if connection.reduced and name != WORLD]
                for name in order}
-    for name in reversed(order):        # children stand behind their parents: the deepest come first
+    for name in reversed(order):        # children before their parents
         for connection in reduced[name]:
             bodies[name].inertial = merge_inertials(bodies[name].inertial, bodies[connection.child].inertial,
                                                     connection.pose)

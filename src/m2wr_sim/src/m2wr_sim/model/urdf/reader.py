@@ -68,7 +68,7 @@ def _for_parser(root):
 
 
 def parse_robot(root, source, notes):
-    """Return the urdf_parser_py Robot of a checked document; what it does not know goes to the notes.
+    """Return the urdf_parser_py Robot of a checked document; unsupported elements are added to the notes.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def parse_robot(root, source, notes):
         parent, (kind, name) = found[0], match.groups()[:2]
         instead = _INSTEAD.get((parent.tag, name))
         shown = "<{}>".format(name) if kind == "tag" else "attribute {}".format(name)
-        notes.aside("{}: {} in <{}> is no part of URDF and not read{}.".format(
+        notes.aside("{}: {} in <{}> is not part of URDF and is ignored{}.".format(
             line_of(parent), shown, parent.tag, "; " + instead if instead else ""), (parent.tag, kind, name))
 
     with _reports_to(report):
@@ -124,12 +124,12 @@ def _geometry(geometry, element, files):
 
 
 def _own_surface(element, honoured, notes):
-    """Return the Surface of a ``<surface>`` that stands in a URDF collision: friction and slip only."""
+    """Return the Surface of a ``<surface>`` in a URDF collision: friction and slip only."""
     surface = element.find("surface")
     if surface is None:
         return Surface()
     if not honoured:
-        notes.aside("{}: <surface> in a URDF collision is not read; <mu1> and <mu2> in a <gazebo reference=...> block "
+        notes.aside("{}: <surface> in a URDF collision is ignored; <mu1> and <mu2> in a <gazebo reference=...> block "
                     "are.".format(line_of(surface)), ("surface", "ignored"))
         return Surface()
     notes.aside("{}: <surface> in a URDF collision: mu, mu2, slip1 and slip2 are applied here, while Gazebo itself "
@@ -174,7 +174,7 @@ def _axis(joint, element, notes):
     """Return the Axis of a moving joint, with URDF's default direction and Gazebo's limits."""
     axis_element = element.find("axis")
     if axis_element is not None and any(word.strip("+-0.") for word in (axis_element.get("rpy") or "").split()):
-        notes.aside("{}: attribute rpy of <axis> is no part of URDF and not read; xyz alone gives the axis.".format(
+        notes.aside("{}: attribute rpy of <axis> is not part of URDF and is ignored; the axis is xyz.".format(
             line_of(axis_element)), ("axis", "rpy"))
     xyz = unit(element, joint.axis or (1.0, 0.0, 0.0))
     lower, upper = -NO_LIMIT, NO_LIMIT

@@ -30,7 +30,7 @@ def xacro_in(root):
 
 
 def expanded(text, source, resolve_package=None):
-    """Return a description from a file the user named, expanded where it is xacro; other text comes back as it is.
+    """Return a description from a file the user named, expanded if it is xacro; other text is returned unchanged.
 
     Never for text that came over a topic, service or parameter: xacro evaluates Python expressions. Parameters and
     errors as of :func:`expand_xacro`.

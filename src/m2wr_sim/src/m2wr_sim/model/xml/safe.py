@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading XML that somebody else wrote: safe parsing, and values with errors that name file, line and element.
+"""Safe parsing of untrusted XML; errors name file, line and element.
 
-No other module of this package parses XML text.  Nothing here knows what a robot or a world is.
+No other module of this package parses XML text.  This module is independent of URDF and SDF.
 """
+from __future__ import annotations
+
 import logging
 import math
 import os
 from contextlib import contextmanager
+from typing import Any, Dict, Iterator, NoReturn, Optional, Tuple, Type, Union
 from urllib.parse import unquote
 from xml.parsers import expat
 
@@ -34,7 +37,7 @@ class _Malformed(XmlError):
 
 
 @contextmanager
-def errors_as(error_class):
+def errors_as(error_class: Type[SimError]) -> Iterator[None]:
     """Turn every :class:`XmlError` inside the block into ``error_class`` with the same message."""
     try:
         yield
@@ -46,15 +49,15 @@ class _Prolog(Exception):
     """Raised by the prolog check to leave expat at the first element."""
 
 
-def _refuse_entities(data, source, encoding):
-    """Raise XmlError if the document type declares entities; reads only what stands before the root element."""
+def _refuse_entities(data: bytes, source: str, encoding: Optional[str]) -> None:
+    """Raise XmlError if the document type declares entities; reads only up to the root element."""
     parser = expat.ParserCreate(encoding)
 
-    def on_entity(name, *_):
-        raise XmlError('{}:{}: the document type declares the entity "{}"; entity declarations are refused, expected '
+    def on_entity(name: str, *_: Any) -> None:
+        raise XmlError('{}:{}: the document type declares the entity "{}"; entity declarations are rejected; expected '
                        'plain XML without them'.format(source, parser.CurrentLineNumber, name))
 
-    def on_element(*_):
+    def on_element(*_: Any) -> None:
         raise _Prolog
 
     parser.EntityDeclHandler = on_entity
@@ -66,21 +69,21 @@ def _refuse_entities(data, source, encoding):
     except expat.ExpatError as error:
         raise _Malformed("{}:{}: not well-formed XML: {}; expected an XML document with one root element".format(
             source, error.lineno, expat.ErrorString(error.code))) from None
-    except (LookupError, ValueError) as error:      # expat's answers to an encoding it does not have
+    except (LookupError, ValueError) as error:      # expat's errors for an unknown encoding
         raise _Malformed("{}:1: not well-formed XML: {}; expected an encoding such as utf-8".format(
             source, error)) from None
 
 
-def _refuse_many_attributes(data, source, encoding):
+def _refuse_many_attributes(data: bytes, source: str, encoding: Optional[str]) -> None:
     """Raise XmlError where an element has more than MAX_ATTRIBUTES; expat counts them, in linear time.
 
-    It is asked only where so many "=" stand between two "<".
+    Only done if there are so many "=" between two "<".
     """
     if not any(piece.count(b"=") > MAX_ATTRIBUTES for piece in data.split(b"<")):
         return
     parser = expat.ParserCreate(encoding)
 
-    def on_element(_, attributes):
+    def on_element(_: str, attributes: Dict[str, str]) -> None:
         if len(attributes) > MAX_ATTRIBUTES:
             raise XmlError("{}:{}: an element has {} attributes; expected at most {}".format(
                 source, parser.CurrentLineNumber, len(attributes), MAX_ATTRIBUTES))
@@ -93,7 +96,7 @@ def _refuse_many_attributes(data, source, encoding):
             source, error.lineno, expat.ErrorString(error.code))) from None
 
 
-def parse_xml(text, source, strict=False):
+def parse_xml(text: Union[str, bytes], source: str, strict: bool = False) -> Any:
     """Parse XML without document types, entities or network access.
 
     Parameters
@@ -103,8 +106,8 @@ def parse_xml(text, source, strict=False):
     source : str
         Name of the document for messages, usually a file path.
     strict : bool
-        Refuse what breaks the rules of XML even where Gazebo's parser would not mind; otherwise that is told in the
-        log and put right, see :mod:`lenient_xml`.
+        Reject XML errors that Gazebo's parser accepts; otherwise they are corrected with a warning, see
+        :mod:`m2wr_sim.model.xml.lenient`.
 
     Returns
     -------
@@ -135,11 +138,11 @@ def parse_xml(text, source, strict=False):
             root = _parse(tidied, source, "utf-8")
         except XmlError:
             raise error from None
-        log.warning("%s. It has %s, which Gazebo does not mind; it is read all the same.", error, " and ".join(slips))
+        log.warning("%s. It has %s, which Gazebo accepts; it was corrected.", error, " and ".join(slips))
         return root
 
 
-def _parse(data, source, encoding):
+def _parse(data: bytes, source: str, encoding: Optional[str]) -> Any:
     """Return the root element of a document that keeps the rules of XML."""
     _refuse_entities(data, source, encoding)
     _refuse_many_attributes(data, source, encoding)
@@ -154,13 +157,13 @@ def _parse(data, source, encoding):
         raise _Malformed("{}:{}: not well-formed XML: {}".format(source, line, shorten(message, 200))) from None
     if huge:
         _refuse_depth(root, source)
-    if None in root.nsmap:     # some robots declare a default namespace; no reader of URDF or SDF ever minded it
+    if None in root.nsmap:     # some robots declare a default namespace; all readers of URDF and SDF ignore it
         for element in root.iter("{{{}}}*".format(root.nsmap[None])):
             element.tag = etree.QName(element).localname
     return root
 
 
-def _refuse_depth(root, source):
+def _refuse_depth(root: Any, source: str) -> None:
     """Raise XmlError where elements are nested deeper than MAX_DEPTH."""
     depth = 0
     for event, element in etree.iterwalk(root, events=("start", "end")):
@@ -169,7 +172,7 @@ def _refuse_depth(root, source):
             raise XmlError("{}:{}: elements are nested deeper than {}".format(source, element.sourceline, MAX_DEPTH))
 
 
-def read_file(path):
+def read_file(path: str) -> bytes:
     """Return the bytes of a file; XmlError names a file that is missing, a folder, or not readable."""
     try:
         if not os.path.isfile(path) and os.path.exists(path) and not os.path.isdir(path):
@@ -181,12 +184,12 @@ def read_file(path):
             shorten(path, 300), getattr(error, "strerror", None) or error)) from None
 
 
-def file_of(element):
-    """Return the name of the document an element stands in."""
+def file_of(element: Any) -> str:
+    """Return the name of the document of an element."""
     return unquote(element.getroottree().docinfo.URL or "XML")     # libxml2 keeps it as an escaped URL
 
 
-def path_of(element):
+def path_of(element: Any) -> str:
     """Return the tags from the root to an element, with names: ``sdf/world[default]/model[box]``."""
     steps = []
     for node in reversed([element] + list(element.iterancestors())):
@@ -196,28 +199,48 @@ def path_of(element):
     return "/".join(steps)
 
 
-def line_of(element):
+def line_of(element: Any) -> str:
     """Return ``file:line`` of an element."""
     return "{}:{}".format(file_of(element), element.sourceline)
 
 
-def place(element):
+def place(element: Any) -> str:
     """Return ``file:line: <path>`` of an element, the way every message of this package starts."""
     return "{}: <{}>".format(line_of(element), path_of(element))
 
 
-def fail(element, found, expected):
-    """Raise XmlError for an element: what was found there and what was expected."""
+def fail(element: Any, found: str, expected: str) -> NoReturn:
+    """Raise an XmlError.
+
+    Parameters
+    ----------
+    element : lxml element
+        Its file, line and path are in the message.
+    found, expected : str
+        What was found there, and what is valid.
+
+    Raises
+    ------
+    XmlError
+        Always.
+    """
     raise XmlError("{}: {}; expected {}".format(place(element), found, expected))
 
 
-def shorten(text, limit=60):
-    """Return text on one line, cut to ``limit`` characters, for quoting it in a message."""
-    line = " ".join(text.split())
+def shorten(text: Optional[str], limit: int = 60) -> str:
+    """Return text on one line, for quoting it in a message.
+
+    Parameters
+    ----------
+    text : str or None
+    limit : int
+        Greatest number of characters; a longer text is cut.
+    """
+    line = " ".join((text or "").split())
     return line if len(line) <= limit else line[:limit - 3] + "..."
 
 
-def required_name(element):
+def required_name(element: Any) -> str:
     """Return the ``name`` attribute; XmlError where it is missing or blank."""
     name = (element.get("name") or "").strip()
     if not name:
@@ -227,10 +250,18 @@ def required_name(element):
 
 # -- values from text ---------------------------------------------------------------------------------------------
 
-def parse_float(element, text, what="value", allow_infinite=False):
-    """Return a finite float from text that stands in ``element``.
+def parse_float(element: Any, text: str, what: str = "value", allow_infinite: bool = False) -> float:
+    """Return a finite float; XmlError if the text is not one.
 
-    ``allow_infinite`` lets ``inf`` pass (joint limits use it for "none"); NaN never passes.
+    Parameters
+    ----------
+    element : lxml element
+        The element with the text.
+    text : str
+    what : str
+        Name of the value, for the message.
+    allow_infinite : bool
+        Whether ``inf`` is valid, as in joint limits; NaN never is.
     """
     try:
         value = float(text) if "_" not in text else math.nan
@@ -241,16 +272,36 @@ def parse_float(element, text, what="value", allow_infinite=False):
     return value
 
 
-def parse_vector(element, text, count, what="value"):
-    """Return a tuple of ``count`` finite floats from white-space separated text."""
+def parse_vector(element: Any, text: str, count: int, what: str = "value") -> Tuple[float, ...]:
+    """Return finite floats from text separated by white space; XmlError if it does not hold them.
+
+    Parameters
+    ----------
+    element : lxml element
+        The element with the text.
+    text : str
+    count : int
+        How many numbers are expected.
+    what : str
+        Name of the value, for the message.
+    """
     words = text.split()
     if len(words) != count:
         fail(element, '{} is "{}"'.format(what, shorten(text)), "{} numbers".format(count))
     return tuple(parse_float(element, word, what) for word in words)
 
 
-def parse_bool(element, text, what="value"):
-    """Return True or False from ``true``, ``false``, ``1`` or ``0`` in any case."""
+def parse_bool(element: Any, text: str, what: str = "value") -> bool:
+    """Return a truth value: ``true``, ``false``, ``1`` or ``0`` in upper or lower case; XmlError for other text.
+
+    Parameters
+    ----------
+    element : lxml element
+        The element with the text.
+    text : str
+    what : str
+        Name of the value, for the message.
+    """
     word = text.strip().lower()
     if word in _TRUE:
         return True
@@ -259,8 +310,19 @@ def parse_bool(element, text, what="value"):
     return False
 
 
-def parse_int(element, text, what="value", lowest=None):
-    """Return an integer (``50`` or ``50.0``), not below ``lowest``."""
+def parse_int(element: Any, text: str, what: str = "value", lowest: Optional[int] = None) -> int:
+    """Return an integer, written ``50`` or ``50.0``; XmlError for other text.
+
+    Parameters
+    ----------
+    element : lxml element
+        The element with the text.
+    text : str
+    what : str
+        Name of the value, for the message.
+    lowest : int, optional
+        Least valid value.
+    """
     value = parse_float(element, text, what)
     if value != int(value) or (lowest is not None and value < lowest):
         fail(element, '{} is "{}"'.format(what, shorten(text)),
