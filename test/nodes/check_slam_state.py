@@ -138,7 +138,7 @@ class SlamState(unittest.TestCase):
             stream.write("no state")
         with Mapping(self.robot, self.words) as node:
             answer = state_service("save", self.path("a.state"))
-            self.assertEqual((answer.success, "nothing to save" in answer.message), (False, True))
+            self.assertEqual((answer.success, "no state to save" in answer.message), (False, True))
             node.drive(TOUR[:HALF])
             for verb, name, words in (("save", "", "~state_file"), ("load", "", "~state_file"),
                                       ("save", self.path("nowhere/a.state"), "cannot write"),
@@ -175,7 +175,7 @@ class SlamState(unittest.TestCase):
                 self.robot.stand((0.0, 0.0, 0.1 * k))
                 answer = node.wait_for_pose(self.robot.look((0.75, 0.0, 1.1 + 0.1 * k)).header.stamp)
             self.assertLess(np.abs(xyt(answer) - (0.75, 0.0, 1.4)).max(), 0.05)
-            node.wait_for_text("begins on the map")
+            node.wait_for_text("starts on the map")
             grid = newest_map()
             apart = walls_apart(grid, ROOM)
             self.assertGreater(len(apart), 200)
@@ -192,7 +192,7 @@ class SlamState(unittest.TestCase):
                 robot.tell_time(robot.now + 0.1)
                 robot.stand((x, x, 0.0))
                 node.wait_for_pose(robot.look((0.1, 0.0, 0.0)).header.stamp)
-            node.wait_for_text("as large as it may be")
+            node.wait_for_text("reached its size limit")
             grid = first_map().info
             self.assertLessEqual(grid.width * grid.height, 100000000)
 
@@ -238,9 +238,9 @@ class SlamState(unittest.TestCase):
             self.assertTrue(1.0 <= float(values["effective particles"]) <= 15.0)
             for name in ("mean time of a scan [ms]", "mean map [ms]", "peak memory [MiB]"):
                 self.assertGreater(float(values[name]), 0.0, name)
-            self.assertNotIn(" beside this node's ", node.text)
+            self.assertNotIn(", this node publishes ", node.text)
             self.robot.tf.publish(TFMessage([transform("map", "odom", rospy.Time.from_sec(self.robot.now))]))
-            node.wait_for_text("publishes map -> odom beside this node's map -> odom")
+            node.wait_for_text("publishes map -> odom, this node publishes map -> odom")
         with Mapping(self.robot, self.words + ["_odom_frame:=nowhere"]) as node:
             self.robot.tick((0.0, 0.0, 0.0))
             found = status(lambda entry: "nowhere -> sensor_laser" in entry.message, "the missing transform")

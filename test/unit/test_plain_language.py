@@ -14,14 +14,12 @@ TOPS = ("src", "dropin", "test", "tools", "docs", ".ci")
 #: Not looked at: inputs as others have written them.
 INPUTS = ("test/data", "test/fuzz/corpus")
 #: Folders that are not revised yet, and pages that quote their names and messages; it may only become shorter.
-PENDING = ("src/m2wr_sim", "src/m2wr_gmapping", "src/m2wr_node", "src/m2wr_lockstep", "src/m2wr_tools",
+PENDING = ("src/m2wr_sim", "src/m2wr_node", "src/m2wr_lockstep", "src/m2wr_tools",
            "src/m2wr_course/src/m2wr_course/worlds.py", "test/scripts/record_fixture.py", "docs/reference.md",
            "docs/5_bug2.md", "docs/troubleshooting.md", "docs/how-to/gymnasium.md", "docs/how-to/pause_and_step.md",
            "docs/how-to/python.md", "docs/reference/mapping_evaluation.md", "docs/reference/mapping_nodes.md")
 #: Folders and files inside those above that are rewritten.
-DONE = ("src/m2wr_sim/src/m2wr_sim/model", "src/m2wr_sim/src/m2wr_sim/plugins", "src/m2wr_gmapping/CHANGELOG.rst",
-        "src/m2wr_gmapping/src/m2wr_gmapping/backend", "src/m2wr_gmapping/src/m2wr_gmapping/filter",
-        "src/m2wr_gmapping/src/m2wr_gmapping/frontend")
+DONE = ("src/m2wr_sim/src/m2wr_sim/model", "src/m2wr_sim/src/m2wr_sim/plugins", )
 #: Parts of interfaces, which stay: a key of /diagnostics, also in recorded bags, a value of ~lockstep_on_silence, and a
 #: name in state files of the mapper.
 INTERFACES = re.compile(r"touches of\b|\bgo_on\b|\"hindsight\"|_tracker[.]hindsight\b")

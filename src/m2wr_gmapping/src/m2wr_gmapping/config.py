@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters: names, defaults, units and ranges, read from whatever a user wrote."""
+"""Parameters: names, defaults, units and ranges, with conversion of the values that a user gives."""
 import functools
 import math
 from dataclasses import dataclass, fields
@@ -29,21 +29,21 @@ def _p(default, unit, low, high, meaning):
     return Parameter(default, unit, low, high, meaning)
 
 
-MOST_NOISE = 1e9            # squares and products of it are numbers still
-MOST_CELLS = 1e9            # of the first extent: a byte each in every map that is published
+MOST_NOISE = 1e9            # squares and products of it are finite
+MOST_CELLS = 1e9            # of the initial map; one byte each in every published map
 
-# public name -> parameter. A default of None is filled in from another value, which the meaning names.
+# public name -> parameter. A default of None is replaced by another value, which the meaning names.
 PARAMETERS = {
     "throttle_scans": _p(1, "", 0, 10**9, "process one of this many scans; 0 counts as 1"),
-    "base_frame": _p("base_link", "", 0, 0, "tells how the laser is mounted"),
+    "base_frame": _p("base_link", "", 0, 0, "robot frame in which the laser is mounted"),
     "map_frame": _p("map", "", 0, 0, "frame of map and poses"),
     "odom_frame": _p("odom", "", 0, 0, "frame of the odometry"),
-    "map_update_interval": _p(5.0, "s", 0.0, INFINITY, "least time, in scan stamps, between two maps"),
+    "map_update_interval": _p(5.0, "s", 0.0, INFINITY, "least time between two maps, by scan stamps"),
     "transform_publish_period": _p(0.05, "s", 0.0, INFINITY, "period of map -> odom; 0: never"),
-    "tf_delay": _p(None, "s", 0.0, INFINITY, "its stamp is now plus this; default transform_publish_period"),
-    "occ_thresh": _p(0.25, "", 0.0, 1.0, "occupied where hits/visits is greater"),
+    "tf_delay": _p(None, "s", 0.0, INFINITY, "added to the stamp of map -> odom; default transform_publish_period"),
+    "occ_thresh": _p(0.25, "", 0.0, 1.0, "a cell is occupied if hits / visits is greater"),
     "maxRange": _p(None, "m", 0.0, INFINITY, "longer beams are ignored; default range_max of the first scan - 0.01"),
-    "maxUrange": _p(None, "m", 0.0, INFINITY, "longer beams only clear space up to here; default maxRange"),
+    "maxUrange": _p(None, "m", 0.0, INFINITY, "longer beams only clear space up to this range; default maxRange"),
     "sigma": _p(0.05, "m^2", 1e-9, INFINITY, "denominator of the score's exponent"),
     "kernelSize": _p(1, "cells", 0, 10, "half width of the neighbourhood searched; only with compatible"),
     "lstep": _p(0.05, "m", 1e-9, INFINITY, "first step of the hill climb; only with compatible"),
@@ -51,8 +51,8 @@ PARAMETERS = {
     "iterations": _p(5, "", 0, 1000, "halvings of the steps; only with compatible"),
     "lsigma": _p(0.075, "m^2", 1e-9, INFINITY, "denominator of a beam's log-likelihood"),
     "ogain": _p(3.0, "", 1e-9, INFINITY, "smoothing of the weights"),
-    "lskip": _p(0, "beams", 0, 10**6, "beams left out between two matched ones"),
-    "minimumScore": _p(0.0, "beams", -INFINITY, INFINITY, "a match is taken if its score is greater"),
+    "lskip": _p(0, "beams", 0, 10**6, "beams skipped between two matched ones"),
+    "minimumScore": _p(0.0, "beams", -INFINITY, INFINITY, "a match is accepted if its score is greater"),
     "llsamplerange": _p(0.01, "m", -INFINITY, INFINITY, "accepted, without effect as in the original"),
     "llsamplestep": _p(0.01, "m", -INFINITY, INFINITY, "accepted, without effect as in the original"),
     "lasamplerange": _p(0.005, "rad", -INFINITY, INFINITY, "accepted, without effect as in the original"),
@@ -62,31 +62,31 @@ PARAMETERS = {
     "str": _p(0.1, "m/rad", 0.0, MOST_NOISE, "translation noise from turning"),
     "stt": _p(0.2, "rad/rad", 0.0, MOST_NOISE, "heading noise from turning"),
     "linearUpdate": _p(1.0, "m", 0.0, INFINITY, "distance after which a scan is processed"),
-    "angularUpdate": _p(0.5, "rad", 0.0, INFINITY, "turn after which a scan is processed"),
-    "temporalUpdate": _p(-1.0, "s", -INFINITY, INFINITY, "time after which a scan is processed anyhow; < 0: never"),
+    "angularUpdate": _p(0.5, "rad", 0.0, INFINITY, "rotation after which a scan is processed"),
+    "temporalUpdate": _p(-1.0, "s", -INFINITY, INFINITY, "time after which a scan is processed; < 0: never"),
     "resampleThreshold": _p(0.5, "", 0.0, 1.0, "resample when Neff is below this share of the particles"),
     "particles": _p(30, "", 1, 10000, "number of particles"),
-    "min_particles": _p(None, "", 1, 10000, "where particles agree so few are kept; default particles: always all"),
+    "min_particles": _p(None, "", 1, 10000, "least number of particles, while they agree; default particles"),
     "xmin": _p(-100.0, "m", -1e6, 1e6, "initial extent of the map"),
     "ymin": _p(-100.0, "m", -1e6, 1e6, "initial extent of the map"),
     "xmax": _p(100.0, "m", -1e6, 1e6, "initial extent of the map"),
     "ymax": _p(100.0, "m", -1e6, 1e6, "initial extent of the map"),
     "delta": _p(0.05, "m", 0.001, 10.0, "cell size"),
-    "compatible": _p(False, "", 0, 1, "the plain original algorithm: hill climb, no tracking, no loop closing"),
-    "track_between": _p(True, "", 0, 1, "also match the scans between two processed ones, one pose each"),
-    "loop_closing": _p(True, "", 0, 1, "search old parts of the map and bend the trajectory where they are met again"),
+    "compatible": _p(False, "", 0, 1, "the original algorithm: hill climb, no tracking, no loop closing"),
+    "track_between": _p(True, "", 0, 1, "also match the scans between processed ones"),
+    "loop_closing": _p(True, "", 0, 1, "search for loop closures and optimise the trajectory"),
     "seed": _p(0, "", 0, 2**63 - 1, "seed of all random numbers"),
-    "threads": _p(1, "", 0, 256, "threads that share the particles; 0: one a core"),
+    "threads": _p(1, "", 0, 256, "threads that share the particles; 0: one per core"),
 }
-# public name -> field, where the public one is no good name inside
+# public name -> field of MotionNoise
 FIELDS = {"srr": "trans_trans", "srt": "rot_trans", "str": "trans_rot", "stt": "rot_rot"}
-WHOLE = {"min_particles"}   # numbers without a fraction whose default is that of another one
-# what else a node or launch file may set without it being a mistake
+WHOLE = {"min_particles"}   # integers whose default is another parameter
+# unknown parameters that cause no warning
 TOLERATED = {"inverted_laser"}
 
 
 def _converted(name, value):
-    """Return the value in the parameter's kind, the way the C++ client converts; None where it cannot be."""
+    """Return the value in the parameter's type, converted as by roscpp; None if it cannot be converted."""
     default = PARAMETERS[name].default
     if isinstance(default, str):
         return value if isinstance(value, str) else None
@@ -104,10 +104,7 @@ def _converted(name, value):
 
 @dataclass(frozen=True)
 class GmappingConfig:
-    """Every parameter, checked; the fields are the public names in lower case with underscores where they had capitals.
-
-    See ``PARAMETERS`` for units and meanings.
-    """
+    """All parameters, checked. See ``PARAMETERS`` for units and meanings."""
 
     values: tuple
     unknown: tuple = ()
@@ -120,8 +117,8 @@ class GmappingConfig:
         Parameters
         ----------
         given : mapping of str to object, optional
-            Integers are taken for floats and floats, rounded, for integers. A value of another kind leaves the default
-            and is listed in ``unusable``; a name that is none is listed in ``unknown``.
+            Integers are converted to floats, and floats are rounded to integers. A value of another type is listed in
+            ``unusable`` and the default is used; an unknown name is listed in ``unknown``.
 
         Raises
         ------
@@ -152,7 +149,7 @@ class GmappingConfig:
             ("xmin", "xmax"), ("ymin", "ymax")))
         if columns * rows > MOST_CELLS:
             raise ConfigError("xmin to xmax and ymin to ymax are {:.0f} x {:.0f} cells of delta {} m; expected at most "
-                              "{:g} in all. The map grows where it needs to".format(
+                              "{:g} in all. The map grows as needed".format(
                                   columns, rows, values["delta"], MOST_CELLS))
         if values["min_particles"] is None:
             values["min_particles"] = values["particles"]

@@ -16,7 +16,14 @@ from m2wr_node.kernel_progress import KernelProgress
 
 
 def tour(mapper, steps=40):
-    """Drive round in a square room of 6 m, so that a mapper does all it can do once."""
+    """Drive through a square room of 6 m, so that a mapper calls most kernels.
+
+    Parameters
+    ----------
+    mapper : Mapper
+    steps : int
+        Number of scans.
+    """
     laser = mapper.laser
     pose = np.array([1.0, 0.0, 0.0])
     for k in range(steps):
@@ -30,7 +37,7 @@ def tour(mapper, steps=40):
 
 
 def rare_work(mapper):
-    """Run what the tour need not come to: a window search, a path that is bent."""
+    """Call the kernels that the tour may not reach: window search, drift, loop search, graph optimisation."""
     particles = mapper.filter
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
@@ -48,7 +55,7 @@ def rare_work(mapper):
 
 
 def compile_kernels():
-    """Run the filter, both ways, the loop closing and the map once on a tiny room."""
+    """Run both matchers, the loop closing and the map once in a small room."""
     laser = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 60, 61, 0.1, 10.0)
     for compatible in (False, True):
         mapper = Mapper(GmappingConfig.from_mapping(dict(

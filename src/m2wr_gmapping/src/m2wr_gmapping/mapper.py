@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid mapping from laser scans and odometry: the object that the live node and the replay drive alike."""
+"""Grid mapping from laser scans and odometry: the class behind the node and the replay."""
 import math
 from dataclasses import dataclass
 
@@ -19,23 +19,23 @@ from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
 from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.workers import Workers
 
-END_POINT_GAP = 0.04        # end points nearer to each other are one [m]
+END_POINT_GAP = 0.04        # closer end points are merged [m]
 LEVEL = (0.0, 0.0)
-PUT_OFF = 2.0               # a tilted scan is processed all the same after so many times the way that makes one due
-FARTHEST_ODOMETRY = 1e9     # what is beyond is no place: differences of such numbers are no steps any more [m]
-START_WINDOW = np.array([1.0, 0.5])     # so far from where it is said to stand a robot is found on a saved map [m, rad]
+PUT_OFF = 2.0               # a tilted scan is processed after this multiple of the motion that makes a scan due
+FARTHEST_ODOMETRY = 1e9     # limit of coordinates: differences of larger ones lose precision [m]
+START_WINDOW = np.array([1.0, 0.5])     # search window around the initial pose on a saved map [m, rad]
 
 
 @dataclass(frozen=True)
 class Update:
-    """What one scan did.
+    """Effect of one scan.
 
     Attributes
     ----------
     processed : bool
         Whether the filter used the scan: weights, paths and maps have changed.
     tracked : bool
-        Whether the scan gave a pose of its own.
+        Whether the scan was matched.
     pose : (3,) float64
         Best estimate of the centred laser in ``map`` now.
     """
@@ -46,7 +46,15 @@ class Update:
 
 
 def is_usable(odom_pose, stamp):
-    """Whether a mapper takes a scan from that odometry pose (3,) at that stamp [s]: both are finite and no nonsense."""
+    """Return whether odometry pose and stamp are finite and within their limits.
+
+    Parameters
+    ----------
+    odom_pose : (3,) float64
+        [m, m, rad]
+    stamp : float
+        [s]
+    """
     return bool((np.abs(odom_pose) < FARTHEST_ODOMETRY).all()) and math.isfinite(stamp)
 
 
@@ -77,7 +85,7 @@ class Mapper:
         self.readings, self.stamps = [], []
         self._occupancy = Occupancy([config[name] for name in ("xmin", "ymin", "xmax", "ymax")], config["delta"],
                                     config["occ_thresh"])
-        self.given = 0                  # nodes of the path that are no scans: 1 where a saved map is the ground
+        self.given = 0                  # nodes of the path that are not scans: 1 with a saved map
         self._between = []              # (stamp, index of the processed scan before, pose relative to it)
 
     @property
@@ -91,7 +99,7 @@ class Mapper:
         return len(self._between)
 
     def reading(self, ranges):
-        """Return the ScanReading of one message's ranges (B,), the way ``process`` wants it; raises ScanError."""
+        """Return the ScanReading of one message's ranges (B,) for ``process``; raises ScanError."""
         return self.laser.reading(ranges, self.config["lskip"], 0.0 if self._plain else END_POINT_GAP)
 
     def process(self, reading, odom_pose, stamp, slope=LEVEL):
@@ -106,7 +114,7 @@ class Mapper:
         stamp : float
             Its time [s].
         slope : (2,) float
-            Of the laser's plane then, see ``LaserModel.slope``. The scan of a robot that rocks is put off if it can be.
+            Slope of the laser's plane, see ``LaserModel.slope``. Scans of a pitching robot are postponed if possible.
 
         Returns
         -------
@@ -143,8 +151,7 @@ class Mapper:
             reading = self._level.level_part(reading)
             best = self.filter.best
             tracked = tracker.match(self.filter.maps, best, self.filter.poses[best], reading)
-            # a pose that odometry does not lead to would be lost between two processed scans; but where scan and
-            # odometry contradict each other it is soon known which is right
+            # process a scan that odometry does not explain, unless a slip still has to be confirmed
             due = (due or (self._dense and tracker.unexplained)) and not tracker.undecided
         if due:
             self._process_fully(reading, stamp)
@@ -160,16 +167,16 @@ class Mapper:
         return Update(True, False, self.pose)
 
     def begin_on(self, saved, start, reading, odom_pose, stamp):
-        """Begin on a saved map; call it before the first scan, which is to be handed to ``process`` afterwards.
+        """Start on a saved map; call this before ``process`` of the first scan.
 
-        The map is the first node of every path, at the origin, where loop closing leaves it.
+        The map is the first node of every path, at the origin. Loop closing does not move it.
 
         Parameters
         ----------
         saved : SavedMap
             Its resolution must be the parameter ``delta``.
         start : (3,) float
-            Pose of the centred laser in ``map``, roughly: the best match within ``START_WINDOW`` is taken.
+            Approximate pose of the centred laser in ``map``. The best match within ``START_WINDOW`` is used.
         reading, odom_pose, stamp
             The first scan, as for ``process``.
         """
@@ -187,12 +194,12 @@ class Mapper:
         self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
         self._odom = odom_pose
         self._remember(ground, stamp)
-        self._distance = np.inf         # the first scan is due
+        self._distance = np.inf         # makes the first scan due
         if self._tracker is not None:
             self._tracker.relax_prior()
 
     def reset_odometry(self, odom_pose):
-        """Go on after a break with an odometry that has begun anew: this is where the robot stood at the last scan."""
+        """Continue with an odometry that was reset; the robot is assumed to be at the pose of the last scan."""
         odom_pose = np.asarray(odom_pose, float)
         self._odom = odom_pose
 
@@ -210,7 +217,15 @@ class Mapper:
         self._last_processed = stamp
 
     def due_at(self, odom_pose, stamp):
-        """Whether a scan from there, as the next one, would be processed for the way driven or the time gone by."""
+        """Return whether the next scan would be processed, by distance, rotation or time.
+
+        Parameters
+        ----------
+        odom_pose : (3,) float64
+            Pose of the centred laser in ``odom`` [m, m, rad].
+        stamp : float
+            Time of the scan [s].
+        """
         step = between(self._odom, np.asarray(odom_pose, float))
         return self._due(stamp, float(np.hypot(step[0], step[1])), abs(float(step[2])))
 
@@ -242,7 +257,7 @@ class Mapper:
             self._replace_path(self._loops.search(particles.tree.path(particles.best), self.readings))
 
     def _recalibrate(self):
-        """Tell the steps of the path where the centre of turning is by now; a saved map holds its path by itself."""
+        """Correct the path by the present estimate of the centre of rotation; not on a saved map."""
         if self._tracker is None or self.given:
             return
         tracker, particles = self._tracker, self.filter
@@ -255,7 +270,7 @@ class Mapper:
             self.filter.replace_past(path, self.readings)
 
     def finish(self):
-        """Bring the path and the maps to agree with all that is known; call when no scan follows, or before saving."""
+        """Apply the last corrections to path and maps; call this after the last scan, or before saving."""
         if self.filter is None:
             return
         self._recalibrate()
@@ -276,7 +291,7 @@ class Mapper:
 
     @property
     def beyond(self):
-        """Whether something did not fit into the maps any more: they grow to a limit, not for ever."""
+        """Whether the maps have reached their size limit."""
         return self._occupancy.beyond or (self.filter is not None and self.filter.maps.beyond > 0)
 
     @property
@@ -298,18 +313,28 @@ class Mapper:
     def occupancy(self, exact=True):
         """Return the map (Grid) of the best particle's path.
 
-        Without ``exact``, scans that would be drawn within a third of a cell of where they are stay there. Only what
-        has changed since the last call is traced. To make a map on another thread, take ``map_request`` between two
-        scans and give it to ``map_of`` there.
+        Without ``exact``, scans that moved by less than a third of a cell are not traced again. To make a map on
+        another thread, call ``map_request`` between two scans and pass the result to ``map_of`` there.
         """
         return self.map_of(*self.map_request(), exact=exact)
 
     def map_request(self):
-        """Return what ``map_of`` needs, as it is now: the best path (K, 3) and its readings."""
+        """Return the input of ``map_of``: the best path (K, 3) and its readings."""
         return self.filter.tree.path(self.filter.best), list(self.readings)
 
     def map_of(self, path, readings, exact=False):
-        """Return the map (Grid) of a path; one caller at a time, and with paths in the order they were taken."""
+        """Return the map (Grid) of a path.
+
+        Only one thread may call this, and with paths in the order of ``map_request``.
+
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Poses of the best particle [m, m, rad].
+        readings : sequence of K ScanReading
+        exact : bool
+            See ``occupancy``.
+        """
         self._occupancy.update(path, readings, exact)
         return self._occupancy.grid()
 
@@ -318,10 +343,9 @@ class Mapper:
         return compose(poses, inverse(self.laser.base_from_sensor))
 
     def trajectory(self, between_too=True):
-        """Return stamps (K,) and base poses (K, 3) of the best particle's path, with all that is known by now.
+        """Return stamps (K,) and base poses (K, 3) of the best particle's path.
 
-        With ``between_too`` the scans that were matched between processed ones are in it as well; where the filter has
-        corrected the end of such a stretch, the correction is spread over it.
+        With ``between_too`` it includes the scans that were matched between processed ones.
         """
         path = self.filter.tree.path(self.filter.best)
         stamps, poses = self.stamps[self.given:], list(path[self.given:])

@@ -6,27 +6,26 @@ import numpy as np
 
 
 def wrap(angle):
-    """Bring angles into [-pi, pi)."""
+    """Wrap angles to [-pi, pi)."""
     return (np.asarray(angle, float) + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _wrapped(angle):
-    """Bring one angle into [-pi, pi)."""
+    """Wrap one angle to [-pi, pi)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def _cos_sin(a):
     """Cosine and sine of the headings of poses (..., 3).
 
-    Of a copy: of a strided array numpy takes another way, with other last bits, where the result happens to come to lie
-    right behind it in memory.
+    Uses a copy: for strided arrays numpy may use other code with other last bits, depending on the memory layout.
     """
     theta = a[..., 2].copy()
     return np.cos(theta), np.sin(theta)
 
 
 def compose(a, b):
-    """Return a (+) b: the pose ``b``, given in the frame ``a``, in the frame in which ``a`` is given.
+    """Return a (+) b: the pose ``b`` of the frame ``a``, in the parent frame of ``a``.
 
     Parameters
     ----------
@@ -56,7 +55,13 @@ def inverse(a):
 
 
 def between(a, b):
-    """Return the pose ``b`` as seen from ``a``; both in one frame."""
+    """Return the pose ``b`` relative to ``a``.
+
+    Parameters
+    ----------
+    a, b : (..., 3) array_like
+        Poses in one frame [m, m, rad].
+    """
     a, b = np.asarray(a, float), np.asarray(b, float)
     if a.ndim == b.ndim == 1:
         (ax, ay, at), (bx, by, bt) = a.tolist(), b.tolist()

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Spreading a kernel over ranges of particles."""
+"""Threads that run a kernel on ranges of particles."""
 import os
 import queue
 import threading
 
-PIECES = 4      # per thread: small enough that nobody waits long for one whose core is busy
+PIECES = 4      # per thread; small pieces keep the waiting time for a thread on a busy core short
 
 
 class Workers:
-    """A fixed number of threads that share particles, 0: one a core; results do not depend on how many there are.
+    """A fixed number of threads, 0: one per core. Results do not depend on the number.
 
-    A piece of work is tenths of a millisecond, so it is handed over by queues alone: a pool of the standard library
-    makes an object with a lock for each piece, and costs as much as it saves.
+    A piece of work takes tenths of a millisecond, so it is passed by queues only. A pool of the standard library
+    creates an object with a lock for each piece, which costs as much time as it saves.
     """
 
     def __init__(self, threads):
@@ -25,12 +25,12 @@ class Workers:
 
     @staticmethod
     def _help(shares):
-        """Do shares of work until there is None, and put what went wrong with each, or None, where its run waits."""
+        """Run shares of work until None arrives; put the exception of each, or None, into the queue of its run."""
         for share, done in iter(shares.get, None):
             try:
                 share()
                 done.put(None)
-            except BaseException as error:      # raised again where the work was asked for
+            except BaseException as error:      # raised again in the calling thread
                 done.put(error)
 
     def run(self, work, count):
@@ -46,19 +46,19 @@ class Workers:
             for first, last in ranges:
                 work(first, last)
 
-        done = queue.SimpleQueue()      # its own: what a run that was interrupted left behind is not taken for this one
+        done = queue.SimpleQueue()      # one queue per run, so that leftovers of an interrupted run are ignored
         for _ in self._helpers:
             self._shares.put((share, done))
         try:
             share()
-        finally:        # nobody writes into these arrays any more when this returns
+        finally:        # no thread writes into the arrays after this returns
             errors = [done.get() for _ in range(self._begun(done))]
         for error in errors:
             if error is not None:
                 raise error
 
     def _begun(self, done):
-        """Take back the shares that no helper has begun, on a busy machine, and return the number of those begun."""
+        """Remove the shares that no helper has started, and return the number of started ones."""
         begun = len(self._helpers)
         while begun:
             try:
@@ -77,5 +77,5 @@ class Workers:
         self._helpers = []
 
     def __del__(self):
-        for _ in self._helpers:             # nobody will ask them for anything any more
+        for _ in self._helpers:             # no more work will follow
             self._shares.put(None)

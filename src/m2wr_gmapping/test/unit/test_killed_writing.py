@@ -27,7 +27,7 @@ def folder():
 def run_killed(calls, work):
     """Run ``work`` in a child that is killed before its call number ``calls`` to the system; whether it was.
 
-    Counted are all functions of ``posix`` and ``fcntl`` and all methods of files, whoever calls them.
+    Counted are all functions of ``posix`` and ``fcntl`` and all methods of files, of all callers.
     """
     child = os.fork()
     if not child:
@@ -122,7 +122,7 @@ def test_file_is_old_or_new_after_a_kill(folder):
 
 
 def test_locked_and_foreign_files_are_kept(folder):
-    (folder / "plan-0123456789ab.pgm").write_bytes(b"a picture of somebody's own")
+    (folder / "plan-0123456789ab.pgm").write_bytes(b"a picture of the user")
     (folder / (PREFIX + "notes")).write_bytes(b"")
     during = []
 

@@ -110,7 +110,7 @@ def mapped(world, seed, way=0.02, turn=0.1, finish=True, **parameters):
 
 
 def apart(mapper, truth):
-    """Errors (P,) [m] of relative poses of places that were met again."""
+    """Errors (P,) [m] of relative poses of loop closures."""
     path = mapper.filter.tree.path(mapper.filter.best)
     old, new = np.argwhere(np.triu(np.hypot(*(truth[:, None] - truth)[..., :2].transpose(2, 0, 1)) < 1.0, 60)).T
     error = between(between(truth[old], truth[new]), between(path[old], path[new]))

@@ -10,11 +10,11 @@ SCAN = "sensor_msgs/LaserScan"
 
 
 @pytest.mark.parametrize("published, wanted", [
-    ([], "nobody publishes it; topics with scans: none"),
-    ([("/scan", SCAN)], "its publisher is silent; topics with scans: /scan"),
-    ([("/scan", "sensor_msgs/PointCloud2")], "what is published there is a sensor_msgs/PointCloud2"),
+    ([], "it has no publisher; topics with scans: none"),
+    ([("/scan", SCAN)], "its publisher sends nothing; topics with scans: /scan"),
+    ([("/scan", "sensor_msgs/PointCloud2")], "its type is sensor_msgs/PointCloud2"),
     ([("/b/scan", SCAN), ("/a/scan", SCAN)],
-     "topics with scans: /a/scan, /b/scan. One of them is taken with scan:=/a/scan"),
+     "topics with scans: /a/scan, /b/scan. Use one of them with scan:=/a/scan"),
 ])
 def test_missing_scans(published, wanted):
     assert wanted in no_scan("/scan", published)
@@ -22,9 +22,9 @@ def test_missing_scans(published, wanted):
 
 @pytest.mark.parametrize("frames, newest, wanted", [
     (set(), None, "Expected a robot or simulator"),
-    ({"base", "laser"}, None, "Nobody publishes odom, which the parameter odom_frame names"),
-    ({"odom", "base"}, None, "Nobody says where laser sits: robot_state_publisher"),
-    ({"odom", "laser"}, None, "nothing joins them"),
+    ({"base", "laser"}, None, "No node publishes odom, the value of the parameter odom_frame"),
+    ({"odom", "base"}, None, "No node publishes laser: expected robot_state_publisher"),
+    ({"odom", "laser"}, None, "not connected"),
     ({"odom", "laser"}, 1.7e9, "1699999900.0 s apart: expected the same clock"),
 ])
 def test_missing_transforms(frames, newest, wanted):
@@ -37,7 +37,7 @@ def test_late_transform_gives_no_advice(newest):
 
 
 def test_unknown_base_names_its_parameter():
-    assert "which the parameter base_frame names" in usual_source("base", "laser", {"odom"}, None, 1.0, "base_frame")
+    assert "the value of the parameter base_frame" in usual_source("base", "laser", {"odom"}, None, 1.0, "base_frame")
 
 
 def test_missing_clock_and_scans_are_named_at_start(monkeypatch):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The published map: tracing, growth, and that keeping it up gives what making it anew gives."""
+"""The published map: tracing, growth, and incremental updates."""
 import math
 
 import numpy as np
@@ -77,9 +77,9 @@ def test_incremental_map_equals_a_new_map():
             path[k, :2] += rng.normal(0.0, 0.2, 2)              # poses of the past change, a few at a time
         kept.update(path[:count], readings[:count], exact=True)
         grid = kept.grid()
-        anew = Occupancy((-6.4, -6.4, 6.4, 6.4), 0.1, 0.25)
-        anew.update(path[:count], readings[:count])
-        fresh = anew.grid()
+        rebuilt = Occupancy((-6.4, -6.4, 6.4, 6.4), 0.1, 0.25)
+        rebuilt.update(path[:count], readings[:count])
+        fresh = rebuilt.grid()
         assert np.array_equal(grid.origin, fresh.origin) and np.array_equal(grid.data, fresh.data)
 
 
@@ -161,11 +161,11 @@ def test_counts_are_removed_exactly_after_growth():
         made.update(path[:count], readings[:count], exact=True)
     assert made.bounds[0] > 500                  # it has grown several times
     moved = path + [0.5, 0.0, 0.0]
-    for k in range(30):                         # one after the other, so that none is made anew
+    for k in range(30):                         # one after the other, so that none starts from an empty map
         made.update(np.concatenate([moved[:k + 1], path[k + 1:]]), readings, exact=True)
-    grid, anew = made.grid(), Occupancy((-0.7, -0.7, 0.7, 0.7), 0.05, 0.25)
-    anew.update(moved, readings)
-    fresh = anew.grid()
+    grid, rebuilt = made.grid(), Occupancy((-0.7, -0.7, 0.7, 0.7), 0.05, 0.25)
+    rebuilt.update(moved, readings)
+    fresh = rebuilt.grid()
     x, y = np.rint((fresh.origin - grid.origin) / 0.05).astype(int)
     rows, columns = fresh.data.shape
     assert made.traced == 30 + 2 * 30 and min(x, y) >= 0

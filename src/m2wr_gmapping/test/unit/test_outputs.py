@@ -13,7 +13,7 @@ PERIOD = 0.05
 
 
 def run(clock, wall_end, wall=1000.0):
-    """Run a Pace on a clock (function of wall time) until ``wall_end``; return the times sent and the number of polls."""
+    """Run a Pace on a clock (function of wall time) until ``wall_end``; return times sent and number of polls."""
     pace, passed, sent, looks = Pace(), 0.0, [], 0
     while passed < wall_end:
         now, looks = clock(passed), looks + 1

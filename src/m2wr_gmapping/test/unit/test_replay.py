@@ -121,7 +121,7 @@ def test_scans_before_the_first_transform_are_counted_apart(tmp_path, ring, lase
         entry for entry in all_of_them if entry[0] != "/tf" or entry[2] >= rospy.Time.from_sec(100.25)])
     code, stats = run(tmp_path)
     assert code == 0 and (stats["before_first_transform"], stats["without_transform"]) == (3, 0)
-    assert stats["scans"] == len(truth) and "left out 3 of the first scans" in caplog.text
+    assert stats["scans"] == len(truth) and "skipped 3 of the first scans" in caplog.text
 
 
 @pytest.mark.parametrize("late", [0, 3])
@@ -172,7 +172,7 @@ def test_single_scans_of_other_time_or_laser_are_skipped(tmp_path, ring, laser, 
     add_scans(tmp_path / "drive.bag", odd)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "twice"))
     assert code == 0 and stats["refused"] == 4 and stats["time_jumps"] == 0
-    assert "left out 3 of" in caplog.text and "it is of the laser base; expected laser" in caplog.text
+    assert "skipped 3 of" in caplog.text and "its frame is base; expected laser" in caplog.text
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
 
 
@@ -220,13 +220,13 @@ def test_settle_time_skips_the_first_scans(tmp_path, ring, laser):
 def test_run_without_output_files_warns(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     assert command.main(["--bag_filename", str(tmp_path / "drive.bag")] + SETTINGS) == 0
-    assert "nothing is kept" in caplog.text
+    assert "no result is kept" in caplog.text
 
 
 def test_error_if_all_scans_are_skipped(tmp_path, ring, laser, caplog):
     write_bag(tmp_path / "drive.bag", ring, laser)
     for parameter in ("_throttle_scans:=5000", "_settle_time:=1e4"):
-        assert run(tmp_path, parameter)[0] == command.FAILED and "leave out all" in caplog.text
+        assert run(tmp_path, parameter)[0] == command.FAILED and "skip all" in caplog.text
         caplog.clear()
 
 
@@ -334,7 +334,7 @@ def test_unreachable_score_and_unknown_parameters_warn(tmp_path, ring, laser, ca
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_saves_the_results_so_far(tmp_path, ring, laser, monkeypatch, number):
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)            # whoever runs this may have nohup in front
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)            # the tests may run under nohup
     write_bag(tmp_path / "drive.bag", ring, laser)
     scan, seen = command.Replay._scan, []
 
@@ -352,7 +352,7 @@ def test_signal_saves_the_results_so_far(tmp_path, ring, laser, monkeypatch, num
 
 def test_on_done_command_returns_its_exit_code(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
-    code, _ = run(tmp_path, "--on_done", "touch {}; exit 7".format(tmp_path / "done"))
+    code, _ = run(tmp_path, "--on_done", ": > {}; exit 7".format(tmp_path / "done"))
     assert code == 7 and (tmp_path / "done").exists()
 
 
@@ -373,7 +373,7 @@ def test_one_unwritable_file_does_not_stop_the_others(tmp_path, ring, laser, cap
     assert (tmp_path / "plan.pgm").exists() and not list(tmp_path.glob(".replay*"))
 
 
-# ---- going on
+# ---- resuming
 
 def half_bags(tmp_path, ring, laser):
     """drive.bag, and the same in two pieces: one.bag and two.bag."""
@@ -423,7 +423,7 @@ def test_overridden_parameters_are_named(tmp_path, ring, laser, caplog):
     run(tmp_path, "--save-state", str(tmp_path / "a.state"))
     code, stats = run(tmp_path, "--load-state", str(tmp_path / "a.state"), "--new-odometry", "_particles:=9")
     assert code == 0 and stats["particles"] == 5 and "particles 5 (asked for 9)" in caplog.text
-    assert caplog.text.count("those of the state hold") == 1 and "begun anew" in caplog.text
+    assert caplog.text.count("the state overrides") == 1 and "odometry was reset" in caplog.text
 
 
 def test_replay_starts_on_a_saved_map(tmp_path, ring, laser):

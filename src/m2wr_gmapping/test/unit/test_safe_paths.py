@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Names that come over a service stay in their folder."""
+"""Restriction of file names from clients to one folder."""
 import os
 
 import pytest

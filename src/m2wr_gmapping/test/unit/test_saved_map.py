@@ -179,7 +179,7 @@ def test_row_order_and_thresholds(tmp_path):
 @pytest.mark.parametrize("values, words", [
     (dict(image=None), "expected the keys"), (dict(resolution=None), "resolution is None"),
     (dict(resolution=-0.05), "expected a number"), (dict(resolution="fine"), "'fine'"),
-    (dict(origin=[1.0, 2.0, 0.5]), "turned"), (dict(origin="[here]"), "origin"), (dict(origin=None), "origin"),
+    (dict(origin=[1.0, 2.0, 0.5]), "rotated"), (dict(origin="[here]"), "origin"), (dict(origin=None), "origin"),
     (dict(mode="raw"), "raw"), (dict(occupied_thresh=65), "occupied_thresh is '65'"),
     (dict(occupied_thresh=1.0), "no cell is occupied"), (dict(image="other.pgm"), "other.pgm: No such file")])
 def test_map_errors_name_the_fault(tmp_path, values, words):

@@ -27,7 +27,7 @@ def transform(parent, child, seconds):
 
 
 class FakeTime:
-    """A clock that goes on with every look at it, and lets other threads in between."""
+    """A clock that advances with every reading, and lets other threads run in between."""
 
     def __init__(self):
         self._lock, self._ticks = threading.Lock(), 0
@@ -102,12 +102,12 @@ def test_scans_leave_in_order_once_their_transform_is_known(intake):
 
 
 def test_scans_before_the_first_transform_are_not_dropped(intake):
-    """Transforms that come later than scans cost none; a scan that nobody has a transform for is counted as lost."""
+    """Scans wait for late transforms; a scan without any transform is counted as dropped."""
     intake.on_transforms(TFMessage([transform("odom", "base", seconds) for seconds in (1.0, 1.1)]))
     for at in (0.95, 1.0, 1.05, 1.15):
         intake.on_scan(waiting_scan("laser", at))
     intake.on_scan(waiting_scan("other", 1.16))
-    assert intake._ready() is None and intake.waiting == 5          # nobody has said yet where the laser sits
+    assert intake._ready() is None and intake.waiting == 5          # the mount of the laser is unknown yet
     intake.on_transforms(TFMessage([transform("base", "laser", 0.0)]), static=True)
     assert [round(intake._ready()[0].header.stamp.to_sec(), 3) for _ in range(2)] == [1.0, 1.05]
     assert intake._ready() is None and (intake.early, intake.dropped, intake.waiting) == (1, 0, 2)
@@ -132,7 +132,7 @@ def test_second_parent_of_odom_is_reported_once(monkeypatch):
         intake.on_transforms(message)
 
     send("map", "/other")
-    assert not told                     # with transform_publish_period 0 somebody else has to
+    assert not told                     # with transform_publish_period 0 another node has to
     publishes[0] = True
     for parent, sender in (("map", "/me"), ("/map", "/other"), ("map", "/other"), ("earth", "/third")):
         send(parent, sender)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A saved state: going on from it gives what going on without it would have given; files that are none are refused."""
+"""Saved states: a resumed run equals an uninterrupted one; invalid files are refused."""
 import io
 import json
 import os
@@ -39,7 +39,7 @@ class Ride:
         return self
 
     def saved(self, path, host=None):
-        """Save, and go on with what was saved; returns the State."""
+        """Save and load a state; returns the State."""
         state.save(path, state.snapshot(self.mapper, host))
         self.mapper.close()
         found = state.load(path)
@@ -221,6 +221,6 @@ def test_missing_folder_is_an_error(tmp_path):
 
 def test_no_state_before_the_first_scan(laser):
     mapper = Mapper(GmappingConfig.from_mapping(), laser)
-    with pytest.raises(state.StateError, match="nothing to save"):
+    with pytest.raises(state.StateError, match="no state to save"):
         state.snapshot(mapper)
     mapper.close()

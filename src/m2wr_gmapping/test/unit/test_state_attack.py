@@ -123,7 +123,7 @@ def test_json_is_bounded(good, tmp_path, text, words):
     ("_loops.graph.links.1", lambda found: found + 10**6, "_loops.graph.links.1 is"),
     ("_loops.graph.links.0", lambda found: found + 10**5, "_loops.graph.links.0 is"),
     ("_between.1", lambda found: found + 10**6, "_between.1 is"),
-    ("readings.rays.lengths", lambda found: found + 1, "do not come apart"),
+    ("readings.rays.lengths", lambda found: found + 1, "does not fit the lengths"),
     ("readings.rays", lambda found: found[0], "readings.rays has 1 axes; expected 2"),
     ("readings.rays", lambda found: found + np.float32(1e9), "readings.rays is"),
     ("_tracker._track", lambda found: found[:20], "_tracker._track: 20 where 28 are expected"),

@@ -105,9 +105,9 @@ def test_full_disk_is_reported_once(files, tmp_path, monkeypatch):
             autosave.keep(Mapper(), {})
             finished(autosave)
         return len(told)
-    assert keep(3) == 1 and "killed now, the map would begin anew" in told[0]
+    assert keep(3) == 1 and "after a crash the map would be lost" in told[0]
     folder.mkdir()
-    assert keep(3) == 2 and "is kept again" in told[1]
+    assert keep(3) == 2 and "autosave works again" in told[1]
     (folder / "slam.state").unlink()
     folder.rmdir()
     assert keep(3) == 3 and told[2] == told[0]
@@ -125,7 +125,8 @@ def test_warning_mentions_an_older_state(files, tmp_path, monkeypatch):
     monkeypatch.setattr(state, "save", refuse)
     autosave.keep(Mapper(), {})
     finished(autosave)
-    assert told == ["the disk is full; what was there before is kept: killed now, the map would go on from there"]
+    assert told == ["the disk is full; what was there before is kept: after a crash the map would continue from "
+                    "the older state"]
 
 
 def test_new_launch_on_the_same_master_is_a_new_run(monkeypatch):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tile maps: means and hits as a plain dictionary has them, and sharing that nobody notices."""
+"""Tile maps: means and hits equal those of a dictionary; copy-on-write sharing has no side effects."""
 import math
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans of a robot that rocks."""
+"""Scans of a pitching robot."""
 import math
 
 import numpy as np
@@ -43,7 +43,7 @@ def test_repeated_pitching_does_not_become_the_reference():
 
 @pytest.mark.parametrize("slope, step", [(NOD, 0.0), ((-0.34, 0.0), 0.1), ((0.0, 0.3), 0.1)])
 def test_leaning_on_a_wall_is_not_a_ramp(slope, step):
-    """Wheels that go on drive it up where it stays, or along the wall; then it comes down again."""
+    """The wheels keep turning; the robot stays there or slides along the wall, and comes down again."""
     watch = TiltDetector(0.05, 10.0)
     for _ in range(200):
         assert watch.is_tilted(slope, RING, step) and watch.is_rocking

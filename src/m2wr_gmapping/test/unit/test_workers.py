@@ -46,17 +46,17 @@ def test_threads_end_with_their_owner():
 
 
 def test_busy_helper_is_not_waited_for():
-    workers, done, begun, connect_odometry, left = Workers(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
+    workers, done, begun, resume, left = Workers(2), [], threading.Event(), threading.Event(), queue.SimpleQueue()
 
-    def busy():             # as if its core were
+    def busy():             # blocks the helper
         begun.set()
-        connect_odometry.wait(20.0)
+        resume.wait(20.0)
 
     workers._shares.put((busy, left))
     assert begun.wait(10.0), "the helper has not begun within 10 s"
     workers._shares.put((busy, left))       # of a run that was interrupted: not taken for a share of the next
     workers.run(lambda first, last: done.extend(range(first, last)), 50)
-    assert sorted(done) == list(range(50)) and not connect_odometry.is_set() and workers._shares.empty()
-    connect_odometry.set()
+    assert sorted(done) == list(range(50)) and not resume.is_set() and workers._shares.empty()
+    resume.set()
     assert left.get(timeout=10.0) is None
     workers.close()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writing files so that each is there as a whole or as it was before, whatever happens meanwhile.
+"""Atomic writing of files: each is complete, or unchanged if the program fails.
 
-A file is written under a temporary name beside its place, put onto the disk and renamed. The writer holds a lock on the
-temporary file, so one without a lock was left by a process that is gone; the next writer in the folder removes it.
+A file is written to a temporary file in the same folder, synchronised to disk and renamed. The writer holds a lock on
+the temporary file. One without a lock was left by a dead process; the next writer in the folder removes it.
 """
 import fcntl
 import os
@@ -16,15 +16,14 @@ STREAMS = ("/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/")
 
 
 def write_atomically(*files):
-    """Write files; all are complete on the disk before the first takes the place of an older one.
+    """Write files; all are complete on disk before the first one replaces an older file.
 
-    A link stays one: the file that it leads to is replaced. Devices, pipes and the program's own streams are written
-    to, not replaced.
+    A symbolic link is kept and its target replaced. Devices, pipes and standard streams are written to, not replaced.
 
     Parameters
     ----------
     files : tuple of (str, sequence)
-        Path, and parts: bytes or what can be written like them.
+        Path, and parts: bytes-like objects.
 
     Raises
     ------
@@ -57,9 +56,9 @@ def write_atomically(*files):
 
 
 def remove_stale(folder):
-    """Remove the temporary files in a folder whose writers are gone; returns their paths.
+    """Remove the temporary files of dead writers in a folder; returns their paths.
 
-    A folder that cannot be read and a file system without locks are left as they are.
+    Nothing is removed if the folder cannot be read or the file system has no locks.
     """
     removed = []
     try:
@@ -78,7 +77,7 @@ def remove_stale(folder):
                 os.unlink(path)
                 removed.append(path)
         except OSError:
-            pass            # its writer is at work, or it may not be removed
+            pass            # its writer is active, or it cannot be removed
         finally:
             os.close(descriptor)
     return removed
@@ -105,11 +104,11 @@ def _temporary(folder):
             return descriptor, path         # a file system without locks
         if os.fstat(descriptor).st_nlink:
             return descriptor, path
-        os.close(descriptor)                # another writer took it for a stale one before it was locked
+        os.close(descriptor)                # another writer removed it before it was locked
 
 
 def _complete(folder, parts):
-    """Write parts into a temporary file in ``folder`` and onto the disk; return its path and locked descriptor."""
+    """Write parts to a temporary file in ``folder`` and to disk; return its path and locked descriptor."""
     descriptor, path = _temporary(folder)
     try:
         with os.fdopen(descriptor, "wb", closefd=False) as stream:
@@ -129,11 +128,11 @@ def _remove(path):
     try:
         os.unlink(path)
     except OSError:
-        pass            # it is gone already, which is what is wanted
+        pass            # it does not exist any more
 
 
 def _sync(folder):
-    """Put a folder's names onto the disk."""
+    """Synchronise a folder's entries to disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a run begins on: nothing, a saved map, or the state of an earlier run. The same for live node and replay."""
+"""Initial state of a run: empty, a saved map, or the state of an earlier run. Used by node and replay."""
 from dataclasses import replace
 
 import numpy as np
@@ -14,18 +14,18 @@ SAME = 1e-3         # lasers agree within this [m, rad]
 
 
 class InitialState:
-    """Makes the mapper of a run, and connects it with the first scan.
+    """Creates the mapper of a run, and connects it with the first scan.
 
     Parameters
     ----------
     saved : SavedMap, optional
-        The ground of the run.
+        Map on which the run starts.
     pose : (3,) float, optional
-        Of the base on that map at the first scan; default: as the odometry says.
+        Pose of the base on that map at the first scan [m, m, rad]; default: the pose of odometry.
     loaded : State, optional
-        Of an earlier run; its mapper is used once.
+        State of an earlier run; its mapper is used once.
     runs_on : bool
-        Whether the odometry is still the one of that run.
+        Whether odometry was not reset since that run.
     """
 
     def __init__(self, saved=None, pose=None, loaded=None, runs_on=True):
@@ -34,7 +34,7 @@ class InitialState:
 
     @classmethod
     def from_files(cls, config, map_file="", pose=None, state_file="", runs_on=True):
-        """Read the files; returns a Beginning and the configuration that then holds.
+        """Read the files; returns an InitialState and the resulting configuration.
 
         Raises
         ------
@@ -53,31 +53,31 @@ class InitialState:
         return cls(saved, pose), replace(config, values=tuple(values.items()))
 
     def differing(self, given):
-        """Return what is to be said of parameters (names ``given``) that do not hold because a state has others."""
+        """Return messages about parameters (names ``given``) that the state overrides."""
         if self.loaded is None:
             return []
         return [text for name, text in self.loaded.differing.items() if name in given]
 
     def mapper(self, config, laser):
-        """Return the Mapper for a laser; raises ScanError if that is not the laser of the state."""
+        """Return the Mapper for a laser; raises ScanError if the state has another laser."""
         if self.loaded is None:
             return Mapper(config, laser)
         there = self.loaded.mapper.laser
         if there.angles.shape != laser.angles.shape or not np.allclose(there.angles, laser.angles, atol=SAME):
-            raise ScanError("{} beams over {:.3f} rad; the state was made with {} over {:.3f}".format(
+            raise ScanError("{} beams over {:.3f} rad; the laser of the state has {} over {:.3f}".format(
                 len(laser.angles), np.ptp(laser.angles), len(there.angles), np.ptp(there.angles)))
         if not np.allclose(there.base_from_sensor, laser.base_from_sensor, atol=SAME):
-            raise ScanError("its laser sits at {} on the base; that of the state sat at {}".format(
+            raise ScanError("the laser is mounted at {} on the base; that of the state at {}".format(
                 np.round(laser.base_from_sensor, 3).tolist(), np.round(there.base_from_sensor, 3).tolist()))
         return self.loaded.mapper
 
     def connect(self, mapper, reading, odom_pose, stamp):
-        """Prepare a mapper for its first scan, before ``process``; returns what is to be said about it, or None.
+        """Prepare a mapper for its first scan, before ``process``; returns a log message or None.
 
         Later calls do nothing.
         """
         if self._connected or not is_usable(odom_pose, stamp):
-            return None                 # process refuses the latter
+            return None                 # ``process`` refuses the latter
         self._connected = True
         if self.loaded is not None:
             return state.connect_odometry(mapper, reading, odom_pose, stamp, self._runs_on)
@@ -86,9 +86,9 @@ class InitialState:
         start = odom_pose if self._pose is None else compose(self._pose, mapper.laser.base_from_sensor)
         mapper.begin_on(self._saved, start, reading, odom_pose, stamp)
         x, y, theta = mapper.base_poses(mapper.pose)
-        return "begins on the map {}, the base at ({:.2f}, {:.2f}), heading {:.2f} rad".format(
+        return "starts on the map {} with the base at ({:.2f}, {:.2f}), heading {:.2f} rad".format(
             self._saved.name, x, y, theta)
 
     def again(self):
-        """Return the Beginning of the run after a jump back in time: a saved map holds, a state does not."""
+        """Return the InitialState after a jump back in time: a saved map is used again, a state is not."""
         return InitialState(self._saved, self._pose)

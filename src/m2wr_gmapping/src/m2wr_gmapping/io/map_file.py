@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Saving a map as map_saver does, a PGM picture and a YAML file that names it, as a pair at every moment.
+"""Saving of a map as map_saver does: a PGM picture and a YAML file, which belong together at every moment.
 
-Two files cannot be replaced at once, but the YAML file alone can, and it decides which picture is read. So over an
-older map the new picture is first written as ``NAME-DIGEST.pgm``, after its content, and the YAML file is replaced
-by one that names it. Now ``NAME.pgm`` belongs to no pair: it is replaced too, then the YAML file again by one that
-names it, and the picture with the digest is removed. A program that is killed on the way leaves a pair and perhaps a
-picture too many, which ``tidy`` removes.
+Two files cannot be replaced atomically, but the YAML file can, and it names the picture. If there is an older map, the
+new picture is first written as ``NAME-DIGEST.pgm``, and the YAML file is replaced by one that names it. Then
+``NAME.pgm``
+is replaced, and the YAML file again, and the picture with the digest is removed. A killed program leaves a consistent
+pair and perhaps one more picture, which ``tidy`` removes.
 """
 import hashlib
 import logging
@@ -24,7 +24,7 @@ FREE, OCCUPIED, UNKNOWN = 254, 0, 205
 
 
 class MapFileError(OSError):
-    """A map could not be written; the files that were there before are untouched."""
+    """A map could not be written; older files are unchanged."""
 
 
 def picture(data, free=25, occupied=65):
@@ -45,7 +45,7 @@ def picture(data, free=25, occupied=65):
 
 
 def pgm(data, resolution, free=25, occupied=65):
-    """Return a map's picture as the parts of a file: bytes and what can be written like them."""
+    """Return a map's picture as parts of a file: bytes-like objects."""
     grey = picture(data, free, occupied)
     head = "P5\n# CREATOR: map_saver.cpp {:.3f} m/pix\n{} {}\n255\n".format(resolution, grey.shape[1], grey.shape[0])
     return [head.encode(), np.ascontiguousarray(grey)]
@@ -58,7 +58,7 @@ def description(image, resolution, origin, free_thresh=0.196, occupied_thresh=0.
 
 
 def save(name, data, resolution, origin, free=25, occupied=65):
-    """Write ``name``.pgm and ``name``.yaml; at every moment the YAML file there is and its picture are of one map.
+    """Write ``name``.pgm and ``name``.yaml; the YAML file names a picture of the same map at every moment.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     Returns
     -------
     list of str
-        The two paths. Where only ``name``.pgm cannot be replaced, the picture is the one that has a digest in its name.
+        The two paths. If only ``name``.pgm cannot be replaced, the picture has a digest in its name.
 
     Raises
     ------
@@ -126,10 +126,10 @@ def _digest(parts):
 
 
 def tidy(name):
-    """Remove what a program that was killed while it wrote the map ``name`` left; returns the paths.
+    """Remove files that a killed writer of the map ``name`` left; returns the paths.
 
-    These are temporary files without a writer, and pictures with the digest of their content in their name that the
-    YAML file does not name.
+    These are temporary files without a writer, and pictures with a digest in their name that the YAML file does not
+    name.
     """
     folder, base = os.path.split(os.path.abspath(name))
     removed = remove_stale(folder)

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""File names that somebody else chose, kept inside one folder."""
+"""Restriction of file names from clients to one folder."""
 import os
 import stat
 
 
 class OutsideError(ValueError):
-    """A name leads out of the folder, or to what is no file; says where names may lead."""
+    """A name is outside the folder or no file; the message names the folder."""
 
 
 def confined(folder, name, parameter):
-    """Return the real path of a file whose name came over a service.
+    """Return the real path of a file that a client of a service has named.
 
     Parameters
     ----------
     folder : str
-        All files are inside it; it is made if it is not there.
+        All files are inside it; it is created if missing.
     name : str
         Relative to the folder, or an absolute path inside it.
     parameter : str
-        What sets the folder, for messages.
+        Parameter that sets the folder, for messages.
 
     Raises
     ------

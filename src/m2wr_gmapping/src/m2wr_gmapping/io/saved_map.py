@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map that was saved before, as the ground on which a new run begins."""
+"""A saved map on which a new run starts."""
 import math
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ import numpy as np
 from m2wr_gmapping.filter.occupancy import PATCH, Occupancy
 from m2wr_gmapping.frontend import match_kernels as mk
 
-SURE_VISITS = 3         # a saved cell counts as if it had been seen that often: what has changed since can be unlearnt
+SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class SavedMap:
     resolution : float
         Cell size [m].
     origin : (2,) float
-        Middle of cell (0, 0) in ``map`` [m].
+        Centre of cell (0, 0) in ``map`` [m].
     name : str
         For messages.
     """
@@ -33,15 +33,15 @@ class SavedMap:
     name: str = ""
 
     def walls(self):
-        """Return the middles (2, M) of the occupied cells in ``map`` [m]."""
+        """Return the centres (2, M) of the occupied cells in ``map`` [m]."""
         rows, columns = np.nonzero(self.data == 100)
         return np.stack([self.origin[0] + self.resolution * columns, self.origin[1] + self.resolution * rows])
 
 
 class MapReading:
-    """A saved map in the place of a scan: its walls are end points, seen from the map's origin; it cannot be matched.
+    """A saved map as a reading: its walls are end points, seen from the map's origin.
 
-    Has the attributes of ``scan.ScanReading``.
+    It has the attributes of ``scan.ScanReading``, but no beams to match.
     """
 
     def __init__(self, points):
@@ -51,7 +51,7 @@ class MapReading:
 
 
 class SavedMapOccupancy(Occupancy):
-    """The published map, with a saved one below all that is counted.
+    """The published map, with a saved map as initial counts.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class SavedMapOccupancy(Occupancy):
         self._given = saved
         rows, columns = (math.ceil(cells / PATCH) * PATCH for cells in saved.data.shape)
         x, y = saved.origin
-        # a thousandth of a cell, so that rounding takes no patch away
+        # a thousandth of a cell more, so that rounding does not remove a patch
         reach = saved.resolution * np.array([columns + 1e-3, rows + 1e-3])
         super().__init__((x, y, x + reach[0], y + reach[1]), saved.resolution, threshold)
 
@@ -79,7 +79,7 @@ class SavedMapOccupancy(Occupancy):
         known, count = patches[rows, columns], len(rows)
         if count > len(self._blocks["changed"]):
             self._more_blocks(count)
-        column, row = self._shift // PATCH          # in which patch the saved map begins
+        column, row = self._shift // PATCH          # first patch of the saved map
         self._table[row + rows, column + columns] = np.arange(count)
         self._used[0], blocks = count, self._blocks
         blocks["visits"][:count] = SURE_VISITS * (known >= 0)

@@ -23,7 +23,7 @@ def read_map(path):
     Raises
     ------
     MapReadingError
-        If a file cannot be read, a value is missing, or the map is turned against its frame.
+        If a file cannot be read, a value is missing, or the map is rotated in its frame.
     """
     path = path if os.path.splitext(path)[1] in (".yaml", ".yml") else path + ".yaml"
     at = path
@@ -31,7 +31,7 @@ def read_map(path):
         values = read_values(path)
         resolution, origin = number(values, "resolution", 0.001, 10.0), origin_of(values)
         if abs(origin[2]) > 1e-6:
-            raise MapInputError("origin {} is turned; expected yaw 0".format(list(origin)))
+            raise MapInputError("origin {} is rotated; expected yaw 0".format(list(origin)))
         if values.get("mode", "trinary") == "raw":
             raise MapInputError("mode raw; expected trinary or scale")
         occupied, free = number(values, "occupied_thresh", 0.0, 1.0), number(values, "free_thresh", 0.0, 1.0)
@@ -45,5 +45,5 @@ def read_map(path):
         dark = 1.0 - dark
     data = np.select([dark > occupied, dark < free], [100, 0], -1).astype(np.int8)
     if not (data == 100).any():
-        raise MapReadingError("map {}: no cell is occupied; there is nothing to begin on".format(path))
+        raise MapReadingError("map {}: no cell is occupied; expected walls".format(path))
     return SavedMap(data, resolution, (float(origin[0]), float(origin[1])), path)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Everything a mapper needs to go on as if it had never stopped, in one file of numbers.
+"""Saving and loading of a mapper's state, so that a run continues with the same results.
 
-See ``state_file`` for the container and ``state_layout`` for what is stored. A mapper that this program makes by itself
-is filled with what was stored, checked value by value: a file runs no code and reaches outside no array.
+See ``state_file`` for the container and ``state_layout`` for the attributes. The stored values are checked and then
+assigned to a new mapper. A file cannot run code or cause access outside an array.
 """
 import math
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from m2wr_gmapping.io.state_types import KindError, Store
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
 
-# parameters that are the program's own, not the map's: those of the running program hold
+# parameters of the program, not of the map: those of the running program are used
 OWN = ("throttle_scans", "base_frame", "map_frame", "odom_frame", "map_update_interval", "transform_publish_period",
        "tf_delay", "threads")
-MOST_WORDS = 1000       # letters of what the program that saved a state added, each
-FASTEST = 5.0           # an odometry that went faster between state and scan has begun anew [m/s]
-FAR = np.array([1.0, 0.7])          # so far from that of the state an odometry is checked by the scan [m, rad]
-LOOK = np.array([0.5, 0.3])         # each place is looked at so far around [m, rad]
+MOST_WORDS = 1000       # characters of each value that the saving program added
+FASTEST = 5.0           # a higher speed between state and scan means that odometry was reset [m/s]
+FAR = np.array([1.0, 0.7])          # odometry that differs more from the state is checked by the scan [m, rad]
+LOOK = np.array([0.5, 0.3])         # search window around each pose [m, rad]
 FIT = 1.0 / np.square([0.3, 0.3, 0.2])
-BETTER_SHARE = 0.1      # by so much of its beams a scan must fit better where the robot stood than where odometry leads
+BETTER_SHARE = 0.1      # share of beams by which a scan must fit better at the old pose than at that of odometry
 
 
 @dataclass
@@ -38,9 +38,9 @@ class State:
     mapper : Mapper
         Ready for the next scan.
     host : dict
-        What the program that saved it added.
+        Values that the saving program added.
     differing : dict
-        Parameters of the running program that do not hold, because the map was begun with others: name -> both values.
+        Parameters of the running program that the state overrides: name -> both values.
     """
 
     mapper: Mapper
@@ -50,19 +50,19 @@ class State:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A mapper as it was at one moment; it shares no memory with the mapper."""
+    """Copy of a mapper's state; it shares no memory with the mapper."""
 
     document: dict
     arrays: dict
 
 
 def snapshot(mapper, host=None):
-    """Return the Snapshot of a mapper as it is now; between two scans, and while nobody makes a map of it.
+    """Return the Snapshot of a mapper; call this between two scans, and while no map is made of it.
 
-    ``host`` (dict of words and numbers) comes back with it. Raises StateError before the first scan.
+    ``host`` (dict of words and numbers) is stored too. Raises StateError before the first scan.
     """
     if mapper.filter is None:
-        raise StateError("there is nothing to save yet: no scan has been processed")
+        raise StateError("no state to save: no scan has been processed yet")
     store, given = Store(), isinstance(mapper._occupancy, SavedMapOccupancy)
     try:
         state_layout.LASER.take(mapper.laser, "laser", store)
@@ -75,7 +75,7 @@ def snapshot(mapper, host=None):
 
 
 def save(path, taken):
-    """Write a Snapshot to a file; an older file is replaced only by a complete new one. Raises StateError."""
+    """Write a Snapshot to a file atomically. Raises StateError."""
     state_file.write(path, taken.document, taken.arrays)
 
 
@@ -85,12 +85,12 @@ def load(path, live=None):
     Parameters
     ----------
     live : GmappingConfig, optional
-        Of the running program: from it are taken the parameters in ``OWN``. All others are those of the file.
+        Configuration of the running program: the parameters in ``OWN`` are taken from it, all others from the file.
 
     Raises
     ------
     StateError
-        If there is no such file, or it is damaged, of another version, not a state at all, or made to do harm.
+        If the file is missing, damaged, of another version, or no state.
     """
     document, arrays = state_file.read(path)
     try:
@@ -103,11 +103,11 @@ def load(path, live=None):
     except (ValueError, ArithmeticError) as error:
         raise StateError("{}: its parts do not fit together: {}".format(path, str(error)[:300])) from error
     except MemoryError:
-        raise StateError("{}: there is not enough memory for it".format(path)) from None
+        raise StateError("{}: not enough memory to load it".format(path)) from None
 
 
 def _plain(found, name, words_only=False):
-    """Return a dict of JSON as it is if it is one; with ``words_only``, of words, numbers and None."""
+    """Return a value of JSON if it is a dict; with ``words_only``, only of words, numbers and None."""
     if not isinstance(found, dict):
         raise KindError("{} is no table of names and values".format(name))
     for key, value in found.items() if words_only else ():
@@ -117,7 +117,7 @@ def _plain(found, name, words_only=False):
 
 
 def _config(values, live):
-    """Return the configuration of a state, and which parameters of the running program do not hold."""
+    """Return the configuration of a state, and the overridden parameters of the running program."""
     values, differing = _plain(values, "config", words_only=True), {}
     if live is not None:
         given = live.as_dict()
@@ -160,7 +160,7 @@ def _fit(mapper, reading, pose):
 
 
 def _is_odometry_reset(mapper, reading, odom_pose):
-    """Whether a scan fits the map clearly better where the robot stood than where its odometry leads."""
+    """Whether a scan fits clearly better at the last pose than at the pose of odometry."""
     if mapper.config["compatible"] or not reading.beams.shape[1]:
         return False
     step = between(mapper.odometry, odom_pose)
@@ -171,7 +171,7 @@ def _is_odometry_reset(mapper, reading, odom_pose):
 
 
 def connect_odometry(mapper, reading, odom_pose, stamp, runs_on=True):
-    """Connect a loaded mapper to the odometry of its next scan; returns what is to be said about it, or None.
+    """Connect a loaded mapper to the odometry of its next scan; returns a log message or None.
 
     Parameters
     ----------
@@ -182,14 +182,14 @@ def connect_odometry(mapper, reading, odom_pose, stamp, runs_on=True):
     stamp : float
         Of the next scan [s].
     runs_on : bool
-        Whether the odometry is the one that the state was made with. If not, or if it cannot be, because time has gone
-        back, the robot would have been faster than ``FASTEST`` or the scan fits far better without it, the robot is
-        taken to stand where it stood.
+        Whether odometry was not reset since the state was saved. A reset is also assumed if time has jumped back, the
+        speed would exceed ``FASTEST``, or the scan fits far better at the last pose. After a reset the robot continues
+        at the last pose.
     """
     before = mapper.odometry
     apart, seconds = math.hypot(odom_pose[0] - before[0], odom_pose[1] - before[1]), stamp - mapper.stamps[-1]
     if runs_on and apart <= FASTEST * max(seconds, 0.0) and not _is_odometry_reset(mapper, reading, odom_pose):
         return None
     mapper.reset_odometry(odom_pose)
-    return ("the odometry is taken to have begun anew ({:.2f} m and {:.1f} s from that of the state): "
-            "the robot goes on where it stood".format(apart, seconds))
+    return ("odometry was reset ({:.2f} m and {:.1f} s from that of the state): "
+            "the robot continues at its last pose".format(apart, seconds))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The container of a saved state: a zip archive of JSON and plain arrays that is checked before memory is taken for it.
+"""Container of a saved state: a zip archive of JSON and plain arrays, checked before memory is allocated.
 
 ``state.json`` holds numbers and words, every ``NAME.npy`` one array: ``numpy.load`` of a ``.npz`` opens it too. Nothing
 in such a file is evaluated, and no class is named in it.
@@ -18,8 +18,8 @@ import numpy as np
 from m2wr_gmapping.io.atomic_files import write_atomically
 
 FORMAT = "m2wr_gmapping state"
-VERSION = 5                         # goes up whenever a stored name comes to mean something else
-PICKLES = b"m2wr_gmapping state\n"  # begins the files of version 4 and before
+VERSION = 5                         # increased if the meaning of a stored name changes
+PICKLES = b"m2wr_gmapping state\n"  # first bytes of files up to version 4
 MOST_FILE = 1 << 30                 # [byte]
 MOST_UNPACKED = 1 << 30             # of all members together [byte]
 MOST_JSON = 1 << 20                 # of state.json [byte]
@@ -40,7 +40,7 @@ class StateError(ValueError):
 
 
 class _Parts:
-    """Collects what zipfile writes, for ``write_whole``."""
+    """Collects the output of zipfile for ``write_atomically``."""
 
     def __init__(self):
         self.parts, self._at = [], 0
@@ -58,13 +58,13 @@ class _Parts:
 
 
 def write(path, document, arrays):
-    """Write a state; an older file is replaced only by a complete new one.
+    """Write a state atomically.
 
     Parameters
     ----------
     path : str
     document : dict
-        What JSON can hold; gets ``format`` and ``version``.
+        Content of ``state.json``; ``format`` and ``version`` are added.
     arrays : dict of str to ndarray
         Of the types in ``DTYPES``.
 
@@ -94,7 +94,7 @@ def read(path):
     Raises
     ------
     StateError
-        If there is no such file, or it is none, damaged, of another version or too large; says which.
+        If the file is missing, no state, damaged, of another version or too large.
     """
     try:
         with _opened(path) as stream:
@@ -111,12 +111,12 @@ def read(path):
             struct.error) as error:
         raise StateError("{}: the file is damaged or cut off: {}".format(path, str(error)[:200])) from error
     except MemoryError:
-        raise StateError("{}: there is not enough memory for it".format(path)) from None
+        raise StateError("{}: not enough memory to load it".format(path)) from None
     return document, arrays
 
 
 def _opened(path):
-    """Open a regular file; a pipe or device would make the reader wait, or never end."""
+    """Open a regular file; reading a pipe or device could block."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | getattr(os, "O_CLOEXEC", 0))
     found = os.fstat(descriptor)
     if not stat.S_ISREG(found.st_mode):
@@ -134,7 +134,7 @@ def _check_ends(stream):
     if begin.startswith(PICKLES):
         found = re.search(rb'"version": ?([0-9]{1,5})', begin)
         raise StateError("a state of {}: it is a pickle, which can run code when it is read, and is not read any more. "
-                         "This program reads version {} only: map anew from the bag, or begin on the saved map".format(
+                         "This program reads version {} only: map the bag again, or start on the saved map".format(
                              "version " + found.group(1).decode() if found else "an old version", VERSION))
     if not begin.startswith(b"PK\3\4"):
         raise StateError("begins with {!r}; expected a state that slam_gmapping saved".format(begin[:20]))
@@ -153,7 +153,7 @@ def _check_ends(stream):
 
 
 def _members(archive):
-    """Return the archive's members by name, after a look at the sizes that they claim."""
+    """Return the archive's members by name, after a check of their declared sizes."""
     members, total = {}, 0
     for info in archive.infolist():
         name = info.filename
@@ -196,7 +196,7 @@ def _document(archive, members):
 
 
 def _array(archive, info):
-    """Return the array in a member; its memory is taken after its size has been found to be what the archive says."""
+    """Return the array in a member; memory is allocated after its size was checked."""
     with archive.open(info) as member:
         head = member.read(10)
         if head[:8] != b"\x93NUMPY\x01\x00" or len(head) != 10:

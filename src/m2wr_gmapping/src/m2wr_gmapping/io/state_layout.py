@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which attributes of a mapper are stored, and what they may be; all others follow from parameters and laser."""
+"""Stored attributes of a mapper and their allowed values; all others follow from parameters and laser."""
 import math
 
 import numpy as np
@@ -16,7 +16,7 @@ from m2wr_gmapping.io.saved_map import MapReading, SavedMap
 from m2wr_gmapping.io.state_types import Array, Generator, Group, KindError, Many, Maybe, Number, Part, Record, Text
 from m2wr_gmapping.mapper import FARTHEST_ODOMETRY
 
-EXTENT = 2e6            # no wall of a saved map is farther from its origin [m]
+EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
 COUNT, REAL, YES = Number(int, 0), Number(float), Number(bool)
 POSE = Array("float64", "3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY)
@@ -98,7 +98,7 @@ _MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
 
 
 def mapper_part(given):
-    """Return the Part of a mapper; ``given``: whether it began on a saved map."""
+    """Return the Part of a mapper; ``given``: whether it started on a saved map."""
     return Part(dict(_MAPPER, _occupancy=GIVEN_OCCUPANCY if given else OCCUPANCY), _MADE)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the attributes of a saved object may be: each kind takes values apart for a file, and puts them together again.
+"""Types of stored attributes: each converts values to numbers and arrays of a file, and back with checks.
 
-An array that compiled code reads by index must have the sizes and values that this code relies on; so each kind says
-them, and what differs is refused before it is used.  Sizes are numbers or names: a name stands for the same number
-wherever it is met within one object, one in small letters within the whole state.
+Compiled code relies on the sizes and values of its arrays, so each type declares them, and other values are refused.
+Sizes are numbers or names. A name has one value within an object; a name in lower case has one value in the whole
+state.
 """
 import math
 
@@ -14,7 +14,7 @@ MOST_ITEMS = 2000000    # of a list: scans of two weeks, one every half second
 
 
 class KindError(ValueError):
-    """A value differs from what its attribute may hold; says which and how."""
+    """A value is not allowed for its attribute; the message says why."""
 
 
 class Store:
@@ -186,7 +186,7 @@ class Array:
         expected = [joined.shape[self._axis] if axis == self._axis else part for axis, part in enumerate(self.shape)]
         if list(joined.shape) != expected or lengths.ndim != 1 or (lengths < 0).any() \
                 or (lengths > joined.shape[self._axis]).any() or int(lengths.sum()) != joined.shape[self._axis]:
-            raise KindError("{}: {} do not come apart into the lengths told".format(where, joined.shape))
+            raise KindError("{}: {} does not fit the lengths of its parts".format(where, joined.shape))
         _check_count(len(lengths), where)
         before = sizes.setdefault(self.shape[self._axis], lengths)
         if not np.array_equal(before, lengths):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading the messages of a ROS 1 bag in the order they were written, whole bags and broken ones.
+"""Reader of the messages of a ROS 1 bag in file order, for complete and damaged bags.
 
-The index at the end is not needed, so a bag whose recorder died can be read up to the point where it ends.
+The index at the end is not used, so the bag of a killed recorder can be read up to its end.
 """
 import bz2
 import logging
@@ -11,7 +11,7 @@ from collections import namedtuple
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_CHUNK, OP_CONNECTION = 2, 5, 7
-LARGEST_CHUNK = 2**30       # of a file that is cut off; a larger one is a length that is wrong
+LARGEST_CHUNK = 2**30       # of a truncated file; a greater length is damaged
 
 Message = namedtuple("Message", "topic type data")
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def _unpacked(fields, data):
 
 
 class _EndOfFile(BagError):
-    """Nothing can be read any more: the file ends, or nobody knows where the next record begins."""
+    """The file ends, or the start of the next record is unknown."""
 
 
 def _is_plain_chunk(fields):
@@ -75,9 +75,9 @@ class BagFile:
     Attributes
     ----------
     topics : dict
-        Topic -> type of all connections met so far.
+        Topic -> type of all connections so far.
     damage : str or None
-        What is wrong with the file, once reading has come there.
+        Description of the first damage, once it was reached.
     fraction : float
         Share of the file that has been read.
 
@@ -110,8 +110,8 @@ class BagFile:
     def messages(self, wanted):
         """Yield a Message for each one of the topics for which ``wanted(topic)`` holds.
 
-        What cannot be read is left out, as little as may be: the rest of a chunk, or of the file where the length of a
-        record is wrong. ``damage`` then says where and why.
+        Damaged parts are skipped: the rest of a chunk, or the rest of the file if the length of a record is wrong.
+        ``damage`` then says where and why.
         """
         while True:
             at = self._stream.tell()
@@ -133,7 +133,7 @@ class BagFile:
             self.damage = "{}: broken at byte {} of {}: {}".format(self._path, at, self._size, error)
 
     def _record(self):
-        """Return header fields and data of the next record, None at the end; of a chunk cut off what is there."""
+        """Return header fields and data of the next record, None at the end; of a truncated chunk the existing part."""
         at = self._stream.tell()
         head = self._stream.read(4)
         if not head:

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Transforms that are far ahead of time: one of them would push all others out of a buffer."""
+"""Detection of single transforms far ahead of time: one of them would remove all others from a buffer."""
 
-JUMP = 1.0      # stamps that much older than those before are a jump back in time, if the next ones are so too [s]
+JUMP = 1.0      # stamps older by more than this are a jump back in time, if the next ones are too [s]
 
 
 class FarAhead:
-    """Finds single transforms whose stamp is far ahead; where a second one follows, time has really gone on.
+    """Finds single transforms with a stamp far ahead; a second one means that time has advanced.
 
     Parameters
     ----------
     limit : float
-        What is that much later than the one before of the same frame is far ahead [s].
+        Greatest difference to the transform before of the same frame [s].
     """
 
     def __init__(self, limit):
@@ -18,7 +18,14 @@ class FarAhead:
         self._newest, self._suspects = {}, set()
 
     def has(self, child, stamp):
-        """Whether the next transform to come, of frame ``child`` at ``stamp`` (genpy.Time), is to be left out."""
+        """Return whether the next transform should be ignored.
+
+        Parameters
+        ----------
+        child : str
+            Its child frame.
+        stamp : genpy.Time
+        """
         now = stamp.secs * 10**9 + stamp.nsecs
         before = self._newest.get(child)
         if before is not None and now - before > self._limit and child not in self._suspects:
@@ -29,6 +36,6 @@ class FarAhead:
         return False
 
     def forget(self):
-        """Begin anew: time has jumped."""
+        """Reset after a jump in time."""
         self._newest.clear()
         self._suspects.clear()

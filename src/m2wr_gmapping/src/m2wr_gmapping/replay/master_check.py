@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether there is a ROS master, without waiting for one."""
+"""Check for a ROS master, without waiting for one."""
 import socket
 
 import rosgraph
 
-PATIENCE = 2.0              # a master that is there answers within that time [s]
+PATIENCE = 2.0              # time limit for the answer of the master [s]
 
 
 def master_answers():
-    """Whether the master that the environment names is there."""
+    """Return whether the master in ROS_MASTER_URI answers."""
     before = socket.getdefaulttimeout()
     socket.setdefaulttimeout(PATIENCE)
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``slam_gmapping_replay``: a bag in, a map and a trajectory out, as fast as it goes."""
+"""``slam_gmapping_replay``: makes a map and a trajectory from a bag, as fast as possible."""
 import argparse
 import logging
 import math
@@ -26,7 +26,7 @@ from m2wr_node.numbers import number
 log = logging.getLogger("slam_gmapping_replay")
 PROGRESS_PERIOD = 1.0       # [s]
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
-LONGEST_BUFFER = 1e9        # a duration of ROS holds no more than twice that [s]
+LONGEST_BUFFER = 1e9        # about half the limit of a duration of ROS [s]
 
 
 def parse(arguments):
@@ -35,21 +35,21 @@ def parse(arguments):
                                      epilog="Parameters: _name:=value, as for slam_gmapping.")
     add = parser.add_argument
     add("--bag_filename", required=True, metavar="FILE", help="ROS 1 bag with scans and transforms")
-    add("--scan_topic", metavar="TOPIC", help="topic of the scans (default: /scan, or what scan:= says)")
+    add("--scan_topic", metavar="TOPIC", help="topic of the scans (default: /scan, or scan:=TOPIC)")
     add("--seed", type=int, metavar="N", help="seed of all random numbers (0)")
-    add("--max_duration_buffer", type=float, default=99999.0, metavar="S", help="time that transforms are kept [s]")
-    add("--on_done", metavar="COMMAND", help="shell command run at the end")
-    add("--trajectory", metavar="FILE", help="final path of the base, each processed scan: stamp x y z qx qy qz qw")
-    add("--tracked", metavar="FILE", help="the same with the scans that were only matched, between processed ones")
-    add("--online", metavar="FILE", help="best pose as it was known at each processed scan, same format")
+    add("--max_duration_buffer", type=float, default=99999.0, metavar="S", help="length of the transform buffer [s]")
+    add("--on_done", metavar="COMMAND", help="shell command to run at the end")
+    add("--trajectory", metavar="FILE", help="final path of the base at processed scans: stamp x y z qx qy qz qw")
+    add("--tracked", metavar="FILE", help="the same with all matched scans between processed ones")
+    add("--online", metavar="FILE", help="best pose known at the time of each processed scan, same format")
     add("--map", metavar="NAME", help="write NAME.pgm and NAME.yaml")
     add("--stats", metavar="FILE", help="write times and counts as JSON")
-    add("--save-state", metavar="FILE", help="write everything that is needed to go on, after the last scan")
-    add("--load-state", metavar="FILE", help="go on where that was written; its parameters hold")
-    add("--new-odometry", action="store_true", help="the odometry has begun anew: the robot stands where it stood")
-    add("--load-map", metavar="FILE", help="begin on a saved map (YAML)")
+    add("--save-state", metavar="FILE", help="write the state after the last scan, for --load-state")
+    add("--load-state", metavar="FILE", help="continue from this state, with its parameters")
+    add("--new-odometry", action="store_true", help="odometry was reset: the robot is at its last pose")
+    add("--load-map", metavar="FILE", help="start on a saved map (YAML)")
     add("--pose", nargs=3, type=float, metavar=("X", "Y", "YAW"),
-        help="where the base stands on it at the first scan [m, rad] (default: as the odometry says)")
+        help="pose of the base on that map at the first scan [m, rad] (default: odometry)")
     add("--quiet", action="store_true", help="no progress")
     plain, parameters, remaps, launched = [], {}, {}, False
     for word in arguments:
@@ -78,7 +78,7 @@ def parse(arguments):
 
 
 def settle_time(parameters):
-    """Take the parameter ``settle_time`` out of others (dict) and return it [s]; raises ConfigError."""
+    """Remove the parameter ``settle_time`` from a dict and return it [s]; raises ConfigError."""
     given = parameters.pop("settle_time", 0.0)
     value = number(given)
     if value is None or not value >= 0.0:
@@ -87,17 +87,17 @@ def settle_time(parameters):
 
 
 def files_wanted(options):
-    """Whether a file is asked for."""
+    """Return whether an output file is requested."""
     return any(getattr(options, name) for name in result_files.NAMES)
 
 
 def as_node(options):
-    """Return the ReplayNode of this run, or None: launch files and those who ask for the map on its topic need one."""
+    """Return the ReplayNode of this run, or None; launch files and runs without output files need one."""
     if files_wanted(options) and not (options.launched or options.on_done):
         return None
     if not master_answers():
         return None
-    from m2wr_gmapping.ros.replay_node import ReplayNode  # not where no master is needed
+    from m2wr_gmapping.ros.replay_node import ReplayNode  # only if a master is needed
     return ReplayNode((log.name, "m2wr_gmapping"))
 
 
@@ -109,12 +109,11 @@ class Replay:
     bag : BagFile
     options : argparse.Namespace
     config : GmappingConfig
-    beginning : Beginning, optional
-        What the map begins on, if not on nothing.
+    beginning : InitialState, optional
     settle : float
-        Scans of that many seconds after the first one are left out.
+        Scans in this time after the first one are skipped [s].
     node : ReplayNode, optional
-        That publishes each map.
+        Publishes each map.
     """
 
     def __init__(self, bag, options, config, beginning=None, settle=0.0, node=None):
@@ -132,14 +131,14 @@ class Replay:
         self._arrived = self._left_out = self._generation = 0
         self._map_stamp = self._laser_frame = None
         self._first_stamp = None
-        self.snapshot = None            # of the mapper after the last scan, where a state is to be saved
+        self.snapshot = None            # snapshot after the last scan, if a state is saved
         loaded = self._beginning.loaded
         if loaded is not None:
             self._arrived, self._map_stamp = loaded.host.get("arrived", 0), loaded.host.get("map_stamp")
         self._told = time.monotonic()
 
     def stop(self, *_):
-        """End after the scan in hand; a signal handler."""
+        """Stop after the current scan; a signal handler."""
         self.stopped = True
 
     def run(self):
@@ -177,7 +176,7 @@ class Replay:
         if self.mapper is None and not self._begin(scan):
             return
         if scan.header.frame_id.lstrip("/") != self._laser_frame:
-            raise ScanError("it is of the laser {}; expected {} as in the first one".format(
+            raise ScanError("its frame is {}; expected {} as in the first one".format(
                 scan.header.frame_id.lstrip("/"), self._laser_frame))
         laser = self.mapper.laser
         with self.filter_watch:
@@ -196,7 +195,7 @@ class Replay:
             self.online.append((stamp, self.mapper.base_poses(update.pose)))
 
     def _start_new_run(self):
-        """Forget the run before a jump back in time, as the live node does."""
+        """Start a new run after a jump back in time, as the live node does."""
         self._generation = self.source.generation
         if self.mapper is not None:
             self.mapper.close()
@@ -217,13 +216,13 @@ class Replay:
         if self._config["minimumScore"] >= beams:
             log.warning("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
                         self._config["minimumScore"], beams, "no scan will be matched" if self._config["compatible"]
-                        else "half the beams of a scan are taken instead")
+                        else "half the beams of a scan are used instead")
         self.mapper = self._beginning.mapper(self._config, laser)
         self._laser_frame = scan.header.frame_id.lstrip("/")
         return True
 
     def _map(self, exact=False):
-        self.grid = None                # never two at a time: at its default size one has 16 million cells
+        self.grid = None                # release the old map first: at the default size it has 16 million cells
         with self.map_watch:
             self.grid = self.mapper.occupancy(exact)
         self.map_watch.piece()
@@ -241,7 +240,7 @@ class Replay:
         sys.stderr.flush()
 
     def complaint(self):
-        """Return why nothing came of the bag, or None."""
+        """Return why the bag gave no map, or None."""
         source = self.source
         if self.mapper is not None and self.mapper.filter is not None:
             return None
@@ -252,14 +251,14 @@ class Replay:
             return "no transforms on /tf or /tf_static in the bag; a scan needs {} -> its frame".format(
                 self._config["odom_frame"])
         if self._left_out and not self.refused:
-            return "no scan could be used: throttle_scans {} and settle_time {:g} leave out all {}".format(
+            return "no scan could be used: throttle_scans {} and settle_time {:g} skip all {}".format(
                 self._config["throttle_scans"], self._settle, self._left_out)
         return "no scan could be used. {}. Frames in the bag: {}; parameters odom_frame {}, base_frame {}".format(
             source.why or "See the warning above", ", ".join(sorted(source.frames)), self._config["odom_frame"],
             self._config["base_frame"])
 
     def statistics(self):
-        """Return what the statistics file holds (dict)."""
+        """Return the content of the statistics file (dict)."""
         mapper = self.mapper
         updates = self.map_watch.summary()
         return dict(
@@ -272,7 +271,7 @@ class Replay:
 
 
 def prepare(options, parameters, node):
-    """Return the Replay that options, parameters (dict) and those of the node ask for.
+    """Return the Replay for options, parameters (dict) and those of the node.
 
     Raises
     ------
@@ -289,15 +288,21 @@ def prepare(options, parameters, node):
                                                 not options.new_odometry)
     replay = Replay(BagFile(options.bag_filename), options, config, beginning, settle, node)
     for label, names in (("unknown parameters, ignored", asked.unknown),
-                         ("of the wrong kind, ignored", asked.unusable),
-                         ("those of the state hold", beginning.differing(parameters))):
+                         ("of the wrong type, ignored", asked.unusable),
+                         ("the state overrides", beginning.differing(parameters))):
         if names:
             log.warning("%s: %s", label, ", ".join(names))
     return replay
 
 
 def run_and_save(replay, options):
-    """Run a replay to its end or the first signal to end, and write what was asked for; returns the exit code."""
+    """Run a replay to its end or the first signal, and write the output files; returns the exit code.
+
+    Parameters
+    ----------
+    replay : Replay
+    options : argparse.Namespace
+    """
     ends = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:               # nohup ignores it
         ends.append(signal.SIGHUP)
@@ -305,9 +310,9 @@ def run_and_save(replay, options):
     try:
         replay.run()
         if replay.bag.damage:
-            log.warning("%s; what can be read was used", replay.bag.damage)
+            log.warning("%s; the readable part was used", replay.bag.damage)
         if replay.mapper is not None and replay.mapper.beyond:
-            log.warning("the map became as large as it may be; what lies beyond was left out")
+            log.warning("the map has reached its size limit; points outside were ignored")
         complaint, source = replay.complaint(), replay.source
         if complaint:
             log.error("%s: %s", options.bag_filename, complaint)
@@ -315,13 +320,13 @@ def run_and_save(replay, options):
         if replay.refused > 1:
             log.warning("%d of %d scans were refused", replay.refused, source.scans)
         if source.odd:
-            log.warning("left out %d of %d scans, whose stamps are of another time", source.odd, source.scans)
+            log.warning("skipped %d of %d scans with stamps of another time", source.odd, source.scans)
         if source.early:
-            log.info("left out %d of the first scans, older than the first transform of their laser", source.early)
+            log.info("skipped %d of the first scans, older than the first transform of their laser", source.early)
         if source.without_transform:
             log.warning("%d of %d scans without a transform, the last: %s", source.without_transform, source.scans,
                         source.why)
-        written, errors = result_files.save(replay, options)     # whole, whatever signals come
+        written, errors = result_files.save(replay, options)     # signals do not interrupt this
     finally:
         for end, handler in before:
             signal.signal(end, handler)
@@ -335,12 +340,12 @@ def run_and_save(replay, options):
 
 def main(arguments=None):
     """Run the command; return its exit code."""
-    logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only what is a warning
+    logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only warnings
     for name in (log.name, "m2wr_gmapping"):
         logging.getLogger(name).setLevel(logging.INFO)
     options, parameters = parse(sys.argv[1:] if arguments is None else arguments)
     missing = result_files.missing_folders(options)
-    if missing:                                 # before the work, not after it
+    if missing:                                 # before the run
         log.error("no folder %s: expected one to write into", ", ".join(missing))
         return USAGE
     node = as_node(options)
@@ -355,7 +360,7 @@ def main(arguments=None):
 
 
 def work(options, parameters, node=None):
-    """Do what options and parameters (dict) ask for, what follows included; returns the exit code.
+    """Run the replay and the command of ``--on_done``; returns the exit code.
 
     Raises as ``prepare``.
     """
@@ -371,5 +376,5 @@ def work(options, parameters, node=None):
         if node is not None:
             node.stay()
         else:
-            log.warning("nothing is kept: no file was asked for, such as --map, and there is no master")
+            log.warning("no result is kept: no output file was requested, such as --map, and there is no master")
     return code

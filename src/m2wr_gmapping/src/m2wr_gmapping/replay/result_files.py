@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The files that a replay leaves behind; what cannot be written keeps nothing else from being written."""
+"""Output files of a replay; an error in one file does not affect the others."""
 import json
 import math
 import os
@@ -17,14 +17,14 @@ def pose_lines(stamps, poses):
 
 
 def missing_folders(options):
-    """Return the folders, of files that are asked for, that are not there."""
+    """Return the missing folders of the requested files."""
     asked = [getattr(options, name) for name in NAMES]
     folders = {os.path.dirname(os.path.abspath(path)) for path in asked if path}
     return sorted(folder for folder in folders if not os.path.isdir(folder))
 
 
 def _write(path, text):
-    """Replace a file by a complete new one; raises OSError with its name."""
+    """Write a file atomically; raises OSError with its name."""
     try:
         write_atomically((path, [text.encode()]))
     except OSError as error:
@@ -34,7 +34,13 @@ def _write(path, text):
 
 
 def save(replay, options):
-    """Write all that was asked for; return the paths written and the errors (lists)."""
+    """Write the requested files; return the written paths and the errors (lists).
+
+    Parameters
+    ----------
+    replay : Replay
+    options : argparse.Namespace
+    """
     mapper, grid = replay.mapper, replay.grid
 
     def save_state(path):
@@ -43,7 +49,7 @@ def save(replay, options):
 
     def save_map(name):
         return map_file.save(name, grid.data, grid.resolution, [grid.origin[0], grid.origin[1], 0.0])
-    ways = dict(
+    writers = dict(
         trajectory=lambda path: _write(path, pose_lines(*mapper.trajectory(between_too=False))),
         tracked=lambda path: _write(path, pose_lines(*mapper.trajectory())),
         online=lambda path: _write(path, pose_lines(*zip(*replay.online)) if replay.online else ""),
@@ -56,7 +62,7 @@ def save(replay, options):
         if not path or (name == "save_state" and replay.snapshot is None):
             continue
         try:
-            written += ways[name](path)
+            written += writers[name](path)
         except (OSError, state.StateError) as error:
             errors.append(error)
     return written, errors

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Times and memory of a run, as the statistics file has them."""
+"""Times and memory of a run, for the statistics file."""
 import resource
 import sys
 import time
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Stopwatch:
-    """Wall and CPU time of pieces of work; work that is not worth a piece of its own counts for the next one."""
+    """Wall and CPU time of pieces of work; time outside pieces is added to the next one."""
 
     def __init__(self):
         self.wall, self.cpu = [], []
@@ -22,7 +22,7 @@ class Stopwatch:
         self._pending += time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
 
     def piece(self):
-        """End a piece: all that was measured since the last one is its time."""
+        """End a piece: its time is everything measured since the last one."""
         self.wall.append(self._pending[0])
         self.cpu.append(self._pending[1])
         self._pending[:] = 0.0
@@ -37,8 +37,8 @@ class Stopwatch:
 
 
 def peak_memory_mib():
-    """Return the most memory this program has held, in MiB."""
-    try:            # the other count, below, goes on from what the process held before it became this program
+    """Return the peak memory of this process [MiB]."""
+    try:            # ru_maxrss, below, includes the process before exec
         with open("/proc/self/status", encoding="ascii") as status:
             return round(next(int(line.split()[1]) for line in status if line.startswith("VmHWM:")) / 1024.0, 1)
     except (OSError, StopIteration):

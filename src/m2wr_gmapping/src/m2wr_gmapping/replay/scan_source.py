@@ -14,12 +14,12 @@ from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
-GAP = 3600.0            # between two transforms of one frame there is no longer one, or the later one is wrong [s]
-PATIENCE = 30.0         # a transform may come that much later, in time of the bag, than the scan it is for [s]
+GAP = 3600.0            # greatest valid time between two transforms of one frame [s]
+PATIENCE = 30.0         # greatest delay of a transform behind its scan, in bag time [s]
 
 
 class ScanSource:
-    """Hands out scans in the order of the bag as soon as their transform is known; keeps all that wait.
+    """Yields scans in the order of the bag as soon as their transform is known; the others wait.
 
     Parameters
     ----------
@@ -27,20 +27,20 @@ class ScanSource:
     scan_topic : str
     odom_frame, base_frame : str
     buffer_length : float
-        Time that transforms are kept [s].
+        Length of the transform buffer [s].
     map_frame : str, optional
-        A recorded transform from there to the odometry's frame is not needed.
+        Recorded transforms from this frame to that of odometry are ignored.
 
     Attributes
     ----------
     scans, without_transform, unreadable : int
-        Scans read; those of them that never got a transform; messages that could not be decoded.
+        Number of scans; of scans without a transform; of messages that could not be decoded.
     early : int
-        Scans, apart from those without a transform, that are older than the first one of their laser.
+        Number of scans older than the first transform of their laser.
     odd : int
-        Single scans with a stamp of long ago, or far ahead, among others that have not.
+        Number of single scans with a stamp of another time.
     generation : int
-        Goes up where time jumps back in the bag, as when a simulation is reset: what follows is another run.
+        Number of jumps back in time, as by a reset of a simulation; each one starts a new run.
     """
 
     def __init__(self, bag, scan_topic, odom_frame, base_frame, buffer_length, map_frame=None):
@@ -53,10 +53,10 @@ class ScanSource:
         self._waiting = deque()
         self._newest = 0.0
         self._newest_of = {}            # child frame -> its newest stamp [ns]
-        self._old = []                  # transforms since the last scan that are older than those before them
-        self._last = self._odd = None   # the newest scan's stamp; a scan that looked like a jump back, if the last one
+        self._old = []                  # transforms since the last scan that are older than earlier ones
+        self._last = self._odd = None   # stamp of the newest scan; the last scan, if it looked like a jump back
         self._older_nodes = None             # stamp of the scan before the newest
-        self._begun = False             # whether a scan of this generation has been handed out
+        self._begun = False             # whether a scan of this run was yielded
         self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
         self.why = None                 # why a scan has no transform
         self.frames = set()
@@ -75,7 +75,7 @@ class ScanSource:
                     self._put(scan)
                 else:
                     self._take(message)
-            except Exception as error:      # genpy raises what struct and it like; a bad message is not the end
+            except Exception as error:      # genpy raises various exceptions; a bad message is skipped
                 if not self.unreadable:
                     log.warning("a message on %s cannot be read: %s", message.topic, error)
                 self.unreadable += 1
@@ -94,7 +94,7 @@ class ScanSource:
                 yield pair
 
     def _put(self, scan):
-        """Let a scan wait; the second one in a row that is much older than the one before begins another run."""
+        """Queue a scan; the second one in a row that is much older starts a new run."""
         stamp = scan.header.stamp
         fault = fault_of(scan.header)
         if fault:
@@ -117,12 +117,12 @@ class ScanSource:
         self._waiting.append(scan)
 
     def _is_far_ahead_of(self, stamp):
-        """Whether the newest scan, which still waits, is of later than this one, and those before it are not."""
+        """Whether only the newest scan, which still waits, is far ahead of this one."""
         return (self._older_nodes is not None and self._older_nodes <= stamp and (self._last - stamp).to_sec() > JUMP
                 and bool(self._waiting) and self._waiting[-1].header.stamp == self._last)
 
     def _jump(self, stamp):
-        log.warning("time jumps back from %.3f to %.3f in the bag: the map begins anew", self._last.to_sec(),
+        log.warning("time jumps back from %.3f to %.3f in the bag: starting a new map", self._last.to_sec(),
                     stamp.to_sec())
         self.generation += 1
         self._begun, self._newest = False, 0.0
@@ -166,7 +166,7 @@ class ScanSource:
             log.debug("transform %s -> %s: %s", transform.header.frame_id, transform.child_frame_id, error)
 
     def _ready(self, scan, patience):
-        """Return (scan, transform), None to wait for more, or () to give the scan up."""
+        """Return (scan, transform), None to wait for more, or () to drop the scan."""
         frame = scan.header.frame_id.lstrip("/")
         try:
             found = self._buffer.lookup_transform_core(self._odom, frame, scan.header.stamp)
@@ -184,7 +184,7 @@ class ScanSource:
             return ()
 
     def _begins_after(self, frame, stamp):
-        """Whether the transform of a scan's frame is known, and only for later times."""
+        """Whether the transform of a frame is known only for later times."""
         try:
             return self._buffer.get_latest_common_time(self._odom, frame) > stamp
         except tf2_ros.TransformException:

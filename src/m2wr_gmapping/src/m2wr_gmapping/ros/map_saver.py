@@ -15,7 +15,7 @@ WAIT_WARNING = 5.0      # [s], wall
 
 
 def parse(arguments):
-    """Return the options of a command line without ROS's own words."""
+    """Return the options of a command line without ROS arguments."""
     parser = argparse.ArgumentParser(prog="map_saver", description="Writes the map on the topic map (another one: "
                                      "map:=TOPIC) as NAME.pgm and NAME.yaml, both or neither.")
     parser.add_argument("-f", default="map", metavar="NAME", dest="name", help="file name without ending (map)")
@@ -56,7 +56,7 @@ def main():
     waited = 0.0
     while not came.wait(0.1):
         if rospy.is_shutdown():
-            rospy.logerr("no map came on %s; nothing was written", subscriber.resolved_name)
+            rospy.logerr("no map received on %s; nothing was written", subscriber.resolved_name)
             return 1
         waited += 0.1
         if waited > WAIT_WARNING:

@@ -15,7 +15,7 @@ _COUNT = struct.Struct("<I")
 class ArrayGrid(OccupancyGrid):
     """An OccupancyGrid whose ``data`` is an array of bytes, written and read in one piece.
 
-    The ordinary message makes a Python number of every cell: about a second for 16 million of them.
+    The standard message creates a Python number for every cell: about a second for 16 million cells.
     """
 
     def serialize(self, buff):
@@ -24,7 +24,7 @@ class ArrayGrid(OccupancyGrid):
         self.info.serialize(buff)
         data = np.ascontiguousarray(self.data, np.int8)
         buff.write(_COUNT.pack(data.size))
-        buff.write(data)            # not its bytes: at the default size those are 16 MB once more
+        buff.write(data)            # not tobytes(), which copies 16 MB at the default size
 
     def deserialize(self, str):       # noqa: A002, the name is that of the class above
         """Read the message; ``data`` becomes an array (W * H,) int8."""
@@ -64,7 +64,7 @@ class ArrayMapAnswer(GetMapResponse):
 class ArrayPath(Path):
     """A Path that is written from arrays in one piece: ``stamps`` (K,) in seconds and ``plane`` (K, 3), x y theta.
 
-    The ordinary message makes some thirty Python objects of each pose, of all poses with every map.
+    The standard message creates about thirty Python objects for each pose with every map.
     """
 
     def serialize(self, buff):

@@ -13,30 +13,30 @@ from m2wr_node.numbers import number
 
 @dataclass(frozen=True)
 class NodeOptions:
-    """What only the live node needs.
+    """Parameters of the live node only.
 
     Attributes
     ----------
     scan_queue : int
-        Scans that may wait for their transform or their turn; the oldest is dropped first.
+        Greatest number of waiting scans; the oldest is dropped first.
     save_on_exit : str
         Map to write when the node ends, without ending; empty: none.
     settle_time : float
-        Scans of that many seconds after the first one are left out.
+        Scans in this many seconds after the first one are skipped [s].
     state_file : str
-        State to begin from, if it exists; also the name that the services take when they get none.
+        State to continue from, if it exists; default file of the services.
     state_folder : str
-        Where the services save and load states that they are given a name for; empty: ``m2wr`` below ROS_HOME.
+        Folder of the files that clients of the services name; empty: ``m2wr`` below ROS_HOME.
     state_save_period : float
-        Between two states that are kept for a node that roslaunch starts again [s], wall; 0: none is.
+        Wall time between two autosaved states [s]; 0: none.
     respawn : bool
-        roslaunch starts a node that ends again and again: one that cannot begin waits for the end of the run.
+        roslaunch restarts the node: after a fatal error at the start it waits for the shutdown.
     odometry_runs_on : bool
-        Whether the odometry is still the one that the state was made with.
+        Whether odometry was not reset since the state was saved.
     map_file : str
-        Saved map to begin on.
+        Saved map to start on.
     initial_pose_x, initial_pose_y, initial_pose_a : float or None
-        Pose of the base on that map at the first scan [m, rad]; none given: as the odometry says.
+        Pose of the base on that map at the first scan [m, rad]; default: odometry.
     """
 
     scan_queue: int = 500
@@ -54,31 +54,31 @@ class NodeOptions:
 
     @property
     def initial_pose(self):
-        """Pose (3,) of the base on the saved map, what was not given being 0; None where nothing was given."""
+        """Pose (3,) of the base on the saved map, with 0 for missing values; None without any value."""
         given = self.initial_pose_x, self.initial_pose_y, self.initial_pose_a
         return None if given == (None, None, None) else [value or 0.0 for value in given]
 
 
 # name: meaning; defaults are those of NodeOptions
 NODE_PARAMETERS = {
-    "scan_queue": "scans that may wait for their transform or their turn; the oldest is dropped first",
+    "scan_queue": "greatest number of waiting scans; the oldest is dropped first",
     "save_on_exit": "map to write when the node ends, without .pgm; empty: none",
-    "settle_time": "scans of that many seconds after the first one are left out: a robot that was just put down rocks",
-    "state_file": "state to go on from, if that file exists; also what save_state and load_state take without a name",
-    "state_folder": "folder of the files that save_state and load_state are given; empty: m2wr below ROS_HOME (~/.ros)",
-    "state_save_period": "wall seconds between two states kept beside the log, to go on from when killed; 0: none",
-    "respawn": "roslaunch restarts this node whenever it ends: one that cannot begin waits for the end",
-    "odometry_runs_on": "false: the odometry has begun anew since the state was saved, the robot stands where it stood",
-    "map_file": "saved map (YAML) to begin on; `delta` is then its cell size",
-    "initial_pose_x": "where the base stands on it at the first scan, within 1 m [m]; default as the odometry says",
-    "initial_pose_y": "likewise [m]",
-    "initial_pose_a": "its heading, within 0.5 rad [rad]",
+    "settle_time": "scans in this many seconds after the first one are skipped, while a robot settles",
+    "state_file": "state to continue from, if the file exists; default file of save_state and load_state",
+    "state_folder": "folder of the files that save_state and load_state name; empty: m2wr below ROS_HOME (~/.ros)",
+    "state_save_period": "wall seconds between two autosaved states, from which a killed node continues; 0: none",
+    "respawn": "roslaunch restarts this node: after a fatal error at the start it waits for the shutdown",
+    "odometry_runs_on": "false: odometry was reset since the state was saved; the robot is at its last pose",
+    "map_file": "saved map (YAML) to start on; its cell size replaces `delta`",
+    "initial_pose_x": "x of the base on that map at the first scan, within 1 m [m]; default: odometry",
+    "initial_pose_y": "y, likewise [m]",
+    "initial_pose_a": "heading, within 0.5 rad [rad]",
 }
 MIN_DEVIATION = {"scan_queue": 1, "settle_time": 0.0, "state_save_period": 0.0}
 
 
 def private_parameters():
-    """Return the node's private parameters as they stand on the server (dict)."""
+    """Return the node's private parameters on the server (dict)."""
     return dict(rospy.get_param("~", {}) or {})
 
 
@@ -105,13 +105,13 @@ def read_parameters(given):
     return config, NodeOptions(**own), warnings
 
 
-AT_FIRST_SCAN = ("maxRange", "maxUrange")      # the original reads these then, all others at the start
+AT_FIRST_SCAN = ("maxRange", "maxUrange")      # gmapping reads these then, all others at the start
 
 
 def read_ranges(config):
-    """Return a GmappingConfig with ``maxRange`` and ``maxUrange`` as they stand on the server now.
+    """Return a GmappingConfig with the present ``maxRange`` and ``maxUrange`` of the server.
 
-    Where the server does not answer, or has a value that cannot be used, those of ``config`` stay.
+    If the server does not answer or has an unusable value, those of ``config`` are kept.
     """
     try:
         given = private_parameters()
@@ -124,7 +124,7 @@ def read_ranges(config):
 
 
 def tf_prefix():
-    """Return the parameter ``tf_prefix`` that holds for this node, the nearest one upwards; empty if there is none."""
+    """Return the parameter ``tf_prefix`` of this node, searched upwards; empty if there is none."""
     found = rospy.search_param("tf_prefix")
     prefix = rospy.get_param(found) if found else ""
     return prefix.strip("/") if isinstance(prefix, str) else ""
@@ -133,7 +133,7 @@ def tf_prefix():
 def with_prefix(config, prefix):
     """Return a GmappingConfig whose frames have the prefix, as tf resolves names.
 
-    A name that begins with a slash is meant as it stands; one that has the prefix already does not get it twice.
+    A name with a leading slash, or with the prefix already, is not changed.
     """
     values = config.as_dict()
     for name in ("base_frame", "odom_frame", "map_frame"):
@@ -146,7 +146,7 @@ def with_prefix(config, prefix):
 
 
 def save_on_exit_warnings(name):
-    """Return warnings (list of str) on a map that could not be written as ``name`` (may be empty) at the end."""
+    """Return warnings (list of str) if a map cannot be written as ``name`` (may be empty) at the end."""
     folder = os.path.dirname(os.path.abspath(os.path.expanduser(name)))
     if not name or (os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK)):
         return []
@@ -163,5 +163,5 @@ def check_frames(config):
 
 
 def frame(name):
-    """Return a frame's name without the slash that tf once had in front."""
+    """Return a frame's name without the leading slash of tf 1."""
     return name.lstrip("/")

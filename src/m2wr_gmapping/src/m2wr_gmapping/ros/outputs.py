@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the node publishes, each on a thread that holds up no scan: map, transform, diagnostics."""
+"""Publishers of the node, in threads that do not block scans: map, transform, pose, diagnostics."""
 import threading
 import time
 
@@ -26,10 +26,10 @@ from m2wr_gmapping.ros.message_conversion import (
 from m2wr_gmapping.se2 import compose, inverse
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
-SHORTEST_WAIT, LONGEST_WAIT = 0.001, 0.05     # between two looks at the clock [s], wall
-SHORTEST_PERIOD = 0.001     # of the transform: a shorter one would leave no time for anything else [s]
-RATE_SPAN = 0.1             # its speed is measured over that long: it goes in steps [s], wall
-LATE = 0.5                  # share of waiting scans above which the node is late
+SHORTEST_WAIT, LONGEST_WAIT = 0.001, 0.05     # between two polls of the clock [s], wall
+SHORTEST_PERIOD = 0.001     # least period of the transform [s]
+RATE_SPAN = 0.1             # interval over which the rate of the clock is measured [s], wall
+LATE = 0.5                  # share of the queue above which diagnostics warn
 
 
 class MapTopics:
@@ -44,7 +44,14 @@ class MapTopics:
         self._service = rospy.Service("dynamic_map", GetMap, self._answer)
 
     def publish(self, grid, entropy):
-        """Publish a Grid; returns its message. The entropy is published where it is above 0."""
+        """Publish a Grid; returns its message. The entropy is published if it is above 0.
+
+        Parameters
+        ----------
+        grid : Grid
+        entropy : float
+            Entropy of the particles' weights.
+        """
         message = grid_message(grid, self._frame, rospy.Time.now())
         self._newest = message
         self._map.publish(message)
@@ -55,12 +62,12 @@ class MapTopics:
 
     def _answer(self, _):
         if self._newest is None:
-            raise rospy.ServiceException("there is no map yet: no scan has been processed")
+            raise rospy.ServiceException("no map: no scan has been processed yet")
         return ArrayMapAnswer(self._newest)
 
 
 class MapOutput:
-    """Makes and publishes the map on a thread of its own; of requests that come meanwhile the newest is kept.
+    """Makes and publishes the map in a thread; of waiting requests only the newest is kept.
 
     Attributes
     ----------
@@ -77,19 +84,19 @@ class MapOutput:
         self._news = threading.Condition()
         self._request, self._closed = None, False
         self.made, self.last_ms, self.total_ms = 0, 0.0, 0.0
-        self.busy = threading.Lock()            # held while a map is made: its mapper's counts are being changed
+        self.busy = threading.Lock()            # locked while a map is made, which changes the counts of its mapper
         self._thread = threading.Thread(target=self._work, name="map", daemon=True)
         self._thread.start()
 
     def ask(self, mapper):
-        """Ask for the map as it is known now; between two scans."""
+        """Request a map; call this between two scans."""
         path, readings = mapper.map_request()
         with self._news:
             self._request = mapper, path, readings, mapper.stamps[mapper.given:], mapper.entropy
             self._news.notify()
 
     def forget(self):
-        """Drop what has been asked for."""
+        """Drop the waiting request."""
         with self._news:
             self._request = None
 
@@ -106,9 +113,9 @@ class MapOutput:
                     self._publish(*request)
             except rospy.ROSException:
                 return                              # ROS has shut down
-            except Exception as error:              # the next map may be better; the node lives on
+            except Exception as error:              # the node continues; the next map may succeed
                 rospy.logerr_throttle(5.0, "the map could not be made: %s: %s" % (type(error).__name__, error))
-            del request                             # while nothing is asked for, no mapper is held
+            del request                             # release the mapper while waiting
 
     def _publish(self, mapper, path, readings, stamps, entropy):
         began = time.perf_counter()
@@ -119,7 +126,7 @@ class MapOutput:
         self.total_ms += self.last_ms
 
     def close(self):
-        """End the thread; returns when the map in hand is done."""
+        """End the thread; returns when the current map is done."""
         with self._news:
             self._closed = True
             self._news.notify()
@@ -129,8 +136,8 @@ class MapOutput:
 class TransformOutput:
     """Publishes map -> odom in ROS time, the identity before the first scan.
 
-    The clock is looked at in wall time: to wait for each of its messages, a thousand a second at ten times real time,
-    took more of a core than the filter.
+    The clock is polled in wall time. Waiting for each clock message, a thousand per second at ten times real time, used
+    more CPU time than the filter.
     """
 
     def __init__(self, config):
@@ -142,7 +149,7 @@ class TransformOutput:
         threading.Thread(target=self._work, name="transform", daemon=True).start()
 
     def set(self, map_from_odom):
-        """Publish another transform (3,) from now on."""
+        """Set the transform (3,) to publish."""
         with self._lock:
             self._pose = np.asarray(map_from_odom, float)
 
@@ -173,26 +180,42 @@ class TransformOutput:
 
 
 class Pace:
-    """When something periodic is due by a clock that may be fast, slow, stand still or jump back."""
+    """Timer on a clock that may be fast, slow, paused or jump back."""
 
     def __init__(self):
         self._next = None
-        self._rate, self._since = 1.0, None     # of the clock; what it was when that was last measured, and wall time
+        self._rate, self._since = 1.0, None     # rate of the clock; clock and wall time of the last measurement
 
     def due(self, now, period):
-        """Whether it is time, by the clock ``now`` [s]; a clock at 0 has not begun. If so, the next time is set."""
+        """Return whether the timer is due, and set its next time.
+
+        Parameters
+        ----------
+        now : float
+            Time of the clock [s]; 0 before the first clock message.
+        period : float
+            [s]
+        """
         if not now:
             return False
         if self._next is None or self._next > now + period:         # the first one, or time has jumped back
             self._next = now
         if now < self._next:
             return False
-        # late ones are made up for by the next one only
+        # missed times are skipped
         self._next = self._next + period if self._next + period > now else now + period
         return True
 
     def wait_time(self, now, wall):
-        """Return wall time [s] to wait before the next look, by how fast the clock has gone lately."""
+        """Return the wall time until the next poll [s], by the recent rate of the clock.
+
+        Parameters
+        ----------
+        now : float
+            Time of the clock [s].
+        wall : float
+            Wall time [s].
+        """
         if self._since is None:
             self._since = now, wall
         elif wall - self._since[1] >= RATE_SPAN:
@@ -203,7 +226,7 @@ class Pace:
 
 
 class PoseOutput:
-    """Publishes the best pose of the base with every scan that gave one, and the particles when they have changed."""
+    """Publishes the best pose of the base with every matched scan, and the particles with every processed one."""
 
     def __init__(self, frame):
         self._frame = frame
@@ -211,7 +234,14 @@ class PoseOutput:
         self._particles = rospy.Publisher("~particles", PoseArray, queue_size=1, latch=True)
 
     def publish(self, mapper, update, stamp):
-        """Publish what one scan has brought."""
+        """Publish the result of one scan.
+
+        Parameters
+        ----------
+        mapper : Mapper
+        update : Update
+        stamp : genpy.Time
+        """
         particles = mapper.filter
         weights = normalise(particles.log_weights, mapper.config["ogain"] * len(particles.poses))
         message = PoseWithCovarianceStamped()
@@ -280,7 +310,7 @@ class Diagnostics:
         if new > 0:
             status.level, status.message = DiagnosticStatus.WARN, "%d scans dropped in the last second" % new
         elif mapper is not None and mapper.beyond:
-            status.level, status.message = DiagnosticStatus.WARN, "the map is as large as it may be"
+            status.level, status.message = DiagnosticStatus.WARN, "the map has reached its size limit"
         elif intake.lacks:
             status.level, status.message = DiagnosticStatus.WARN, "no " + intake.lacks
         elif intake.waiting > LATE * self._limit:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The parameters that may change while the node runs, for ``dynamic_reconfigure``."""
+"""Dynamic parameters, for ``dynamic_reconfigure``."""
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,10 +9,10 @@ from m2wr_gmapping.config import PARAMETERS
 
 try:
     from dynamic_reconfigure.server import Server
-except ImportError:                 # an optional package: all of it can be set before the start as well
+except ImportError:                 # optional package; all parameters can also be set before the start
     Server = None
 
-# name: (least, greatest) as a slider needs them
+# name: (least, greatest) value of the slider
 CHANGEABLE = {"throttle_scans": (1, 100), "map_update_interval": (0.0, 60.0), "transform_publish_period": (0.0, 1.0),
               "minimumScore": (0.0, 1000.0), "linearUpdate": (0.0, 10.0),
               "angularUpdate": (0.0, 3.15), "temporalUpdate": (-1.0, 60.0)}
@@ -47,7 +47,7 @@ def make_reconfigure(config, take):
         take(values)
         return values
 
-    # the server would read its first values from ~ as they are written there, an integer for a float
+    # the server reads its first values from ~ without type conversion
     for name in CHANGEABLE:
         if rospy.has_param("~" + name):
             rospy.set_param("~" + name, config[name])

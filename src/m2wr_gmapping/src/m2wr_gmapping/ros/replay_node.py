@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The replay as a node of its own: with parameters from the server, and its map on topics and service.
+"""The replay as a node: with parameters from the server, and its map on topics and a service.
 
-That is what it is where a launch file starts it, where a command of ``--on_done`` may ask for the map, and where no
-file was asked for. Otherwise it needs no master and looks for none.
+It is used in launch files, with ``--on_done``, and if no file was requested. Otherwise the replay needs no master.
 """
 import logging
 
@@ -22,7 +21,7 @@ class ReplayNode:
     Parameters
     ----------
     loggers : sequence of str
-        Whose lines go to the screen and to /rosout from now on: registering takes away the handlers there were.
+        Loggers whose output goes to the screen and to /rosout; registering a node removes other handlers.
     """
 
     def __init__(self, loggers):
@@ -33,12 +32,21 @@ class ReplayNode:
         self._topics = None
 
     def parameters(self):
-        """Return the filter's private parameters (dict): the server's, with those of the command line among them."""
+        """Return the filter's private parameters (dict) of the server, which include those of the command line."""
         own = set(NODE_PARAMETERS) - {"settle_time"}
         return {name: value for name, value in private_parameters().items() if name not in own}
 
     def show(self, grid, entropy, frame):
-        """Publish a map, and answer with it from now on."""
+        """Publish a map, and return it in answers of the service.
+
+        Parameters
+        ----------
+        grid : Grid
+        entropy : float
+            Entropy of the particles' weights.
+        frame : str
+            Frame of the map.
+        """
         if self._topics is None:
             self._topics = MapTopics(frame)
         try:
@@ -52,11 +60,11 @@ class ReplayNode:
         at_shutdown(stop)
 
     def stay(self):
-        """Keep the map on the topics until somebody ends the node."""
+        """Keep the map on the topics until the node is shut down."""
         rospy.loginfo("the map stays on %s and the service %s; Ctrl-C ends that", rospy.resolve_name("map"),
                       rospy.resolve_name("dynamic_map"))
         rospy.spin()
 
     def leave(self):
-        """Take the node off the graph."""
+        """Unregister the node."""
         rospy.signal_shutdown("done")

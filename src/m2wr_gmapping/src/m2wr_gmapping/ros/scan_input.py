@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans on their way in: each waits until the transform of its laser is known, none holds up the one who brings it."""
+"""Queue of scans: each waits until the transform of its laser is known; callbacks never block."""
 import threading
 import time
 from collections import deque
@@ -12,38 +12,37 @@ from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
 from m2wr_gmapping.ros.missing_inputs import usual_source
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
-BUFFER = 60.0               # time that transforms are kept [s]
-OLD_MESSAGES = 5.0             # scans of about the old time may still come that long after a jump [s]
-WAIT_WARNING = 5.0          # wall time after which a scan that waits is worth a word [s]
+BUFFER = 60.0               # length of the transform buffer [s]
+OLD_MESSAGES = 5.0             # time after a jump in which messages with old stamps are ignored [s]
+WAIT_WARNING = 5.0          # wall time after which a waiting scan causes a warning [s]
 
 
 class Intake:
-    """Queue of scans and buffer of transforms; callbacks put in, one worker takes out.
+    """Queue of scans and buffer of transforms, filled by callbacks and read by one worker.
 
     Parameters
     ----------
     odom_frame : str
     limit : int
-        Scans that may wait; the oldest is dropped first.
+        Greatest number of waiting scans; the oldest is dropped first.
     map_frame : str, optional
-        Transforms from there to the odometry's frame are what comes of the scans, here or, in a bag, elsewhere: not
-        needed.
+        Transforms from this frame to that of odometry are ignored: they are results of mapping.
     publishes : callable, optional
-        Whether this node publishes that transform (bool): who else gives the odometry's frame a parent is then named.
+        Whether this node publishes that transform (bool). If so, other parents of the odometry frame cause a warning.
 
     Attributes
     ----------
     generation : int
-        Goes up whenever time has jumped back; what was taken out before belongs to another run.
+        Number of jumps back in time; each one starts a new run.
     arrived, dropped : int
-        Scans that came; scans that went because too many waited or because no transform can come any more.
+        Number of received scans; of scans dropped because the queue was full or no transform can arrive any more.
     without_transform : int
-        Those of the dropped that had no transform while earlier and later ones had.
+        Number of dropped scans without a transform between scans with one.
     early : int
-        Scans, apart from the dropped, that are older than the first transform there was of their laser: where a node
-        begins to listen, or time has jumped back, the two do not begin at the same moment.
+        Number of scans older than the first transform of their laser, not counted as dropped: after the start or a
+        jump in time, scans may arrive first.
     lacks : str
-        The transform that has been waited for too long, empty when none is.
+        The transform that is missing for too long; empty if none is.
     """
 
     def __init__(self, odom_frame, limit, map_frame=None, publishes=lambda: False):
@@ -53,10 +52,10 @@ class Intake:
         self._news = threading.Condition()
         self._waiting = deque()
         self._frames, self._rivals = set(), set()
-        self._present = self._time_before = rospy.Time(0)       # what the clock, or else the newest scan, says
+        self._present = self._time_before = rospy.Time(0)       # time of the clock, or of the newest scan
         self._ignore_old_until = 0.0
         self._taken_stamp = None            # of the newest scan handed out
-        self._odd_stamp = None              # of a scan that looked like a jump back in time, if it was the last one
+        self._odd_stamp = None              # stamp of the last scan, if it looked like a jump back in time
         self._blocked_since = None
         self._closed = False
         self.generation = 0
@@ -66,9 +65,16 @@ class Intake:
     # ---- called by ROS
 
     def on_transforms(self, message, static=False):
-        """Take a TFMessage in."""
+        """Store the transforms of a TFMessage.
+
+        Parameters
+        ----------
+        message : TFMessage
+        static : bool
+            Whether it is from /tf_static.
+        """
         self._look_at_clock()
-        with self._news:                # a jump in time must not come in between
+        with self._news:                # no jump in time may interfere
             for transform in message.transforms:
                 transform.header.frame_id = transform.header.frame_id.lstrip("/")
                 transform.child_frame_id = transform.child_frame_id.lstrip("/")
@@ -80,13 +86,13 @@ class Intake:
                 self._news.notify()
 
     def _look_at_parent(self, parent, message):
-        """Name whoever else says where the odometry's frame is: listeners would jump between the two."""
+        """Warn about another publisher of the odometry frame's parent: listeners would alternate between the two."""
         sender = (getattr(message, "_connection_header", None) or {}).get("callerid")
         if sender in (None, rospy.get_name()) or sender in self._rivals or not self._publishes():
             return
         self._rivals.add(sender)
-        rospy.logwarn("%s publishes %s -> %s beside this node's %s -> %s: rviz and others jump between the two. "
-                      "Expected one of them: end the other, play bags without that transform, or set "
+        rospy.logwarn("%s publishes %s -> %s, this node publishes %s -> %s: rviz and others alternate between the two. "
+                      "Expected one of them: stop the other node, play bags without that transform, or set "
                       "~transform_publish_period to 0", sender, parent, self._odom, self._map, self._odom)
 
     def _put_transform(self, transform, static):
@@ -102,7 +108,7 @@ class Intake:
             elif self._is_before_jump(stamp):
                 return
             elif self._far_ahead.has(child, stamp):
-                rospy.logwarn_throttle(10.0, "transform %s -> %s at %.3f left out: far ahead of the one before" % (
+                rospy.logwarn_throttle(10.0, "transform %s -> %s at %.3f ignored: far ahead of the one before" % (
                     parent, child, stamp.to_sec()))
             else:
                 self._buffer.set_transform(transform, "tf")
@@ -110,7 +116,7 @@ class Intake:
             rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (parent, child, error))
 
     def on_scan(self, scan):
-        """Take a LaserScan in."""
+        """Queue a LaserScan."""
         self._look_at_clock()
         stamp = scan.header.stamp
         with self._news:
@@ -130,8 +136,8 @@ class Intake:
                 if self._odd_stamp is None or stamp <= self._odd_stamp:
                     self._odd_stamp = stamp
                     self.dropped += 1
-                    rospy.logwarn_throttle(5.0, "scan at %.3f dropped: the last one was at %.3f, and time has jumped "
-                                           "back only if the next one says so too" % (stamp.to_sec(), last.to_sec()))
+                    rospy.logwarn_throttle(5.0, "scan at %.3f dropped: the last one was at %.3f; a second such "
+                                           "scan is a jump back in time" % (stamp.to_sec(), last.to_sec()))
                     return
                 self._jumped("the scans' stamps have", last, stamp, self._taken_stamp is not None)
             self._odd_stamp = None
@@ -141,7 +147,7 @@ class Intake:
             self._news.notify()
 
     def _put(self, scan):
-        """Let a scan wait in its place by time; those that wait for times far ahead must not hold up the others."""
+        """Insert a scan by its stamp, so that scans with stamps far ahead do not block others."""
         waiting, stamp = self._waiting, scan.header.stamp
         place = len(waiting)
         while place and stamp < waiting[place - 1].header.stamp:
@@ -149,18 +155,18 @@ class Intake:
         before = waiting[place - 1].header.stamp if place else self._taken_stamp
         if before is not None and stamp <= before:
             self.dropped += 1
-            rospy.logwarn_throttle(5.0, "scan at %.3f dropped: it comes after one at %.3f" % (
+            rospy.logwarn_throttle(5.0, "scan at %.3f dropped: it arrived after one at %.3f" % (
                 stamp.to_sec(), before.to_sec()))
             return
         waiting.insert(place, scan)
         if len(waiting) > self._limit:
             waiting.popleft()
             self.dropped += 1
-            rospy.logwarn_throttle(5.0, "%d scans wait, which is the most: the oldest are dropped (%d of %d so far)" % (
+            rospy.logwarn_throttle(5.0, "the queue of %d scans is full: the oldest are dropped (%d of %d so far)" % (
                 self._limit, self.dropped, self.arrived))
 
     def _is_before_jump(self, stamp):
-        """Whether what has this stamp was under way when time jumped back: a future that ends what is to come."""
+        """Whether a message with this stamp was sent before the last jump back in time."""
         return (time.monotonic() < self._ignore_old_until and (stamp - self._present).to_sec() > JUMP
                 and abs((stamp - self._time_before).to_sec()) < OLD_MESSAGES)
 
@@ -168,23 +174,24 @@ class Intake:
         if rospy.rostime.is_wallclock():
             return
         with self._news:
-            now = rospy.Time.now()          # under the lock, or two threads could bring their times in the wrong order
+            now = rospy.Time.now()          # under the lock, so that times of two threads stay in order
             if not now:
                 return
-            if (self._present - now).to_sec() > JUMP:       # less comes of a bag's own /clock beside that of its player
+            # smaller jumps are due to a recorded /clock beside that of the player
+            if (self._present - now).to_sec() > JUMP:
                 self._jumped("the clock has", self._present, now)
             self._present = max(self._present, now)
 
-    def _jumped(self, what, before, now, anew=True):
-        self.generation += bool(anew)
+    def _jumped(self, what, before, now, new_run=True):
+        self.generation += bool(new_run)
         self.dropped += len(self._waiting)
         self._waiting.clear()
         self._buffer.clear()
         self._far_ahead.forget()
         self._taken_stamp = self._odd_stamp = self._blocked_since = None
         self._time_before, self._present, self._ignore_old_until = before, now, time.monotonic() + OLD_MESSAGES
-        rospy.logwarn("%s jumped back from %.3f to %.3f: transforms and waiting scans are forgotten%s", what,
-                      before.to_sec(), now.to_sec(), " and the map begins anew" if anew else "")
+        rospy.logwarn("%s jumped back from %.3f to %.3f: transforms and waiting scans are dropped%s", what,
+                      before.to_sec(), now.to_sec(), " and a new map is started" if new_run else "")
 
     # ---- called by the worker
 
@@ -208,11 +215,11 @@ class Intake:
         return None
 
     def _ready(self):
-        newest = {}             # source -> newest time with a transform, where its first scan here has none
+        newest = {}             # source -> newest time with a transform, if its first scan has none
         for index, scan in enumerate(self._waiting):
             source, stamp = scan.header.frame_id.lstrip("/"), scan.header.stamp
             if source in newest and (newest[source] is None or 0 < newest[source].to_nsec() < stamp.to_nsec()):
-                continue        # without this look all that wait would be tried with every transform that comes
+                continue        # avoids a lookup for all waiting scans with every transform
             try:
                 found = self._buffer.lookup_transform_core(self._odom, source, stamp)
             except tf2_ros.TransformException:
@@ -226,20 +233,20 @@ class Intake:
         return None
 
     def _give_up(self, scans, source, stamp):
-        """Count scans that never had a transform, where a later one, of ``source`` at ``stamp``, has it."""
+        """Count scans without a transform that are older than a scan of ``source`` at ``stamp`` with one."""
         early = 0
         if self._taken_stamp is None:
             early = sum(scan.header.frame_id.lstrip("/") == source for scan in scans)
         if early:
             self.early += early
-            rospy.loginfo("left out %d of the first scans, from %.3f on: older than the first transform %s -> %s; the "
+            rospy.loginfo("skipped %d of the first scans, from %.3f on: older than the first transform %s -> %s; the "
                           "first one used is of %.3f", early, scans[0].header.stamp.to_sec(), self._odom, source,
                           stamp.to_sec())
         self.dropped += len(scans) - early
         self.without_transform += len(scans) - early
 
     def _newest_common(self, target, source):
-        """Newest time at which the transform is known, 0 where it is the same at all times, None where at none."""
+        """Newest time at which the transform is known, 0 for a static one, None if unknown."""
         try:
             return self._buffer.get_latest_common_time(target, source)
         except tf2_ros.TransformException:
@@ -258,14 +265,22 @@ class Intake:
                 len(self._waiting), self.missing(self._odom, scan.header.frame_id, scan.header.stamp)))
 
     def missing(self, target, source, stamp):
-        """Return a sentence on the transform that is missing."""
+        """Return a message about a missing transform.
+
+        Parameters
+        ----------
+        target, source : str
+            Frames.
+        stamp : genpy.Time
+            Requested time.
+        """
         source = source.lstrip("/")
         try:
             self._buffer.lookup_transform_core(target, source, stamp)
-            why = "it has come meanwhile"
+            why = "it has arrived meanwhile"
         except tf2_ros.TransformException as error:
             why = str(error).rstrip(" .")
-        known = ", ".join(sorted(self._frames)) or "none, nothing came on /tf"
+        known = ", ".join(sorted(self._frames)) or "none, no message on /tf"
         newest = self._newest_common(target, source)
         return "the transform %s -> %s at %.3f: %s. Frames known: %s%s" % (
             target, source, stamp.to_sec(), why, known, usual_source(
@@ -273,7 +288,14 @@ class Intake:
                 "odom_frame" if target == self._odom else "base_frame"))
 
     def mount(self, base, scan):
-        """Return translation and quaternion of a scan's laser in the base frame, or None."""
+        """Return translation and quaternion of a scan's laser in the base frame, or None.
+
+        Parameters
+        ----------
+        base : str
+            Frame of the base.
+        scan : LaserScan
+        """
         source = scan.header.frame_id.lstrip("/")
         for stamp in (scan.header.stamp, rospy.Time(0)):
             try:
@@ -284,7 +306,7 @@ class Intake:
 
     @property
     def waiting(self):
-        """Number of scans that wait."""
+        """Number of waiting scans."""
         return len(self._waiting)
 
     def close(self):

@@ -41,23 +41,21 @@ from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
 
-SWITCH_INTERVAL = 0.0005    # threads that bring scans must not wait Python's default of 5 ms for the worker [s]
+SWITCH_INTERVAL = 0.0005    # callbacks of scans should not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200
 
 
 class SlamNode:
-    """The filter behind topics: one worker thread runs it, callbacks only store.
+    """ROS interface of the mapper: one worker thread runs it, callbacks only store messages.
 
     Parameters
     ----------
     config : GmappingConfig
     options : NodeOptions
-    beginning : Beginning
-        What the map begins on.
-    keeper : Keeper
-        Of the state of this run.
+    beginning : InitialState
+    autosave : StateAutosave
     resumed : bool
-        The beginning is a state that this run has kept.
+        Whether the initial state is an autosaved one of this run.
     """
 
     def __init__(self, config, options, beginning, autosave, resumed=False):
@@ -68,7 +66,7 @@ class SlamNode:
         self._autosave, self._resumed = autosave, resumed
         self._generation = 0
         self._counted = self._refused = self._passed = 0
-        self._running = None                        # the mapper that has taken a scan of this run
+        self._running = None                        # the mapper that has used a scan of this run
         self._map_stamp = self._first_stamp = None
         self._times = deque(maxlen=TIMES_KEPT)
         self._maps = MapOutput(self._map_frame)
@@ -121,7 +119,7 @@ class SlamNode:
             path = self._file(request)
             with self._lock, self._maps.busy:
                 if self._mapper is None:
-                    raise state.StateError("there is nothing to save yet: no scan has been processed")
+                    raise state.StateError("no state to save: no scan has been processed yet")
                 taken = state.snapshot(self._mapper, self._host())
                 processed = self._mapper.processed
             state.save(path, taken)
@@ -146,23 +144,23 @@ class SlamNode:
             self._beginning = InitialState(loaded=loaded, runs_on=self._options.odometry_runs_on)
             self._config = config = loaded.mapper.config
             self._show(loaded)
-        if self._reconfigure is not None:           # it would bring the old values back with the next change
+        if self._reconfigure is not None:           # otherwise its next change would restore the old values
             self._reconfigure.update_configuration({name: config[name] for name in CHANGEABLE})
         text = "loaded the state after %d processed scans from %s" % (loaded.mapper.processed, path)
         rospy.loginfo("%s", text)
         for told in loaded.differing.values():
-            rospy.logwarn("the state's parameters hold: %s", told)
+            rospy.logwarn("parameter of the state is used: %s", told)
         return StateFileResponse(True, text)
 
     def _show(self, loaded):
-        """Publish the map of a state at once, as long as no scan goes on with it."""
+        """Publish the map of a state before the next scan."""
         mapper = loaded.mapper
         if mapper.filter is not None:
             self._transform.set(mapper.map_from_odom)
             self._maps.ask(mapper)
 
     def _forget_map(self):
-        """Drop the mapper that is there; nobody makes a map of it afterwards."""
+        """Drop the mapper and the request of its map."""
         self._maps.forget()
         if self._mapper is not None:
             self._mapper.close()
@@ -184,10 +182,10 @@ class SlamNode:
             except (ScanError, ValueError) as error:
                 self._refuse(scan, error)
             except rospy.ROSException:
-                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() tells
+                if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
                     return
                 raise
-            except Exception as error:      # a fault of this program must not end the map that is there
+            except Exception as error:      # keep the map after an internal error
                 logging.getLogger("rosout").exception("scan at %.3f failed", scan.header.stamp.to_sec())
                 self._refuse(scan, error)
 
@@ -216,7 +214,7 @@ class SlamNode:
             self._begin(scan)
         mapper = self._mapper
         if frame(scan.header.frame_id) != self._laser_frame:
-            raise ScanError("it is of the laser {}; expected {} as in the first one".format(
+            raise ScanError("its frame is {}; expected {} as in the first one".format(
                 frame(scan.header.frame_id), self._laser_frame))
         odom_pose = mapper.laser.sensor_pose(*odom_from_laser)
         if mapper is self._running and len(scan.ranges) == len(mapper.laser.angles) \
@@ -231,7 +229,7 @@ class SlamNode:
         self._running = mapper
         self._times.append(1e3 * (time.perf_counter() - began))
         if mapper.beyond:
-            rospy.logwarn_throttle(30.0, "the map is as large as it may be; what lies beyond is left out. The robot is "
+            rospy.logwarn_throttle(30.0, "the map has reached its size limit; points outside are ignored. The robot is "
                                    "at (%.1f, %.1f)" % tuple(mapper.base_poses(update.pose)[:2]))
         self._transform.set(mapper.map_from_odom)
         self._poses.publish(mapper, update, scan.header.stamp)
@@ -246,24 +244,24 @@ class SlamNode:
                 self._maps.busy.release()
 
     def _host(self):
-        """What goes with a state beside the mapper."""
+        """Return the values that are stored with a state beside the mapper."""
         return dict(laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted)
 
     def _is_same_run(self, stamp):
-        """At the first scan after the node was killed: whether the kept state is to be gone on with."""
+        """Whether the first scan after a restart continues the autosaved state."""
         last, self._resumed = self._beginning.loaded.mapper.stamps[-1], False
         if stamp < last:
-            rospy.logwarn("time has gone back from %.3f to %.3f while this node was not there: the map begins anew",
+            rospy.logwarn("time jumped back from %.3f to %.3f while this node was restarted: starting a new map",
                           last, stamp)
             self._start_new_run(self._generation)
             return False
-        self._first_stamp = -math.inf           # the robot was put down long ago
+        self._first_stamp = -math.inf           # settle_time is over
         return True
 
     def _begin(self, scan):
         mount = self._intake.mount(self._base, scan)
         if mount is None:
-            raise ScanError("no mount of the laser, " + self._intake.missing(
+            raise ScanError("the mount of the laser is unknown: " + self._intake.missing(
                 self._base, scan.header.frame_id, scan.header.stamp))
         if self._beginning.loaded is None:
             self._config = read_ranges(self._config)
@@ -275,31 +273,31 @@ class SlamNode:
         if config["minimumScore"] >= beams:
             rospy.logwarn("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
                           config["minimumScore"], beams, "no scan will be matched" if config["compatible"]
-                          else "half the beams of a scan are taken instead")
+                          else "half the beams of a scan are used instead")
         self._laser_frame = frame(scan.header.frame_id)
         loaded = self._beginning.loaded
         if loaded is not None:
             self._laser_frame = loaded.host.get("laser_frame") or self._laser_frame
             self._map_stamp, self._counted = loaded.host.get("map_stamp"), loaded.host.get("counted", self._counted)
         self._mapper = self._beginning.mapper(config, laser)
-        rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map begins at %.3f", self._laser_frame,
+        rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map starts at %.3f", self._laser_frame,
                       len(scan.ranges), abs(scan.angle_increment) * 57.29577951308232, laser.max_urange,
                       scan.header.stamp.to_sec())
 
     # ---- the end
 
     def close(self):
-        """End all threads; write the map if that is wanted. Returns whether that went well."""
+        """End all threads and write the map if requested. Returns whether this succeeded."""
         self._intake.close()
         self._worker.join()
         self._maps.close()
         mapper, name, loaded = self._mapper, self._options.save_on_exit, self._beginning.loaded
         if mapper is None and loaded is not None:
-            mapper = loaded.mapper          # no scan has gone on with it
+            mapper = loaded.mapper          # no scan was processed with it
         if mapper is None:
             self._autosave.forget()
             if name:
-                rospy.logwarn("there is no map to save as %s: no scan has been processed", name)
+                rospy.logwarn("no map to save as %s: no scan has been processed", name)
             return not name
         try:
             if name and mapper.filter is not None:
@@ -319,22 +317,22 @@ class SlamNode:
     def _finish(mapper):
         try:
             mapper.finish()
-        except Exception:               # a fault of this program must not cost the map that is there
-            logging.getLogger("rosout").exception("the path could not be brought to its end; the map is saved as it is")
+        except Exception:               # save the map after an internal error
+            logging.getLogger("rosout").exception("the last optimisation failed; the map is saved without it")
 
 
 def _ignoring_os_errors(emit):
-    """Return ``emit`` of a log's handler for outputs on a full disk or a terminal that is gone."""
+    """Return ``emit`` of a log handler that ignores OSError, for a full disk or a closed terminal."""
     def guarded(record):
         try:
             emit(record)
         except OSError:
-            pass                        # nobody can be told where nothing can be written
+            pass                        # the error cannot be logged either
     return guarded
 
 
 def log_through_rospy():
-    """Send the library's log lines to the screen and to /rosout; a screen that fails ends no thread."""
+    """Send the library's log to the screen and to /rosout; errors of the screen are ignored."""
     log, rosout = logging.getLogger("m2wr_gmapping"), logging.getLogger("rosout")
     for handler in rosout.handlers:
         handler.emit = _ignoring_os_errors(handler.emit)
@@ -359,17 +357,17 @@ def _prepare():
     autosave = StateAutosave(*autosave_location(), period=options.state_save_period)
     kept = autosave.resume(config)
     if kept is not None:
-        warnings.append("this node was killed: the map goes on as it was at %.3f, after %d processed scans" % (
+        warnings.append("this node was killed: continuing the map of %.3f, after %d processed scans" % (
             kept.mapper.stamps[-1], kept.mapper.processed))
         beginning, config = InitialState(loaded=kept, runs_on=options.odometry_runs_on), kept.mapper.config
         return (config, options, beginning, autosave, True), warnings
     state_file = options.state_file
     if state_file and not os.path.exists(state_file):
-        warnings.append("there is no state %s yet: the map begins with nothing" % state_file)
+        warnings.append("there is no state %s yet: starting a new map" % state_file)
         state_file = ""
     beginning, config = InitialState.from_files(config, options.map_file, options.initial_pose, state_file,
                                                 options.odometry_runs_on)
-    warnings.extend("the state's parameters hold: " + text for text in beginning.differing(given))
+    warnings.extend("parameter of the state is used: " + text for text in beginning.differing(given))
     return (config, options, beginning, autosave), warnings
 
 
@@ -383,7 +381,7 @@ def main():
     except (ConfigError, MapReadingError, state.StateError) as error:
         rospy.logfatal("%s", error)
         if private_parameters().get("respawn") is True:
-            rospy.spin()                # started again, it would say the same again and again
+            rospy.spin()                # a restart would only repeat the error
         return 1
     for warning in warnings:
         rospy.logwarn("%s", warning)

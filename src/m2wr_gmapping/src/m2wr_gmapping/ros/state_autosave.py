@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Keeping the state of the run on disk, so that a node that was killed and is started again goes on where it was.
+"""Autosave of the run's state, so that a killed node continues after its restart.
 
-This is not ``~state_file``, which the user names and which lasts: what is kept here belongs to one roslaunch and is
-removed when the node ends well.
+This is not ``~state_file``, which the user names and keeps. An autosaved state belongs to one run of roslaunch and is
+removed at a graceful shutdown.
 """
 import os
 import sys
@@ -14,20 +14,20 @@ import rospy
 from m2wr_gmapping.io import state
 from m2wr_node.user_folder import starter
 
-RUN = "run"             # what a state of this module says in addition: to which run it belongs
+RUN = "run"             # additional key of the state: the run to which it belongs
 
 
 class StateAutosave:
-    """Writes snapshots on a thread of its own, one at a time.
+    """Writes snapshots in a thread, one at a time.
 
     Parameters
     ----------
     path : str
-        The file; empty: nothing is kept.
+        The file; empty: no autosave.
     run : str
-        What tells the run from others.
+        Identifier of the run.
     period : float
-        Between two snapshots [s], wall; 0: nothing is kept.
+        Wall time between two snapshots [s]; 0: no autosave.
     """
 
     def __init__(self, path, run, period):
@@ -36,16 +36,23 @@ class StateAutosave:
         self._writer, self._told = None, None
 
     def due(self):
-        """Whether a snapshot is to be taken now: the period is over, and the one before is written."""
+        """Whether the period is over and the last snapshot is written."""
         return bool(self.path) and time.monotonic() >= self._next and (
             self._writer is None or not self._writer.is_alive())
 
     def keep(self, mapper, host):
-        """Take a snapshot of a mapper that nobody changes meanwhile, and write it beside; ``host`` as in ``state``."""
+        """Take a snapshot of a mapper, which must not change meanwhile, and write it in a thread.
+
+        Parameters
+        ----------
+        mapper : Mapper
+        host : dict
+            As of ``state.snapshot``.
+        """
         try:
             taken = state.snapshot(mapper, dict(host, **{RUN: self._run}))
         except state.StateError as error:
-            self._tell("the state cannot be kept: %s" % error)
+            self._tell("autosave failed: %s" % error)
             return
         finally:
             self._next = time.monotonic() + self._period
@@ -56,27 +63,27 @@ class StateAutosave:
         try:
             state.save(self.path, taken)
         except state.StateError as error:
-            self._tell("%s: killed now, the map would %s" % (
-                error, "go on from there" if os.path.exists(self.path) else "begin anew"))
+            self._tell("%s: after a crash the map would %s" % (
+                error, "continue from the older state" if os.path.exists(self.path) else "be lost"))
         else:
             if self._told is not None:
-                rospy.loginfo("the state of the run is kept again")
+                rospy.loginfo("autosave works again")
             self._told = None
 
     def _tell(self, trouble):
-        """Warn of trouble once, not with every state that it befalls."""
+        """Warn once about repeated trouble."""
         if trouble != self._told:
             rospy.logwarn(trouble)
         self._told = trouble
 
     def resume(self, config):
-        """Return the State that this run has kept, or None; what cannot be used is told and left."""
+        """Return the autosaved State of this run, or None; an unusable file causes a warning."""
         if not self.path or not os.path.exists(self.path):
             return None
         try:
             found = state.load(self.path, config)
         except state.StateError as error:
-            rospy.logwarn("the state of the run cannot be used, the map begins anew: %s", error)
+            rospy.logwarn("the autosaved state cannot be used, starting a new map: %s", error)
             return None
         if found.host.get(RUN) != self._run:
             found.mapper.close()
@@ -84,7 +91,7 @@ class StateAutosave:
         return found
 
     def forget(self):
-        """Wait for what is being written, and remove the file."""
+        """Wait for the writer, and remove the file."""
         if self._writer is not None:
             self._writer.join()
         if self.path:
@@ -95,10 +102,10 @@ class StateAutosave:
 
 
 def autosave_location(words=None):
-    """Return file and mark of the run that roslaunch has started this node in; two empty texts without roslaunch.
+    """Return file and identifier of the run of roslaunch; two empty strings without roslaunch.
 
-    The file lies beside the node's log. The run's id alone is no mark: it lasts as long as the master, over any number
-    of launches; so the process that began this node's session is part of it.
+    The file is beside the node's log. ``/run_id`` alone is not unique, since it lasts as long as the master, so the
+    process of roslaunch is part of the identifier.
     """
     logs = [word[len("__log:="):] for word in (sys.argv if words is None else words) if word.startswith("__log:=")]
     if not logs:
@@ -107,7 +114,7 @@ def autosave_location(words=None):
 
 
 def _launch():
-    """Return number and start of roslaunch's process, which no other process of this machine shares."""
+    """Return id and start time of roslaunch's process, which are unique on this machine."""
     parent = starter()
     try:
         with open("/proc/%d/stat" % parent, "rb") as stream:
