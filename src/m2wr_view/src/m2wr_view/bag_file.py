@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Opens recorded bags; each error is reported in one sentence that says what helps."""
+from __future__ import annotations
+
 import os
 from contextlib import contextmanager
+from typing import Any, Dict, Iterator, List, Tuple
 
 import rosbag
 import roslib.message
@@ -10,7 +13,7 @@ from m2wr_view.errors import ViewError
 
 
 @contextmanager
-def open_bag(path):
+def open_bag(path: str) -> Iterator[Any]:
     """Yield an open ``rosbag.Bag``; all errors inside the ``with`` become a ViewError."""
     if path.endswith(".active"):
         raise ViewError("bag %s: the recorder is still writing it, or was killed before it could finish; expected a "
@@ -33,20 +36,41 @@ def open_bag(path):
                         % (path, type(error).__name__, error)) from error
 
 
-def topic_types(bag):
+def topic_types(bag: Any) -> Dict[str, str]:
     """Return {topic: message type} of an open bag."""
     return {topic: info.msg_type for topic, info in bag.get_type_and_topic_info().topics.items()}
 
 
-def check_types(bag, path, expected):
-    """Raise ViewError if a topic of ``expected``, {topic: type}, has another type in the bag."""
+def check_types(bag: Any, path: str, expected: Dict[str, str]) -> None:
+    """Check the types of topics.
+
+    Parameters
+    ----------
+    bag : rosbag.Bag
+    path : str
+        Its path, for messages.
+    expected : dict
+        {topic: message type}; topics may be missing in the bag.
+
+    Raises
+    ------
+    ViewError
+        If a topic has another type.
+    """
     for topic, kind in topic_types(bag).items():
         if topic in expected and kind != expected[topic]:
             raise ViewError("bag %s: topic %s has the type %s; expected %s" % (path, topic, kind, expected[topic]))
 
 
-def messages_of(bag, path, topics):
+def messages_of(bag: Any, path: str, topics: List[str]) -> Iterator[Tuple[str, Any, Any]]:
     """Yield (topic, message, recorder's time) of topics, in the order of recording.
+
+    Parameters
+    ----------
+    bag : rosbag.Bag
+    path : str
+        Its path, for messages.
+    topics : list of str
 
     Raises
     ------
@@ -68,8 +92,15 @@ def messages_of(bag, path, topics):
         yield topic, message, recorded
 
 
-def read_messages(path, expected):
-    """Yield (topic, message, recorder's time) of topics, {topic: type}, in the order of recording.
+def read_messages(path: str, expected: Dict[str, str]) -> Iterator[Tuple[str, Any, Any]]:
+    """Yield (topic, message, recorder's time) of topics, in the order of recording.
+
+    Parameters
+    ----------
+    path : str
+        A finished bag.
+    expected : dict
+        {topic: message type}; topics may be missing in the bag.
 
     Raises
     ------

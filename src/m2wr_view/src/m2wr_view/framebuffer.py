@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reads the screen of a virtual display, which Xvfb keeps in a file in the format of xwd."""
+from __future__ import annotations
+
 import struct
 
 import numpy as np
@@ -12,7 +14,7 @@ _VERSION, _Z_PIXMAP = 7, 2
 _COLOUR_BYTES = 12          # of an entry of the colour table
 
 
-def read_xwd(data, origin):
+def read_xwd(data: bytes, origin: str) -> Image.Image:
     """Return the picture in an X window dump.
 
     Parameters

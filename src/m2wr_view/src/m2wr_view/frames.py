@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses in the plane and in space, and a tree of the newest transforms between frames."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-def yaw_of(quaternion):
+    Numbers = Union[Sequence[float], NDArray[Any]]
+
+
+def yaw_of(quaternion: Numbers) -> float:
     """Return the heading [rad] of a quaternion x y z w, counter-clockwise from x."""
     x, y, z, w = quaternion
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
-def rotation_of(quaternion):
+def rotation_of(quaternion: Numbers) -> NDArray[np.float64]:
     """Return the matrix (3, 3) of a quaternion x y z w of any length; one of length 0 counts as no rotation."""
     x, y, z, w = quaternion
     square = x * x + y * y + z * z + w * w
@@ -23,15 +31,41 @@ def rotation_of(quaternion):
                      (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y))))
 
 
-def matrix_of(position, quaternion):
-    """Return the transform (4, 4) of a position [m] and a quaternion x y z w."""
+def matrix_of(position: Numbers, quaternion: Numbers) -> NDArray[np.float64]:
+    """Return the transform of a position and a rotation.
+
+    Parameters
+    ----------
+    position : (3,) floats
+        [m].
+    quaternion : (4,) floats
+        x y z w, of any length.
+
+    Returns
+    -------
+    (4, 4) float64
+        Homogeneous.
+    """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation_of(quaternion), position
     return matrix
 
 
-def matrix_from_rpy(xyz, rpy):
-    """Return the transform (4, 4) of a URDF origin: position [m], roll, pitch and yaw [rad] about fixed axes."""
+def matrix_from_rpy(xyz: Numbers, rpy: Numbers) -> NDArray[np.float64]:
+    """Return the transform of a URDF origin.
+
+    Parameters
+    ----------
+    xyz : (3,) floats
+        Position [m].
+    rpy : (3,) floats
+        Roll, pitch and yaw about fixed axes [rad].
+
+    Returns
+    -------
+    (4, 4) float64
+        Homogeneous.
+    """
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     matrix = np.eye(4)
     matrix[:3, :3] = ((cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
@@ -40,7 +74,7 @@ def matrix_from_rpy(xyz, rpy):
     return matrix
 
 
-def inverse(matrix):
+def inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inverse (4, 4) of a transform, a rotation and a translation."""
     back = np.eye(4)
     back[:3, :3] = matrix[:3, :3].T
@@ -48,13 +82,26 @@ def inverse(matrix):
     return back
 
 
-def planar(matrix):
+def planar(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return x, y [m] and yaw [rad] (3,) of a transform (4, 4)."""
     return np.array((matrix[0, 3], matrix[1, 3], math.atan2(matrix[1, 0], matrix[0, 0])))
 
 
-def compose(outer, inner):
-    """Return the planar pose (3,) of ``inner``, given in the frame whose planar pose is ``outer``."""
+def compose(outer: Numbers, inner: Numbers) -> NDArray[np.float64]:
+    """Return the composition of two planar poses.
+
+    Parameters
+    ----------
+    outer : (3,) floats
+        x, y [m] and yaw [rad] of a frame.
+    inner : (3,) floats
+        A pose in that frame.
+
+    Returns
+    -------
+    (3,) float64
+        The pose in the frame of ``outer``'s parent.
+    """
     cosine, sine = math.cos(outer[2]), math.sin(outer[2])
     return np.array((outer[0] + cosine * inner[0] - sine * inner[1], outer[1] + sine * inner[0] + cosine * inner[1],
                      outer[2] + inner[2]))
@@ -63,16 +110,25 @@ def compose(outer, inner):
 class Frames:
     """The newest transform of every frame to its parent."""
 
-    def __init__(self):
-        self._parents = {}
+    def __init__(self) -> None:
+        self._parents: Dict[str, Tuple[str, NDArray[np.float64]]] = {}
 
-    def set(self, parent, child, matrix):
-        """Store ``parent_from_child`` (4, 4); leading slashes of names are dropped."""
+    def set(self, parent: str, child: str, matrix: NDArray[np.float64]) -> None:
+        """Store a transform.
+
+        Parameters
+        ----------
+        parent, child : str
+            Names of frames; leading slashes are dropped.
+        matrix : (4, 4) float64
+            ``parent_from_child``.
+        """
         self._parents[child.lstrip("/")] = (parent.lstrip("/"), matrix)
 
-    def root_chain(self, frame):
+    def root_chain(self, frame: str) -> List[Tuple[str, NDArray[np.float64]]]:
         """Return [(frame, root_from_frame seen from it)] from a frame up to its root, itself first."""
-        frame, matrix, chain = frame.lstrip("/"), np.eye(4), []
+        frame, matrix = frame.lstrip("/"), np.eye(4)
+        chain: List[Tuple[str, NDArray[np.float64]]] = []
         while len(chain) <= len(self._parents):         # ends also if parents form a loop
             chain.append((frame, matrix))
             if frame not in self._parents:
@@ -81,8 +137,19 @@ class Frames:
             matrix = step.dot(matrix)
         return chain
 
-    def between(self, target, source):
-        """Return ``target_from_source`` (4, 4), or None if the frames are not connected."""
+    def between(self, target: str, source: str) -> Optional[NDArray[np.float64]]:
+        """Return the transform between two frames.
+
+        Parameters
+        ----------
+        target, source : str
+            Names of frames.
+
+        Returns
+        -------
+        (4, 4) float64 or None
+            ``target_from_source``; None if the frames are not connected.
+        """
         above = dict(self.root_chain(target))
         for frame, matrix in self.root_chain(source):
             if frame in above:

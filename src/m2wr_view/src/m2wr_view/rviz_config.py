@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """An rviz configuration for a window, turned into one for pictures: no panels, few frames, camera on the robot."""
+from __future__ import annotations
+
 import math
+from typing import Any, Dict, Tuple
 
 import yaml
 
@@ -13,7 +16,7 @@ PITCH, YAW = 0.95, math.pi + 0.6
 NEAR_CLIP = 0.01            # m, as rviz has it
 
 
-def camera(view, frame, distance, height):
+def camera(view: str, frame: str, distance: float, height: int) -> Dict[str, Any]:
     """Return rviz's settings of a camera that keeps above a frame and does not turn with it.
 
     Parameters
@@ -26,6 +29,10 @@ def camera(view, frame, distance, height):
         From the frame [m]; for ``top`` half of what is to be seen from its lower to its upper edge [m].
     height : int
         Of the picture [pixels].
+
+    Returns
+    -------
+    dict
     """
     if view == "top":
         return {"Class": "rviz/TopDownOrtho", "Name": "Current View", "Target Frame": frame, "Angle": 0, "X": 0, "Y": 0,
@@ -34,8 +41,15 @@ def camera(view, frame, distance, height):
             "Focal Point": {"X": 0, "Y": 0, "Z": 0}, "Pitch": PITCH, "Yaw": YAW, "Near Clip Distance": NEAR_CLIP}
 
 
-def read_config(text, origin):
+def read_config(text: str, origin: str) -> Dict[str, Any]:
     """Return the contents of an rviz configuration.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    origin : str
+        Where it is from, for messages.
 
     Raises
     ------
@@ -52,7 +66,8 @@ def read_config(text, origin):
     return config
 
 
-def for_pictures(text, origin, size, frame_rate, view="config", frame="", distance=10.0):
+def for_pictures(text: str, origin: str, size: Tuple[int, int], frame_rate: float, view: str = "config",
+                 frame: str = "", distance: float = 10.0) -> str:
     """Return an rviz configuration for a virtual display.
 
     Parameters
@@ -80,8 +95,9 @@ def for_pictures(text, origin, size, frame_rate, view="config", frame="", distan
     options["Frame Rate"] = max(1, int(min(frame_rate, options.get("Frame Rate", frame_rate))))
     if view != "config" and frame:
         manager["Views"] = {"Current": camera(view, frame, distance, size[1])}
-    geometry = {"Hide Left Dock": True, "Hide Right Dock": True, "X": 0, "Y": 0, "Width": size[0], "Height": size[1]}
+    geometry: Dict[str, Any] = {"Hide Left Dock": True, "Hide Right Dock": True, "X": 0, "Y": 0, "Width": size[0],
+                                "Height": size[1]}
     for panel in config.get("Panels") or []:
         geometry[panel.get("Name", "")] = {"collapsed": True}
     config["Window Geometry"] = geometry
-    return yaml.safe_dump(config, sort_keys=False)
+    return str(yaml.safe_dump(config, sort_keys=False))
