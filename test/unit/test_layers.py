@@ -91,6 +91,10 @@ KERNEL_STANDARD = {"math", "typing", "__future__"}
 KERNEL_NEIGHBOURS = ("kernels", "_layout", "array_types")    # our own modules that kernels may import
 ODE_LAYER = "m2wr_sim/physics/"
 SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}
+#: The only folder that uses private parts of rospy, and modules with one of their own, with the reason.
+ROSPY_INTERNALS = "m2wr_node/internals/"
+ROSPY_ALLOWED = {"m2wr_sim/ros/ports.py": {"impl": "Channel.impl, read without a call with each step"}}
+ROSPY_PRIVATE = {"impl", "get_topic_manager", "get_service_manager", "get_registration_listeners", "connection_poll"}
 WALL_CLOCK = {"time.time", "time.time_ns", "time.monotonic", "time.monotonic_ns", "time.perf_counter",
               "time.perf_counter_ns", "time.sleep", "time.process_time", "datetime.datetime.now",
               "datetime.datetime.utcnow", "datetime.date.today"}
@@ -222,6 +226,31 @@ def fetched_state(syntax):
             yield "line {}: uses {}; use a Generator passed as an argument".format(node.lineno, full)
 
 
+def is_private(part):
+    """Whether a part of a dotted name of rospy is private: a leading underscore, or known to be internal."""
+    return part in ROSPY_PRIVATE or (part.startswith("_") and not part.startswith("__"))
+
+
+def rospy_internals(inside, syntax):
+    """One sentence for each use of a private part of rospy; ``.impl`` counts on any object."""
+    if inside.startswith(ROSPY_INTERNALS):
+        return
+    allowed = ROSPY_ALLOWED.get(inside, {})
+    names = aliases_of(syntax)
+    used = [(line, name) for line, name in imports_of(syntax, inside) if name.split(".")[0] == "rospy"]
+    for node in ast.walk(syntax):
+        if isinstance(node, ast.Attribute):
+            first, _, rest = (dotted(node) or "").partition(".")
+            if names.get(first, first).split(".")[0] == "rospy":
+                used.append((node.lineno, names.get(first, first) + "." + rest))
+            elif node.attr == "impl":
+                used.append((node.lineno, "rospy.?.impl"))
+    for line, name in used:
+        private = [part for part in name.split(".")[1:] if is_private(part) and part not in allowed]
+        if private:
+            yield "line {}: uses {}, private to rospy; only {} may".format(line, name, ROSPY_INTERNALS)
+
+
 def breaches(inside, text, own):
     """All breaches of one module, as sentences.
 
@@ -238,7 +267,7 @@ def breaches(inside, text, own):
     if rule is None:
         return ["is in no layer of the table in test_layers.py; add a row with its imports"]
     syntax = ast.parse(text)
-    found = list(import_breaches(rule, inside, syntax, own))
+    found = list(import_breaches(rule, inside, syntax, own)) + list(rospy_internals(inside, syntax))
     if rule.deterministic:
         found.extend(fetched_state(syntax))
     return found
@@ -261,6 +290,17 @@ def test_module_keeps_to_its_layer(path, inside):
     assert not found, "\n".join("{}: {}".format(tree.relative(path), sentence) for sentence in found)
 
 
+def test_executables_and_tools_use_no_private_part_of_rospy():
+    """The modules are checked above; tests may build parts of rospy to test against."""
+    inside = {path for path, _ in MODULES}
+    paths = [path for top in ("src", "dropin", "tools") for path in tree.files_below(os.path.join(tree.ROOT, top))
+             if tree.is_python(path) and path not in inside and "/test/" not in tree.relative(path)]
+    assert len(paths) > 50
+    found = ["%s: %s" % (tree.relative(path), sentence) for path in paths
+             for sentence in rospy_internals(tree.relative(path), ast.parse(tree.read(path)))]
+    assert not found, "\n".join(found)
+
+
 @pytest.mark.parametrize("inside, text", [
     ("m2wr_sim/sensors/ray_kernels.py", "import os"),
     ("m2wr_sim/sensors/ray_kernels.py", "from m2wr_sim.geometry import rotate"),
@@ -280,6 +320,12 @@ def test_module_keeps_to_its_layer(path, inside):
     ("m2wr_sim/runtime/simulator.py", "import random"),
     ("m2wr_sim/control/noise.py", "import numpy as np\nnp.random.normal()"),
     ("m2wr_sim/control/noise.py", "from numpy import random as r\nr.seed(1)"),
+    ("m2wr_sim/ros/node.py", "from rospy.impl import tcpros_base"),
+    ("m2wr_sim/ros/node.py", "import rospy\nrospy.impl.registration.is_shutdown = None"),
+    ("m2wr_sim/ros/node.py", "import rospy\nrospy.rostime._rostime_current = None"),
+    ("m2wr_sim/ros/node.py", "import rospy.core as core\ncore._shutdown_flag = True"),
+    ("m2wr_sim/ros/node.py", "from rospy.topics import _PublisherImpl"),
+    ("m2wr_sim/ros/node.py", "def f(publisher):\n    return publisher.impl.connections"),
     ("motion_plan/bug2.py", "import rospy"),
     ("motion_plan/bug2.py", "from motion_plan.ros_nodes import Bug2Node"),
     ("m2wr_sim/newlayer/thing.py", "import math"),
@@ -295,7 +341,7 @@ def test_a_breach_is_found(inside, text):
     ("m2wr_sim/plugins/laser.py", "from sensor_msgs.msg import LaserScan\nfrom m2wr_sim.sensors import laser"),
     ("m2wr_sim/runtime/simulator.py", "import numpy as np\nrng = np.random.default_rng([1, 2])\nrng.normal()"),
     ("m2wr_sim/ros/node.py", "import rospy, time\ntime.sleep(1)"),
-    ("motion_plan/ros_nodes.py", "import rospy"),
+    ("motion_plan/ros_nodes.py", "import rospy\nrospy.core.is_shutdown_requested()\nrospy.__file__"),
     ("motion_plan/bug2.py", "import math\nfrom motion_plan.angles import wrap_angle"),
 ])
 def test_what_is_allowed_passes(inside, text):

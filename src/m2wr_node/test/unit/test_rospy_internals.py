@@ -12,7 +12,9 @@ import pytest
 import rospy
 from rospy import core, rostime, topics
 from rospy.impl import registration, simtime, tcpros_base, tcpros_service
+from std_msgs.msg import String
 
+from m2wr_node.internals import subscriber_connections, subscriber_link
 from m2wr_node.internals.connections import published
 
 INTERNALS = "m2wr_node/internals/"
@@ -37,7 +39,17 @@ SIGNATURES = (
     ("server_acceptor.py", tcpros_base.TCPServer.__init__, ["self", "inbound_handler", "port"]),
     ("server_acceptor.py", tcpros_base.TCPROSServer._tcp_server_callback, ["self", "sock", "client_addr"]),
     ("registration_shutdown.py", registration.is_shutdown, []),
+    ("subscriber_connections.py", topics._PublisherImpl.add_headers, ["self", "headers"]),
+    ("subscriber_connections.py", topics._PublisherImpl.add_subscriber_listener, ["self", "l"]),
+    ("subscriber_connections.py", topics._PublisherImpl.remove_connection, ["self", "c"]),
+    ("subscriber_connections.py", rospy.SubscribeListener.peer_subscribe,
+     ["self", "topic_name", "topic_publish", "peer_publish"]),
+    ("subscriber_link.py", tcpros_base.TCPROSTransport.set_cleanup_callback, ["self", "cleanup_callback"]),
+    ("subscriber_link.py", tcpros_base.TCPROSTransport.close, ["self"]),
 )
+
+
+CONNECTIONS, LINK = "subscriber_connections.py", "subscriber_link.py"
 
 
 def used_by(name):
@@ -54,6 +66,74 @@ def test_the_attributes_exist(file, owner, names):
 @pytest.mark.parametrize("file, function, arguments", SIGNATURES)
 def test_the_signatures_are_as_expected(file, function, arguments):
     assert list(inspect.signature(function).parameters) == arguments, used_by(file)
+
+
+@pytest.fixture
+def topic():
+    """The rospy part of a topic that is published, without a master."""
+    made = topics._PublisherImpl("/topic", String)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def connection():
+    """A connection as rospy makes it, with an open socket."""
+    near, far = socket.socketpair()
+    made = tcpros_base.TCPROSTransport(tcpros_base.TCPROSTransportProtocol("/topic", None), "/topic")
+    made.set_socket(near, "/peer")
+    yield made
+    made.close()
+    far.close()
+
+
+def test_a_topic_has_the_attributes(topic):
+    assert subscriber_connections.missing_parts(topic) == [], used_by(CONNECTIONS)
+    assert hasattr(topic.connection_poll.poller, "close"), used_by(CONNECTIONS)
+    assert "self.impl = " in inspect.getsource(topics.Topic.__init__), used_by(CONNECTIONS)
+
+
+def test_a_connection_has_the_attributes(connection):
+    missing = [name for name in subscriber_link.USED if not hasattr(connection, name)]
+    assert not missing, "%s: %s" % (used_by(LINK), missing)
+
+
+def test_the_list_of_connections_is_replaced_on_change(topic, connection):
+    before = topic.connections
+    topic.add_connection(connection)
+    added = topic.connections
+    assert before == [] and added == [connection] and added is not before, used_by(CONNECTIONS)
+    topic.remove_connection(connection)
+    assert topic.connections == [] and topic.connections is not added, used_by(CONNECTIONS)
+
+
+def test_a_listener_is_called_when_the_connection_is_listed(topic, connection):
+    seen = []
+
+    class Listener(rospy.SubscribeListener):
+        """Notes the connections of the topic."""
+
+        def peer_subscribe(self, topic_name, topic_publish, peer_publish):
+            seen.append(list(topic.connections))
+
+    topic.add_subscriber_listener(Listener())
+    topic.add_connection(connection)
+    assert seen == [[connection]], used_by(CONNECTIONS)
+
+
+def test_a_publisher_without_a_queue_leaves_the_connection(topic, connection):
+    assert topic.queue_size is None, used_by(CONNECTIONS)
+    topic.add_connection(connection)
+    assert topic.connections[0] is connection, used_by(CONNECTIONS)
+
+
+def test_closing_a_connection_calls_its_callback_once(connection):
+    closed = []
+    connection.set_cleanup_callback(closed.append)
+    assert connection.cleanup_cb == closed.append, used_by(LINK)
+    connection.close()
+    connection.close()
+    assert closed == [connection] and connection.done, used_by(LINK)
 
 
 def test_ros_time_is_the_module_global(monkeypatch):

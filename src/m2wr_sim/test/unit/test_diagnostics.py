@@ -4,10 +4,10 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from m2wr_node.internals.subscriber_connections import Dropped
 from m2wr_sim.physics.engine import Touch
 from m2wr_sim.ros import diagnostics
 from m2wr_sim.ros.diagnostics import Diagnostics
-from m2wr_sim.ros.transport import Dropped
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

@@ -19,12 +19,19 @@ from rospy.impl.transport import Transport
 from rospy.topics import _PublisherImpl
 from sensor_msgs.msg import JointState
 
-from m2wr_sim.ros import ports, transport
-from m2wr_sim.ros.transport import Channel, Channels, Dropped, Link
+from m2wr_node.internals import subscriber_connections, subscriber_link
+from m2wr_node.internals.subscriber_connections import Channels, Dropped
+from m2wr_node.internals.subscriber_link import Link
+from m2wr_sim.ros import ports
+from m2wr_sim.ros.serialise import serialiser_of
 
 PATIENCE = 30.0
 BIG = 2000                              # names in a message that fills buffers quickly
 MANY = 1000                             # such messages are 10 MB, of which the system's buffers may take up 4
+
+
+def channel_of(impl):
+    return subscriber_connections.Channel(impl, serialiser_of(impl.data_class))
 
 
 def wait_until(condition, what):
@@ -97,7 +104,7 @@ def peers(impl):
 
 @pytest.fixture
 def channel(impl):
-    return Channel(impl)
+    return channel_of(impl)
 
 
 def big():
@@ -133,12 +140,12 @@ def test_no_thread_is_started_for_a_subscriber(channel, peers):
 
 
 def test_who_does_not_read_holds_up_nobody_and_loses_only_the_oldest(channel, peers, monkeypatch, caplog):
-    monkeypatch.setattr(transport, "BACKLOG_MESSAGES", 50)
+    monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 50)
     stuck, healthy = peers("/stuck"), peers("/healthy")
     seen = []
     reader = threading.Thread(target=lambda: seen.extend(healthy.read_seqs(MANY)), daemon=True)
     reader.start()
-    with caplog.at_level(logging.WARNING, "m2wr_sim.transport"):
+    with caplog.at_level(logging.WARNING, subscriber_link.__name__):
         for _ in range(MANY):
             channel.publish(big())      # would never come back if it waited for the stuck one
             wait_until(lambda: not channel._links[1].waiting, "the healthy one to be served")
@@ -156,7 +163,7 @@ def test_who_does_not_read_holds_up_nobody_and_loses_only_the_oldest(channel, pe
 
 
 def test_a_backlog_is_bounded_in_bytes_too(channel, peers, monkeypatch):
-    monkeypatch.setattr(transport, "BACKLOG_BYTES", 100000)
+    monkeypatch.setattr(subscriber_link, "BACKLOG_BYTES", 100000)
     peers()
     for _ in range(200):
         channel.publish(big())
@@ -175,10 +182,10 @@ def test_a_backlog_goes_out_without_further_messages(channel, peers):
 
 
 def test_it_says_so_again_only_after_a_recovery_and_a_while(channel, peers, monkeypatch, caplog):
-    monkeypatch.setattr(transport, "BACKLOG_MESSAGES", 1)
+    monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 1)
     peer, total = peers(), 0
     for quiet, lines in ((10.0, 1), (10.0, 1), (0.0, 2)):
-        monkeypatch.setattr(transport, "_QUIET", quiet)
+        monkeypatch.setattr(subscriber_link, "_QUIET", quiet)
         for _ in range(100):
             total += 1
             channel.publish(big())
@@ -188,7 +195,7 @@ def test_it_says_so_again_only_after_a_recovery_and_a_while(channel, peers, monk
 
 
 def test_who_leaves_is_forgotten_and_his_losses_are_not(impl, channel, peers, monkeypatch):
-    monkeypatch.setattr(transport, "BACKLOG_MESSAGES", 5)
+    monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 5)
     leaver, stayer = peers("/leaver"), peers("/stayer")
     for index in range(100):
         channel.publish(big())
@@ -224,7 +231,7 @@ def test_a_connection_that_goes_takes_its_backlog_along(impl, channel, peers):
     link = channel._links[0]
     impl.connections[0].close()                         # as rospy does when the same subscriber comes anew
     assert not impl.connections and not link._backlog and link._bytes == 0
-    assert link not in transport._drain._links.values()
+    assert link not in subscriber_link._drain._links.values()
     channel.publish(big())
     assert link not in channel._links
 
@@ -239,7 +246,7 @@ def test_the_same_subscriber_anew_replaces_its_old_connection(impl, channel, pee
 
 
 def test_subscribers_come_and_go_while_messages_go_out(impl, channel, monkeypatch):
-    monkeypatch.setattr(transport, "BACKLOG_MESSAGES", 10)
+    monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 10)
     steady, faults, ended = Peer(impl, "/steady"), [], threading.Event()
     seen = []
     reader = threading.Thread(target=lambda: seen.extend(steady.read_seqs(10 ** 6)), daemon=True)
@@ -352,7 +359,7 @@ def test_what_cannot_be_serialised_is_not_kept(latched, peers):
 
 
 def test_what_a_connection_lost_is_counted_though_it_was_closed_while_in_the_list(impl, channel, peers, monkeypatch):
-    monkeypatch.setattr(transport, "BACKLOG_MESSAGES", 5)
+    monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 5)
     peers("/leaver"), peers("/other")
     for _ in range(50):
         channel.publish(big())
@@ -396,7 +403,7 @@ def test_a_closed_topic_says_so(impl, channel):
 
 def test_a_topic_that_closes_does_not_end_the_draining_of_others(channel, peers):
     other = _PublisherImpl("/other", JointState)
-    stuck, closing = Peer(other), Channel(other)
+    stuck, closing = Peer(other), channel_of(other)
     for _ in range(100):
         closing.publish(big())
     other.subscriber_listeners = None                   # what rospy leaves of a topic that was just closed
@@ -428,7 +435,7 @@ def test_other_publishers_of_the_node_may_write_to_it(impl, channel):
 
 def test_a_message_costs_little():
     impl = _PublisherImpl("/clock", Clock)
-    peer, channel, message, samples = Peer(impl), Channel(impl), Clock(), []
+    peer, channel, message, samples = Peer(impl), channel_of(impl), Clock(), []
     for _ in range(200):
         began = time.thread_time()
         channel.publish(message)
@@ -450,7 +457,7 @@ def test_topics_that_come_and_go_leave_no_descriptors(monkeypatch):
     gc.disable()
     try:
         before, kept = len(os.listdir("/proc/self/fd")), []
-        channels, mailbox = Channels(), mock.Mock()
+        channels, mailbox = Channels(serialiser_of), mock.Mock()
         for number in range(20):
             publisher, channel = channels.open("/guest%d" % number, Clock)
             subscription = ports._Subscription("/order%d" % number, Clock, None, mailbox)

@@ -9,9 +9,10 @@ from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
 from m2wr_node.internals.ros_time import set_ros_time
+from m2wr_node.internals.subscriber_connections import Channels, unregister
 from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.ros.loop import ShuttingDown
-from m2wr_sim.ros.transport import Channels, release
+from m2wr_sim.ros.serialise import serialiser_of
 from m2wr_sim.runtime.ports import Ports
 
 log = logging.getLogger(__name__)
@@ -65,9 +66,7 @@ class _Subscription:
 
     def close(self):
         """Stop listening; what has not been delivered is dropped."""
-        impl = self._subscriber.impl
-        self._subscriber.unregister()
-        release(impl)
+        unregister(self._subscriber)
         self._mailbox.drop(self)
 
 
@@ -114,7 +113,7 @@ class RosPorts(Ports):
     """Ports of the node it is made in."""
 
     def __init__(self):
-        self._mailbox, self._channels = _Mailbox(), Channels()
+        self._mailbox, self._channels = _Mailbox(), Channels(serialiser_of)
         self._call, self._answering = None, threading.Event()
         self._clock = _Port(self._channels, "/clock", Clock)
         self._transforms = _Port(self._channels, "/tf", TFMessage)
@@ -130,7 +129,7 @@ class RosPorts(Ports):
         return _Subscription(scoped(topic, namespace), message_class, callback, self._mailbox)
 
     def dropped(self):
-        """Return what subscribers have lost by not reading, a list of :class:`~m2wr_sim.ros.transport.Dropped`."""
+        """Return the messages that slow subscribers have lost, a list of ``subscriber_connections.Dropped``."""
         return self._channels.dropped()
 
     def traffic(self):
@@ -199,6 +198,6 @@ class RosPorts(Ports):
         """Publish the time and make it this node's own ROS time, without a subscription to itself."""
         self._clock_ns, self._stamp = now_ns, stamp_of(now_ns)
         set_ros_time(self._stamp)
-        if self._clock.channel.impl.connections:        # as wanted(), without a call
+        if self._clock.channel.impl.connections:        # as wanted(), without a call: 0.1 us
             self._clock_message.clock = self._stamp
             self._clock.publish(self._clock_message)

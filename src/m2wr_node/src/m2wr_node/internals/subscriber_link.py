@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The connection of one subscriber, written to without waiting and without a thread of its own.
+
+Need: see :mod:`m2wr_node.internals.subscriber_connections`.
+
+Uses: of ``rospy.impl.tcpros_base.TCPROSTransport`` the attributes ``socket``, ``endpoint_id``, ``done``,
+``cleanup_cb``, ``stat_bytes``, ``stat_num_msg`` and the methods ``set_cleanup_callback`` and ``close``, which calls
+``cleanup_cb``; this removes the connection from its topic.
+Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic).
+Without it: rospy writes to the connection itself, see ``subscriber_connections``.
+"""
+import logging
+import select
+import socket
+import threading
+import time
+from collections import deque
+
+from rospy.exceptions import TransportTerminated
+
+log = logging.getLogger(__name__)
+
+BACKLOG_MESSAGES = 10000    # of one connection; the first limit that is reached counts
+BACKLOG_BYTES = 8 << 20
+USED = ("socket", "endpoint_id", "done", "cleanup_cb", "stat_bytes", "stat_num_msg", "set_cleanup_callback", "close")
+_AT_ONCE = socket.MSG_DONTWAIT
+_BATCH_MESSAGES = 64        # passed to the kernel in one call when a backlog is sent
+_QUIET = 10.0               # s of wall time between two log lines about one connection
+
+
+class _Drain:
+    """The thread that waits until a peer that did not read accepts data again; started when first needed."""
+
+    def __init__(self):
+        self._lock, self._links, self._poll = threading.Lock(), {}, None
+
+    def watch(self, link):
+        """Call ``link.drain()`` once, as soon as its socket accepts data or fails."""
+        with self._lock:
+            number = link.fileno_now()
+            if number < 0:
+                return
+            if self._poll is None:
+                self._poll = select.epoll()
+                threading.Thread(target=self._run, name="drain", daemon=True).start()
+            self._links[number] = link
+            for arm in (self._poll.modify, self._poll.register):
+                try:
+                    arm(number, select.EPOLLOUT | select.EPOLLONESHOT)
+                    break
+                except OSError:         # not watched yet; or already closed, then forget() follows
+                    continue
+
+    def forget(self, link):
+        """Stop watching a connection."""
+        with self._lock:
+            for number in [number for number, watched in self._links.items() if watched is link]:
+                del self._links[number]
+
+    def _run(self):
+        while True:
+            for number, _ in self._poll.poll():
+                with self._lock:
+                    link = self._links.pop(number, None)
+                if link is not None:
+                    link.drain()
+                    link = None         # this thread must not keep it alive while it waits
+
+
+_drain = _Drain()
+
+
+class Link:
+    """Stands for one of rospy's connections in the list of connections of a topic.
+
+    Attributes that are not defined here are those of rospy's connection.  A message that is partly sent is always
+    completed; beyond the limits the oldest complete messages are dropped.
+
+    Parameters
+    ----------
+    connection : rospy.impl.tcpros_base.TCPROSTransport
+        With an open socket.
+    topic : str
+        For log messages.
+    """
+
+    def __init__(self, connection, topic):
+        self._connection, self._socket, self._topic = connection, connection.socket, topic
+        self._lock = threading.Lock()
+        self._begun = None              # what the kernel gets next; only _drain's thread changes it; None: all is sent
+        self._backlog, self._bytes = deque(), 0
+        self._fault, self._complaint, self._complained = None, False, -_QUIET
+        self.dropped = 0
+        previous = connection.cleanup_cb
+
+        def cleanup(closed):
+            self._let_go()
+            if previous:
+                previous(closed)
+
+        connection.set_cleanup_callback(cleanup)
+
+    def __getattr__(self, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._connection, name)
+
+    def __eq__(self, other):
+        return other is self or other is self._connection       # rospy removes the connection that it has added
+
+    def __hash__(self):
+        return hash(self._connection)
+
+    @property
+    def waiting(self):
+        """Number of messages that are not sent yet."""
+        begun = self._begun
+        return 0 if begun is None else len(begun) + len(self._backlog)
+
+    def fileno_now(self):
+        """Return the file descriptor of the socket while it is open, else -1."""
+        return -1 if self._socket is None else self._socket.fileno()
+
+    def write_data(self, data):
+        """Send one framed message, or keep it for later; returns at once.
+
+        Raises
+        ------
+        rospy.exceptions.TransportTerminated
+            If the connection is closed; it is then removed from its topic.
+        """
+        with self._lock:
+            if self._begun is None:
+                try:
+                    sent = self._socket.send(data, _AT_ONCE)
+                except BlockingIOError:
+                    sent = 0
+                except (OSError, AttributeError) as error:  # AttributeError: closed before this call
+                    self._fault, sent = error, None
+                if sent == len(data):
+                    self._connection.stat_bytes += sent
+                    self._connection.stat_num_msg += 1
+                    return
+                if sent is not None:
+                    self._connection.stat_bytes += sent
+                    self._begun = deque((memoryview(data)[sent:],))
+                    _drain.watch(self)
+            else:
+                self._keep(data)
+        if self._fault is not None:
+            self._break()
+        if self._complaint:
+            self._complain()
+
+    def _keep(self, data):
+        self._backlog.append(data)
+        self._bytes += len(data)
+        while len(self._backlog) > BACKLOG_MESSAGES or (self._bytes > BACKLOG_BYTES and len(self._backlog) > 1):
+            self._bytes -= len(self._backlog.popleft())
+            self.dropped += 1
+            if self._complained is not None:
+                self._complaint = True
+
+    def drain(self):
+        """Send the backlog until it is empty or the kernel accepts no more; only for :class:`_Drain`'s thread."""
+        try:
+            while self._refill():
+                self._account(self._socket.sendmsg(self._begun, (), socket.MSG_DONTWAIT))
+        except BlockingIOError:
+            _drain.watch(self)
+        except (OSError, AttributeError) as error:
+            self._fault = error
+            try:
+                self._break()
+            except TransportTerminated:
+                pass                    # logged in _break
+
+    def _refill(self):
+        """Move messages from the backlog to what the kernel gets next; False when nothing is left."""
+        with self._lock:
+            while self._backlog and len(self._begun) < _BATCH_MESSAGES:
+                data = self._backlog.popleft()
+                self._bytes -= len(data)
+                self._begun.append(memoryview(data))
+            if not self._begun:
+                self._begun = None
+                if self._complained is None:
+                    self._complained = time.monotonic()
+            return self._begun is not None
+
+    def _account(self, sent):
+        self._connection.stat_bytes += sent
+        while self._begun and sent >= len(self._begun[0]):
+            sent -= len(self._begun.popleft())
+            self._connection.stat_num_msg += 1
+        if sent:
+            self._begun[0] = self._begun[0][sent:]
+
+    def _complain(self):
+        """Log once that messages are lost; again only after the backlog has been empty."""
+        self._complaint = False
+        if time.monotonic() - self._complained >= _QUIET:
+            log.warning("%s does not read %s fast enough: %d messages wait for it, and from now on the oldest are "
+                        "dropped; /diagnostics counts them", self._connection.endpoint_id, self._topic, self.waiting)
+        self._complained = None
+
+    def _break(self):
+        """Close the connection, which removes it from its topic."""
+        error, self._fault = self._fault, None
+        log.debug("%s to %s: %s", self._topic, self._connection.endpoint_id, error)
+        try:
+            self._connection.close()
+        except Exception as fault:      # rospy fails if the topic is closed at the same moment
+            log.debug("%s to %s: while closing: %s", self._topic, self._connection.endpoint_id, fault)
+        raise TransportTerminated(str(error))
+
+    def _let_go(self):
+        """Discard what can no longer be sent."""
+        _drain.forget(self)
+        with self._lock:
+            self._backlog.clear()
+            self._bytes = 0
