@@ -14,7 +14,7 @@ TOPS = ("src", "dropin", "test", "tools", "docs", ".ci")
 #: Not looked at: inputs as others have written them.
 INPUTS = ("test/data", "test/fuzz/corpus")
 #: Folders that are not revised yet, and pages that quote their names and messages; it may only become shorter.
-PENDING = ("src/m2wr_sim", "src/m2wr_node", "src/m2wr_lockstep", "src/m2wr_tools",
+PENDING = ("src/m2wr_sim", "src/m2wr_tools",
            "src/m2wr_course/src/m2wr_course/worlds.py", "test/scripts/record_fixture.py", "docs/reference.md",
            "docs/5_bug2.md", "docs/troubleshooting.md", "docs/how-to/gymnasium.md", "docs/how-to/pause_and_step.md",
            "docs/how-to/python.md", "docs/reference/mapping_evaluation.md", "docs/reference/mapping_nodes.md")
@@ -28,8 +28,8 @@ DONE = ("src/m2wr_sim/CHANGELOG.rst", "src/m2wr_sim/CMakeLists.txt", "src/m2wr_s
 INTERFACES = re.compile(r"touches of\b|\bgo_on\b|\"hindsight\"|_tracker[.]hindsight\b")
 #: Characters of a test's name, at most, and folders whose tests are not renamed yet.
 LONGEST_NAME = 60
-PENDING_NAMES = ("src/m2wr_sim", "src/m2wr_description", "src/m2wr_node",
-                 "src/m2wr_lockstep", "src/m2wr_tools")
+PENDING_NAMES = ("src/m2wr_sim", "src/m2wr_description",
+                 "src/m2wr_tools")
 
 
 def glossary():

@@ -76,7 +76,7 @@ def test_controllers_are_asked_in_order_with_the_time():
         ("/a", 1, 51 * MS), ("/b", 1, 51 * MS), ("/a", 2, 101 * MS), ("/b", 2, 101 * MS)]
 
 
-def test_a_controller_is_told_what_was_published_since_its_previous_turn():
+def test_a_turn_counts_messages_since_the_previous_turn():
     rig = Rig("/a")
     rig.counts.count("/odom")
     rig.counts.count("/odom")
@@ -87,7 +87,7 @@ def test_a_controller_is_told_what_was_published_since_its_previous_turn():
     assert [request.news for _, request in rig.requests] == [{"/odom": 2}, {"/scan": 1}, {}]
 
 
-def test_a_command_counts_when_its_sender_has_answered_and_not_before():
+def test_a_command_counts_after_its_sender_has_answered():
     rig = Rig("/a")
     rig.send("/a", "go")
     assert rig.deliver() == []
@@ -107,7 +107,7 @@ def test_a_message_beyond_the_count_waits_for_the_next_answer():
     assert rig.deliver() == ["second"]
 
 
-def test_strangers_commands_count_at_once():
+def test_commands_of_other_nodes_count_at_once():
     rig = Rig("/a")
     rig.send("/joystick", "stop")
     assert rig.deliver() == ["stop"]
@@ -123,7 +123,7 @@ def test_the_last_in_order_wins_however_they_arrive():
         assert rig.deliver() == ["of /b"]
 
 
-def test_a_stop_published_in_anothers_turn_does_not_undo_a_later_command():
+def test_a_stop_in_another_turn_does_not_undo_a_later_command():
     """A supervisor switches the last controller off, which stops the robot, and the one before it on, which drives."""
     rig = Rig("/supervisor", "/driver", "/stopped")
     rig.send("/driver", "drive")
@@ -181,11 +181,11 @@ def test_messages_of_the_very_first_turn_must_come_all_the_same():
         rig.conductor.tick(1)
 
 
-def test_what_a_controller_sent_before_it_was_heard_is_not_missed():
+def test_messages_before_the_connection_are_not_waited_for():
     rig = Rig("/a")
     rig.send("/a", "heard")
     rig.send("/a", "go")
-    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 4, 1))         # three of them nobody has heard
+    rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 4, 1))         # three of them did not arrive
     rig.conductor.tick(1)
     assert rig.deliver() == ["go"] and rig.waits[-2:] == [1.0, 2.0]
     rig.send("/a", "second")
@@ -194,7 +194,7 @@ def test_what_a_controller_sent_before_it_was_heard_is_not_missed():
     assert rig.deliver() == ["second"]
 
 
-def test_an_early_message_that_went_astray_takes_no_place_among_the_commands():
+def test_a_lost_early_message_is_not_counted_as_a_command():
     rig = Rig("/a", "/b")
     rig.send("/a", "of /a")
     rig.send("/b", "of /b")
@@ -204,12 +204,12 @@ def test_an_early_message_that_went_astray_takes_no_place_among_the_commands():
     assert rig.deliver() == ["of /b"]           # its own turn's, not one from before all turns
 
 
-def test_what_was_sent_while_a_robot_was_being_replaced_is_not_missed():
+def test_messages_during_a_replacement_are_not_waited_for():
     rig = Rig("/a")
     rig.conductor.tick(1)
     rig.inbox.close(rig.slot)
     rig.slot = rig.inbox.open("/cmd_vel", rig.delivered.append)
-    rig.send("/a", "nobody holds this back")
+    rig.send("/a", "not held back")
     rig.conductor.mark_connected()
     rig.scripts["/a"] = lambda request: answer(("/cmd_vel", 1, 0))
     rig.conductor.tick(2)
@@ -217,13 +217,13 @@ def test_what_was_sent_while_a_robot_was_being_replaced_is_not_missed():
         rig.conductor.tick(3)                   # connected all the time
 
 
-def test_topics_that_the_simulation_does_not_hear_are_not_waited_for():
+def test_topics_without_a_subscription_are_not_waited_for():
     rig = Rig("/a")
     rig.scripts["/a"] = lambda request: answer(("/state", 0, 5))
     rig.conductor.tick(1)
 
 
-def test_going_on_leaves_the_silent_one_out_and_says_so(caplog):
+def test_continuing_leaves_out_a_silent_controller_and_logs_it(caplog):
     rig = Rig("/a", "/b", continue_on_silence=True)
     rig.scripts["/a"] = lambda request: None
     with caplog.at_level(logging.WARNING):
@@ -232,10 +232,10 @@ def test_going_on_leaves_the_silent_one_out_and_says_so(caplog):
     assert [name for name, _ in rig.requests] == ["/a", "/b", "/b"]
     assert rig.conductor.lost == ["/a"] and "/a has not answered" in caplog.text
     rig.send("/a", "late")
-    assert rig.deliver() == ["late"]            # a stranger now
+    assert rig.deliver() == ["late"]            # not a controller now
 
 
-def test_one_that_comes_back_takes_its_old_place_and_hears_of_nothing_old():
+def test_a_returning_controller_keeps_its_place():
     rig = Rig("/a", "/b", continue_on_silence=True)
     rig.scripts["/a"] = lambda request: None
     rig.conductor.tick(51 * MS)
@@ -250,7 +250,7 @@ def test_one_that_comes_back_takes_its_old_place_and_hears_of_nothing_old():
     assert request.since_ns == 75 * MS and request.news == {"/odom": 1}
 
 
-def test_after_a_reset_of_time_nobody_is_a_latecomer():
+def test_after_a_reset_of_time_no_controller_is_late():
     rig = Rig("/a", continue_on_silence=True)
     rig.conductor.tick(51 * MS)
     rig.conductor.join("/b", 75 * MS)
@@ -260,7 +260,7 @@ def test_after_a_reset_of_time_nobody_is_a_latecomer():
     assert [request.since_ns for name, request in rig.requests if name == "/b"] == [75 * MS, 0]
 
 
-def test_one_that_leaves_is_not_asked_again_and_one_may_end_the_run():
+def test_a_controller_may_leave_or_end_the_run():
     rig = Rig("/a", "/b")
     rig.scripts["/a"] = lambda request: answer(leave=True)
     rig.conductor.tick(1)
@@ -370,7 +370,7 @@ def test_a_surplus_reply_does_not_shift_those_that_follow(caplog):
     assert caplog.text.count("2 messages on /cmd_vel") == 1
 
 
-def test_going_on_without_a_reply(caplog):
+def test_continuing_without_a_reply(caplog):
     rig = Rig(replies=[Reply("/scan", "/cmd_vel")], continue_on_silence=True)
     rig.counts.count("/scan")
     rig.conductor.collect_replies(0)

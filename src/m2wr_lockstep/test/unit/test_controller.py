@@ -24,13 +24,13 @@ def request(tick):
 
 
 def test_two_turns_never_run_at_once():
-    made, entered, going_on, running, most = Controller(), threading.Event(), threading.Event(), [], []
+    made, entered, resume, running, most = Controller(), threading.Event(), threading.Event(), [], []
 
     def turn(_):
         running.append(None)
         most.append(len(running))
         entered.set()
-        going_on.wait(20.0)
+        resume.wait(20.0)
         running.pop()
 
     made._turn = turn
@@ -39,7 +39,7 @@ def test_two_turns_never_run_at_once():
     assert entered.wait(20.0)
     asking[1].start()
     asking[1].join(0.3)             # time enough to get in where nothing holds it back
-    going_on.set()
+    resume.set()
     for thread in asking:
         thread.join(20.0)
     assert most == [1, 1]

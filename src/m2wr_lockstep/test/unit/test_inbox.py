@@ -28,7 +28,7 @@ def test_every_slot_of_a_topic_gets_the_message():
     assert (first, second) == ([1], [1])
 
 
-def test_an_arrival_wakes_whoever_waits():
+def test_an_arrival_wakes_the_waiting_thread():
     woken = []
     inbox = Inbox(lambda: woken.append(True))
     slot = inbox.open("/cmd_vel", lambda message: None)

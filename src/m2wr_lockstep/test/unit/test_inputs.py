@@ -57,7 +57,7 @@ def test_what_is_missing_is_named(inputs):
     assert inputs.seen == []
 
 
-def test_messages_that_are_not_counted_do_not_fill_the_place_of_others(inputs):
+def test_uncounted_messages_do_not_replace_counted_ones(inputs):
     inputs.receive("/odom", Message(1))
     inputs.receive("/odom", Message(2))
     with pytest.raises(TurnError, match="1 of 2"):

@@ -190,10 +190,10 @@ def test_the_node_can_end_while_a_listener_does_not_read(deaf):
     deaf._loop.stops = True
     with pytest.raises(InterruptedError):
         deaf._barrier.wait(deaf._barrier.all)
-    deaf._before_trigger()                  # in the middle of a step it just goes on
+    deaf._before_trigger()                  # in the middle of a step it continues at once
 
 
-def test_in_the_middle_of_a_step_nobody_is_served(deaf):
+def test_in_the_middle_of_a_step_no_client_is_served(deaf):
     deaf._barrier._patience = 0.2
     deaf._loop.wake = deaf._loop.wait_until = None              # would fail when called
     deaf._before_trigger()

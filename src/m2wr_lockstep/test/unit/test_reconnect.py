@@ -44,7 +44,7 @@ def graph(monkeypatch):
     return Graph()
 
 
-def test_the_subscriber_is_told_of_all_publishers_when_a_connection_is_late(graph, caplog):
+def test_a_late_subscriber_is_told_of_all_publishers(graph, caplog):
     assert graph.after(0.0, ALONE) == 0
     assert graph.after(0.9 * FIRST_PAUSE, ALONE) == 0
     with caplog.at_level(logging.WARNING):
@@ -53,7 +53,7 @@ def test_the_subscriber_is_told_of_all_publishers_when_a_connection_is_late(grap
     assert "/sim has not connected to /puppet on /cmd_vel" in caplog.text
 
 
-def test_it_is_told_again_ever_more_rarely_and_the_log_says_it_once(graph, caplog):
+def test_it_is_told_again_less_often_and_logged_once(graph, caplog):
     times, told = [], 0
     for _ in range(1500):
         if graph.after(0.1, ALONE) != told:
@@ -84,7 +84,7 @@ def test_publishers_that_the_master_has_forgotten_are_left_out(graph):
     assert graph.told[0][2] == ["http://puppet"]
 
 
-@pytest.mark.parametrize("answer, words", [(ConnectionRefusedError("nobody there"), "nobody there"),
+@pytest.mark.parametrize("answer, words", [(ConnectionRefusedError("connection refused"), "connection refused"),
                                            ((0, "no such topic", 0), "no such topic")])
 def test_what_fails_is_told_and_tried_again(graph, answer, words, caplog):
     graph.answer = answer
@@ -94,7 +94,7 @@ def test_what_fails_is_told_and_tried_again(graph, answer, words, caplog):
     assert graph.after(2.0 * FIRST_PAUSE, ALONE) == 2
 
 
-def test_a_connection_of_which_the_publisher_knows_nothing_is_closed_first(graph, monkeypatch):
+def test_a_connection_unknown_to_the_publisher_is_closed_first(graph, monkeypatch):
     closed = []
     held = [SimpleNamespace(endpoint_id=uri, close=lambda uri=uri: closed.append(uri))
             for uri in ("http://puppet", "http://dead", "http://other")]

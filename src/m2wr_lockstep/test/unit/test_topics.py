@@ -19,7 +19,7 @@ def topics(monkeypatch):
     return LockstepTopics()
 
 
-def test_ticks_are_made_without_a_subscriber_unless_another_sensor_has_one(topics):
+def test_ticks_need_no_subscriber_unless_another_sensor_has_one(topics):
     made = [topics.counted(PORT, name, LaserScan) for name in ("left/scan", "right/scan")]
     heard = {}
     for number, port in enumerate(made):

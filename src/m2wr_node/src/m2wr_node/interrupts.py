@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ctrl-C while a program is still being imported ends it at once and without a word.
+"""Ctrl-C during the imports of a program ends it at once and without a traceback.
 
-The first import of every executable, and of nothing else, for importing it is what does it.  Python raises
-KeyboardInterrupt wherever it happens to be: that prints the insides of whatever is being imported or, in a finaliser or
-a callback there, is lost, and the program goes on as if nobody had pressed anything.
+The first import of every executable, and of nothing else: the import itself changes how SIGINT is handled.  Python
+raises KeyboardInterrupt at any place.  During imports this prints a long traceback; in a finaliser or a callback the
+exception is lost, and the program continues as if Ctrl-C had not been pressed.
 """
 from __future__ import annotations
 

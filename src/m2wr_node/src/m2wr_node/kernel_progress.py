@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Says how far the compilation of a package's kernels has come: how many of how many, and which one was the last.
+"""Prints the progress of compiling a package's kernels: how many of how many, and the last one.
 
-numba compiles for minutes on a slow machine and says nothing.  It is asked here from a thread beside it, so that
-nothing of it has to be replaced, whatever its version.
+numba compiles for minutes on a slow machine and prints nothing.  A thread asks it for its progress, so that no part of
+numba has to be replaced, in any version.
 """
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import sys
 import threading
 from typing import Any, Callable, Dict, List, Optional
 
-_INTERVAL = 1.0         # s between two looks
-_QUIET = 15             # looks without news after which it is said that the work goes on
+_INTERVAL = 1.0         # s between two checks
+_QUIET = 15             # checks without progress after which a line says that the work continues
 
 
 def kernels(package: str) -> Dict[str, Any]:
@@ -81,7 +81,7 @@ class KernelProgress:
                 self._say("%s: %d of %d kernels compiled: %s" % (
                     self._package, len(self._compiled), len(self._kernels), news[-1]))
             elif quiet % _QUIET == 0:
-                self._say("%s: %d of %d kernels compiled, going on" % (
+                self._say("%s: %d of %d kernels compiled, still compiling" % (
                     self._package, len(self._compiled), len(self._kernels)))
 
 

@@ -57,7 +57,7 @@ def run(folder, required):
     return done.returncode, done.stdout
 
 
-def test_a_required_node_that_has_done_its_work_ends_the_run_without_a_banner(tmp_path):
+def test_a_required_node_ends_the_run_without_a_banner(tmp_path):
     code, text = run(tmp_path, "true")
     assert "asked: True" in text and "told: True" in text, text
     assert code == 0 and "REQUIRED" not in text, text
@@ -123,7 +123,7 @@ IDS = [30, 20, 10, 1]       # this process, what it was started through, roslaun
     (10, {"required": True}, None),
     (10, {"required": True, "pid": 1}, None),       # above roslaunch itself
 ])
-def test_only_the_roslaunch_above_that_requires_the_node_is_asked(serve, pid, info, found):
+def test_only_the_requiring_roslaunch_is_asked(serve, pid, info, found):
     # None cannot be sent: a fault, as of what roslaunch knows of its master
     address = serve(Roslaunch(pid, {"master": {"pid": None}, "worker-1": info}))
     assert ending.roslaunch_that_requires(IDS, Master({"a": address})) == found
@@ -138,7 +138,7 @@ def test_addresses_left_behind_and_nonsense_are_passed_over(serve, uris):
         assert ending.roslaunch_that_requires(IDS, Master(uris)) == 10
 
 
-def test_ancestry_goes_up_to_the_first_process_and_stands_no_circle():
+def test_ancestry_ends_at_the_first_process_or_a_loop():
     assert ending.ancestry(30, {30: 20, 20: 1, 1: 0}.get) == [30, 20, 1]
     assert ending.ancestry(30, {30: 20, 20: 30}.get) == [30, 20]
     assert ending.ancestry()[:2] == [os.getpid(), os.getppid()]

@@ -56,7 +56,7 @@ def node():
         server.server_close()
 
 
-def test_another_node_at_the_address_of_one_that_has_ended_is_not_it(node):
+def test_another_node_at_an_old_address_is_not_it(node):
     of_rospy, of_roscpp = node(getName="/gazebo", getPid=7), node(getPid=7)
     assert is_there.alive(of_rospy, "/gazebo") and is_there.alive(of_rospy)
     assert not is_there.alive(of_rospy, "/bug2")

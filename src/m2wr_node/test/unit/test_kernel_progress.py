@@ -46,7 +46,7 @@ def test_long_work_on_one_kernel_is_not_silence():
     said, heard = [], threading.Event()
     with KernelProgress("thing", lambda line: (said.append(line), heard.set()), {"first": Kernel()}, interval=0.01):
         assert heard.wait(10.0)
-    assert said[0] == "thing: 0 of 1 kernels compiled, going on"
+    assert said[0] == "thing: 0 of 1 kernels compiled, still compiling"
 
 
 def test_an_error_in_the_body_passes_without_a_word_of_success():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Programs whose output nobody reads any more."""
+"""Programs whose output is no longer read."""
 import os
 import subprocess
 import sys

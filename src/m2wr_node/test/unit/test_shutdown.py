@@ -23,7 +23,7 @@ def test_a_hook_in_time_waits_for_the_shutdown(hooks):
     assert calls == [1]
 
 
-def test_a_hook_after_the_request_is_called_at_once_and_only_once(hooks):
+def test_a_late_hook_is_called_at_once_and_only_once(hooks):
     calls = []
     hooks[1].append(True)
     at_shutdown(lambda: calls.append(1))

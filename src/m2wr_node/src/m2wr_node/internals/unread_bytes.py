@@ -8,7 +8,7 @@ differs without it is not measured yet.
 Uses: the columns local_address, rem_address and st of ``/proc/net/tcp`` (proc(5)) to find the two addresses of a
 connection, once for each; ``NETLINK_SOCK_DIAG`` (sock_diag(7)) for its receive queue.
 Checked: Linux 6.18; both are documented kernel interfaces.
-Without it: connections are not found, or OSError; whoever asks continues without waiting, with one line in the log.
+Without it: connections are not found, or OSError; the caller continues without waiting, with one line in the log.
 """
 import errno
 import socket

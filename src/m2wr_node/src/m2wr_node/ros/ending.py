@@ -93,7 +93,7 @@ def roslaunch_that_requires(ids: List[int], master: Any = None) -> Optional[int]
 def end_run(master: Any = None, kill: Callable[[int, int], object] = os.kill) -> bool:
     """Ask the roslaunch that requires this process to stop, and return whether one was asked.
 
-    It then ends all of its nodes in good order, this one too, so whoever calls waits for its own signal.
+    It then ends all of its nodes, this one too, so the caller waits for its own signal.
 
     Parameters
     ----------
