@@ -9,6 +9,7 @@ import rospy
 from nav_msgs.msg import OccupancyGrid
 from PIL import Image
 
+from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_sim.errors import SimError, WorldError
 from m2wr_sim.model.outlines import obstacle_outlines
@@ -63,7 +64,7 @@ class LiveComparison:
     def __init__(self, truth):
         self._truth, self._newest, self._news = truth, None, threading.Event()
         self._line = None
-        rospy.on_shutdown(self._news.set)
+        at_shutdown(self._news.set)
         rospy.Subscriber("map", OccupancyGrid, self._take, queue_size=1)
 
     def _take(self, message):

@@ -11,6 +11,7 @@ import tf2_ros
 from geometry_msgs.msg import PointStamped
 
 from m2wr_node.node_help import answer_help
+from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 from m2wr_node.ros.transform_buffer import TransformBuffer
 from m2wr_sim.errors import ParameterError, SimError
@@ -84,8 +85,8 @@ class ClickObstacles:
 
     def run(self):
         """Answer clicks until ROS ends."""
-        rospy.on_shutdown(lambda: self._clicks.put(None))
-        while not rospy.core.is_shutdown_requested():       # what comes too late to be called is forgotten
+        at_shutdown(lambda: self._clicks.put(None))
+        while True:
             message = self._clicks.get()
             if message is None or rospy.is_shutdown():
                 return
