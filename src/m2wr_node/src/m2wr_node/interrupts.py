@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import signal
 
-TYPE_CHECKING = False       # as typing has it, whose import takes longer than all the rest
+TYPE_CHECKING = False       # as in typing, whose import takes longer than the rest of this module
 if TYPE_CHECKING:
     from typing import Any, Callable
 

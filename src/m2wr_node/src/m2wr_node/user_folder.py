@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The folder in which the user stands, for files that are named relative to it.
+"""The user's working folder, for file names that are relative to it.
 
-roslaunch starts nodes in a folder of their own. ``PWD`` in the environment is no help: it is what some shell once wrote
-there, and ``make -C``, ``sudo``, ``env -C`` and every program that starts another one elsewhere leave it as it was.
+roslaunch starts nodes in another folder. ``PWD`` in the environment does not help: a shell has written it, and
+``make -C``, ``sudo``, ``env -C`` and programs that start another one in another folder do not change it.
 """
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Optional, Sequence
 def user_folder(words: Optional[Sequence[str]] = None) -> str:
     """Return the absolute path of the folder in which the user started this program or the roslaunch that did.
 
-    To be asked at the start: a roslaunch that is gone tells nothing.
+    Call it at the start, while roslaunch is running.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def user_folder(words: Optional[Sequence[str]] = None) -> str:
         found = _folder_of(starter())
         if found:
             return found
-        if os.path.isdir(os.environ.get("PWD", "")):        # no /proc, or not to be read
+        if os.path.isdir(os.environ.get("PWD", "")):        # no /proc, or not readable
             return os.path.abspath(os.environ["PWD"])
     return os.getcwd()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ending a run without roslaunch calling it a death.
+"""Ending a run without an error message of roslaunch.
 
 roslaunch reports a required node that exits in a red banner, "REQUIRED process has died!", whatever the exit code.  A
 node that has done its work asks its roslaunch to stop instead, by the signal that Ctrl-C sends.
@@ -61,10 +61,10 @@ def _addresses(master: Any) -> Iterator[str]:
 
 def _required(server: Any, name: str, ids: List[int]) -> bool:
     try:
-        told = server.process_info(name)[2]
-    except xmlrpc.client.Fault:         # what roslaunch knows of its master is nothing that XML-RPC can carry
+        info = server.process_info(name)[2]
+    except xmlrpc.client.Fault:         # XML-RPC cannot encode what roslaunch returns for its master
         return False
-    return bool(told.get("required")) and told.get("pid") in ids
+    return bool(info.get("required")) and info.get("pid") in ids
 
 
 def roslaunch_that_requires(ids: List[int], master: Any = None) -> Optional[int]:
@@ -86,7 +86,7 @@ def roslaunch_that_requires(ids: List[int], master: Any = None) -> Optional[int]
             if any(_required(server, name, below) for name in server.get_node_names()[2]):
                 return parent
         except (OSError, xmlrpc.client.Error, LookupError, TypeError, AttributeError):
-            continue                    # no roslaunch any more, or something else at its port
+            continue                    # roslaunch has ended, or another program has its port
     return None
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether a node or the publisher of a topic is alive: for launch files that go beside a simulation or without one.
+"""Whether a node or the publisher of a topic is alive: for launch files that run with or without a simulation.
 
 is_there NAME                   print true or false
 is_there NAME --print YES NO    print one of two words, with no end of line: a parameter of a launch file keeps it

@@ -13,12 +13,12 @@ FARTHEST = 1e9          # m: beyond any frame on earth (geocentric coordinates r
 
 
 def is_out_of_range(stamp: Any) -> bool:
-    """Whether a stamp (genpy.Time) is none that tf2 can calculate with."""
+    """Return whether tf2 cannot calculate with a stamp (genpy.Time)."""
     return not 0 <= stamp.secs < LATEST
 
 
 def fault_of(header: Any, child: str = "") -> str:
-    """Return why tf2 must not see a message with this header, a sentence, or an empty text.
+    """Return a sentence why a message with this header is refused, or an empty text.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def fault_of(header: Any, child: str = "") -> str:
 
 
 def fault_of_transform(transform: Any) -> str:
-    """Return why tf2 must not see a transform (geometry_msgs/TransformStamped), a sentence, or an empty text.
+    """Return a sentence why a transform (geometry_msgs/TransformStamped) is refused, or an empty text.
 
     tf2 itself refuses NaN and quaternions that are not normalised, but neither infinite nor huge translations.
     """
@@ -53,7 +53,7 @@ class TransformBuffer(tf2_ros.Buffer):
     """A buffer that refuses such transforms, for a ``tf2_ros.TransformListener``."""
 
     def set_transform(self, transform: Any, authority: str) -> None:
-        """Take a transform in.
+        """Add a transform.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class TransformBuffer(tf2_ros.Buffer):
             super().set_transform(transform, authority)
 
     def set_transform_static(self, transform: Any, authority: str) -> None:
-        """Take a transform in that holds at all times.
+        """Add a transform that is valid at all times.
 
         Parameters
         ----------
