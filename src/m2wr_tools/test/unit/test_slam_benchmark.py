@@ -18,7 +18,7 @@ ROOM = 4.0
 
 
 def drive(count=60):
-    """Poses (K, 3) that go to and fro in a room, so that places are met again."""
+    """Poses (K, 3) back and forth in a room, with loop closures."""
     along = np.abs((0.05 * np.arange(count) + 2.0) % 4.0 - 2.0)
     return np.column_stack([along, np.zeros(count), 0.3 * np.sin(0.2 * np.arange(count))])
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps laser logs with several seeds and tells accuracy, time and memory as a table.
+"""Maps laser logs with several seeds and prints accuracy, time and memory as a table.
 
 A folder holds NAME.clf or NAME.bag and, for accuracy, NAME.relations, NAME.graph or NAME.ref beside it (as they are or
 packed as .xz or .gz): relations as 'stamp stamp x y z roll pitch yaw', poses as 'stamp x y theta'.
 """
+from __future__ import annotations
+
 import argparse
 import json
 import os
@@ -13,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections import OrderedDict
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from m2wr_gmapping.io.atomic_files import write_atomically
 from m2wr_tools.slam_benchmark import benchmark_table, finished_runs, laser_logs, trajectory_errors
@@ -24,15 +27,15 @@ SETS = OrderedDict((
                     linearUpdate=0.5, angularUpdate=0.436)),
 ))
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
-RUN_LIMIT = 3600.0          # a run that takes longer is ended [s]
+RUN_LIMIT = 3600.0          # time limit of a run [s]
 
 
 class BenchmarkError(RuntimeError):
-    """A run has failed; says which one and what it said."""
+    """A run has failed; the message names it and quotes its output."""
 
 
-def _pair(kind):
-    def read(text):
+def _pair(kind: Callable[[str], Any]) -> Callable[[str], Tuple[str, Any]]:
+    def read(text: str) -> Tuple[str, Any]:
         name, found, value = text.partition("=")
         if not (name and found):
             raise argparse.ArgumentTypeError("{}: expected NAME=VALUE".format(text))
@@ -40,16 +43,16 @@ def _pair(kind):
     return read
 
 
-def _whole(least):
-    def read(text):
+def _whole(least: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
         if not text.isdigit() or int(text) < least:
             raise argparse.ArgumentTypeError("{}: expected a whole number of at least {}".format(text, least))
         return int(text)
     return read
 
 
-def parser():
-    """Return the command line's parser."""
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     made = argparse.ArgumentParser(prog="benchmark", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     add = made.add_argument
@@ -58,7 +61,7 @@ def parser():
     add("--sets", nargs="+", choices=list(SETS), default=list(SETS), help="sets of parameters (all)")
     add("--particles", nargs="+", type=_whole(1), metavar="N", default=[30, 80], help="default: 30 80")
     add("--seeds", type=_whole(1), default=3, help="runs with different seeds (%(default)s)")
-    add("--threads", type=_whole(0), default=1, help="of each run; 0: one a core (%(default)s)")
+    add("--threads", type=_whole(0), default=1, help="of each run; 0: one per core (%(default)s)")
     add("--laser-x", nargs="+", type=_pair(float), default=[], metavar="NAME=X",
         help="how far the laser of a CARMEN log sits in front of the odometry's centre [m] (0)")
     add("--set", nargs="+", type=_pair(str), default=[], dest="more", metavar="PARAMETER=VALUE",
@@ -66,21 +69,21 @@ def parser():
     add("--converter", metavar="SCRIPT", help="makes bags of CARMEN logs: SCRIPT LOG BAG [--laser-x X], stamps "
         "moved by 1000 s; default: built in")
     add("--keep", metavar="FOLDER", help="keep bags, trajectories, maps and statistics there")
-    add("--resume", action="store_true", help="with --keep: what this program has finished there is not done again")
+    add("--resume", action="store_true", help="with --keep: skip the runs that are finished there")
     add("--json", metavar="FILE", help="write all runs as JSON")
-    add("--table", metavar="README.md", help="put the table between the lines '{}' and '{}' of this file".format(
+    add("--table", metavar="README.md", help="insert the table between the lines '{}' and '{}' of this file".format(
         benchmark_table.BEGIN, benchmark_table.END))
     add("--quiet", action="store_true", help="no progress")
     return made
 
 
-def replay_program():
+def replay_program() -> List[str]:
     """Return the command of slam_gmapping_replay with this interpreter."""
     return [sys.executable, "-c", "import sys; from m2wr_gmapping.replay.replay_command import main; sys.exit(main())"]
 
 
 class Benchmark:
-    """All runs that were asked for.
+    """All requested runs.
 
     Parameters
     ----------
@@ -89,14 +92,14 @@ class Benchmark:
         Folder for files.
     """
 
-    def __init__(self, options, scratch):
+    def __init__(self, options: argparse.Namespace, scratch: str) -> None:
         self._options, self._scratch = options, scratch
-        self.results = []
-        self._converted = None              # log whose bag is there
+        self.results: List[Dict[str, Any]] = []
+        self._converted: Optional[str] = None              # log whose bag was written
         self._program = finished_runs.program_digest()
 
-    def run(self):
-        """Measure everything, one run at a time."""
+    def run(self) -> List[Dict[str, Any]]:
+        """Run everything, one run at a time; return the results."""
         options = self._options
         found = laser_logs.find(options.folder, options.logs)
         unknown = set(name for name, _ in options.laser_x) - set(log.name for log in found)
@@ -116,12 +119,12 @@ class Benchmark:
             self._converted = None
         return self.results
 
-    def _say(self, text):
+    def _say(self, text: str) -> None:
         if not self._options.quiet:
             sys.stderr.write(text + "\n")
             sys.stderr.flush()
 
-    def _convert(self, log, bag):
+    def _convert(self, log: laser_logs.Log, bag: str) -> None:
         if self._converted == log.name:
             return
         self._say("{}: writing the bag".format(log.name))
@@ -134,10 +137,10 @@ class Benchmark:
         if done.returncode or not os.path.isfile(bag):
             raise BenchmarkError("{} {}: {}".format(self._options.converter, log.path, done.stdout.strip()[-1000:]))
 
-    def _laser_x(self, log):
+    def _laser_x(self, log: laser_logs.Log) -> float:
         return dict(self._options.laser_x).get(log.name, 0.0)
 
-    def _one(self, log, bag, name, particles, seed):
+    def _one(self, log: laser_logs.Log, bag: str, name: str, particles: int, seed: int) -> Dict[str, Any]:
         out = os.path.join(self._scratch, "{}_{}_{}_{}".format(log.name, name, particles, seed))
         parameters = dict(SETS[name], particles=particles, threads=self._options.threads)
         parameters.update(self._options.more)
@@ -167,8 +170,23 @@ class Benchmark:
         return result
 
 
-def tell(benchmark, options, put):
-    """Print the table of a Benchmark, ``put`` it into a document, write all runs as JSON; returns whether it could."""
+def tell(benchmark: Benchmark, options: argparse.Namespace, put: bool) -> bool:
+    """Print the table, insert it into a document and write all runs as JSON, as requested.
+
+    Parameters
+    ----------
+    benchmark : Benchmark
+        Finished runs.
+    options : argparse.Namespace
+        Command line options.
+    put : bool
+        Whether the table may be inserted.
+
+    Returns
+    -------
+    bool
+        Whether all files were written.
+    """
     text = benchmark_table.markdown(benchmark.results)
     sys.stdout.write(text)
     try:
@@ -184,19 +202,19 @@ def tell(benchmark, options, put):
     return True
 
 
-def main(arguments=None):
+def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Entry point; returns the exit code."""
     made = parser()
     options = made.parse_args(arguments)
     if not options.folder:
         made.error("no folder: expected one on the command line or in " + FOLDER_VARIABLE)
     if options.resume and not options.keep:
-        made.error("--resume: expected --keep FOLDER as well, the folder of the runs to go on with")
+        made.error("--resume: expected --keep FOLDER as well, the folder of the runs to resume")
     if not os.path.isdir(options.folder):
         made.error("{}: no such folder".format(options.folder))
     if options.table:
         try:
-            benchmark_table.check(options.table)              # before an hour of work, not after it
+            benchmark_table.check(options.table)              # before the runs
         except (OSError, ValueError) as error:
             made.error(str(error))
     folder = os.path.dirname(os.path.abspath(options.json or "."))
@@ -204,7 +222,7 @@ def main(arguments=None):
         made.error("--json {}: no folder {}".format(options.json, folder))
     if options.keep:
         os.makedirs(options.keep, exist_ok=True)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))     # what is below is ended and cleared away
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))     # child processes end and files are removed
     with tempfile.TemporaryDirectory(prefix="m2wr_gmapping_benchmark_") as scratch:
         benchmark, code = Benchmark(options, options.keep or scratch), 0
         try:

@@ -1,31 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The table of the benchmark, and putting it into a README."""
+"""Table of the benchmark, and its insertion into a document."""
+from __future__ import annotations
+
 import os
 import tempfile
 from collections import OrderedDict
+from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
 HEAD = ("log", "set", "particles", "beams", "processed", "CPU ms a processed scan", "wall ms", "CPU ms a map",
-        "peak MiB", "truth", "error", "places met again", "worst seed",
-        "worst seed, met again")
+        "peak MiB", "truth", "error", "loop closures", "worst seed",
+        "worst seed, loop closures")
 
 
-def _mean(values):
-    values = [value for value in values if value is not None]
-    return sum(values) / len(values) if values else None
+def _mean(values: Iterable[Optional[float]]) -> Any:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
 
 
-def _pair(metres, degrees):
+def _pair(metres: Any, degrees: Any) -> str:
     return "" if metres is None else "{:.3f} m, {:.2f}°".format(metres, degrees)
 
 
-def row(runs):
+def row(runs: List[Dict[str, Any]]) -> Tuple[str, ...]:
     """Return the cells for the runs of one log, set and number of particles."""
     first, count = runs[0], len(runs)
     statistics = [run["statistics"] for run in runs]
     scores = [run["score"] for run in runs if run["score"]]
 
-    def error(metres, degrees, choose=_mean):
+    def error(metres: str, degrees: str, choose: Callable[..., Any] = _mean) -> str:
         found = [(entry[metres], entry[degrees]) for entry in scores if metres in entry]
         return _pair(choose([a for a, _ in found]), choose([b for _, b in found])) if found else ""
 
@@ -41,9 +44,9 @@ def row(runs):
             error("again_metres", "again_degrees", max))
 
 
-def markdown(results):
-    """Return the table of all runs, one row a log, set and number of particles, means over the seeds."""
-    groups = OrderedDict()
+def markdown(results: List[Dict[str, Any]]) -> str:
+    """Return the table of all runs: one row per log, set and number of particles, with means over the seeds."""
+    groups: Dict[Tuple[str, str, int], List[Dict[str, Any]]] = OrderedDict()
     for run in results:
         groups.setdefault((run["log"], run["set"], run["particles"]), []).append(run)
     lines = ["| {} |".format(" | ".join(HEAD)), "|" + "---|" * len(HEAD)]
@@ -53,8 +56,8 @@ def markdown(results):
         seeds[0] if len(seeds) == 1 else "{} to {}".format(seeds[0], seeds[-1]))
 
 
-def check(path):
-    """Raise ValueError unless a file has the two lines, in their order and once each."""
+def check(path: str) -> str:
+    """Raise ValueError unless a file has both marker lines once and in order; return its text."""
     with open(path, encoding="utf-8") as stream:
         text = stream.read()
     if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
@@ -62,8 +65,16 @@ def check(path):
     return text
 
 
-def put(path, table):
-    """Replace what stands between the two lines of a file; the old file stays until the new one is complete."""
+def put(path: str, table: str) -> None:
+    """Replace the text between the marker lines of a file atomically.
+
+    Parameters
+    ----------
+    path : str
+        The document.
+    table : str
+        The table.
+    """
     text = check(path)
     before, rest = text.split(BEGIN)
     after = rest.split(END)[1]

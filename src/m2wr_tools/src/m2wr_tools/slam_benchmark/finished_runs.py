@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs that a benchmark has finished, so that one that was ended can go on where it was."""
+"""Finished runs of a benchmark, so that an interrupted one can be resumed."""
+from __future__ import annotations
+
 import glob
 import hashlib
 import json
 import os
+from typing import Any, Dict, List, Optional
 
 from m2wr_gmapping import config
 
 ENDING = ".run"
 
 
-def program_digest():
-    """Return a checksum of the sources of mapper and benchmark: results of another version are not reused."""
+def program_digest() -> str:
+    """Return a checksum of the sources of mapper and benchmark; results of other versions are not reused."""
     total = hashlib.sha256()
     for module in (config.__file__, __file__):
         root = os.path.dirname(os.path.abspath(module))
@@ -21,19 +24,27 @@ def program_digest():
     return total.hexdigest()
 
 
-def key(**values):
-    """Return a checksum of what a run depends on."""
+def key(**values: object) -> str:
+    """Return a checksum of the inputs of a run."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
-def file_mark(path):
-    """Return what tells a file from another one that takes its place (list)."""
+def file_mark(path: str) -> List[Any]:
+    """Return path, size and time of a file, which identify its content."""
     found = os.stat(path)
     return [os.path.abspath(path), found.st_size, found.st_mtime_ns]
 
 
-def load(out, expected):
-    """Return the result kept beside ``out``, or None where there is none or it was made otherwise."""
+def load(out: str, expected: str) -> Optional[Dict[str, Any]]:
+    """Return the stored result of a run, or None if there is none for these inputs.
+
+    Parameters
+    ----------
+    out : str
+        Path of the run's files, without suffix.
+    expected : str
+        Checksum of the inputs.
+    """
     try:
         with open(out + ENDING, encoding="utf-8") as stream:
             kept = json.load(stream)
@@ -42,8 +53,18 @@ def load(out, expected):
         return None
 
 
-def keep(out, made, result):
-    """Keep a result beside ``out``."""
+def keep(out: str, made: str, result: Dict[str, Any]) -> None:
+    """Store the result of a run.
+
+    Parameters
+    ----------
+    out : str
+        Path of the run's files, without suffix.
+    made : str
+        Checksum of the inputs.
+    result : dict
+        Result.
+    """
     with open(out + ENDING + "~", "w", encoding="utf-8") as stream:
         json.dump(dict(key=made, result=result), stream)
     os.replace(out + ENDING + "~", out + ENDING)

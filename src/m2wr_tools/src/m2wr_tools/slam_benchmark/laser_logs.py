@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Finding laser logs and what is known of the truth beside them; CARMEN logs as bags."""
+"""Laser logs with their ground truth, and conversion of CARMEN logs to bags."""
+from __future__ import annotations
+
 import glob
 import gzip
 import lzma
@@ -7,6 +9,7 @@ import math
 import os
 import shutil
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rosbag
@@ -15,14 +18,17 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
 PACKED = ("", ".xz", ".gz")
-EPOCH = 1000.0              # stamps of a CARMEN log may begin at 0, which ROS takes for no time [s]
-RANGE_MIN, RANGE_MAX = 0.05, 80.0       # a log without a return says about 81.9 m
-FINE_FROM = 182             # beams from which a half turn is taken to have half a degree from one to the next
+EPOCH = 1000.0              # added to the stamps of a CARMEN log, which may start at 0; ROS treats 0 as unset [s]
+RANGE_MIN, RANGE_MAX = 0.05, 80.0       # a beam without a return is about 81.9 m in logs
+FINE_FROM = 182             # logs with at least so many beams have a resolution of 0.5 degrees
 
 
 class LogError(ValueError):
-    """A log or a file of truths cannot be read; says which and why."""
+    """A log or a ground truth file cannot be read; the message says which and why."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +44,16 @@ class Log:
 
     name: str
     path: str
-    truth: dict
+    truth: Dict[str, str]
 
     @property
-    def is_bag(self):
-        """Whether it is a bag already."""
+    def is_bag(self) -> bool:
+        """Whether the log is a bag."""
         return ".bag" in os.path.basename(self.path)
 
 
-def opened(path):
-    """Open a text file, packed or not."""
+def opened(path: str) -> Any:
+    """Open a text file, compressed or not."""
     if path.endswith(".xz"):
         return lzma.open(path, "rt", errors="replace")
     if path.endswith(".gz"):
@@ -55,15 +61,22 @@ def opened(path):
     return open(path, errors="replace")
 
 
-def find(folder, names=None):
-    """Return the logs of a folder: NAME.clf or NAME.bag, packed or not.
+def find(folder: str, names: Optional[Sequence[str]] = None) -> List[Log]:
+    """Return the logs of a folder: NAME.clf or NAME.bag, compressed or not.
+
+    Parameters
+    ----------
+    folder : str
+        Folder.
+    names : sequence of str or None
+        Names of the logs; default all.
 
     Raises
     ------
     LogError
-        If there is none, or not one of ``names``.
+        If there is none, or one of ``names`` is missing.
     """
-    found = {}
+    found: Dict[str, Log] = {}
     for path in sorted(glob.glob(os.path.join(folder, "*"))):
         for ending in (kind + packed for kind in (".clf", ".bag") for packed in PACKED):
             if path.endswith(ending):
@@ -79,7 +92,7 @@ def find(folder, names=None):
     return [found[name] for name in names or sorted(found)]
 
 
-def records(path):
+def records(path: str) -> Iterator[Tuple[float, List[float], Optional[List[float]]]]:
     """Yield stamp, raw odometry (3,) and ranges or None of each ODOM and FLASER line of a CARMEN log."""
     with opened(path) as stream:
         for number, line in enumerate(stream, 1):
@@ -95,13 +108,13 @@ def records(path):
                 raise LogError("{}: line {} cannot be read: {}".format(path, number, error)) from error
 
 
-def odometry(path):
-    """Return stamps (K,) and raw odometry poses (K, 3) of a CARMEN log, in the order of time."""
+def odometry(path: str) -> Tuple[FloatArray, FloatArray]:
+    """Return stamps (K,) and raw odometry poses (K, 3) of a CARMEN log, sorted by time."""
     rows = sorted((stamp, pose) for stamp, pose, _ in records(path))
     return np.array([row[0] for row in rows]), np.array([row[1] for row in rows]).reshape(-1, 3)
 
 
-def _transform(parent, child, stamp, x, y, yaw):
+def _transform(parent: str, child: str, stamp: Any, x: float, y: float, yaw: float) -> TransformStamped:
     message = TransformStamped(child_frame_id=child)
     message.header.stamp, message.header.frame_id = stamp, parent
     message.transform.translation.x, message.transform.translation.y = x, y
@@ -109,7 +122,7 @@ def _transform(parent, child, stamp, x, y, yaw):
     return message
 
 
-def _scan(ranges, stamp):
+def _scan(ranges: List[float], stamp: Any) -> LaserScan:
     step = math.radians(0.5 if len(ranges) >= FINE_FROM else 1.0)
     message = LaserScan(angle_min=-0.5 * math.pi, angle_max=-0.5 * math.pi + step * (len(ranges) - 1),
                         angle_increment=step, range_min=RANGE_MIN, range_max=RANGE_MAX, ranges=ranges)
@@ -117,15 +130,24 @@ def _scan(ranges, stamp):
     return message
 
 
-def write_bag(log, path, laser_x=0.0):
-    """Write a log as a bag with /scan and /tf (odom -> base_link -> laser), or copy the bag that it is.
+def write_bag(log: Log, path: str, laser_x: float = 0.0) -> None:
+    """Write a log as a bag with /scan and /tf (odom -> base_link -> laser); a log that is a bag is copied.
 
-    The stamps of a CARMEN log are moved by ``EPOCH``. The first of its beams points to the right.
+    ``EPOCH`` is added to the stamps of a CARMEN log. Its first beam points to the right.
 
     Parameters
     ----------
+    log : Log
+        The log.
+    path : str
+        Bag to write.
     laser_x : float
-        How far the laser sits in front of the odometry's centre [m].
+        Offset of the laser in front of odometry's reference point [m].
+
+    Raises
+    ------
+    LogError
+        If the log cannot be read or the bag cannot be written.
     """
     try:
         if log.is_bag:

@@ -1,22 +1,47 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Errors of a trajectory: relative poses against relations, or against poses known at the scans.
+"""Errors of a trajectory: relative poses against relations, or against ground truth poses of the scans.
 
 After Kuemmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss, Kleiner: On measuring the accuracy of SLAM algorithms,
 Autonomous Robots 27, 2009: the pose of one scan seen from another does not depend on the frame of the map.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple
+
 import numpy as np
 
 from m2wr_gmapping.se2 import between, compose, wrap
 from m2wr_tools.slam_benchmark.laser_logs import EPOCH, LogError, odometry, opened
 
-DIRECT = 1e-3           # a pose is that of a scan if its stamp is no farther off [s]
-AGAIN = 20.0            # places met again after at least that time [s]
-NEAR = 1.5              # and no farther apart [m]
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
+    from m2wr_tools.slam_benchmark.laser_logs import Log
+
+DIRECT = 1e-3           # greatest difference of stamps between pose and scan [s]
+AGAIN = 20.0            # least time between two visits of a loop closure [s]
+NEAR = 1.5              # and their greatest distance [m]
 MOST_PAIRS = 4000
 
 
-def rows(path, columns):
-    """Return the numbers (K, columns) of a text file; shorter lines are left out, # begins a comment."""
+def rows(path: str, columns: int) -> FloatArray:
+    """Return the numbers of a text file; shorter lines are skipped, # starts a comment.
+
+    Parameters
+    ----------
+    path : str
+        File.
+    columns : int
+        Numbers per line.
+
+    Returns
+    -------
+    (K, columns) float64
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read or has no such line.
+    """
     found = []
     try:
         with opened(path) as stream:
@@ -31,23 +56,44 @@ def rows(path, columns):
     return np.array(found)
 
 
-def trajectory(path):
+def trajectory(path: str) -> Tuple[FloatArray, FloatArray]:
     """Return stamps (K,) and poses (K, 3) of a file with the lines stamp x y z qx qy qz qw."""
     table = rows(path, 8)
     table = table[np.argsort(table[:, 0], kind="stable")]
     return table[:, 0], np.column_stack([table[:, 1:3], 2.0 * np.arctan2(table[:, 6], table[:, 7])])
 
 
-def nearest(stamps, wanted):
-    """Return the index of the nearest of the sorted ``stamps`` (K,) for each of ``wanted``."""
+def nearest(stamps: FloatArray, wanted: FloatArray) -> IndexArray:
+    """Return the index of the stamp nearest to each requested one.
+
+    Parameters
+    ----------
+    stamps : (K,) float64
+        Sorted stamps [s].
+    wanted : (N,) float64
+        Requested stamps [s].
+    """
     after = np.clip(np.searchsorted(stamps, wanted), 1, max(1, len(stamps) - 1))
     if len(stamps) == 1:
         return np.zeros(np.shape(wanted), int)
     return np.where(wanted - stamps[after - 1] <= stamps[after] - wanted, after - 1, after)
 
 
-def poses_at(wanted, stamps, poses, raw=None):
-    """Return the poses at stamps ``wanted``; between those of the trajectory, raw odometry (stamps, poses) goes on."""
+def poses_at(wanted: FloatArray, stamps: FloatArray, poses: FloatArray,
+             raw: Optional[Tuple[FloatArray, FloatArray]] = None) -> FloatArray:
+    """Return the poses at requested stamps; between poses of the trajectory raw odometry is used.
+
+    Parameters
+    ----------
+    wanted : (N,) float64
+        Requested stamps [s].
+    stamps : (K,) float64
+        Stamps of the trajectory [s].
+    poses : (K, 3) float64
+        Poses of the trajectory [m, m, rad].
+    raw : tuple or None
+        Stamps and poses of raw odometry.
+    """
     at = nearest(stamps, wanted)
     found = poses[at].copy()
     far = np.abs(stamps[at] - wanted) > DIRECT
@@ -57,8 +103,8 @@ def poses_at(wanted, stamps, poses, raw=None):
     return found
 
 
-def _summary(measured, right, again):
-    """Return mean errors of relative poses (N, 3), of all and of those of places met ``again``."""
+def _summary(measured: FloatArray, right: FloatArray, again: BoolArray) -> Dict[str, Any]:
+    """Return mean errors of relative poses (N, 3), of all and of loop closures (``again``)."""
     metres = np.hypot(measured[:, 0] - right[:, 0], measured[:, 1] - right[:, 1])
     degrees = np.degrees(np.abs(wrap(measured[:, 2] - right[:, 2])))
     result = dict(pairs=len(metres), metres=float(metres.mean()), degrees=float(degrees.mean()))
@@ -68,15 +114,43 @@ def _summary(measured, right, again):
     return result
 
 
-def against_relations(stamps, poses, relations, raw=None):
-    """Return mean errors (dict) against relations (R, 8): stamp, stamp, x, y, z, roll, pitch, yaw."""
+def against_relations(stamps: FloatArray, poses: FloatArray, relations: FloatArray,
+                      raw: Optional[Tuple[FloatArray, FloatArray]] = None) -> Dict[str, Any]:
+    """Return the mean errors (dict) against relations.
+
+    Parameters
+    ----------
+    stamps : (K,) float64
+        Stamps of the trajectory [s].
+    poses : (K, 3) float64
+        Poses of the trajectory [m, m, rad].
+    relations : (R, 8) float64
+        stamp, stamp, x, y, z, roll, pitch, yaw.
+    raw : tuple or None
+        Stamps and poses of raw odometry.
+    """
     first, second = (poses_at(relations[:, column], stamps, poses, raw) for column in (0, 1))
     return _summary(between(first, second), relations[:, [2, 3, 7]],
                     np.abs(relations[:, 1] - relations[:, 0]) > AGAIN)
 
 
-def against_poses(stamps, poses, truth):
-    """Return mean errors (dict) against poses (K, 4), stamp, x, y, theta: of neighbours, and of places met again."""
+def against_poses(stamps: FloatArray, poses: FloatArray, truth: FloatArray) -> Dict[str, Any]:
+    """Return the mean errors (dict) against ground truth poses: of successive poses, and of loop closures.
+
+    Parameters
+    ----------
+    stamps : (K,) float64
+        Stamps of the trajectory [s].
+    poses : (K, 3) float64
+        Poses of the trajectory [m, m, rad].
+    truth : (K, 4) float64
+        stamp, x, y, theta.
+
+    Raises
+    ------
+    LogError
+        If fewer than two poses of the trajectory have a ground truth.
+    """
     truth = truth[np.argsort(truth[:, 0], kind="stable")]
     at = nearest(truth[:, 0], stamps)
     fits = np.abs(truth[at, 0] - stamps) <= DIRECT
@@ -95,8 +169,16 @@ def against_poses(stamps, poses, truth):
     return result
 
 
-def score(log, path):
-    """Return the errors (dict) of a trajectory file against the best truth of a log, with its ``kind``; or None."""
+def score(log: Log, path: str) -> Optional[Dict[str, Any]]:
+    """Return the errors (dict) of a trajectory file against the best ground truth of a log, with its ``kind``; or None.
+
+    Parameters
+    ----------
+    log : Log
+        The log.
+    path : str
+        File.
+    """
     stamps, poses = trajectory(path)
     raw = None
     if not log.is_bag:
