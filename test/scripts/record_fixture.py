@@ -131,8 +131,8 @@ def simulate(fixture):
                 if len(scans) > scans_seen:
                     scans_seen = len(scans)
                     poses[scans[-1].header.stamp] = planar(simulator.model_state("m2wr"))
-        if simulator.touch_counts:
-            raise RuntimeError("%s: contact of the robot: %s; expected none" % (fixture.name, simulator.touches[0]))
+        if simulator.contact_counts:
+            raise RuntimeError("%s: contact of the robot: %s; expected none" % (fixture.name, simulator.contacts[0]))
         messages = [(topic, message, stamp_of(message)) for topic, every in sorted(fixture.keep.items())
                     for message in (transforms(ports) if topic == TF else ports.topics[topic].messages)[::every]]
     finally:

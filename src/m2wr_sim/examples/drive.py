@@ -9,8 +9,8 @@ def main():
     with Sim("world02", "m2wr", pose=(0.0, 8.0, math.pi), seed=1) as sim:
         for command, duration in (((0.5, 0.0), 4.0), ((0.0, -0.5), math.pi), ((0.5, 0.0), 1.0)):
             now = sim.step(command, duration)
-            print("t = %5.2f s   x, y, yaw = %6.3f %6.3f %6.3f   %5.2f m/s   nearest obstacle %.2f m   touches %d"
-                  % ((now.time,) + now.pose + (now.odometry.linear_x, now.scan.ranges.min(), len(now.touches))))
+            print("t = %5.2f s   x, y, yaw = %6.3f %6.3f %6.3f   %5.2f m/s   nearest obstacle %.2f m   contacts %d"
+                  % ((now.time,) + now.pose + (now.odometry.linear_x, now.scan.ranges.min(), len(now.contacts))))
 
 
 if __name__ == "__main__":

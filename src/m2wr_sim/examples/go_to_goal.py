@@ -26,7 +26,7 @@ def main(episodes=5):
             observation, reward, terminated, truncated, info = env.step(controller(observation))
             total, over = total + reward, terminated or truncated
         print("episode %d: return %6.2f after %4.1f s, %s" % (
-            seed, total, info["time"], "goal" if info["is_success"] else "touch" if terminated else "time is up"))
+            seed, total, info["time"], "goal" if info["is_success"] else "contact" if terminated else "time is up"))
     env.close()
 
 

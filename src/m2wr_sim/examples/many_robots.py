@@ -22,7 +22,7 @@ def main(count=6, seconds=20.0):
         while now.time < seconds:
             now = sim.step({name: command(one.scan, 0.8) for name, one in now.robots.items()}, 0.1)
         for name in sim.robots:
-            print("%s   x, y = %6.2f %6.2f   touches %d" % ((name,) + now[name].pose[:2] + (sim.touch_count(name),)))
+            print("%s   x, y = %6.2f %6.2f   contacts %d" % ((name,) + now[name].pose[:2] + (sim.contact_count(name),)))
 
 
 if __name__ == "__main__":

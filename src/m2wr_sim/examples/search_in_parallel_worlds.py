@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Find the constant command that brings the robot farthest in ten seconds without a touch, by trying many at once."""
+"""Find the constant command that brings the robot farthest in ten seconds without a contact, by trying many at once."""
 import sys
 
 import numpy as np
@@ -14,10 +14,10 @@ def main(count=16, seconds=10.0):
         start = worlds.reset().pose
         end = worlds.step(commands, seconds)
         distance = np.hypot(*(end.pose - start).T[:2])
-        distance[end.touches > 0] = 0.0
+        distance[end.contacts > 0] = 0.0
         best = int(np.argmax(distance))
         print("best of %d: %.2f m with linear %.2f m/s, angular %.2f rad/s; %d of them hit something"
-              % (count, distance[best], commands[best, 0], commands[best, 1], np.count_nonzero(end.touches)))
+              % (count, distance[best], commands[best, 0], commands[best, 1], np.count_nonzero(end.contacts)))
 
 
 if __name__ == "__main__":

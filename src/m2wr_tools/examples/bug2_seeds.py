@@ -10,8 +10,8 @@ def main(world="world02", runs=3):
     scene = {"world": read_world(world), "robot": read_robot("m2wr")}
     for seed in range(int(runs)):
         run = run_bug2(seed=seed, **scene)
-        print("seed %d: %s after %.1f s and %.2f m, %d changes of state, %d touches"
-              % (seed, run.outcome, run.time, run.path_length, len(run.states) - 1, len(run.touches)))
+        print("seed %d: %s after %.1f s and %.2f m, %d changes of state, %d contacts"
+              % (seed, run.outcome, run.time, run.path_length, len(run.states) - 1, len(run.contacts)))
 
 
 if __name__ == "__main__":

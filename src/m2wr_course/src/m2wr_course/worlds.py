@@ -31,6 +31,6 @@ def two_walls(path: str) -> Iterator[Finding]:
     yield Finding(run.outcome == "goal_reached",
                   "the run ends after %.0f s: %s (%s)" % (run.time, run.outcome, run.reason),
                   "leave a way round: gates of at least 1.4 m, and nothing nearer than 0.8 m to the goal")
-    yield Finding(not run.touches, "the robot touches %s" % (
-        ", ".join(sorted({touch.second for touch in run.touches})) or "nothing"),
+    yield Finding(not run.contacts, "the robot has contact with %s" % (
+        ", ".join(sorted({contact.second for contact in run.contacts})) or "nothing"),
         "nothing may stand within 0.5 m of the start, and nothing may be lower than the laser, 0.15 m")

@@ -99,7 +99,7 @@ class Rig:
         while self.simulator.now_ns < end_ns:
             before_ns = self.simulator.now_ns
             self.simulator.advance(min(end_ns, before_ns + chunk_ns))
-            assert self.simulator.now_ns > before_ns, "time stands still at %d ns" % before_ns
+            assert self.simulator.now_ns > before_ns, "simulated time does not advance at %d ns" % before_ns
         return self
 
     def send(self, linear_x, angular_z, topic="/cmd_vel"):

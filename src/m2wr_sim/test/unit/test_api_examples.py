@@ -9,8 +9,8 @@ import pytest
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 # arguments that make the run short, and what its output must match from the beginning
 EXPECTED = {
-    "drive": ((), "t =  4.00 s .*touches 0\nt =  7.14 s .*touches 0\nt =  8.14 s .* 0.50 m/s .*touches 0\n$"),
-    "many_robots": ((3, 4.0), "(robot[012]   x, y = .*touches 0\n){3}$"),
+    "drive": ((), "t =  4.00 s .*contacts 0\nt =  7.14 s .*contacts 0\nt =  8.14 s .* 0.50 m/s .*contacts 0\n$"),
+    "many_robots": ((3, 4.0), "(robot[012]   x, y = .*contacts 0\n){3}$"),
     "search_in_parallel_worlds": ((4, 2.0), "best of 4: 0\\.[3-9].* m with linear .*; 0 of them hit something\n$"),
     "go_to_goal": ((1,), "episode 0: return +1\\d\\.\\d\\d after .* s, goal\n$")}
 

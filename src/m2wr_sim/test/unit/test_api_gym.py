@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The Gymnasium environment: passes the library's own check, pays for progress, ends at the goal and at a touch."""
+"""The Gymnasium environment: passes the library's own check, pays for progress, ends at the goal and at a contact."""
 import math
 import subprocess
 import sys
@@ -105,10 +105,10 @@ def test_reaching_the_goal_ends_the_episode_and_pays(env):
     assert np.median([one["velocity"][0] for one in seen]) == pytest.approx(0.5, abs=0.02)
 
 
-def test_touching_something_ends_the_episode_and_costs(env):
+def test_a_contact_ends_the_episode_and_costs(env):
     observation, _ = env.reset(seed=0, options={"start": (0.0, 7.0, -math.pi / 2), "goal": (0.0, 0.0)})
     rewards, (terminated, truncated, info), seen = drive(env, observation)        # a wall at y = 5 is in the way
-    assert terminated and not truncated and not info["is_success"] and info["touches"] > 0
+    assert terminated and not truncated and not info["is_success"] and info["contacts"] > 0
     assert rewards[-1] < -9.0 and min(rewards[:-1]) > -0.2
     assert seen[-1]["scan"].min() < 0.5 < seen[0]["scan"].min()
 
@@ -139,7 +139,7 @@ def test_a_seed_repeats_an_episode_to_the_last_bit_whatever_came_before(env, sce
 def test_places_have_room_and_are_as_far_apart_as_asked(env):
     for seed in range(20):
         _, info = env.reset(seed=seed)
-        assert 2.0 <= info["distance"] <= 6.0 and info["touches"] == 0
+        assert 2.0 <= info["distance"] <= 6.0 and info["contacts"] == 0
         x, y = env._sim.pose()[0][:2]
         assert env._sim.clearance(x, y, ignore="m2wr") >= 0.69
         assert env._sim.clearance(*env._goal, ignore="m2wr") >= 0.69

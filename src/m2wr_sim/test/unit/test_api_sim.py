@@ -59,7 +59,7 @@ def digest(sim, rounds=6):
     total = hashlib.sha256()
     for index in range(rounds):
         result = sim.step(COMMANDS[index % len(COMMANDS)][:len(sim.robots)], 0.4)
-        total.update(repr((result.time, [(one.position, one.orientation, one.odometry, one.touches)
+        total.update(repr((result.time, [(one.position, one.orientation, one.odometry, one.contacts)
                                          for one in result.robots.values()])).encode())
         for one in result.robots.values():
             total.update(one.scan.ranges.tobytes())
@@ -144,7 +144,7 @@ def test_first_measurements_come_when_the_node_sends_them(sim):
 def test_a_reset_repeats_many_robots_to_the_last_bit(engine):
     with many_robots(3, engine) as sim:
         first = digest(sim)
-        assert any(sim.touch_count(name) for name in sim.robots), "nobody touched anything: the scene tests too little"
+        assert any(sim.contact_count(name) for name in sim.robots), "no contact: the scene tests too little"
         sim.reset(3)
         assert digest(sim) == first
         sim.reset(4)
@@ -269,23 +269,23 @@ def test_scans_stay_as_they_are_and_see_the_wall_at_its_distance(m2wr_record):
         assert "array" not in repr(first)
 
 
-def test_touches_tell_when_where_and_what_and_a_reset_forgets_them(m2wr_record):
+def test_contacts_have_time_place_names_until_reset(m2wr_record):
     with Sim(YARD, m2wr_record, (-2.0, 0.2, math.pi / 2)) as sim:
-        found = [touch for _ in range(60) for touch in sim.step((0.5, 0.0), 0.05).touches]
-        assert len(found) >= 1 and sim.touch_count() >= 1
+        found = [contact for _ in range(60) for contact in sim.step((0.5, 0.0), 0.05).contacts]
+        assert len(found) >= 1 and sim.contact_count() >= 1
         first = found[0]
         assert {first.first.split("::")[0], first.second.split("::")[0]} == {"m2wr", "box0"}
         assert first.position[1] == pytest.approx(1.25, abs=0.02) and 0.0 <= first.depth < 0.005
         assert first.concerns("m2wr") and first.concerns("box0") and not first.concerns("box1")
         # 0.65 m to go from the tip of the chassis at 0.5 m/s, the first tick at 51 ms
         assert 1.2 < first.time < 1.6
-        sim.reset()                             # while it touches
-        assert sim.touch_count() == 0
-        again = [touch for _ in range(60) for touch in sim.step((0.5, 0.0), 0.05).touches]
+        sim.reset()                             # while it is in contact
+        assert sim.contact_count() == 0
+        again = [contact for _ in range(60) for contact in sim.step((0.5, 0.0), 0.05).contacts]
         assert again == found
 
 
-def test_robots_see_and_touch_one_another(m2wr_record):
+def test_robots_see_and_push_one_another(m2wr_record):
     with Sim("empty", seed=1) as sim:
         sim.spawn(m2wr_record, (0.0, 0.0, 0.0), "left")
         sim.spawn(m2wr_record, (2.0, 0.0, math.pi), "right")
@@ -296,11 +296,11 @@ def test_robots_see_and_touch_one_another(m2wr_record):
         assert result["left"].scan.ranges[350:370].max() == math.inf
         with pytest.raises(AttributeError, match="2 robots \\(left, right\\)"):
             result.pose
-        touched = []
+        contacts = []
         for _ in range(40):
             result = sim.step([(0.4, 0.0), (0.4, 0.0)], 0.1)
-            touched += result["left"].touches
-        assert touched and touched[0].concerns("right") and sim.touch_count("right") == sim.touch_count("left")
+            contacts += result["left"].contacts
+        assert contacts and contacts[0].concerns("right") and sim.contact_count("right") == sim.contact_count("left")
 
 
 def test_spawn_place_delete(m2wr_record):

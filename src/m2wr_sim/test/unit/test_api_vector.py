@@ -26,7 +26,7 @@ def vector(scene):
 def rows(result):
     """Return everything in a result as bytes, a row a world."""
     return [b"".join(np.ascontiguousarray(array[index]).tobytes() for array in (
-        result.time, result.pose, result.odometry, result.ranges, result.touches)) for index in range(COUNT)]
+        result.time, result.pose, result.odometry, result.ranges, result.contacts)) for index in range(COUNT)]
 
 
 def test_each_row_is_what_a_simulation_of_its_own_gives(scene, vector):
@@ -67,12 +67,12 @@ def test_new_seed_changes_the_noise_and_new_poses_the_start(vector):
     assert np.allclose(moved.pose, (0.5, 7.0, 0.25))
 
 
-def test_touches_are_counted_by_row(vector):
+def test_contacts_are_counted_by_row(vector):
     # a wall at y = 5, to the south
     vector.reset(poses=[(0.0, 7.0, -np.pi / 2), (0.0, 7.0, np.pi / 2), (0.0, 7.0, 0.0)])
     total = np.zeros(COUNT, int)
     for _ in range(40):
-        total += vector.step((0.5, 0.0), 0.1).touches
+        total += vector.step((0.5, 0.0), 0.1).contacts
     assert total[0] > 0 and total[2] == 0
 
 

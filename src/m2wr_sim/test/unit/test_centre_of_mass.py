@@ -120,7 +120,7 @@ def test_a_free_body_turns_about_its_new_centre(make_engine):
     engine.step(500)
     position, turn = engine.link_pose(link)
     centre = tuple(a + b for a, b in zip(position, rotate(turn, (0.5, 0.0, 0.0))))
-    assert centre == pytest.approx((0.5, 0.5, 0.0), abs=1e-9)           # it went on with the speed it had there, 1 m/s
+    assert centre == pytest.approx((0.5, 0.5, 0.0), abs=1e-9)           # it kept its velocity of 1 m/s
 
 
 @pytest.mark.parametrize("solve, tips", [(True, True), (False, False)])

@@ -79,7 +79,7 @@ def test_a_contact_that_ended_is_reported_once(make_engine, build):
     assert watch.drain() == []
 
 
-def test_a_watch_that_ended_gets_nothing_and_the_other_goes_on(stack):
+def test_ending_a_watch_does_not_change_others(stack):
     first, second = stack.watch_contacts([full("crate")]), stack.watch_contacts([full("crate")])
     stack.end_watch(first)
     stack.step(100)
@@ -87,7 +87,7 @@ def test_a_watch_that_ended_gets_nothing_and_the_other_goes_on(stack):
 
 
 def test_names_of_nothing_report_nothing(stack):
-    watch = stack.watch_contacts(["nobody::link::collision"])
+    watch = stack.watch_contacts(["unknown::link::collision"])
     stack.step(10)
     assert watch.drain() == []
 

@@ -202,7 +202,7 @@ def test_wheels_at_a_wall_lift_the_part_of_their_load_that_friction_can_carry(ma
 def test_two_robots_that_push_each_other_equally_keep_the_speed_they_have(make_engine, build, speed):
     """Wheels that slip push with mu times their load at whatever speed: forces cancel, and nothing stops the pair.
 
-    So where such a pair begins to drift it goes on, up to the speed at which one robot's wheels roll.
+    So if such a pair begins to drift, it accelerates up to the speed at which one robot's wheels roll.
     """
     smooth = Surface(mu=0.0, mu2=0.0)
     foot = Collision("foot", Sphere(0.05), ((-0.3, 0.0, -0.05), (0.0, 0.0, 0.0, 1.0)), smooth)

@@ -39,7 +39,7 @@ hashes = {}
 for topic, port in rig.ports.topics.items():
     assert port.messages, topic
     hashes[topic] = hashlib.sha256("".join(map(str, port.messages)).encode()).hexdigest()
-for name, value in (("tf", rig.ports.transforms), ("clock", rig.ports.clock_ns), ("touches", rig.simulator.touches),
+for name, value in (("tf", rig.ports.transforms), ("clock", rig.ports.clock_ns), ("contacts", rig.simulator.contacts),
                     ("crate", rig.pose("crate"))):
     assert value, name
     hashes[name] = hashlib.sha256(repr(value).encode()).hexdigest()

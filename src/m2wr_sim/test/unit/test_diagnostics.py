@@ -5,7 +5,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from m2wr_node.internals.subscriber_connections import Dropped
-from m2wr_sim.physics.engine import Touch
+from m2wr_sim.physics.engine import ContactEvent
 from m2wr_sim.ros import diagnostics
 from m2wr_sim.ros.diagnostics import Diagnostics
 
@@ -63,7 +63,7 @@ class FakeSimulator:
         self.now_ns, self.steps, self.step_ns, self.paused = 0, 0, 1000000, False
         self.engine = type("Engine", (), {"solver_messages": 0})()
         self.models = {"robot": type("Model", (), {"plugins": [(FakePlugin(), FakeContext(), "laser")]})()}
-        self.touches, self.touch_counts, self.off, self.ports = [], {"robot": 0}, [], FakePorts()
+        self.contacts, self.contact_counts, self.off, self.ports = [], {"robot": 0}, [], FakePorts()
 
     def switched_off(self):
         return self.off
@@ -189,12 +189,12 @@ def test_a_reset_does_no_harm(monkeypatch):
 def test_of_many_new_contacts_some_are_logged_the_rest_counted(monkeypatch):
     rig, lines = Rig(monkeypatch), []
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: lines.append(text % values))
-    rig.simulator.touches = [Touch(1, "a%d::l::c" % k, "b::l::c", (0.0, 0.0, 0.0), 0.001) for k in range(50)]
+    rig.simulator.contacts = [ContactEvent(1, "a%d::l::c" % k, "b::l::c", (0.0, 0.0, 0.0), 0.001) for k in range(50)]
     for _ in range(2):
         rig.run()
     assert len(lines) == 21 and lines[19].startswith(
         "contact of a19::l::c and b::l::c at (0.00, 0.00, 0.00), 1.0 mm deep")
     assert lines[20] == "and 30 more pairs are in contact for the first time"
-    rig.simulator.touches.append(Touch(2, "a50::l::c", "b::l::c", (0.0, 0.0, 0.0), 0.001))
+    rig.simulator.contacts.append(ContactEvent(2, "a50::l::c", "b::l::c", (0.0, 0.0, 0.0), 0.001))
     rig.run()
     assert len(lines) == 22 and lines[21].startswith("contact of a50::l::c and")

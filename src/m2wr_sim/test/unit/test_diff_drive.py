@@ -105,7 +105,7 @@ def test_encoder_of_a_swapped_robot_turns_the_other_way():
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.1])
-def test_encoder_passes_over_time_that_does_not_go_on(dt):
+def test_encoder_ignores_time_that_does_not_advance(dt):
     encoder = odometry(0.5, 0.5, 1.0)
     encoder.update(9.0, 9.0, dt)
     assert (encoder.x, encoder.linear_x) == pytest.approx((0.5, 0.5))

@@ -25,7 +25,7 @@ from m2wr_sim.model.types import (
     Sphere,
     Surface,
 )
-from m2wr_sim.physics.engine import Touch, settings_from_physics
+from m2wr_sim.physics.engine import ContactEvent, settings_from_physics
 
 GRAVITY = 9.8
 SMALL = Inertial(1.0, inertia=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
@@ -73,7 +73,7 @@ def test_a_dropped_body_comes_to_rest_on_the_ground(make_engine, build, kind, st
     assert position == pytest.approx((0.0, 0.0, height), abs=1e-3)
     assert position == pytest.approx(before, abs=1e-5)
     assert max(map(abs, linear + angular)) < 1e-4 and abs(orientation[3]) > 0.99999
-    assert engine.drain_touches() == []         # standing is no touch
+    assert engine.drain_contact_events() == []   # standing is no contact event
 
 
 @pytest.mark.parametrize("step_ms", [1, 5])
@@ -195,9 +195,9 @@ def test_a_sleeping_body_feels_new_gravity(make_engine, build):
     assert state_of(engine).position[2] > 0.5
 
 
-# -- touches ------------------------------------------------------------------------------------------------------
+# -- contacts -----------------------------------------------------------------------------------------------------
 
-def test_a_touch_is_told_once_while_it_lasts_and_again_after_parting(make_engine, build):
+def test_a_contact_is_reported_once_until_it_ends(make_engine, build):
     engine = make_engine(1, [build.ground(), build.box("wall", 1.0, 0, 0.5, size=(0.2, 2, 1)),
                              build.sphere("ball", 0, 0, 0.25, static=False)])
     ball = root_of(engine, 2)
@@ -206,14 +206,14 @@ def test_a_touch_is_told_once_while_it_lasts_and_again_after_parting(make_engine
         engine.set_link_pose(ball, build.at(x=0.5, z=0.25))
         engine.set_link_velocity(ball, (1.0, 0.0, 0.0), (0.0, 4.0, 0.0))
         engine.step(400)
-        return engine.drain_touches()
+        return engine.drain_contact_events()
 
     first = roll_against_the_wall()
-    assert [type(touch) for touch in first] == [Touch]
+    assert [type(contact) for contact in first] == [ContactEvent]
     assert {first[0].first, first[0].second} == {"ball::link::collision", "wall::link::collision"}
     assert 140 <= first[0].step <= 170 and 0.0 <= first[0].depth < 2e-3
     assert first[0].position == pytest.approx((0.9, 0.0, 0.25), abs=5e-3)
-    assert engine.drain_touches() == []
+    assert engine.drain_contact_events() == []
     again = roll_against_the_wall()
     assert len(again) == 1 and 540 <= again[0].step <= 570
 
@@ -509,29 +509,30 @@ def test_what_was_removed_is_not_felt_any_more(make_engine, build):
         engine.link_pose(engine.handles[1].links["link"])
 
 
-def test_a_touch_of_two_bodies_is_counted_once_whichever_comes_first(make_engine, build):
+def test_contact_of_two_bodies_is_reported_once(make_engine, build):
     engine = make_engine(models=[build.ground()])
     for index in range(3):
         engine.add_model(build.box("box%d" % index, 0.0, 0.0, 0.25 + 0.501 * index, static=False),
                          build.at(0.0, 0.0, 0.25 + 0.501 * index))
     for _ in range(300):
         engine.step(1)
-    pairs = [(touch.first, touch.second) for touch in engine.drain_touches()]
+    pairs = [(contact.first, contact.second) for contact in engine.drain_contact_events()]
     assert pairs and all(pair == tuple(sorted(pair)) for pair in pairs)
     assert len(pairs) == len(set(pairs)) == 2
 
 
-def test_a_model_that_comes_again_under_its_name_touches_anew(make_engine, build):
+def test_contact_of_a_model_spawned_again_is_reported(make_engine, build):
     engine = make_engine(models=[build.ground(), build.box("table", 0.0, 0.0, 0.5, (1.0, 1.0, 1.0), static=False)])
     for _ in range(2):
         handle = engine.add_model(build.box("cup", 0.0, 0.0, 1.2495, static=False), build.at(0.0, 0.0, 1.2495))
         engine.step(50)
-        assert [(touch.first.split("::")[0], touch.second.split("::")[0]) for touch in engine.drain_touches()] == [
+        events = engine.drain_contact_events()
+        assert [(event.first.split("::")[0], event.second.split("::")[0]) for event in events] == [
             ("cup", "table")]
         engine.remove_model(handle)
 
 
-def test_a_reset_with_a_model_without_shapes_leaves_a_world_that_goes_on(make_engine, build):
+def test_reset_with_a_model_without_shapes(make_engine, build):
     """An empty space that is taken out of another and put back once made libode end the process."""
     ghost = Model("ghost", (Link("link", inertial=SMALL, gravity=False),))
     crates = [build.box(name, 0.1 * index, 0.0, 0.3 + 0.4 * index, static=False) for index, name in enumerate("ab")]
@@ -543,7 +544,7 @@ def test_a_reset_with_a_model_without_shapes_leaves_a_world_that_goes_on(make_en
     assert all(math.isfinite(value) for value in state_of(engine, 1).position)
 
 
-def test_a_closed_engine_that_somebody_keeps_holds_no_body(make_engine, build):
+def test_a_closed_engine_holds_no_body(make_engine, build):
     def bodies():
         gc.collect()
         return sum(type(found).__name__ == "Body" and type(found).__module__ == "ode" for found in gc.get_objects())
@@ -552,5 +553,5 @@ def test_a_closed_engine_that_somebody_keeps_holds_no_body(make_engine, build):
     engine = make_engine(1, [build.ground(), build.box("box", 0, 0, 0.3, static=False)])
     engine.step(50)
     assert bodies() == before + 1
-    engine.close()              # libode frees bodies with their world: whoever lets go of one later ends the process
+    engine.close()              # libode frees bodies with their world: releasing one later would abort the process
     assert bodies() == before

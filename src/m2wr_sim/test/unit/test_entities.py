@@ -52,8 +52,8 @@ def test_the_pose_of_a_model_is_that_of_its_frame_not_of_its_first_link(live):
 
 def test_placing_moves_every_link_rigidly(live):
     engine, model = live
-    model.bend(engine, "turn", 0.5)
-    model.bend(engine, "slide", 0.2)
+    model.set_joint_position(engine, "turn", 0.5)
+    model.set_joint_position(engine, "slide", 0.2)
     before = [compose(invert(model.pose(engine)), engine.link_pose(link)) for link in model.handle.links.values()]
     target = ((-1.0, 0.0, 4.0), quaternion_from_rpy(0.3, -0.2, 1.0))
     model.place(engine, (target[0], tuple(2.0 * value for value in target[1])))     # of any length
@@ -68,8 +68,8 @@ def test_placing_moves_every_link_rigidly(live):
 def test_restoring_undoes_bending_too(live):
     engine, model = live
     before = [engine.link_pose(link) for link in model.handle.links.values()]
-    model.bend(engine, "turn", 1.5)
-    model.bend(engine, "slide", 0.3)
+    model.set_joint_position(engine, "turn", 1.5)
+    model.set_joint_position(engine, "slide", 0.3)
     model.place(engine, at(9.0, 9.0, 9.0))
     model.restore(engine)
     for (position, orientation), link in zip(before, model.handle.links.values()):
@@ -81,7 +81,7 @@ def test_restoring_undoes_bending_too(live):
 @pytest.mark.parametrize("asked, angle", [(0.5, 0.5), (2.5, 2.0), (-3.0, -1.0)])
 def test_bending_a_hinge_swings_all_beyond_it_within_its_limits(live, asked, angle):
     engine, model = live
-    model.bend(engine, "turn", asked)
+    model.set_joint_position(engine, "turn", asked)
     assert engine.joint_angle(model.handle.joints["turn"]) == angle
     heading = math.pi / 2 + angle           # mast at (3, 2.5) in the world, boom 1 m and hook 1.5 m ahead of it
     assert place_of(engine, model, "base") == pytest.approx((3.0, 2.5, 0.7))
@@ -97,8 +97,8 @@ def test_bending_a_hinge_swings_all_beyond_it_within_its_limits(live, asked, ang
 @pytest.mark.parametrize("asked, position", [(0.25, 0.25), (9.0, 0.4), (-1.0, 0.0)])
 def test_bending_a_slider_shifts_all_beyond_it_along_its_axis(live, asked, position):
     engine, model = live
-    model.bend(engine, "turn", 0.0)
-    model.bend(engine, "slide", asked)
+    model.set_joint_position(engine, "turn", 0.0)
+    model.set_joint_position(engine, "slide", asked)
     assert engine.joint_angle(model.handle.joints["slide"]) == pytest.approx(position)
     assert place_of(engine, model, "mast") == pytest.approx((3.0, 2.5, 1.5))
     assert place_of(engine, model, "boom") == pytest.approx((3.0, 3.5 + position, 1.5))
@@ -108,7 +108,7 @@ def test_bending_a_slider_shifts_all_beyond_it_along_its_axis(live, asked, posit
 def test_bending_twice_counts_from_zero_not_from_the_last(live):
     engine, model = live
     for angle in (0.7, -0.4, 1.1):
-        model.bend(engine, "turn", angle)
+        model.set_joint_position(engine, "turn", angle)
     heading = math.pi / 2 + 1.1
     assert place_of(engine, model, "boom") == pytest.approx((3.0 + math.cos(heading), 2.5 + math.sin(heading), 1.5))
 

@@ -96,7 +96,7 @@ def test_engines_agree_on_an_island_to_the_last_bit(robot, batch):
         engine = pile(kind, robot, 4)
         for _ in range(40 // batch):
             engine.step(batch)
-        ends.append((states(engine), sorted(engine.drain_touches())))
+        ends.append((states(engine), sorted(engine.drain_contact_events())))
         engine.close()
     assert ends[0] == ends[-1]
 
@@ -123,8 +123,8 @@ def test_a_wall_of_bricks_may_be_run_into(make_engine, m2wr, build, caplog):
     spread = [engine.link_state(link) for link in engine._links]
     assert all(math.isfinite(value) for state in spread for part in state for value in part)
     assert max(state.position[2] for state in spread) < 0.9
-    assert any("crate" in touch.first + touch.second and "robot" in touch.first + touch.second
-               for touch in engine.drain_touches())
+    assert any("crate" in contact.first + contact.second and "robot" in contact.first + contact.second
+               for contact in engine.drain_contact_events())
 
 
 def test_members_of_an_island_are_logged_now_and_then(make_engine, build, caplog):
@@ -135,9 +135,9 @@ def test_members_of_an_island_are_logged_now_and_then(make_engine, build, caplog
                          "box%d" % k)
     engine.add_model(build.box("far", 9.0, 0, 0.25, static=False), at(9.0, 0.0, 0.25))
     engine.step(20)
-    told = [record.getMessage() for record in caplog.records if "touch one another" in record.getMessage()]
+    told = [record.getMessage() for record in caplog.records if "are in contact" in record.getMessage()]
     assert len(told) == 1
-    assert told[0].startswith("step 1 (5 ms each): 7 models touch one another in 24 places: box0, box1, box2, box3, "
+    assert told[0].startswith("step 1 (5 ms each): 7 models are in contact at 24 points: box0, box1, box2, box3, "
                               "box4 and 2 more.") and "50 iterations" in told[0]
 
 
@@ -150,7 +150,7 @@ def test_many_small_islands_are_solved_directly(make_engine, build, caplog):
         assert 4 * 20 > ITERATIVE_ABOVE
         engine.step(60)
         ends.append(states(engine))
-    assert ends[0] == ends[1] and "touch one another" not in caplog.text
+    assert ends[0] == ends[1] and "are in contact" not in caplog.text
 
 
 def test_sleeping_models_are_no_island_until_woken(make_engine, build, caplog):
@@ -158,14 +158,14 @@ def test_sleeping_models_are_no_island_until_woken(make_engine, build, caplog):
     engine.iterative_above = 10
     crates(engine, build, 1, 5)
     engine.step(600)
-    assert "5 models touch" in caplog.text
+    assert "5 models are in contact" in caplog.text
     engine._islands = Islands()                       # as if nothing had been told
     caplog.clear()
     engine.step(400)
-    assert "touch one another" not in caplog.text
+    assert "are in contact" not in caplog.text
     engine.set_link_velocity(next(iter(engine._links)) + 3, (0.0, 0.0, 0.01), (0.0, 0.0, 0.0))
     engine.step(1)
-    assert "5 models touch" in caplog.text
+    assert "5 models are in contact" in caplog.text
 
 
 def test_long_steps_may_be_broken_off(make_engine, build):

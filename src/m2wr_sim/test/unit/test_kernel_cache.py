@@ -75,7 +75,7 @@ def test_kernels_that_numba_keeps_elsewhere_are_dropped_there(folder, tmp_path, 
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "users"))     # as where the modules are root's
     kernel_cache.refresh(str(folder / "__init__.py"))
     elsewhere, = (tmp_path / "users").iterdir()
-    kernel, other = elsewhere / "kernels.run-7.py311.1.nbc", tmp_path / "users" / "of_somebody_else.nbc"
+    kernel, other = elsewhere / "kernels.run-7.py311.1.nbc", tmp_path / "users" / "of_another_user.nbc"
     for path in (kernel, other):
         path.write_bytes(b"x")
     kernel_cache.refresh(str(folder / "__init__.py"))
@@ -87,8 +87,8 @@ def test_kernels_that_numba_keeps_elsewhere_are_dropped_there(folder, tmp_path, 
     assert not kernel.exists() and other.exists()
 
 
-def test_a_kernel_is_compiled_anew_when_what_it_calls_has_changed(tmp_path):
-    """In processes of their own: what numba itself would go on using is not used."""
+def test_a_kernel_is_compiled_again_when_a_callee_changes(tmp_path):
+    """In separate processes: a stale kernel, which numba itself would use, is not used."""
     package = tmp_path / "work"
     package.mkdir()
     (package / "__init__.py").write_text("from m2wr_sim import kernel_cache\nkernel_cache.refresh(__file__)\n")

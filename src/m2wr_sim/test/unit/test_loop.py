@@ -318,13 +318,13 @@ def test_little_work_is_put_off_and_requests_find_it_done(simulator, monkeypatch
 
     def advance(until_ns, lazily=False):
         put_off(until_ns, lazily)
-        owed.append(simulator._owed)
+        owed.append(simulator._pending)
         return simulator.now_ns
 
     monkeypatch.setattr(simulator, "advance", advance)
     with Running(simulator) as running:
         running.wait(lambda: any(owed))
-        assert [running.loop.call(lambda: simulator._owed) for _ in range(20)] == [0] * 20
+        assert [running.loop.call(lambda: simulator._pending) for _ in range(20)] == [0] * 20
 
 
 def test_much_work_is_done_evenly(simulator, monkeypatch):
@@ -332,14 +332,14 @@ def test_much_work_is_done_evenly(simulator, monkeypatch):
     spent, owed = iter([0.024 * count for count in range(4)] + [0.072 + 0.008 * count for count in range(4)]
                        + [0.096 + 0.024 * count for count in range(1000)]), []
     monkeypatch.setattr("m2wr_sim.ros.loop.time.thread_time", lambda: next(spent))
-    loop = Loop(simulator, 0.0, lambda: len(owed) >= 200, lambda: owed.append(simulator._owed))
+    loop = Loop(simulator, 0.0, lambda: len(owed) >= 200, lambda: owed.append(simulator._pending))
     lazily = []
     batch = loop._run_batch
     monkeypatch.setattr(loop, "_run_batch", lambda *given: (batch(*given), lazily.append(loop._lazily)))
     loop.run()
     first = lazily.index(True)
     assert first in range(16 * 4, 16 * 7) and lazily[first:].count(True) in range(16, 16 * 5) and not lazily[-1]
-    assert simulator._owed == 0
+    assert simulator._pending == 0
 
 
 def test_signals_at_the_end_of_a_wait_do_not_make_it_endless():

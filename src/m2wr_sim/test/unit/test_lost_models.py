@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A model that is thrown out of the world is removed and named, and the rest of the simulation goes on."""
+"""A model that leaves the world is removed and logged, and the simulation continues."""
 import math
 
 import numpy as np
@@ -22,7 +22,7 @@ def rig(m2wr_rig, build):
                     build.box("wall", -2.0, 0.0, 0.25))
 
 
-def test_the_model_is_removed_and_named_and_the_others_go_on(rig, caplog):
+def test_the_model_is_removed_and_the_others_continue(rig, caplog):
     rig.send(0.3, 0.0).run(0.5)
     throw(rig, "crate")
     rig.run(0.5)
@@ -30,7 +30,7 @@ def test_the_model_is_removed_and_named_and_the_others_go_on(rig, caplog):
     assert list(rig.simulator.models) == ["ground_plane", "other", "wall", "m2wr"]
     assert not rig.simulator.scene.rows_of("crate")
     lines = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
-    assert len(lines) == 1 and "step 501 (1 ms each): crate::link is at" in lines[0]
+    assert len(lines) == 1 and "step 501 (1 ms each): the simulation diverged: crate::link is at" in lines[0]
     assert "Removed: model \"crate\"" in lines[0] and "loss_ends" in lines[0]
     assert 0.15 < rig.pose()[0][0] < 0.35
     rig.simulator.spawn(rig.simulator.models["other"].record, at(3.0, 0.0, 0.25), "crate")
@@ -106,7 +106,7 @@ def test_a_push_on_what_is_lost_ends_with_it(rig):
 def test_who_wants_it_gets_an_error_instead(m2wr_rig, build):
     rig = m2wr_rig(build.box("crate", 3.0, 0.0, 0.25, static=False), loss_ends=True).run(0.1)
     throw(rig, "crate")
-    with pytest.raises(LostError, match="crate::link is at .* come apart"):
+    with pytest.raises(LostError, match="the simulation diverged: crate::link is at"):
         rig.run(0.1)
 
 

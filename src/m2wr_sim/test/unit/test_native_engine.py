@@ -66,7 +66,7 @@ def build(engine_class, step_ns=1000000, solver="step"):
 
 
 def drive(engine, robots, free, batch, rounds=12, steps=250):
-    """Drive with random wheel speeds; returns every state seen on the way, and the touches."""
+    """Drive with random wheel speeds; returns all states, and the contacts."""
     speeds, seen = random.Random(3), []
     for turn in range(rounds):
         for handle in robots:
@@ -80,7 +80,7 @@ def drive(engine, robots, free, batch, rounds=12, steps=250):
         seen.extend(engine.joint_angle(joint) for handle in robots for joint in handle.joints.values())
         if turn == rounds // 2:
             engine.remove_model(free.pop())
-    return seen, engine.drain_touches()
+    return seen, engine.drain_contact_events()
 
 
 @pytest.mark.parametrize("step_ns, solver", [(1000000, "step"), (5000000, "step"), (1000000, "quick")])
@@ -90,7 +90,7 @@ def test_same_bits_as_the_python_loop_for_any_batch_length(step_ns, solver):
         engine, robots, free = build(engine_class, step_ns, solver)
         results.append(drive(engine, robots, free, batch))
         engine.close()
-    assert results[0][1], "nothing was touched: the scene tests too little"
+    assert results[0][1], "no contact: the scene tests too little"
     assert results[1] == results[0]
     assert results[2] == results[0]
 
@@ -122,23 +122,24 @@ def skittles(engine_class):
         for _ in range(count // 50):
             engine.step(50)
             seen.append([engine.link_state(link) for part in [handle] + free for link in part.links.values()])
-    touches = engine.drain_touches()
+    contacts = engine.drain_contact_events()
     engine.close()
-    return seen, touches
+    return seen, contacts
 
 
 def test_what_sleeps_far_from_all_others_changes_no_number(monkeypatch):
     results = [skittles(native.NativeEngine)]
     monkeypatch.setattr(native.NativeEngine, "broad_phase_bounds", False)
     results += [skittles(native.NativeEngine), skittles(PyodeEngine)]
-    seen, touches = results[0]
+    seen, contacts = results[0]
     assert results[1] == results[0] and results[2] == results[0]
-    assert any("robot" in touch.first + touch.second and "can" in touch.first + touch.second for touch in touches)
+    sides = [contact.first + contact.second for contact in contacts]
+    assert any("robot" in names and "can" in names for names in sides)
     resting, end = seen[26], seen[-1]
     assert resting[-2] == end[-2] and resting[-5] != end[-5]        # one was left alone, one was pushed
 
 
-def test_what_sleeps_is_left_alone_until_somebody_comes_near():
+def test_sleeping_models_are_skipped_until_one_is_near():
     engine = native.NativeEngine(EngineSettings(step_ns=1000000))
     engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
     for index in range(4):
@@ -164,7 +165,7 @@ def test_what_sleeps_is_left_alone_until_somebody_comes_near():
     assert asleep() == apart() == [True, True]
     engine.set_link_pose(next(iter(other.links.values())), ((0.15, 0.0, 0.06), NO_TURN))
     engine.step(2000)
-    assert asleep() == [True, True] and apart() == [False, False]       # near one another, though they do not touch
+    assert asleep() == [True, True] and apart() == [False, False]       # near one another, but not in contact
     engine.set_link_pose(next(iter(other.links.values())), ((2.0, 0.0, 0.06), NO_TURN))
     engine.step(2000)
     assert asleep() == apart() == [True, True]
@@ -201,7 +202,7 @@ def test_wall_placed_inside_the_bounds_stops_the_robot(arrival):
     engine.step(2000)
     assert free_flags(engine) == [False]
     assert engine.link_pose(handle.links["chassis"])[0][0] < 0.35            # 1.1 without the wall
-    assert any("wall" in touch.first + touch.second for touch in engine.drain_touches())
+    assert any("wall" in contact.first + contact.second for contact in engine.drain_contact_events())
     engine.close()
 
 
@@ -222,7 +223,7 @@ def folding_arm():
     return Model("arm", links, joints + (slide,))
 
 
-def test_damping_and_models_that_touch_themselves_are_the_same_too():
+def test_damping_and_self_collision_give_the_same_numbers():
     results = []
     for engine_class in (PyodeEngine, native.NativeEngine):
         engine, robots, free = build(engine_class)
@@ -230,10 +231,10 @@ def test_damping_and_models_that_touch_themselves_are_the_same_too():
         handle = engine.add_model(folding_arm(), ((-1.0, 0.0, 1.0), NO_TURN))
         for joint, rate in (("bend0", -3.0), ("bend1", -3.0), ("slide", 0.2)):
             engine.set_joint_motor(handle.joints[joint], rate, 4.0)
-        seen, touches = drive(engine, robots, [handle] + free, 10, rounds=3)
-        itself = [touch for touch in touches if touch.first.startswith("arm") and touch.second.startswith("arm")]
-        results.append((seen, touches, [engine.joint_angle(joint) for joint in handle.joints.values()]))
-        assert itself, "the arm never touched itself: the scene tests too little"
+        seen, contacts = drive(engine, robots, [handle] + free, 10, rounds=3)
+        itself = [one for one in contacts if one.first.startswith("arm") and one.second.startswith("arm")]
+        results.append((seen, contacts, [engine.joint_angle(joint) for joint in handle.joints.values()]))
+        assert itself, "no self-collision: the scene tests too little"
         engine.close()
     assert results[0] == results[1]
 
@@ -306,7 +307,7 @@ def test_a_world_without_bodies_lets_time_pass():
     engine = native.NativeEngine(EngineSettings())
     engine.add_model(solid("floor", Plane()), ((0.0, 0.0, 0.0), NO_TURN))
     engine.step(100)
-    assert engine.drain_touches() == []
+    assert engine.drain_contact_events() == []
     engine.close()
 
 

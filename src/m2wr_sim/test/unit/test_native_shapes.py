@@ -94,7 +94,7 @@ def test_a_body_comes_to_rest_on_triangles(make_engine, build, ground_of, kind, 
     engine.step(2000 // step_ms)
     after = state(engine, 1)
     assert after.position[2] == pytest.approx(height - LAYER, abs=1e-4)
-    assert math.dist(before.position, after.position) < 1e-5 and engine.drain_touches() == []
+    assert math.dist(before.position, after.position) < 1e-5 and engine.drain_contact_events() == []
 
 
 @pytest.mark.parametrize("kind", ["block", "ball", "triangles"])
@@ -141,7 +141,8 @@ def tumble(kind, build, models, steps, motors=None):
         if motors is not None:
             motors(engine, handles[-1])
         engine.step(steps)
-        return [engine.link_state(link) for handle in handles for link in handle.links.values()], engine.drain_touches()
+        states = [engine.link_state(link) for handle in handles for link in handle.links.values()]
+        return states, engine.drain_contact_events()
     finally:
         engine.close()
 
@@ -157,7 +158,7 @@ def test_engines_give_the_same_bits(build, ground_of, kind):
 
 
 def test_engines_give_the_same_bits_for_wheels_on_floor_and_wall_in_one_mesh(build, m2wr, drive):
-    """Wheels touch the floor and the wall of the same mesh: two places, not one in between."""
+    """Wheels have contacts with the floor and the wall of one mesh: two contacts, not one in between."""
     walls = [block((30.0, 30.0, 0.1), (0.0, 0.0, -0.05)), block((0.2, 6.0, 1.0), (1.5, 0.0, 0.5))]
     room = Mesh(np.concatenate([wall.vertices for wall in walls]),
                 np.concatenate([wall.triangles + 8 * index for index, wall in enumerate(walls)]), "room")
@@ -166,9 +167,9 @@ def test_engines_give_the_same_bits_for_wheels_on_floor_and_wall_in_one_mesh(bui
     results = [tumble(name, build, models, 4000, lambda engine, handle: drive(engine, handle, 0.5, 0.1))
                for name in ("pyode", "auto")]
     assert results[0] == results[1]
-    states, touches = results[0]
+    states, contacts = results[0]
     tilt = math.degrees(math.acos(min(1.0, rotate(states[1].orientation, (0.0, 0.0, 1.0))[2])))
-    assert touches and tilt < 5.0 and states[1].position[2] < 0.15 and states[1].position[0] < 1.5
+    assert contacts and tilt < 5.0 and states[1].position[2] < 0.15 and states[1].position[0] < 1.5
 
 
 def test_a_world_put_back_repeats_itself(make_engine, build, ground_of):

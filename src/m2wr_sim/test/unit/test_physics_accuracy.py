@@ -150,7 +150,8 @@ def test_it_backs_into_a_wall_and_stands(make_course, build, step_ms):
         assert math.dist(before.position, after.position) < 1e-6
         before = after
     assert tilt_of(after.orientation) < 1e-3 and abs(yaw_of(after.orientation)) < 1e-3
-    assert {side.split("::")[0] for touch in course.engine.drain_touches() for side in touch[1:3]} == {"wall", "m2wr"}
+    events = course.engine.drain_contact_events()
+    assert {side.split("::")[0] for event in events for side in event[1:3]} == {"wall", "m2wr"}
 
 
 @pytest.mark.parametrize("step_ms", STEPS)
@@ -229,8 +230,8 @@ def roam(engine, courses, seconds, check):
             courses[0].run(0.1)
             for course in courses:
                 check(course.state)
-    touched = {side.split("::")[0] for touch in engine.drain_touches() for side in touch[1:3]}
-    assert {"r%d" % k for k in range(len(courses))} < touched and len(touched) > len(courses) + 1   # no empty drive
+    names = {side.split("::")[0] for contact in engine.drain_contact_events() for side in contact[1:3]}
+    assert {"r%d" % k for k in range(len(courses))} < names and len(names) > len(courses) + 1   # no empty drive
 
 
 def make_arena(make_engine, build, step_ms, robot, drive):
@@ -316,8 +317,8 @@ def test_it_pushes_a_free_box(make_course, build):
     position, orientation, _, _ = course.engine.link_state(crate)
     assert position[0] > 1.4 and abs(position[1]) < 0.3 and position[2] == pytest.approx(0.15, abs=0.02)
     assert course.state.position[0] > 1.0 and tilt_of(course.state.orientation) < math.radians(3.0)
-    touches = course.engine.drain_touches()
-    assert {side.split("::")[0] for touch in touches for side in touch[1:3]} == {"crate", "m2wr"}
+    contacts = course.engine.drain_contact_events()
+    assert {side.split("::")[0] for contact in contacts for side in contact[1:3]} == {"crate", "m2wr"}
 
 
 def back_to_back(make_engine, build, robot, drive, step_ms):
@@ -331,13 +332,13 @@ def back_to_back(make_engine, build, robot, drive, step_ms):
     return engine, courses
 
 
-def check_they_touch(engine, courses):
+def check_contact(engine, courses):
     one, two = (course.state for course in courses)
     assert math.dist(one.position, two.position) == pytest.approx(0.5, abs=3e-3)    # backs: 0.25 m behind the frame
     assert max(tilt_of(one.orientation), tilt_of(two.orientation)) < math.radians(1.0)
     assert abs(one.linear_velocity[0] - two.linear_velocity[0]) < 1e-3
-    assert {frozenset((touch.first.split("::")[0], touch.second.split("::")[0]))
-            for touch in engine.drain_touches()} == {frozenset(("one", "two"))}
+    assert {frozenset((contact.first.split("::")[0], contact.second.split("::")[0]))
+            for contact in engine.drain_contact_events()} == {frozenset(("one", "two"))}
 
 
 @pytest.mark.parametrize("step_ms", [1, 5])
@@ -347,7 +348,7 @@ def test_two_robots_meet_back_to_back_and_hold_each_other(make_engine, m2wr, dri
     for course in courses:
         before = course.state
         assert math.dist(course.run(1.0).position, before.position) < 1e-2
-    check_they_touch(engine, courses)
+    check_contact(engine, courses)
 
 
 @pytest.mark.parametrize("step_ms", [1, 5])
@@ -361,7 +362,7 @@ def test_robots_whose_backs_stick_stay_together(make_engine, m2wr, drive, build,
     for course in courses:
         before = course.state
         assert math.dist(course.run(1.0).position, before.position) < 0.5
-    check_they_touch(engine, courses)
+    check_contact(engine, courses)
 
 
 @pytest.mark.parametrize("step_ms", [1, 5])
@@ -375,7 +376,7 @@ def test_runs_repeat_bit_for_bit_whatever_the_batch(make_course, build, step_ms)
             course.engine.step(min(batch, left))
         results.append((course.state, course.engine.link_state(course.engine.handles[1].links["link"]),
                         course.engine.joint_angle(course.handle.joints["joint_left_wheel"]),
-                        course.engine.drain_touches()))
+                        course.engine.drain_contact_events()))
     assert results[0] == results[1] == results[2] and results[0][3]
 
 

@@ -120,7 +120,7 @@ def test_a_robot_jammed_at_a_wall_comes_down_as_fast_as_contacts_are_compliant(m
 
 
 @pytest.mark.parametrize("step_ms", STEPS)
-def test_a_curb_of_two_centimetres_throws_nobody(make_engine, build, drive, m2wr, step_ms):
+def test_a_curb_of_two_centimetres_throws_no_robot(make_engine, build, drive, m2wr, step_ms):
     course = make(make_engine, m2wr, drive, step_ms, [build.box("curb", 1.5, 0.0, 0.01, size=(1.0, 4.0, 0.02))])
     course.drive(0.5, 0.0).watch(8.0)
     assert course.highest < 0.125 and math.degrees(course.steepest) < 8.0 and course.fastest < 0.8
@@ -209,8 +209,8 @@ def test_two_robots_jammed_head_on_stay_apart_and_cheap(make_engine, build, driv
         fastest = max(fastest, speed_of(one), speed_of(two))
         assert max(one.position[2], two.position[2]) < 0.11
     assert nearest > gap and math.degrees(steepest) < 6.0 and fastest < 0.7
-    assert {frozenset((touch.first.split("::")[0], touch.second.split("::")[0]))
-            for touch in engine.drain_touches()} == {frozenset(("one", "two"))}
+    assert {frozenset((contact.first.split("::")[0], contact.second.split("::")[0]))
+            for contact in engine.drain_contact_events()} == {frozenset(("one", "two"))}
     assert min(costs) < 20.0 * free
 
 

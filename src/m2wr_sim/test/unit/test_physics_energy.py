@@ -99,7 +99,7 @@ def test_bodies_that_bump_into_one_another_gain_nothing(make_engine, build, step
     models = list(zip(records, engine.handles[1:]))
     gained, lost = most_gained(engine, models, 3.0, step_ms)
     assert gained < given_back(7.0, 1.0, step_ms) and lost > 10.0
-    assert len(engine.drain_touches()) > 3              # they did meet
+    assert len(engine.drain_contact_events()) > 3              # they did meet
 
 
 @pytest.mark.parametrize("step_ms", STEPS)

@@ -273,7 +273,7 @@ def state():
 
 
 def half_of_a_stored_state(scenery):
-    """Refuse what is out of reach: what was applied before stays applied, for everybody."""
+    """Refuse what is out of range; earlier changes stay applied in all places."""
     scenery.simulator.apply_state(WorldState(0, (ModelStateEntry("fixed", at(2.0, -1.5), (
         ("board", at(1e300), None), ("drawer::front", at(4.0, -2.0, 0.4), None))),)))
 

@@ -58,7 +58,7 @@ def test_skipped_ticks_leave_the_others_where_they_are(rate, step_ms, asleep_ms)
     assert ticks_of(sleeper, step_ms, 1500, start_ms=asleep_ms) == late
 
 
-def test_a_plugin_goes_on_when_time_has_gone_back():
+def test_a_plugin_continues_after_time_went_back():
     schedule = StrictSchedule(20.0, 0)
     ticks_of(schedule, 1, 5000)
     schedule.restart(0)
@@ -133,7 +133,7 @@ def test_a_gap_counts_from_the_last_tick(rate, strict, expected):
     assert ticks == expected
 
 
-def test_a_gap_that_nobody_asked_for_long_is_due_at_once_and_never_twice():
+def test_a_late_gap_is_due_at_once_and_only_once():
     schedule = GapSchedule(20.0, 0)
     assert schedule.next_due(900000000, 1000000) < 900000000 and schedule.elapsed(900000000) == 900000000
     assert schedule.due(900000000) and not schedule.due(900000000)

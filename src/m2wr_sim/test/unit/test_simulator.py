@@ -127,7 +127,7 @@ def test_time_never_passes_what_was_asked_for(make_rig):
     assert simulator.advance(9 * MS) == 8 * MS and simulator.steps == 4
 
 
-def test_a_paused_world_stands_still(m2wr_rig):
+def test_a_paused_world_does_not_move(m2wr_rig):
     rig = m2wr_rig().send(0.5, 0.0).run(0.5)
     before, count = rig.pose(), len(rig.messages("/odom"))
     rig.simulator.paused = True
@@ -148,7 +148,7 @@ def test_the_length_of_batches_changes_nothing(m2wr_rig, build, step_ms):
             rig.send(linear, angular).run(1.5, chunk_ns)
         published = {topic: [str(message) for message in port.messages] for topic, port in rig.ports.topics.items()}
         results.append((rig.pose(), rig.pose("crate"), published, rig.ports.transforms, rig.ports.clock_ns,
-                        rig.simulator.touches, rig.simulator.touch_counts))
+                        rig.simulator.contacts, rig.simulator.contact_counts))
     assert results[0] == results[1] == results[2]
     assert results[0][5] and all(results[0][2].values())
 
@@ -234,17 +234,17 @@ def test_unknown_models_are_named_with_those_there_are(m2wr_rig):
         assert "\"ghost\" does not exist" in str(caught.value) and "ground_plane, m2wr" in str(caught.value)
 
 
-def test_touches_are_kept_and_counted_for_what_moves(m2wr_rig, build):
+def test_contacts_of_moving_models_are_stored_and_counted(m2wr_rig, build):
     rig = m2wr_rig(build.box("wall", -1.0, 0.0, 0.5, size=(0.2, 4.0, 1.0)))
     rig.simulator.spawn(build.box("crate", 1.0, 0.0, 0.2, size=(0.3,) * 3, static=False), at(1.0, 0.0, 0.15))
-    assert rig.run(1.0).simulator.touches == []             # standing on the ground is none
+    assert rig.run(1.0).simulator.contacts == []             # standing on the ground is none
     rig.send(0.3, 0.0).run(4.0).send(-0.5, 0.0).run(6.0)
-    assert set(rig.simulator.touch_counts) == {"m2wr", "crate"}
-    sides = [{touch.first.split("::")[0], touch.second.split("::")[0]} for touch in rig.simulator.touches]
+    assert set(rig.simulator.contact_counts) == {"m2wr", "crate"}
+    sides = [{contact.first.split("::")[0], contact.second.split("::")[0]} for contact in rig.simulator.contacts]
     assert {"m2wr", "crate"} in sides and {"m2wr", "wall"} in sides
-    assert rig.simulator.touch_counts["m2wr"] == sum("m2wr" in side for side in sides)
+    assert rig.simulator.contact_counts["m2wr"] == sum("m2wr" in side for side in sides)
     rig.simulator.reset_simulation()
-    assert rig.simulator.touches == [] and rig.simulator.touch_counts == {}
+    assert rig.simulator.contacts == [] and rig.simulator.contact_counts == {}
 
 
 def test_unknown_plugins_and_notes_are_named(make_rig, build, caplog):

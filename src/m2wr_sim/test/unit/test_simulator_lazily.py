@@ -39,15 +39,15 @@ def test_the_same_is_published_in_the_same_order(m2wr_rig, build, clock_rate):
             rig.send(linear, angular)
             run(rig, seconds, lazily)
         rig.simulator.settle()
-        runs.append((said, rig.ports.transforms, rig.pose(), rig.pose("can"), rig.simulator.touch_counts,
+        runs.append((said, rig.ports.transforms, rig.pose(), rig.pose("can"), rig.simulator.contact_counts,
                      rig.simulator.steps))
     assert {"clock", "/odom", "/m2wr/laser/scan", "/joint_states"} <= {topic for topic, _ in runs[0][0]}
-    assert runs[0][4], "nothing was touched"
+    assert runs[0][4], "no contact"
     for eager, lazy in zip(*runs):
         assert eager == lazy
 
 
-def test_the_bodies_are_moved_only_where_somebody_looks(m2wr_rig, monkeypatch):
+def test_bodies_move_only_when_they_are_read(m2wr_rig, monkeypatch):
     rig, counts = m2wr_rig(), []
     for topic, port in rig.ports.topics.items():
         port.listening = topic == "/odom"

@@ -306,22 +306,22 @@ def three_balls(*self_colliding):
 def test_self_collide_needs_both_links_and_no_joint(make_engine, self_colliding, pairs):
     engine = make_engine(1, [three_balls(*self_colliding)])
     engine.step(3)
-    assert {tuple(sorted((touch.first, touch.second))) for touch in engine.drain_touches()} == pairs
+    assert {tuple(sorted((contact.first, contact.second))) for contact in engine.drain_contact_events()} == pairs
 
 
 def test_links_of_different_models_collide(make_engine):
     one = robot(link("a", INERTIAL + shape("collision")))
     engine = make_engine(1, [replace(one, name="one"), replace(one, name="two")])
     engine.step(1)
-    touch, = engine.drain_touches()
-    assert {touch.first, touch.second} == {"one::a::a_collision", "two::a::a_collision"}
+    contact, = engine.drain_contact_events()
+    assert {contact.first, contact.second} == {"one::a::a_collision", "two::a::a_collision"}
 
 
 def test_static_bodies_collide_only_with_moving_ones(make_engine, build):
     ball = build.sphere("ball", -0.49, 0, 0.2, static=False)
     engine = make_engine(1, [build.box("one", 0, 0, 0.2), build.box("two", 0.1, 0, 0.15), ball])
     engine.step(3)
-    assert {frozenset((touch.first, touch.second)) for touch in engine.drain_touches()} == {
+    assert {frozenset((contact.first, contact.second)) for contact in engine.drain_contact_events()} == {
         frozenset(("ball::link::collision", "one::link::collision"))}
 
 

@@ -123,7 +123,7 @@ def listen(rig):
 
 
 def script(seed, count=25):
-    """Return ``[(time, request, seed of its numbers)]``; time counts anew after a reset of it."""
+    """Return ``[(time, request, seed of its numbers)]``; time restarts after a reset."""
     chance, time_ns, entries = random.Random(seed), 0, []
     for number in range(count):
         time_ns += chance.choice([0, MS, chance.randrange(30 * MS), chance.randrange(60 * MS)])
@@ -181,8 +181,8 @@ def outcome(rig):
               for link, number in model.handle.links.items()]
     angles = [rig.engine.joint_angle(number) for model in rig.simulator.models.values()
               for number in model.handle.joints.values()]
-    return (states, angles, rig.simulator.now_ns, rig.simulator.steps, rig.simulator.touches,
-            rig.simulator.touch_counts, rig.ports.transforms)
+    return (states, angles, rig.simulator.now_ns, rig.simulator.steps, rig.simulator.contacts,
+            rig.simulator.contact_counts, rig.ports.transforms)
 
 
 @pytest.fixture

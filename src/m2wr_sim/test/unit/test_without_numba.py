@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Without numba all goes on: in Python, with the same numbers, and said once."""
+"""Without numba everything runs in Python, with the same numbers and one warning."""
 import json
 import os
 import subprocess

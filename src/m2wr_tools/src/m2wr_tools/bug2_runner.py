@@ -10,7 +10,7 @@ from typing import Any, Tuple
 
 import numpy as np
 
-from m2wr_sim.api.records import Touch
+from m2wr_sim.api.records import Contact
 from m2wr_sim.api.sim import Sim
 from motion_plan.bug2 import Bug2, State
 from motion_plan.go_to_point import GoToPoint
@@ -54,8 +54,8 @@ class Bug2Run:
         Every state entered, the first one included.
     path : (N, 4) float64
         Time [s] and true pose x, y [m], yaw [rad] at each turn.
-    touches : tuple of Touch
-        What the robot touched, other than the ground.
+    contacts : tuple of Contact
+        Contacts of the robot, other than with the ground.
     start, goal : (float, float)
         Ends of the m-line [m].
     """
@@ -65,14 +65,14 @@ class Bug2Run:
     time: float
     states: Tuple[Change, ...]
     path: Any = field(repr=False)
-    touches: Tuple[Touch, ...]
+    contacts: Tuple[Contact, ...]
     start: Tuple[float, float]
     goal: Tuple[float, float]
 
     @property
     def reached(self):
-        """Whether the robot stands at the goal and has touched nothing on the way."""
-        return self.outcome == State.GOAL_REACHED.value and not self.touches
+        """Whether the robot has reached the goal without a contact."""
+        return self.outcome == State.GOAL_REACHED.value and not self.contacts
 
     @property
     def path_length(self):
@@ -210,16 +210,16 @@ def run_bug2(world="world02", start=(0.0, 8.0), goal=(0.0, -4.0), yaw=0.0, seed=
     options.setdefault("command_timeout", _COMMAND_TIMEOUT)
     with Sim(world, robot, (start[0], start[1], yaw), seed, **options) as sim:
         driver = Bug2Driver(sim, sim.robots[0], start, goal, leave_rule)
-        touches, path, over = [], [], False
+        contacts, path, over = [], [], False
         now = sim.step(None, phase) if phase >= sim.step_size else sim.observe()
         while not over and now.time < limit:
-            touches += now.touches
+            contacts += now.contacts
             path.append((now.time,) + now.pose)
             now = sim.step(None, TURN)
             over = driver.turn()
-        touches += now.touches
+        contacts += now.contacts
         path.append((now.time,) + now.pose)
         outcome = driver.bug.state.value if driver.bug.finished else TIME_OUT
         reason = driver.bug.reason if driver.bug.finished else "not over after %g s" % now.time
-        return Bug2Run(outcome, reason, now.time, tuple(driver.states), np.array(path), tuple(touches), tuple(start),
+        return Bug2Run(outcome, reason, now.time, tuple(driver.states), np.array(path), tuple(contacts), tuple(start),
                        tuple(goal))

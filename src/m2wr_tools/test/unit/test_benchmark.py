@@ -55,7 +55,7 @@ def test_robots_stand_apart():
 
 
 @pytest.mark.parametrize("robots", [1, 5])
-def test_robots_drive_their_circles_and_touch_nothing(robots):
+def test_robots_drive_their_circles_without_contacts(robots):
     simulator, scanners = in_process.build(case(robots, duration=7.0))
     before = simulator.engine.solver_messages           # all of this process have been counted
     starts = [simulator.model_state("robot%d" % index).position for index in range(robots)]
@@ -65,7 +65,7 @@ def test_robots_drive_their_circles_and_touch_nothing(robots):
         assert state.position == pytest.approx(starts[index], abs=0.06)      # the time to get going is missing
         assert math.hypot(*state.linear[:2]) == pytest.approx(reference.LINEAR, rel=1e-3)
         assert state.angular[2] == pytest.approx(reference.ANGULAR, rel=1e-3)
-    assert simulator.touch_counts == {} and simulator.engine.solver_messages == before
+    assert simulator.contact_counts == {} and simulator.engine.solver_messages == before
     hits = [value for value in scanners[0].ranges if math.isfinite(value)]
     assert len(hits) > 10 and all(0.1 <= value <= reference.RANGE_MAX for value in hits)
     simulator.close()
@@ -78,7 +78,7 @@ def test_figures_of_a_case_fit_together(engine):
     told = []
     result = in_process.measure(case(engine=engine), told.append)
     assert told[-1] == 1.0 and told == sorted(told)
-    assert result["messages"] == 0 and result["touches"] == 0 and result["memory_mb"] > 10.0
+    assert result["messages"] == 0 and result["contacts"] == 0 and result["memory_mb"] > 10.0
     assert 0.0 < result["scan_share"] + result["physics_share"] <= 1.0
     assert 1.0 < result["step_us"] < 2000.0 and 1.0 < result["scan_us"] < 5000.0
     assert result["factor"] * result["step_us"] * 200.0 < 1.5e6      # what steps take of a second leaves the factor
@@ -148,9 +148,9 @@ def test_robots_that_meet_do_so_in_c_too(program):
         for joint, rate in rates.items():
             engine.set_joint_motor(handle.joints[joint], rate, 5.0)
     engine.step(1000)
-    ends, touches = engine.link_pose(handles[0].links["chassis"])[0], engine.drain_touches()
+    ends, contacts = engine.link_pose(handles[0].links["chassis"])[0], engine.drain_contact_events()
     engine.close()
-    assert touches, "the robots never met: the scene tests too little"
+    assert contacts, "the robots never met: the scene tests too little"
     text = c_loop.world_text(world, robot, places, rates, 5.0, settings, 1, 1000)
     assert c_loop.run_loop(program, text)[1] == ends
 

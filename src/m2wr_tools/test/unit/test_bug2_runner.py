@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bug 2 in one process: it gets to the goal without touching anything, and the same way every time."""
+"""Bug 2 in one process: it reaches the goal without contacts, and each run is the same."""
 import math
 
 import numpy as np
@@ -21,8 +21,8 @@ def experiment(robot):
     return run_bug2(robot=robot)
 
 
-def test_the_experiment_reaches_its_goal_without_touching_anything(experiment):
-    assert experiment.outcome == "goal_reached" and experiment.touches == () and experiment.reached
+def test_the_experiment_reaches_its_goal_without_contacts(experiment):
+    assert experiment.outcome == "goal_reached" and experiment.contacts == () and experiment.reached
     assert np.hypot(*(experiment.path[-1, 1:3] - experiment.goal)) < 0.31
     # the way is known to take this long; a twentieth of room for another order of roundings
     assert experiment.time == pytest.approx(71.4, rel=0.05)
@@ -51,18 +51,18 @@ def test_path_tells_every_turn(experiment):
     ("world02", 1, 0.0), ("world02", 2, 0.013), ("world02", 3, 0.049), ("world03", 0, 0.0), ("world03", 4, 0.031)])
 def test_every_seed_and_phase_reaches_the_goal(robot, world, seed, phase):
     run = run_bug2(world, seed=seed, phase=phase, robot=robot)
-    assert run.reached, (run, run.touches)
+    assert run.reached, (run, run.contacts)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_printed_rule_arrives_although_it_rubs_against_the_ends_of_walls(robot, seed):
     run = run_bug2("world02", seed=seed, leave_rule="report", robot=robot, limit=150.0)
-    assert run.outcome == "goal_reached" and run.touches, run
+    assert run.outcome == "goal_reached" and run.contacts, run
 
 
 def test_a_yard_without_a_gate_is_found_to_be_closed(robot):
     run = run_bug2("unreachable", robot=robot)
-    assert run.outcome == "goal_unreachable" and run.touches == () and not run.reached
+    assert run.outcome == "goal_unreachable" and run.contacts == () and not run.reached
     assert "went round the obstacle" in run.reason
     with Sim("unreachable", robot, (0.0, 8.0, 0.0)) as sim:
         driver = Bug2Driver(sim, "m2wr", (0.0, 8.0), (0.0, -4.0))

@@ -12,4 +12,4 @@ def test_bug2_seeds_prints_one_line_for_each_run(capsys):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     module.main("world01", 1)
-    assert re.match(r"seed 0: goal_reached after 22\.\d s .* 0 touches\n$", capsys.readouterr().out)
+    assert re.match(r"seed 0: goal_reached after 22\.\d s .* 0 contacts\n$", capsys.readouterr().out)

@@ -29,7 +29,7 @@ def walls(side):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("name", WORLDS)
-def test_twenty_robots_stand_apart_and_touch_nothing(name, layout, m2wr):
+def test_twenty_robots_are_apart_without_contacts(name, layout, m2wr):
     places = find_places(read_world(name), 20, layout)
     assert len(places) == 20
     assert min(math.dist(one[:2], two[:2]) for k, one in enumerate(places) for two in places[:k]) >= 1.2 - 1e-9
@@ -37,7 +37,7 @@ def test_twenty_robots_stand_apart_and_touch_nothing(name, layout, m2wr):
         for k, place in enumerate(places):
             sim.spawn(m2wr, place, "r%d" % k)
         now = sim.step(None, 0.3)
-        assert all(now["r%d" % k].touches == () for k in range(20))
+        assert all(now["r%d" % k].contacts == () for k in range(20))
         for k, place in enumerate(places):
             assert math.dist(now["r%d" % k].pose[:2], place[:2]) < 2e-3
 

@@ -53,7 +53,7 @@ def test_what_a_killed_recorder_left_becomes_a_bag(tmp_path):
     assert not os.path.exists(path + ".active")
 
 
-def test_without_room_nothing_is_touched(tmp_path, small_files):
+def test_without_disk_space_nothing_is_changed(tmp_path, small_files):
     path = left_behind(tmp_path)
     with open(path + ".active", "rb") as stream:
         before = stream.read()

@@ -45,7 +45,7 @@ class DirectDrive(DiffDrive):
 
 
 class DirectLaser(Laser):
-    """A laser that always measures when it is due, as if somebody listened all the time.
+    """A laser that always measures when it is due, as if its topic had a subscriber.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class DirectSimulator(Simulator):
 
 
 class _SilentPort:
-    """A topic that nobody listens to."""
+    """A topic without subscriber."""
 
     @staticmethod
     def publish(message):
@@ -128,7 +128,7 @@ class _SilentPort:
 
     @staticmethod
     def wanted():
-        """Nobody listens, so plugins that ask do not measure."""
+        """Return False: there is no subscriber, so plugins need not measure."""
         return False
 
     @staticmethod

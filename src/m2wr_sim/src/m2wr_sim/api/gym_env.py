@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``m2wr/GoToGoal-v0``: a Gymnasium environment in which a robot drives to a goal without touching anything.
+"""``m2wr/GoToGoal-v0``: a Gymnasium environment in which a robot drives to a goal without contacts.
 
 Importing this module registers it.  It needs the Python package gymnasium, which nothing else here does.
 
@@ -7,7 +7,7 @@ A step lasts 0.1 s of simulated time; then the laser scans and the odometry is t
 
     1.0 for each metre that the robot came nearer to the goal
     - 0.1 for each second
-    + 10 at the goal, - 10 for touching anything but the ground
+    + 10 at the goal, - 10 for a contact with anything but the ground
 
 and either of the last two ends the episode; after 60 s it is cut off.
 """
@@ -26,7 +26,7 @@ except ImportError as error:
 
 ENV_ID = "m2wr/GoToGoal-v0"
 PROGRESS_REWARD, TIME_REWARD = 1.0, -0.1        # each metre nearer, each second
-GOAL_REWARD, TOUCH_REWARD = 10.0, -10.0
+GOAL_REWARD, CONTACT_REWARD = 10.0, -10.0
 _ROOM = 0.7                     # m from the start and the goal to the nearest obstacle: m2wr turns within 0.45 m
 _TRIES = 1000
 _FARTHEST = 50.0                # m: bound of the goal's place as observed
@@ -46,7 +46,7 @@ class GoToGoalEnv(gymnasium.Env):
     Action: (2,) float32, linear x [m/s] and angular z [rad/s]; clipped to the limits.
 
     ``reset`` draws start, heading and goal from the environment's generator; ``options={"start": (x, y, yaw)}`` and
-    ``options={"goal": (x, y)}`` set them.  ``info`` holds ``distance`` [m], ``time`` [s], ``touches`` and
+    ``options={"goal": (x, y)}`` set them.  ``info`` holds ``distance`` [m], ``time`` [s], ``contacts`` and
     ``is_success``.
 
     Parameters
@@ -157,14 +157,14 @@ class GoToGoalEnv(gymnasium.Env):
         before, self._distance = self._distance, self._goal_distance(result)
         if self._picture is not None:
             self._picture.take(result)
-        touched, reached = bool(result.touches), self._distance < self._goal_radius
+        collided, reached = bool(result.contacts), self._distance < self._goal_radius
         reward = PROGRESS_REWARD * (before - self._distance) + TIME_REWARD * self._duration
-        if touched:
-            reward += TOUCH_REWARD
+        if collided:
+            reward += CONTACT_REWARD
         elif reached:
             reward += GOAL_REWARD
-        truncated = not (touched or reached) and result.time >= self._time_limit
-        return self._observation(result), float(reward), touched or reached, truncated, self._info(result)
+        truncated = not (collided or reached) and result.time >= self._time_limit
+        return self._observation(result), float(reward), collided or reached, truncated, self._info(result)
 
     def _goal_distance(self, result):
         return math.hypot(self._goal[0] - result.position[0], self._goal[1] - result.position[1])
@@ -180,9 +180,9 @@ class GoToGoalEnv(gymnasium.Env):
                 for name in values}
 
     def _info(self, result):
-        touches = len(result.touches)
-        return {"distance": self._distance, "time": result.time, "touches": touches,
-                "is_success": self._distance < self._goal_radius and not touches}
+        contacts = len(result.contacts)
+        return {"distance": self._distance, "time": result.time, "contacts": contacts,
+                "is_success": self._distance < self._goal_radius and not contacts}
 
     def _begin_picture(self, result):
         if self._picture is None:

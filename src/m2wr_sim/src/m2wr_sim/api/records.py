@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the library hands out: plain records that stay as they are while the simulation goes on."""
+"""Records that the library returns; they do not change while the simulation continues."""
 from dataclasses import dataclass, field
 from typing import Any, Dict, Optional, Tuple
 
@@ -61,7 +61,7 @@ class Scan:
 
 
 @dataclass(frozen=True)
-class Touch:
+class Contact:
     """The beginning of a contact other than standing on the ground.
 
     Attributes
@@ -69,7 +69,7 @@ class Touch:
     time : float
         Simulated time [s].
     first, second : str
-        What touched: ``model::link::collision``.
+        The two collisions: ``model::link::collision``.
     position : (3,) tuple
         Where, in the world [m].
     depth : float
@@ -99,7 +99,7 @@ class Observation:
         The newest; None before the drive's first tick, and for a robot without one.
     scan : Scan or None
         The newest of the robot's first laser; None before the first.
-    touches : tuple of Touch
+    contacts : tuple of Contact
         What has begun since the step before.
     """
 
@@ -107,7 +107,7 @@ class Observation:
     orientation: Tuple[float, float, float, float]
     odometry: Optional[Odometry]
     scan: Optional[Scan]
-    touches: Tuple[Touch, ...]
+    contacts: Tuple[Contact, ...]
 
     @property
     def pose(self):
@@ -147,4 +147,4 @@ class StepResult:
     orientation = property(lambda self: self._only().orientation)
     odometry = property(lambda self: self._only().odometry)
     scan = property(lambda self: self._only().scan)
-    touches = property(lambda self: self._only().touches)
+    contacts = property(lambda self: self._only().contacts)

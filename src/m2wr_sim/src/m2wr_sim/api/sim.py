@@ -8,20 +8,20 @@ import numpy as np
 
 from m2wr_sim.api.devices import SENSING, DirectDrive, DirectLaser, DirectSimulator, SilentPorts, said_once
 from m2wr_sim.api.loading import read_robot, read_world
-from m2wr_sim.api.records import Observation, StepResult, Touch
+from m2wr_sim.api.records import Contact, Observation, StepResult
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, ParameterError
 from m2wr_sim.geometry import compose, quaternion_from_rpy
 from m2wr_sim.model.types import RayScan
 from m2wr_sim.physics.engine import FARTHEST, settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
-from m2wr_sim.runtime.entities import tell
+from m2wr_sim.runtime.entities import list_names
 from m2wr_sim.runtime.once_logger import OnceLogger
 from m2wr_sim.runtime.simulator import SimConfig
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.ray_scene import RayScene
 
-_NO_CLOCK = 1e-9                # Hz: nobody reads a clock here, and its ticks would cut stretches of steps in two
+_NO_CLOCK = 1e-9                # Hz; no subscriber needs a clock, and its ticks would interrupt sequences of steps
 _STANDING = 0.1                 # m: height of m2wr's chassis when it stands on the floor
 _CLEARANCE_RAYS = 360
 
@@ -165,7 +165,7 @@ class Sim:
             laser.enabled = self.sensing == "due"
         self._robots[model.name] = (drives[0] if drives else None, tuple(lasers))
         if self.sensing == "now":
-            self.measure(model.name)            # as a reset does, so that the noise goes on alike
+            self.measure(model.name)            # as after a reset, so that the noise is the same
         return model.name
 
     def delete(self, name):
@@ -189,7 +189,7 @@ class Sim:
             return next(iter(self._robots))
         if name not in self._robots:
             raise NotFoundError("%s; robots: %s" % ("which robot is meant?" if name is None
-                                                    else "there is no robot \"%s\"" % name, tell(self._robots)))
+                                                    else "there is no robot \"%s\"" % name, list_names(self._robots)))
         return name
 
     # ---- time --------------------------------------------------------------------------------------------------
@@ -256,17 +256,17 @@ class Sim:
                 laser.measure_now(now_ns)
 
     def observe(self):
-        """Return what is known of all robots; touches are told once."""
+        """Return the state of all robots; each contact is reported once."""
         simulator = self.simulator
-        touches, simulator.touches = simulator.touches, []
-        told = tuple(Touch((self._start_ns + touch.step * simulator.step_ns) / 1e9, touch.first, touch.second,
-                           touch.position, touch.depth) for touch in touches)
+        contacts, simulator.contacts = simulator.contacts, []
+        begun = tuple(Contact((self._start_ns + contact.step * simulator.step_ns) / 1e9, contact.first, contact.second,
+                              contact.position, contact.depth) for contact in contacts)
         robots = {}
         for name, (drive, lasers) in self._robots.items():
             position, orientation = simulator.models[name].pose(simulator.engine)
             robots[name] = Observation(
                 position, orientation, None if drive is None else drive.odometry, lasers[0].scan if lasers else None,
-                tuple(touch for touch in told if touch.concerns(name)) if told else ())
+                tuple(contact for contact in begun if contact.concerns(name)) if begun else ())
         return StepResult(simulator.now_ns / 1e9, robots)
 
     def reset(self, seed=None, poses=None):
@@ -332,9 +332,9 @@ class Sim:
         handle = self.simulator.models[name].handle
         return {joint: self.simulator.engine.joint_angle(number) for joint, number in handle.joints.items()}
 
-    def touch_count(self, name=None):
+    def contact_count(self, name=None):
         """Return how many contacts a robot has begun since the start, other than standing on the ground."""
-        return self.simulator.touch_counts.get(self._name(name), 0)
+        return self.simulator.contact_counts.get(self._name(name), 0)
 
     def clearance(self, x, y, height=0.2, reach=10.0, ignore=None):
         """Return the distance [m] from a point to what is nearest in the horizontal plane, robots included.

@@ -23,7 +23,7 @@ class VectorResult:
         x, y [m], yaw [rad], linear x, linear y [m/s], angular z [rad/s].
     ranges : (n, beams) float32
         Of the robot's first laser [m], +inf where nothing was hit.
-    touches : (n,) int64
+    contacts : (n,) int64
         Contacts begun since the step before, other than standing on the ground.
     """
 
@@ -31,7 +31,7 @@ class VectorResult:
     pose: np.ndarray
     odometry: np.ndarray
     ranges: np.ndarray
-    touches: np.ndarray
+    contacts: np.ndarray
 
 
 class VectorSim:
@@ -139,16 +139,16 @@ class VectorSim:
         count = len(results)
         odometry = np.full((count, 6), np.nan)
         ranges = np.full((count, self._beams), np.nan, np.float32)
-        time, pose, touches = np.empty(count), np.empty((count, 3)), np.zeros(count, np.int64)
+        time, pose, contacts = np.empty(count), np.empty((count, 3)), np.zeros(count, np.int64)
         for index, result in enumerate(results):
             (robot,) = result.robots.values()
-            time[index], pose[index], touches[index] = result.time, robot.pose, len(robot.touches)
+            time[index], pose[index], contacts[index] = result.time, robot.pose, len(robot.contacts)
             measured = robot.odometry
             if measured is not None:
                 odometry[index] = measured.pose + (measured.linear_x, measured.linear_y, measured.angular_z)
             if robot.scan is not None:
                 ranges[index] = robot.scan.ranges
-        return VectorResult(time, pose, odometry, ranges, touches)
+        return VectorResult(time, pose, odometry, ranges, contacts)
 
     def close(self):
         """Free all worlds."""

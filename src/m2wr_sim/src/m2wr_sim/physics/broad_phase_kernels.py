@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Models with nothing near them need not ask the whole static space what they touch: it can only be the ground plane.
+"""Broad-phase bounds: a model with no static shape near it is tested for collisions only with the ground plane.
 
-Each body of a model has broad-phase bounds, a cube: the sphere that holds the body's geoms, however it turns, and
-:data:`MARGIN` more.  While no static shape but the plane reaches into the bounds of a model and no body has moved by
-more than the margin, its geoms are offered to the plane alone, in the order in which libode would do it, so that the
-numbers stay what they are, to the last bit.  A model that sleeps where no other can reach it is offered to nothing:
-libode leaves it out of the step, and its contacts with it.
+Each body has a cube as bounds: around the sphere that contains its geoms in any orientation, enlarged by
+:data:`MARGIN`. If no static shape but the plane overlaps the bounds of a model, and no body has moved by more than the
+margin, its geoms are tested only against the plane.  The order is that of libode, so that the results are the same to
+the last bit.  A sleeping model that no other one can reach is not tested at all: libode does not solve it.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numba import carray, cfunc, njit, types
 
@@ -27,7 +30,13 @@ from m2wr_sim.physics.step_layout import (
     S_FREE,
 )
 
-MARGIN = 0.25           # m; a robot that goes 1 m/s looks about four times a second
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Words = NDArray[np.uint64]
+    Values = NDArray[np.float64]
+
+MARGIN = 0.25           # m; a robot at 1 m/s computes its bounds about four times per second
 
 _handle = types.uintp
 _position = types.ExternalFunction("dBodyGetPosition", types.CPointer(types.float64)(_handle))
@@ -40,16 +49,16 @@ _set_position = types.ExternalFunction(
 
 
 @cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
-def count_solids(data, one, two):
-    """ODE's near callback for the bounds of a body: count what is not the plane."""
+def count_solids(data: Any, one: int, two: int) -> None:
+    """ODE's near callback for the bounds of a body: count the shapes other than the plane."""
     header = carray(data, (HEADER_WORDS,), np.uint64)
     if one != header[H_PLANE] and two != header[H_PLANE]:
         header[H_FOUND] += np.uint64(1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def is_free(words, values, row):
-    """Tell whether nothing but the plane can touch the model whose row among the spaces this is."""
+def is_free(words: Words, values: Values, row: int) -> bool:
+    """Return whether a model, given by its row among the spaces, can collide with no static shape but the plane."""
     first, count = np.int64(words[row + S_FIRST_BODY]), np.int64(words[row + S_BODY_COUNT])
     bodies, bounds = np.int64(words[H_BODIES]) + first, np.int64(words[H_BOUNDS]) + first * BOUNDS_WORDS
     inside = True
@@ -71,8 +80,8 @@ def is_free(words, values, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sleeps_apart(words, values, row):
-    """Tell whether the model of a row sleeps and the geoms of no other model can touch it, asleep or awake."""
+def sleeps_apart(words: Words, values: Values, row: int) -> bool:
+    """Return whether the model of a row sleeps and no geom of another model can collide with it."""
     first, count = np.int64(words[row + S_FIRST_BODY]), np.int64(words[row + S_BODY_COUNT])
     bodies, bounds = np.int64(words[H_BODIES]), np.int64(words[H_BOUNDS])
     for index in range(first, first + count):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Moving the centre of mass of a link that lives: it is the origin of its body, to which geoms and joints refer."""
+"""Moves the centre of mass of a link in a running world: the origin of its body, to which geoms and joints refer."""
 from types import SimpleNamespace
 
 from m2wr_sim.geometry import cross, rotate
@@ -8,10 +8,10 @@ from m2wr_sim.physics import pyode_bodies as bodies
 
 
 def move_centre(parts, link, com):
-    """Make another point of a link the origin of its body; the link stays where it is and moves on as it did.
+    """Change the centre of mass of a link. Its pose and its motion do not change.
 
-    Joints take their anchors, and what they count angles from, from the bodies as these stand: so the link and those it
-    hangs together with are put as they were built for a moment.
+    ODE takes the anchors and zero angles of joints from the present poses of the bodies.  Therefore the link and those
+    connected to it by joints are moved to their initial poses and back.
 
     Parameters
     ----------

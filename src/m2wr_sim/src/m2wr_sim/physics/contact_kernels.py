@@ -1,28 +1,37 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What becomes of the contacts that libode finds for one pair of geoms, compiled: averaged, thinned out, ordered.
+"""Reduces the contacts that libode finds for a pair of geoms: averages, selects and sorts them in compiled code.
 
-Contacts stand one after another in ``values``, the first at word ``first``; see step_layout.
+``values`` holds the contacts one after another, the first at word ``first``; see step_layout.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 from numba import njit
 
 from m2wr_sim.physics.step_layout import C_DEPTH, C_GEOMETRY, C_NORMAL, C_POSITION, CONTACT_WORDS, MAX_FOUND
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Words = NDArray[np.uint64]
+    Values = NDArray[np.float64]
+
 FACES, _SAME_FACE, _SAME_PLANE = 4, 0.8, 0.998          # as in contacts
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rotate(x, y, z, w, vx, vy, vz):
+def rotate(x: float, y: float, z: float, w: float, vx: float, vy: float, vz: float) -> Tuple[float, float, float]:
     """Rotate a vector by a unit quaternion, with the order of operations of geometry.rotate."""
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
     return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def with_direction(values, first, count):
-    """Move the contacts that have a normal, as contacts.has_direction tells, to the front; returns their number."""
+def with_direction(values: Values, first: int, count: int) -> int:
+    """Move the contacts with a valid normal to the front, as contacts.has_direction; return their number."""
     kept = 0
     for index in range(count):
         at = first + index * CONTACT_WORDS + C_NORMAL
@@ -37,7 +46,7 @@ def with_direction(values, first, count):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge(values, first, count):
+def merge(values: Values, first: int, count: int) -> None:
     """Average ``count`` contacts into the first, as contacts.merge does, with the same order of operations."""
     px = py = pz = nx = ny = nz = depth = 0.0
     deepest = first
@@ -63,8 +72,8 @@ def merge(values, first, count):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def merge_faces(values, first, count, limit):
-    """Average contacts by place, as contacts.merge_faces does; returns how many stand in front then."""
+def merge_faces(values: Values, first: int, count: int, limit: int) -> int:
+    """Average contacts with similar normals, as contacts.merge_faces; return how many remain, at the front."""
     place, seeds, sizes = np.full(MAX_FOUND, -1), np.zeros(FACES, np.int64), np.zeros(FACES, np.int64)
     places = 0
     for index in range(count):
@@ -85,7 +94,7 @@ def merge_faces(values, first, count, limit):
         for word in range(taken.shape[1]):
             taken[index, word] = values[first + index * CONTACT_WORDS + C_GEOMETRY + word]
     row = 0
-    for known in range(places):         # the contacts of each place after one another, in their order
+    for known in range(places):         # sort the contacts by group, without changing their order within one
         start = row
         for index in range(count):
             if place[index] == known:
@@ -103,8 +112,8 @@ def merge_faces(values, first, count, limit):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def deepest_faces(values, first, count, limit):
-    """Keep the contacts that contacts.deepest_faces would; returns how many stand in front then."""
+def deepest_faces(values: Values, first: int, count: int, limit: int) -> int:
+    """Select contacts as contacts.deepest_faces; return how many remain, at the front."""
     words = C_DEPTH + 1 - C_GEOMETRY
     gone, kept, places = np.zeros(MAX_FOUND, np.bool_), np.zeros((FACES, words)), 0
     while places < limit:
@@ -132,8 +141,8 @@ def deepest_faces(values, first, count, limit):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def spread(values, first, count, limit):
-    """Move the contacts that contacts.spread would choose to the front, in their order."""
+def spread(values: Values, first: int, count: int, limit: int) -> None:
+    """Move the contacts that contacts.spread selects to the front, in their order."""
     chosen = np.zeros(MAX_FOUND, np.bool_)
     nearest = np.full(MAX_FOUND, math.inf)
     last = 0

@@ -1,13 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which contacts a pair of collisions makes, and with what surface: pure arithmetic, no engine objects.
+"""Selects the contacts of a pair of collisions, and combines their surfaces. Uses no objects of the engine.
 
 A contact is a tuple ``(position, normal, depth)``; the normal points from the second shape into the first.
 """
+from __future__ import annotations
+
 import math
 from collections import namedtuple
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 from m2wr_sim.model.types import Box, Heightmap, Mesh, Plane, Sphere
 from m2wr_sim.physics.limits import SOFTEST
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Vector
+    from m2wr_sim.model.types import Collision
+    from m2wr_sim.physics.engine import EngineSettings
+
+    #: Position, normal, depth.
+    Contact = Tuple[Vector, Vector, float]
 
 MODE_MU2 = 0x001
 MODE_FDIR1 = 0x002
@@ -18,24 +29,25 @@ MODE_SLIP1 = 0x100
 MODE_SLIP2 = 0x200
 MODE_APPROX1 = 0x7000       # friction proportional to the normal force; ODE 0.16's value, not the Python binding's
 
-MIN_SOFT_CFM = 1e-6         # stiffer contacts than this make the direct solver lose track
-HEAVY = 100.0               # kg: above that, contacts get stiffer with the mass
-BOX_CONTACTS = 4            # a face needs no more than its corners
-MESH_CONTACTS = 8           # of any other shape with triangles, which each may give several
+MIN_SOFT_CFM = 1e-6         # with stiffer contacts the direct solver becomes inaccurate
+HEAVY = 100.0               # kg; above, the stiffness of contacts is proportional to the mass
+BOX_CONTACTS = 4            # one for each corner of a face
+MESH_CONTACTS = 8           # for shapes made of triangles, each of which may give several contacts
 MERGE_ALL, MERGE_FACES, MERGE_DEEPEST = 1, 2, 3
-FACES = 4                   # most differently inclined places at which one wheel or ball touches one mesh
+FACES = 4                   # greatest number of separate contacts of one wheel or ball with one mesh
 SAME_FACE = 0.8             # cosine of the angle between normals that still belong to one place: 37 degrees
-SAME_PLANE = 0.998          # the same for a ball, which touches a plane in one point: 4 degrees
-ALONG_AT_LEAST = 0.02       # sine of the angle to the normal below which a friction direction means nothing
-STEEP = 0.5                 # |normal z| below this: a touch that is told, not ground
+SAME_PLANE = 0.998          # the same for a ball, which has one contact with a plane: 4 degrees
+ALONG_AT_LEAST = 0.02       # least sine of the angle between a friction direction and the normal
+STEEP = 0.5                 # |normal z| below this: reported as a contact event, not ground
 
-# Cosine of the steepest face (37 degrees) that a robot stands on, which alone is solved once.  Where a plane carries
-# all of a robot friction changes how the load is shared, not the load.  m2wr driven from rest at 0.4 and 0.5 m/s for
-# 1.5 s is then 6 mm (of 0.65 m) from where it gets if every contact is coupled, 7 mm at 10 degrees, 60 mm at 20.
+# Cosine of the steepest face (37 degrees) on which a robot counts as standing; such contacts alone are solved once.  If
+# one plane carries a robot, friction changes how the load is shared, but not the load.  m2wr, driven from rest at 0.4
+# and 0.5 m/s for 1.5 s, then differs by 6 mm (of 0.65 m) from the result with all contacts coupled; by 7 mm on a slope
+# of 10 degrees, and by 60 mm at 20.
 FLAT = 0.8
 
-# Part of the greatest normal force of an island that a limit of friction may be off.  Friction is as far off, so less
-# than the 1 % by which sliding along walls agrees with its closed form (test_coupled_friction).
+# Greatest error of a friction limit, relative to the greatest normal force of its island.  Friction has the same error:
+# less than the 1 % within which sliding along walls agrees with its closed form (test_coupled_friction).
 AGREED = 0.001
 
 PairSurface = namedtuple(
@@ -44,38 +56,39 @@ PairSurface = namedtuple(
     "along along_second")
 
 
-def load_class(mass):
-    """Return how many times stiffer than usual the contacts of a model of that mass [kg] must be, a power of two.
+def load_class(mass: float) -> float:
+    """Return the factor, a power of two, by which the contacts of a model of that mass [kg] are stiffer than usual.
 
-    The world's compliance lets a contact carry ``max_correcting_velocity / cfm`` (10 kN) and no more: what weighs tons
-    would sink without end.  Compliance in proportion to mass gives heavy things the depth, and the solver the numbers,
-    of :data:`HEAVY`.
+    With the world's compliance a contact carries at most ``max_correcting_velocity / cfm`` (10 kN), so that models of
+    several tons would sink into the ground.  With a stiffness proportional to the mass, the contact depth of a heavy
+    model is that of a model of :data:`HEAVY`.
     """
     return 2.0 ** math.ceil(math.log2(mass / HEAVY)) if HEAVY < mass < math.inf else 1.0
 
 
-def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, settings, stiffer=1.0):
-    """Combine two collisions into one :class:`PairSurface`, by Gazebo's rules.
+def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, second_is_wheel: bool, both_move: bool,
+                 settings: EngineSettings, stiffer: float = 1.0) -> Optional[PairSurface]:
+    """Combine the surfaces of two collisions by Gazebo's rules.
 
-    Friction and restitution take the smaller value, slip adds up, stiffness combines as springs in series.  Gazebo's
-    default stiffness (1e12) means a rigid contact; anything softer is converted to ERP and CFM for this step and
-    kept above :data:`MIN_SOFT_CFM`.
+    Friction and restitution are the smaller of the two values, slips are added, and stiffnesses combine as springs in
+    series.  Gazebo's default stiffness (1e12) means a rigid contact.  A lower one is converted to ERP and CFM for this
+    step size, and CFM is at least :data:`MIN_SOFT_CFM`.
 
     Parameters
     ----------
     first, second : Collision
     first_is_wheel, second_is_wheel : bool
-        Wheels get a single merged contact.
+        The contacts of a wheel are merged into one.
     both_move : bool
-        Whether both belong to bodies; a contact between two bodies is never "standing on the ground".
+        Whether both belong to moving bodies; a contact between two of them is never one with the ground.
     settings : EngineSettings
     stiffer : float
-        The :func:`load_class` of the lighter of those that move.
+        The :func:`load_class` of the lighter moving body.
 
     Returns
     -------
     PairSurface or None
-        None where the pair never makes contacts.
+        None if the pair never has contacts.
     """
     one, two = first.surface, second.surface
     if not one.collide_bitmask & two.collide_bitmask or one.collide_without_contact or two.collide_without_contact:
@@ -120,10 +133,10 @@ def pair_surface(first, second, first_is_wheel, second_is_wheel, both_move, sett
                        soft_erp, soft_cfm, limit, merging, ground, along, along_second)
 
 
-def _friction_direction(one, two):
-    """Return the direction of a pair's mu, as a unit vector in a shape's axes, and whether that is the second shape.
+def _friction_direction(one: Sequence[float], two: Sequence[float]) -> Tuple[Tuple[float, ...], bool]:
+    """Return the direction of mu, as a unit vector in the frame of a shape, and whether that is the second shape.
 
-    The first shape's counts; zeros where neither has one: ODE then chooses by the normal alone.
+    The first shape takes precedence.  Zeros if neither defines a direction: ODE then uses the normal only.
     """
     for vector, second in ((one, False), (two, True)):
         length = math.sqrt(sum(value * value for value in vector))
@@ -132,27 +145,44 @@ def _friction_direction(one, two):
     return (0.0, 0.0, 0.0), False
 
 
-def next_limit(used, felt):
-    """Return the normal force [N] from which the limits of a contact's friction are taken in the next solve.
+def next_limit(used: float, felt: float) -> float:
+    """Return the normal force that limits the friction of a contact in the next iteration.
 
-    Half way between the last one and the one felt.  Where wheels of radius r and friction mu drive at a wall, their
-    other support d behind them, the ground carries less the harder the wall is pressed, and the wall is pressed the
-    harder the more the ground carries: from solve to solve the forces turn about their solution by a factor rho, with
-    rho^2 = mu (r + mu (d + r)) / d, 1.3 for mu = 1 and d = 3 r.  Taken in full they would run away from it.  Half way,
-    a solve leaves sqrt(1 + rho^2) / 2 of a deviation, less than all of it up to rho = 1.7.
+    It is the mean of the last one and the computed one.  Consider wheels of radius r and friction mu that push against
+    a wall, with the other support at a distance d behind them.  A greater force on the wall reduces the load on the
+    ground, and a greater load on the ground increases the force on the wall.  With the computed forces, the error would
+    grow by a factor rho in each iteration, with rho^2 = mu (r + mu (d + r)) / d: 1.3 for mu = 1 and d = 3 r.  With the
+    mean, the factor is sqrt(1 + rho^2) / 2, which is below 1 up to rho = 1.7.
 
     Parameters
     ----------
-    used, felt : float
-        Normal force that the last solve's limit was taken from, below 0 where none was known, and what it found [N].
+    used : float
+        Normal force from which the limit of the last iteration was computed, below 0 if unknown [N].
+    felt : float
+        Normal force computed in the last iteration [N].
+
+    Returns
+    -------
+    float
+        [N].
     """
     return felt if used < 0.0 else 0.5 * (used + felt)
 
 
-def along_surface(direction, normal):
-    """Return the unit vector of a direction's part along a surface, or None where it points nearly into it.
+def along_surface(direction: Sequence[float], normal: Sequence[float]) -> Optional[Vector]:
+    """Return the unit vector of the projection of a direction onto a surface; None if it is nearly normal to it.
 
-    The direction of friction turns with its shape; without this a rolling wheel's would dive into the ground.
+    The direction of friction rotates with its shape.  Without the projection, that of a rolling wheel would point into
+    the ground.
+
+    Parameters
+    ----------
+    direction, normal : (3,) sequence of float
+        Unit vectors in the same frame.
+
+    Returns
+    -------
+    tuple of 3 floats or None
     """
     into = direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2]
     x, y, z = direction[0] - into * normal[0], direction[1] - into * normal[1], direction[2] - into * normal[2]
@@ -160,26 +190,27 @@ def along_surface(direction, normal):
     return (x / length, y / length, z / length) if length > ALONG_AT_LEAST else None
 
 
-def _smaller_friction(one, two):
+def _smaller_friction(one: float, two: float) -> float:
     """Return the smaller coefficient; a negative one stands for infinite friction."""
     one, two = (math.inf if value < 0.0 else value for value in (one, two))
     return min(one, two)
 
 
-def has_direction(normal):
-    """Return whether a contact's normal is the unit vector that it should be.
+def has_direction(normal: Sequence[float]) -> bool:
+    """Return whether the normal of a contact is a unit vector.
 
-    libode finds none where a sphere's centre lies on a cylinder's axis: not a number, for which it ends the process.
+    If the centre of a sphere is on the axis of a cylinder, libode returns NaN, which would make it abort the process.
     """
     return 0.5 < normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 2.0
 
 
-def merge(contacts):
-    """Average the contacts of one wheel into one, in the wheel's middle plane.
+def merge(contacts: List[Contact]) -> Contact:
+    """Average the contacts of a wheel into one, in the middle plane of the wheel.
 
-    A cylinder on a plane touches at both rim edges; in a turn the solver would let one of them stick and the track
-    width would be wrong by the wheel's width.  The mean point with the mean normal and the greatest depth rolls true.
-    Contacts whose normals cancel out (a wheel jammed between two faces) cannot be averaged: the deepest one stays.
+    A cylinder on a plane has contacts at both rim edges.  While the robot rotates, the solver would let one of them
+    stick, and the track width would be wrong by the wheel's width.  The mean point with the mean normal and the
+    greatest depth rolls correctly.  Contacts whose normals cancel (a wheel between two faces) cannot be averaged; the
+    deepest one remains.
     """
     px = py = pz = nx = ny = nz = depth = 0.0
     deepest = contacts[0]
@@ -200,13 +231,23 @@ def merge(contacts):
     return ((px / count, py / count, pz / count), (nx / norm, ny / norm, nz / norm), depth)
 
 
-def merge_faces(contacts, limit):
-    """Average the contacts of a wheel with a mesh or heightmap, those of each place it touches at into one.
+def merge_faces(contacts: List[Contact], limit: int) -> List[Contact]:
+    """Average the contacts of a wheel with a mesh or heightmap, one for each group of similar normals.
 
-    Neighbouring triangles tell of one touch several times over, while a floor and a wall in one mesh are two.  A
-    contact belongs to the first place whose first normal is like its own; places past the limit are left out.
+    Neighbouring triangles give several contacts for one face, while a floor and a wall of one mesh are two faces.  A
+    contact joins the first group whose first normal is similar to its own.
+
+    Parameters
+    ----------
+    contacts : list of (position, normal, depth)
+    limit : int
+        Greatest number of groups; contacts of further groups are dropped.
+
+    Returns
+    -------
+    list of (position, normal, depth)
     """
-    places = []
+    places: List[List[Contact]] = []
     for contact in contacts:
         normal = contact[1]
         for place in places:
@@ -220,13 +261,25 @@ def merge_faces(contacts, limit):
     return [merge(place) if len(place) > 1 else place[0] for place in places]
 
 
-def deepest_faces(contacts, limit):
-    """Keep of a ball's contacts with a mesh or heightmap the deepest of each plane, deepest first.
+def deepest_faces(contacts: List[Contact], limit: int) -> List[Contact]:
+    """Select the deepest contact of each plane, of those of a ball with a mesh or heightmap.
 
-    The triangles around the one under the ball answer, too, at their edges: averaged with those the contact would lie
-    beside the ball's lowest point and set it rolling.
+    The triangles around the one below the ball give contacts at their edges.  An average of all would be beside the
+    lowest point of the ball and make it roll.
+
+    Parameters
+    ----------
+    contacts : list of (position, normal, depth)
+    limit : int
+        Greatest number of contacts to return.
+
+    Returns
+    -------
+    list of (position, normal, depth)
+        Deepest first.
     """
-    kept, left = [], list(contacts)
+    left = list(contacts)
+    kept: List[Contact] = []
     while left and len(kept) < min(FACES, limit):
         best = max(range(len(left)), key=lambda index: (left[index][2], -index))
         seed = left[best][1]
@@ -236,8 +289,18 @@ def deepest_faces(contacts, limit):
     return kept
 
 
-def reduced(contacts, surface):
-    """Return the contacts that a pair makes of those found, more than one, as its PairSurface says."""
+def reduced(contacts: List[Contact], surface: PairSurface) -> List[Contact]:
+    """Return the contacts to use, of several that were found for a pair.
+
+    Parameters
+    ----------
+    contacts : list of (position, normal, depth)
+    surface : PairSurface
+
+    Returns
+    -------
+    list of (position, normal, depth)
+    """
     if surface.merge == MERGE_ALL:
         return [merge(contacts)]
     if surface.merge == MERGE_FACES:
@@ -247,11 +310,20 @@ def reduced(contacts, surface):
     return spread(contacts, surface.max_contacts) if len(contacts) > surface.max_contacts else contacts
 
 
-def spread(contacts, limit):
-    """Choose ``limit`` contacts that support the pair as well as all of them do.
+def spread(contacts: List[Contact], limit: int) -> List[Contact]:
+    """Select ``limit`` contacts that support the pair as well as all of them do.
 
-    The deepest comes first, then always the one farthest from those chosen; ties go to the earlier one, so the choice
-    depends on nothing but the contacts.
+    The first is the deepest one.  Each further one is the one farthest from those selected; among equals, the first.
+
+    Parameters
+    ----------
+    contacts : list of (position, normal, depth)
+    limit : int
+
+    Returns
+    -------
+    list of (position, normal, depth)
+        In their order.
     """
     chosen = [max(range(len(contacts)), key=lambda index: (contacts[index][2], -index))]
     nearest = [math.inf] * len(contacts)

@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Friction where a step holds more than standing, with the direct solver: limits that agree with the normal forces.
+"""Coupled friction: friction limits that agree with the normal forces, with the direct solver.
 
-That solver limits friction to mu times the normal forces of a world without friction.  Standing on the ground those are
-the weight; where a motor's grip on the ground presses a wheel against a wall they are nothing, and Coulomb's law does
-not hold there.  So such a step begins with mu times the normal forces of the step before as limits, and is taken back
-and solved again, with those of the solve before, until limits and forces agree.
+The direct solver limits friction to mu times the normal forces of a world without friction.  For a robot that stands on
+the ground these forces are its weight.  If its motors press it against a wall they are zero, which violates Coulomb's
+law.  Such a step starts with limits from the normal forces of the last step.  It is undone and solved again, with
+limits from the computed forces, until limits and forces agree.
 
-That is done for islands (models that touch one another, directly or not) with such a contact, for each until it agrees;
-all others sleep meanwhile.
+Only islands with such a contact are solved again, each until it agrees; all others are disabled meanwhile.
 """
 import ode
 
 from m2wr_sim.physics.contacts import AGREED, MODE_APPROX1, next_limit
 
-UNKNOWN = -1.0          # N: a normal force that nobody has found yet
+UNKNOWN = -1.0          # N; stands for a normal force that is not computed yet
 
 
 class Memory:
-    """Normal forces [N] that the last coupled step ended with, by contact, and the number of that step."""
+    """Normal forces [N] at the end of the last coupled step, by contact, and the number of that step."""
 
     __slots__ = ("step", "forces")
 
@@ -26,10 +25,10 @@ class Memory:
 
 
 class Grip:
-    """One contact of a step: how it was made, and the normal force [N] that its limits of friction are taken from.
+    """One contact of a step: its parameters, and the normal force [N] that limits its friction.
 
-    ``model`` is one of those in it that move; ``key`` says which contact it is, from step to step: the names of the two
-    collisions, and which of their contacts.
+    ``model`` is one of its moving models.  ``key`` identifies the contact in later steps: the names of the two
+    collisions, and the number of the contact.
     """
 
     __slots__ = ("joint", "contact", "one", "two", "surface", "mode", "normal", "force", "model", "coupled", "key",
@@ -40,18 +39,26 @@ class Grip:
         self.surface, self.mode, self.normal, self.force = surface, mode, normal, UNKNOWN
         self.model, self.coupled, self.key, self.island = model, coupled, key, None
 
-    def felt(self):
-        """Return the normal force [N] that the last solve found; none between sleeping bodies, which are not solved."""
+    def normal_force(self):
+        """Return the normal force [N] from the last solution; 0 between sleeping bodies, which are not solved."""
         if not any(body is not None and body.isEnabled() for body in (self.one, self.two)):
             return 0.0
         force, normal = self.joint.getFeedback()[0], self.normal
         return abs(force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2])
 
-    def renew(self, world, group):
-        """Make the contact anew, friction limited by :attr:`force`; the old joint stays in the group, holding nothing.
+    def replace(self, world, group):
+        """Replace the contact joint by one with friction limited by :attr:`force`.
+
+        The old joint stays in the group, detached.
+
+        Parameters
+        ----------
+        world : ode.World
+        group : ode.JointGroup
+            Group of the contact joints.
         """
         force, surface = self.force, self.surface
-        self.joint.setFeedback(False)           # the binding would do it later, to a joint that is gone, and abort
+        self.joint.setFeedback(False)           # else the binding does it after the joint is freed, and aborts
         self.joint.attach(None, None)
         self.contact.setMode(self.mode & ~MODE_APPROX1)
         self.contact.setMu(surface.mu * force if force > 0.0 else 0.0)
@@ -62,7 +69,7 @@ class Grip:
 
 
 class _State:
-    """What a solve changes of a body."""
+    """State of a body before a solution, to restore it."""
 
     def __init__(self, body):
         self._body = body
@@ -70,29 +77,32 @@ class _State:
                       (body.setLinearVel, body.getLinearVel()), (body.setAngularVel, body.getAngularVel()),
                       (body.setForce, body.getForce()), (body.setTorque, body.getTorque()))
 
-    def bring_back(self):
+    def restore(self):
+        """Restore the state."""
         for put, value in self._kept:
             put(value)
 
 
 def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
-    """Take one step of ``dt`` [s], the islands with a coupled contact at most ``solves`` times, until they agree.
+    """Make one step; islands with a coupled contact are solved repeatedly until limits and forces agree.
 
     Parameters
     ----------
     world : ode.World
     group : ode.JointGroup
-        Of the contacts.
+        Group of the contact joints.
     grips : list of Grip
         All contacts of the step.
     models : dict
-        Name of each model that moves to the list of its bodies.
+        Name of each moving model -> list of its bodies.
     stands_for : callable
-        Returns, for a model's name, one that is the same for all models that touch one another.
+        Returns, for a model's name, the name of the model that represents its island.
     dt : float
+        Step size [s].
     solves : int
+        Greatest number of solutions.
     forces : dict
-        Key of each contact to the normal force [N] to begin with, where one is known.
+        Key of a contact -> normal force [N] of the last step.
 
     Returns
     -------
@@ -108,7 +118,7 @@ def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
         grip.joint.setFeedback(True)
         if grip.key in forces:
             grip.force = forces[grip.key]
-            grip.renew(world, group)
+            grip.replace(world, group)
     states = {name: [_State(body) for body in bodies] for name, bodies in models.items() if stands_for(name) in again}
     frozen = []
     for solve in range(solves):
@@ -119,15 +129,15 @@ def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
         for name, bodies in models.items():
             if stands_for(name) in again:
                 for state in states[name]:
-                    state.bring_back()
+                    state.restore()
             else:
                 for body in bodies:
                     if body.isEnabled():
-                        body.disable()          # libode leaves out what sleeps
+                        body.disable()          # libode does not solve sleeping bodies
                         frozen.append(body)
         for grip in grips:
             if grip.island in again:
-                grip.renew(world, group)
+                grip.replace(world, group)
     for body in frozen:
         body.enable()
     for grip, wanted in zip(grips, reported):
@@ -137,10 +147,10 @@ def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
 
 
 def _disagreeing(grips):
-    """Take the limits from the forces felt; returns the islands where they were others."""
+    """Compute the limits from the normal forces; return the islands whose limits have changed."""
     change, greatest = {}, {}
     for grip in grips:
-        felt, used, island = grip.felt(), grip.force, grip.island
+        felt, used, island = grip.normal_force(), grip.force, grip.island
         grip.force = next_limit(used, felt)
         change[island] = max(change.get(island, 0.0), abs(felt - max(used, 0.0)))
         greatest[island] = max(greatest.get(island, 0.0), felt)

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What coupled_friction and idle do, compiled: steps solved again where friction is coupled, and bodies falling asleep.
+"""Compiled versions of coupled_friction (iterative friction limits) and idle (sleeping bodies).
 
 See step_layout for the block of memory.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numba import carray, njit, types
 
@@ -65,6 +69,12 @@ from m2wr_sim.physics.step_layout import (
     X_STEP,
 )
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Words = NDArray[np.uint64]
+    Values = NDArray[np.float64]
+
 _AGREED = 0.001                                         # as in contacts
 AGAIN, AGREES = 1, 2                                    # of an island with a coupled contact
 _LINEAR, _ANGULAR, _STEPS, _TIME = 0.1, 0.1, 5.0, 1.0   # as in idle
@@ -95,28 +105,28 @@ _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.fl
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def stands_for(words, model):
-    """Return the row of the model that stands for all those that a model touches in this step, directly or not."""
+def stands_for(words: Words, model: int) -> Any:
+    """Return the row of the model that represents the island of a model in this step."""
     row = np.int64(words[H_ISLANDS] + model * np.uint64(ISLAND_WORDS))
     if words[row + X_STEP] != words[H_STEPS]:
         words[row + X_STEP], words[row + X_FOR] = words[H_STEPS], np.uint64(row)
         words[row + X_CONTACTS] = words[row + X_AWAKE] = words[row + X_AGAIN] = np.uint64(0)
     while words[row + X_FOR] != np.uint64(row):
-        words[row + X_FOR] = words[np.int64(words[row + X_FOR]) + X_FOR]        # shorter the next time
+        words[row + X_FOR] = words[np.int64(words[row + X_FOR]) + X_FOR]        # shortens the path for the next call
         row = np.int64(words[row + X_FOR])
     return row
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def restart_countdown(words, values, number):
-    """Let a body that has been woken be idle for the whole time again; ``number`` counts from 1, 0 is none."""
+def restart_countdown(words: Words, values: Values, number: int) -> None:
+    """Restart the idle time of a body that was woken; ``number`` counts from 1, and 0 means none."""
     if number != 0:
         row = np.int64(words[H_IDLERS]) + (np.int64(number) - 1) * IDLE_WORDS
         values[row + I_STEPS], values[row + I_TIME] = _STEPS, _TIME
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def count_down(words, values, dt):
+def count_down(words: Words, values: Values, dt: float) -> None:
     """Count a step for the bodies that may sleep, as idle.count_down does."""
     for index in range(np.int64(words[H_IDLER_COUNT])):
         row = np.int64(words[H_IDLERS]) + index * IDLE_WORDS
@@ -137,8 +147,8 @@ def count_down(words, values, dt):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _keep_state(words, values, index):
-    """Write down what the next solve will change of a body."""
+def _keep_state(words: Words, values: Values, index: int) -> None:
+    """Store the state of a body before the next solution."""
     body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
     position, quaternion = carray(_position(body), (3,)), carray(_quaternion(body), (4,))
     linear, angular = carray(_linear_velocity(body), (3,)), carray(_angular_velocity(body), (3,))
@@ -152,8 +162,8 @@ def _keep_state(words, values, index):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bring_back(words, values, index):
-    """Put a body where it was before the solve."""
+def _restore_state(words: Words, values: Values, index: int) -> None:
+    """Restore the state of a body from before the solution."""
     body, at = words[np.int64(words[H_BODIES]) + index], np.int64(words[H_STATES]) + index * STATE_WORDS
     _set_position(body, values[at], values[at + 1], values[at + 2])
     _set_quaternion(body, words[H_ADDRESS] + np.uint64(8 * (at + 3)))
@@ -164,8 +174,8 @@ def _bring_back(words, values, index):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _renew(words, values, index):
-    """Make a contact anew, friction limited by the normal force in it; the old joint stays, holding nothing."""
+def _replace(words: Words, values: Values, index: int) -> None:
+    """Replace a contact joint by one with friction limited by its normal force; the old joint stays, detached."""
     grip, at = (np.int64(words[H_GRIPS]) + index * GRIP_WORDS, np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS)
     normal = values[grip + J_NORMAL]
     words[at + C_MODE] &= ~MODE_APPROX1
@@ -179,8 +189,8 @@ def _renew(words, values, index):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _recall(words, values):
-    """Begin the contacts to be solved again with the normal forces of the step before; those that are new have none."""
+def _recall(words: Words, values: Values) -> None:
+    """Set the normal forces of contacts in coupled islands from the last step; new contacts have none."""
     count, seen = np.int64(words[H_FORMER_COUNT]), 0
     if words[H_FORMER_STEP] + np.uint64(1) != words[H_STEPS]:
         count = 0
@@ -192,18 +202,18 @@ def _recall(words, values):
         if words[grip + J_FEEDBACK] == 0:
             words[grip + J_FEEDBACK] = words[H_ADDRESS] + np.uint64(8 * (grip + J_ROOM))
             _set_feedback(words[grip + J_JOINT], words[grip + J_FEEDBACK])
-        for further in range(count):                    # mostly they come in the same order
+        for further in range(count):                    # the order is usually the same
             row = np.int64(words[H_FORMER]) + (seen + further) % count * FORMER_WORDS
             if words[row] == words[grip + J_KEY]:
                 seen += further + 1
                 values[grip + J_NORMAL] = values[row + 1]
-                _renew(words, values, index)
+                _replace(words, values, index)
                 break
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _remember(words, values):
-    """Keep the normal forces of the contacts in coupled islands for the next step."""
+def _remember(words: Words, values: Values) -> None:
+    """Store the normal forces of the contacts in coupled islands for the next step."""
     count = 0
     for index in range(np.int64(words[H_KEPT])):
         grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
@@ -215,8 +225,8 @@ def _remember(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather(words, values):
-    """Find the islands with a coupled contact, and write down what a solve will change in them."""
+def _gather(words: Words, values: Values) -> None:
+    """Find the islands with a coupled contact, and store the states of their bodies."""
     kept, grips = np.int64(words[H_KEPT]), np.int64(words[H_GRIPS])
     for index in range(kept):
         grip = grips + index * GRIP_WORDS
@@ -235,8 +245,8 @@ def _gather(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _felt(words, values, index):
-    """Return the normal force that the last solve found in a contact; what sleeps is not solved."""
+def _normal_force(words: Words, values: Values, index: int) -> float:
+    """Return the normal force of a contact from the last solution; 0 between sleeping bodies."""
     grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
     normal = np.int64(words[H_CONTACTS]) + index * CONTACT_WORDS + C_NORMAL
     for body in (words[grip + J_FIRST], words[grip + J_SECOND]):
@@ -248,8 +258,8 @@ def _felt(words, values, index):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _limit(words, values):
-    """Take the limits of friction from the normal forces felt; returns whether they were those already, everywhere."""
+def _limit(words: Words, values: Values) -> bool:
+    """Compute the friction limits from the normal forces; return whether none of them has changed."""
     kept, grips = np.int64(words[H_KEPT]), np.int64(words[H_GRIPS])
     for index in range(kept):
         island = np.int64(words[grips + index * GRIP_WORDS + J_ISLAND])
@@ -259,7 +269,7 @@ def _limit(words, values):
         island = np.int64(words[grip + J_ISLAND])
         if words[island + X_AGAIN] != AGAIN:
             continue
-        felt, used = _felt(words, values, index), values[grip + J_NORMAL]
+        felt, used = _normal_force(words, values, index), values[grip + J_NORMAL]
         values[grip + J_NORMAL] = felt if used < 0.0 else 0.5 * (used + felt)
         values[island + X_CHANGE] = max(values[island + X_CHANGE], abs(felt - max(used, 0.0)))
         values[island + X_GREATEST] = max(values[island + X_GREATEST], felt)
@@ -275,7 +285,7 @@ def _limit(words, values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _take_back(words, values):
+def _take_back(words: Words, values: Values) -> None:
     """Bring back the bodies and contacts of the islands to be solved again; all others keep still from here on."""
     for model in range(np.int64(words[H_SPACE_COUNT])):
         row = np.int64(words[H_SPACES]) + model * SPACE_WORDS
@@ -284,18 +294,18 @@ def _take_back(words, values):
             index = np.int64(words[row + S_FIRST_BODY]) + number
             body = words[np.int64(words[H_BODIES]) + index]
             if again:
-                _bring_back(words, values, index)
+                _restore_state(words, values, index)
             elif _is_enabled(body):
                 words[np.int64(words[H_STATES]) + index * STATE_WORDS + T_FROZEN] = np.uint64(1)
                 _disable(body)                          # libode leaves out what sleeps
     for index in range(np.int64(words[H_KEPT])):
         grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
         if words[np.int64(words[grip + J_ISLAND]) + X_AGAIN] == AGAIN:
-            _renew(words, values, index)
+            _replace(words, values, index)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve_coupled(words, values, world, dt):
+def solve_coupled(words: Words, values: Values, world: int, dt: float) -> None:
     """Solve a step until limits of friction and normal forces agree, as coupled_friction.solve_coupled does."""
     _gather(words, values)
     _recall(words, values)

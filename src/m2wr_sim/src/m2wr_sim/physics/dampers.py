@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Damping and springs of joints: as a force found before each step where that is stable, else through the solver.
+"""Damping and springs of joints: explicit forces where they are stable, else implicit ones through the solver.
 
-A damping force that is found from the rate before the step drives a joint instead of braking it once it takes away more
-than twice the rate in one step.  The solver knows no such bound: a motor that wants rest, as compliant as the damping
-is weak, is the same force, found from the rate after the step.
+An explicit damping force, computed from the rate before the step, is unstable if it changes the rate by more than twice
+its value in one step.  The implicit force, computed from the rate after the step, is always stable.  It is that of a
+motor with target rate 0 and compliance 1 / damping.
 
-A spring's force found before the step throws a joint ever farther once it changes the rate by more than four times what
-takes the joint to its rest in a step.  Found after the step, from where the joint is then, it is a motor again: with
-stiffness k, damping d, step h and the joint x away from its rest the force is -k (x + h v) - d v, that of a motor which
-wants the rate -x k / (h k + d) with the compliance 1 / (h k + d).  No stiffness is too much for that; what swings fast
-comes to rest by it.
+An explicit spring force is unstable if it changes the rate by more than four times the rate that takes the joint to its
+reference in one step.  With stiffness k, damping d, step size h and deflection x, the implicit force is -k (x + h v) -
+d v.  This is a motor with target rate -x k / (h k + d) and compliance 1 / (h k + d).  It is stable for any stiffness,
+but damps fast oscillations.
 """
 import itertools
 import math
@@ -20,16 +19,21 @@ import ode
 from m2wr_sim.geometry import compose, matrix_from_quaternion, rotate, rotate_inverse
 from m2wr_sim.physics.pyode_bodies import PARAM_CFM, PARAM_FMAX, PARAM_VEL
 
-STABLE = 1.0                # share of a joint's rate, or way to rest, that a force found before the step may take in it
-_STRONGEST = 1e6            # times what STABLE allows: beyond that a joint stands still anyway, to the last digits
-_LEAST = 1e-12              # N m s/rad: less is nothing, and its inverse soon no number
-_WEAKEST_MOTION = 1e-9      # 1/kg or 1/(kg m^2): a body that nothing moves
+STABLE = 1.0                # greatest relative change of rate, or deflection, by an explicit force in one step
+_STRONGEST = 1e6            # times the bound by STABLE: with more damping a joint does not move, within rounding
+_LEAST = 1e-12              # N m s/rad; less has no effect, and its inverse may overflow
+_WEAKEST_MOTION = 1e-9      # 1/kg or 1/(kg m^2); mobility of a body that practically does not move
 
 
 def slow_down(joints, links):
-    """Push the joints that are damped by a force, or have a spring, and take speed from the links that lose some.
+    """Apply explicit damping and springs to joints, update implicit springs, and reduce velocities of damped links.
 
-    The solver's springs are told where their joints are.
+    Parameters
+    ----------
+    joints : list of JointDrive
+        Joints with damping or a spring.
+    links : list of LinkBody
+        Links with linear or angular damping.
     """
     for drive in joints:
         axis, joint = drive.spec.axis, drive.joint
@@ -53,7 +57,7 @@ class Damper:
     Attributes
     ----------
     number : int
-        Greater than those of all dampers made before.
+        Greater than those of all earlier dampers.
     """
 
     _numbers = itertools.count()
@@ -69,29 +73,33 @@ class Damper:
         self._motor.setParam(PARAM_FMAX, math.inf)
 
     def set(self, damping):
-        """Brake with ``damping`` [N m s/rad or N s/m]."""
+        """Set the damping [N m s/rad or N s/m]."""
         self._motor.setParam(PARAM_CFM, 1.0 / damping)
         self.steer(0.0)
 
     def steer(self, rate):
-        """Brake what differs from a rate [rad/s or m/s]; a spring's damper is told so before every step."""
+        """Set the target rate [rad/s or m/s]; for a spring, before every step."""
         self._motor.setParam(PARAM_VEL, rate)
 
     def remove(self):
-        """Take the damper off."""
+        """Detach the damper."""
         self._motor.attach(None, None)
 
 
 def mobilities(drive, links):
-    """Return how easily the child and the parent of a joint with one axis move along it [1/kg or 1/(kg m^2)].
+    """Return the mobilities of child and parent of a joint along its one axis [1/kg or 1/(kg m^2)].
 
-    Those are the links alone, without what hangs on them; 0 for the world, and for what is driven or does not move.
+    Links connected by further joints are not included.  0 for the world, and for static or kinematic links.
 
     Parameters
     ----------
     drive : JointDrive
     links : dict
-        Link name to LinkBody, of the joint's model.
+        Name of a link -> LinkBody, of the joint's model.
+
+    Returns
+    -------
+    list of 2 floats
     """
     spec = drive.spec
     child = links[spec.child].spec
@@ -111,13 +119,13 @@ def mobilities(drive, links):
 
 
 def _arm(child, parent, axis):
-    """Return the arm [m] with which a force along a slider, which libode applies midway, turns both of its links."""
+    """Return the lever arm [m] of a force along a slider, which libode applies in the middle between its links."""
     apart = np.subtract(*(compose(link.pose, link.inertial.pose)[0] for link in (child, parent)))
     return 0.5 * float(np.linalg.norm(np.cross(apart, axis)) / np.linalg.norm(axis))
 
 
 def _angular_mobility(inertial, axis=None):
-    """Return the angular acceleration about an axis of the link, or the easiest one, for a torque of one along it."""
+    """Return the angular acceleration about an axis of the link, by default that of least inertia, per torque."""
     xx, xy, xz, yy, yz, zz = inertial.inertia
     tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     if axis is None:
@@ -127,14 +135,14 @@ def _angular_mobility(inertial, axis=None):
 
 
 def settle(world, parts, dt):
-    """Choose for each joint of a model how it is damped and pulled.
+    """Choose explicit or implicit damping and springs for each joint of a model.
 
-    Set are ``drive.damping`` and ``drive.stiffness`` of the force found before the step, and ``drive.dampers`` with
-    ``drive.pull`` [1/s], how fast the solver's spring wants to be at rest, for what is left to the solver.
+    For explicit forces this sets ``drive.damping`` and ``drive.stiffness``.  For implicit ones it sets
+    ``drive.dampers``, and ``drive.pull`` [1/s], the target rate of a spring per deflection.
 
-    The sum of what the dampers of a link can take away in a step must stay within STABLE, so each counts the link as
-    many times as there are dampers, or springs, on it.  Forces within that bound never add energy, whatever else the
-    joints hold.  A spring that pushes away from its rest, of negative stiffness, is a force in any case.
+    The sum of the effects of all dampers of a link must not exceed STABLE, so each one counts the link as often as it
+    has dampers or springs.  Explicit forces within that bound never add energy.  A spring of negative stiffness is
+    always explicit.
 
     Parameters
     ----------
@@ -176,7 +184,7 @@ def _settle_universal(world, drive, links):
 
 
 def _fit(world, drive, links, wanted):
-    """Let a joint have dampers of the given strengths, by axis, and no others."""
+    """Give a joint dampers of the given strengths, by axis, and remove all others."""
     for index in [index for index in drive.dampers if index not in wanted]:
         drive.dampers.pop(index).remove()
     parent = links.get(drive.spec.parent)

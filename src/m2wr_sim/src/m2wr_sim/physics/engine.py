@@ -1,32 +1,42 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a physics engine offers to the rest of the simulator; engines differ in speed, never in meaning.
+"""Interface of the physics engines; they differ in speed, but not in their results.
 
-Links and joints are addressed by the integers that :meth:`Engine.add_model` hands out, so that nothing in the loop
-looks up names.  Positions, orientations ``(x, y, z, w)`` and velocities are in the world frame, SI units.
+Links and joints are addressed by the integers that :meth:`Engine.add_model` returns, so that the loop never looks up
+names.  Positions, orientations ``(x, y, z, w)`` and velocities are in the world frame, SI units.
 """
+from __future__ import annotations
+
 import abc
 import logging
 from collections import namedtuple
 from dataclasses import dataclass, replace
-from typing import Dict, Tuple
+from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 from m2wr_sim.errors import WorldError
 from m2wr_sim.geometry import compose
 from m2wr_sim.physics.islands import ITERATIVE_ABOVE
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.types import Axis, Collision, Inertial, Model, Physics
+    from m2wr_sim.physics.contact_watch import ContactWatch
+
 log = logging.getLogger(__name__)
 
-# Beyond these ODE loses its numbers and ends the process without a word of ours; see physics/limits.py.
+# Beyond these, numerical errors make ODE abort the process; see physics/limits.py.
 LEAST_MASS, LEAST_INERTIA, FARTHEST, FASTEST = 1e-6, 1e-12, 1e6, 1e4      # kg, kg m^2, m, m/s and rad/s
 
-LEAST_SIZE = 1e-7       # m, of a shape: doubles near TOO_FAR are 1.5e-8 m apart, and corners must stay apart there
+LEAST_SIZE = 1e-7       # m, of a shape; near TOO_FAR the resolution of doubles is 1.5e-8 m, and corners must differ
 
-TOO_FAST = 1e9          # m/s and rad/s, in all directions together: only a world that has come apart gets there
-TOO_FAR = 1e8           # m, in all directions together: at 2^31 cells of 1/8 m ODE's hash space ends the process
+TOO_FAST = 1e9          # m/s and rad/s, sum over the axes; only a diverged simulation reaches it
+TOO_FAR = 1e8           # m, sum over the axes; at 2^31 cells of 1/8 m ODE's hash space aborts the process
 
-MOST_ITERATIONS, MOST_CONTACTS = 10000, 1000     # of the iterative solver, and per pair: more only takes time
+MOST_ITERATIONS, MOST_CONTACTS = 10000, 1000     # of the iterative solver, and per pair; more only takes more time
 
-SHORTEST_STEP, LONGEST_STEP, TRUSTED_STEP = 1e-5, 0.1, 0.02     # s; up to the last one robots drive true
+SHORTEST_STEP, LONGEST_STEP, TRUSTED_STEP = 1e-5, 0.1, 0.02     # s; up to the last one robots move accurately
 
 JOINT_PARAMETERS = ("lower", "upper", "rate", "max_force", "fudge_factor", "cfm", "stop_erp", "stop_cfm", "erp")
 
@@ -36,26 +46,27 @@ ModelHandle = namedtuple("ModelHandle", "name links joints")
 LinkState = namedtuple("LinkState", "position orientation linear_velocity angular_velocity")
 """State of a link's own frame (not of its centre of mass), in the world frame."""
 
-Touch = namedtuple("Touch", "step first second position depth")
-"""The first step of a contact other than standing on the ground: two ``model::link::collision`` names, where, depth."""
+ContactEvent = namedtuple("ContactEvent", "step first second position depth")
+"""First step of a contact, except with the ground: two ``model::link::collision`` names, position [m], depth [m]."""
 
 
 @dataclass(frozen=True)
 class EngineSettings:
-    """How a world is stepped.
+    """Parameters of the solver and the step.
 
-    The defaults drive wheeled robots to 0.1 % at 1 to 10 ms: the direct solver with a little compliance (``cfm``,
-    which keeps the redundant constraints of several ground contacts solvable), a thin ``surface_layer`` that keeps
-    resting contacts closed, and a bounded correcting velocity so that depth jumps never kick a robot.
+    With the defaults and steps of 1 to 10 ms the motion of wheeled robots is accurate to 0.1 %.  They are: the direct
+    solver with a small compliance (``cfm``), which makes the redundant constraints of several ground contacts solvable;
+    a thin ``surface_layer`` that maintains resting contacts; and a bounded correcting velocity, so that a sudden
+    contact depth does not accelerate a robot.
 
-    libode's direct solver limits friction by the normal forces of a world without friction.  Where a robot stands those
-    are its weight; where its wheels press it against a wall they are nothing, and so would the wall's friction be.
-    An island with such a contact (between two models, or on a face steeper than 37 degrees) therefore begins a step
-    with the limits that the normal forces of the step before give, and is solved again, with limits half way to what
-    the solve before has found, until they agree to 0.1 %, at most ``friction_solves`` times.  A robot that rubs along
-    walls (m2wr in world02 with the printed rule, 16 800 such steps) takes one solve in 86 % of them, 2 to 5 in 9 %, and
-    in 5 % forces and limits are still apart then; eight solves leave 3 %.  Begun without the step before, and with the
-    forces taken in full at first, 95 % were apart after five.  What is left apart goes on in the step after.
+    The direct solver limits friction by the normal forces of a world without friction.  For a robot that stands on the
+    ground these forces are its weight.  If its wheels press it against a wall they are zero, and so would be the
+    friction at the wall.  An island with such a contact (between two models, or on a face steeper than 37 degrees) is
+    solved repeatedly until limits and forces agree within 0.1 %, at most ``friction_solves`` times; see
+    :mod:`m2wr_sim.physics.coupled_friction`.  For a robot that slides along walls (m2wr in world02 with the printed
+    rule, 16 800 such steps), 86 % of these steps need one solution, 9 % need 2 to 5, and 5 % do not agree after 5.
+    Eight solutions reduce that to 3 %.  Without the forces of the last step as a start, and without averaging, 95 % did
+    not agree after five.  The next step continues with the forces reached.
     """
 
     step_ns: int = 1000000
@@ -73,14 +84,12 @@ class EngineSettings:
 class Engine(abc.ABC):
     """A world of rigid bodies.
 
-    A step with an island of more than ``iterative_above`` contacts between movable models is solved iteratively,
-    whatever the solver, and such a step alone: the direct solver would take seconds for robots spawned into one
-    another.  After each of those ``between``, if it is set, is called without arguments; what it raises ends
-    :meth:`step` early.
+    A step with an island of more than ``iterative_above`` contacts is solved iteratively with either solver, because
+    the direct solver would take seconds.  After each such step ``between``, if set, is called without arguments; an
+    exception that it raises ends :meth:`step` early.
 
-    The poses of links live here and nowhere else.  ``placements`` counts the calls of :meth:`set_link_pose`;
-    ``version`` grows with each of them and with each stretch of steps, so that poses asked for earlier hold while it
-    stays the same.
+    Only the engine stores the poses of links.  ``placements`` counts the calls of :meth:`set_link_pose`.  ``version``
+    increases with each of these calls and with each call of :meth:`step`; poses are valid while it stays the same.
     """
 
     settings: EngineSettings
@@ -88,93 +97,172 @@ class Engine(abc.ABC):
     placements = 0
     version = 0
     iterative_above = ITERATIVE_ABOVE
-    between = None
+    between: Optional[Callable[[], None]] = None
 
     @abc.abstractmethod
-    def add_model(self, model, pose, name=None):
-        """Build ``model`` (:class:`~m2wr_sim.model.types.Model`) at ``pose``; returns its :class:`ModelHandle`."""
+    def add_model(self, model: Model, pose: Pose, name: Optional[str] = None) -> ModelHandle:
+        """Add a model to the world.
 
-    @abc.abstractmethod
-    def remove_model(self, handle):
-        """Take a model out of the world and free everything it owned."""
+        Parameters
+        ----------
+        model : m2wr_sim.model.types.Model
+        pose : pose
+            Pose of the model frame in the world.
+        name : str, optional
+            Name in the world; default: that of the model.
 
-    @abc.abstractmethod
-    def abandon_model(self, handle):
-        """Free a model's bodies, geoms and joints at once, but go on answering for its links and joints.
+        Returns
+        -------
+        ModelHandle
 
-        Its links rest where they were built, its joints at 0, and nothing acts on either any more.  For a model that is
-        lost in the middle of a stretch of steps; :meth:`remove_model` has to follow.
+        Raises
+        ------
+        ModelError
+            If the model has values that ODE cannot use.
         """
 
     @abc.abstractmethod
-    def step(self, count):
+    def remove_model(self, handle: ModelHandle) -> None:
+        """Remove a model from the world and free its objects."""
+
+    @abc.abstractmethod
+    def abandon_model(self, handle: ModelHandle) -> None:
+        """Free the bodies, geoms and joints of a model that left the world, but keep its links and joints readable.
+
+        Its links have their initial poses, its joints are at 0, and forces have no effect.  :meth:`remove_model` must
+        be called later.
+        """
+
+    @abc.abstractmethod
+    def step(self, count: int) -> None:
         """Advance the world by ``count`` steps of ``settings.step_ns``.
 
         Raises
         ------
         LostError
-            If a body is nowhere, farther than ``TOO_FAR`` or faster than ``TOO_FAST``: before ODE, which ends the
-            process for it, sees it again.  Stepping may go on once the models it names have been abandoned.
+            If the position of a body is not finite or beyond ``TOO_FAR``, or its velocity beyond ``TOO_FAST``.  ODE
+            would abort the process in the next step.  After the models in the exception have been abandoned, stepping
+            can continue.
         """
 
     @abc.abstractmethod
-    def link_pose(self, link):
+    def link_pose(self, link: int) -> Pose:
         """Return ``(position, orientation)`` of a link frame."""
 
     @abc.abstractmethod
-    def link_state(self, link):
+    def link_state(self, link: int) -> LinkState:
         """Return the :class:`LinkState` of a link frame."""
 
     @abc.abstractmethod
-    def set_link_pose(self, link, pose):
-        """Put a link frame somewhere; velocities stay, joints are not consulted.
+    def set_link_pose(self, link: int, pose: Pose) -> None:
+        """Move a link. Its velocity does not change, and joints are ignored.
 
-        There is no other way to put a link somewhere, and poses are kept nowhere else: who derives something from them
-        compares ``placements`` and ``version``, and asks :meth:`placed_since`.
+        This is the only way to move a link from outside.  Values derived from poses can be checked with ``placements``,
+        ``version`` and :meth:`placed_since`.
+
+        Parameters
+        ----------
+        link : int
+        pose : pose
+            Of the link frame in the world.
         """
 
     @abc.abstractmethod
-    def placed_since(self, version):
-        """Return the static links that were put somewhere after the engine had that ``version``; the latest first."""
+    def placed_since(self, version: int) -> List[int]:
+        """Return the static links that were moved after the engine had that ``version``; the latest first."""
 
     @abc.abstractmethod
-    def set_link_velocity(self, link, linear, angular):
-        """Set the velocity of a link's centre of mass and its angular velocity; nothing happens to a static link.
+    def set_link_velocity(self, link: int, linear: Sequence[float], angular: Sequence[float]) -> None:
+        """Set the velocity of a link; no effect on a static link.
 
-        Raises ModelError where a number is not finite: ODE would end the process.
+        Parameters
+        ----------
+        link : int
+        linear : (3,) sequence of float
+            Velocity of the centre of mass in the world [m/s].
+        angular : (3,) sequence of float
+            Angular velocity in the world [rad/s].
+
+        Raises
+        ------
+        ModelError
+            If a number is not finite; ODE would abort the process.
         """
 
     @abc.abstractmethod
-    def joint_angle(self, joint):
-        """Return a joint's position [rad or m]; hinges count full turns."""
+    def joint_angle(self, joint: int) -> float:
+        """Return the position of a joint [rad or m]; hinges count full rotations."""
 
     @abc.abstractmethod
-    def joint_rate(self, joint):
-        """Return a joint's velocity [rad/s or m/s]."""
+    def joint_rate(self, joint: int) -> float:
+        """Return the velocity of a joint [rad/s or m/s]."""
 
     @abc.abstractmethod
-    def set_joint_motor(self, joint, rate, max_force):
-        """Drive a joint towards ``rate`` with at most ``max_force`` [N m or N]; 0 releases it."""
+    def set_joint_motor(self, joint: int, rate: float, max_force: float) -> None:
+        """Drive a joint towards a velocity.
+
+        Parameters
+        ----------
+        joint : int
+        rate : float
+            Target velocity [rad/s or m/s].
+        max_force : float
+            Force limit [N m or N]; 0 switches the motor off.
+        """
 
     @abc.abstractmethod
-    def set_joint_motor_force(self, joint, max_force):
-        """Change only the force limit of a joint's motor."""
+    def set_joint_motor_force(self, joint: int, max_force: float) -> None:
+        """Change only the force limit of a joint's motor.
+
+        Parameters
+        ----------
+        joint : int
+        max_force : float
+            [N m or N].
+        """
 
     @abc.abstractmethod
-    def add_link_force(self, link, force, torque):
-        """Push a link at its centre of mass during the next step [N, N m, world axes]; nothing for a static link."""
+    def add_link_force(self, link: int, force: Sequence[float], torque: Sequence[float]) -> None:
+        """Apply a force and a torque to a link in the next step; no effect on a static link.
+
+        Parameters
+        ----------
+        link : int
+        force : (3,) sequence of float
+            At the centre of mass, in the world frame [N].
+        torque : (3,) sequence of float
+            In the world frame [N m].
+        """
 
     @abc.abstractmethod
-    def add_joint_force(self, joint, force):
-        """Push along a joint's axis during the next step [N m or N]; nothing for a joint without an axis."""
+    def add_joint_force(self, joint: int, force: float) -> None:
+        """Apply an effort along the axis of a joint in the next step; no effect on a joint without axis.
+
+        Parameters
+        ----------
+        joint : int
+        force : float
+            [N m or N].
+        """
 
     @abc.abstractmethod
-    def set_link_gravity(self, link, acts):
-        """Choose whether gravity acts on a link."""
+    def set_link_gravity(self, link: int, acts: bool) -> None:
+        """Switch gravity on or off for a link.
+
+        Parameters
+        ----------
+        link : int
+        acts : bool
+        """
 
     @abc.abstractmethod
-    def set_link_inertial(self, link, inertial):
-        """Give a link another mass, inertia and centre of mass; it stays where it is and moves on as it did.
+    def set_link_inertial(self, link: int, inertial: Inertial) -> None:
+        """Change mass, inertia and centre of mass of a link. Its pose and motion do not change.
+
+        Parameters
+        ----------
+        link : int
+        inertial : m2wr_sim.model.types.Inertial
 
         Raises
         ------
@@ -183,31 +271,38 @@ class Engine(abc.ABC):
         """
 
     @abc.abstractmethod
-    def change_joint(self, joint, axis, parameters, index=0):
-        """Give one axis of a joint other numbers.
+    def change_joint(self, joint: int, axis: Axis, parameters: Dict[str, float], index: int = 0) -> None:
+        """Change the parameters of one axis of a joint.
 
         Parameters
         ----------
         joint : int
-            Of a kind that has axes: see :meth:`~m2wr_sim.model.types.Joint.axes`.
+            A joint with axes, see :meth:`~m2wr_sim.model.types.Joint.axes`.
         axis : Axis
-            Taken from it: damping.
+            Its damping is used.
         parameters : dict
-            Of :data:`JOINT_PARAMETERS`, name to value, for what the solver keeps itself.
+            Parameters of the solver: name, one of :data:`JOINT_PARAMETERS`, -> value.
         index : int
-            Which of the joint's axes.
+            Index of the axis.
         """
 
     @abc.abstractmethod
-    def set_joint_angle(self, joint, angle):
-        """Tell what a joint's position counts as, after its links have been placed accordingly."""
+    def set_joint_angle(self, joint: int, angle: float) -> None:
+        """Set the position of a joint after its links have been moved accordingly.
+
+        Parameters
+        ----------
+        joint : int
+        angle : float
+            [rad or m].
+        """
 
     @abc.abstractmethod
-    def collisions(self, handle):
+    def collisions(self, handle: ModelHandle) -> List[Tuple[int, Collision, bool]]:
         """Return ``[(link, Collision, movable), ...]`` of a model, in load order."""
 
-    def pose_reader(self, parts, poses):
-        """Return a function that writes the present world poses of shapes fixed to links.
+    def pose_reader(self, parts: Sequence[Tuple[int, Pose]], poses: NDArray[np.float64]) -> Callable[[], None]:
+        """Return a function that writes the present poses of shapes that are fixed to links.
 
         Parameters
         ----------
@@ -219,9 +314,9 @@ class Engine(abc.ABC):
         Returns
         -------
         callable
-            ``read()``.  It is of no use once one of the links has been removed.
+            ``read()``.  Must not be used after one of the links has been removed.
         """
-        def read():
+        def read() -> None:
             known = {}
             for index, (link, offset) in enumerate(parts):
                 if link not in known:
@@ -231,98 +326,116 @@ class Engine(abc.ABC):
         return read
 
     @abc.abstractmethod
-    def drain_touches(self):
-        """Return the list of :class:`Touch` since the last call and forget it."""
+    def drain_contact_events(self) -> List[ContactEvent]:
+        """Return the list of :class:`ContactEvent` since the last call."""
 
     @abc.abstractmethod
-    def watch_contacts(self, names):
+    def watch_contacts(self, names: Iterable[str]) -> ContactWatch:
         """Report the contacts of some collisions from the next step on, the forces in them included.
 
         Parameters
         ----------
         names : iterable of str
-            ``model::link::collision``; names of nothing report nothing.
+            ``model::link::collision``; unknown names are ignored.
 
         Returns
         -------
         ContactWatch
-            Of :mod:`m2wr_sim.physics.contact_watch`; to be given to :meth:`end_watch` when it is no longer read.
+            See :mod:`m2wr_sim.physics.contact_watch`.  Pass it to :meth:`end_watch` when it is no longer used.
         """
 
     @abc.abstractmethod
-    def end_watch(self, watch):
+    def end_watch(self, watch: ContactWatch) -> None:
         """Stop reporting to a watch."""
 
     @abc.abstractmethod
-    def feel_joint(self, joint):
-        """Let the solver note, from the next step on, what a joint does to its links."""
+    def feel_joint(self, joint: int) -> None:
+        """Measure the forces of a joint on its links from the next step on."""
 
     @abc.abstractmethod
-    def joint_wrench(self, joint):
-        """Return what a joint did to its child link in the last step; needs :meth:`feel_joint` before.
+    def joint_wrench(self, joint: int) -> Tuple[Vector, Vector]:
+        """Return the wrench of a joint on its child link in the last step; call :meth:`feel_joint` before.
 
         Returns
         -------
         (force, torque)
-            [N] and [N m] about the link's centre of mass, world axes, the joint's motor included; zeros before the
-            first step.
+            [N] and [N m] about the centre of mass of the link, in the world frame, including the joint's motor; zeros
+            before the first step.
         """
 
     @abc.abstractmethod
-    def configure(self, settings):
-        """Go on with other :class:`EngineSettings`; the solver cannot be changed."""
+    def configure(self, settings: EngineSettings) -> None:
+        """Change the :class:`EngineSettings`; the solver must stay the same."""
 
-    def set_gravity(self, gravity):
+    def set_gravity(self, gravity: Sequence[float]) -> None:
         """Change gravity [m/s^2]."""
-        self.configure(replace(self.settings, gravity=tuple(gravity)))
+        x, y, z = gravity
+        self.configure(replace(self.settings, gravity=(x, y, z)))
 
     @abc.abstractmethod
-    def reseed(self, seed):
-        """Restart whatever random sequence the solver draws from."""
+    def reseed(self, seed: int) -> None:
+        """Restart the random sequence of the solver."""
 
     @abc.abstractmethod
-    def forget(self):
-        """Forget the past: which pairs touch, the count of steps, the order in which things last moved.
+    def forget(self) -> None:
+        """Reset the history: which pairs are in contact, the number of steps, the order in which bodies last moved.
 
-        Poses and velocities stay.  Afterwards the world steps as a new one in the same state would, to the last bit.
+        Poses and velocities do not change.  Afterwards the results are those of a new world in the same state, to the
+        last bit.
         """
 
     @abc.abstractmethod
-    def close(self):
+    def close(self) -> None:
         """Free the world; the engine cannot be used afterwards."""
 
 
-def whole_step(step, where):
-    """Return a physics step in whole nanoseconds; one above :data:`TRUSTED_STEP` is taken with a warning.
+def whole_step(step: float, where: str) -> int:
+    """Return a physics step in whole nanoseconds; above :data:`TRUSTED_STEP` a warning is logged.
 
     Parameters
     ----------
     step : float
-        In seconds.
+        [s].
     where : str
-        What asks for it, for the message.
+        Where the step was read, for messages.
+
+    Returns
+    -------
+    int
+        [ns].
 
     Raises
     ------
     WorldError
-        If the step is none that a world can be stepped with.
+        If the step is outside of the range that ODE can use.
     """
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
         raise WorldError("%s: physics step of %g s; expected %g to %g s" % (where, step, SHORTEST_STEP, LONGEST_STEP))
     if step > TRUSTED_STEP:
-        log.warning("%s: physics step of %g ms; above %g ms robots bump through things and drive untrue",
+        log.warning("%s: physics step of %g ms; above %g ms expect tunnelling and inaccurate motion",
                     where, 1e3 * step, 1e3 * TRUSTED_STEP)
     return int(round(step * 1e9))
 
 
-def settings_from_physics(physics, step_ns, solver="step"):
-    """Make :class:`EngineSettings` of a world's physics block.
+def settings_from_physics(physics: Physics, step_ns: int, solver: str = "step") -> EngineSettings:
+    """Return the settings for the physics element of a world.
 
-    The world's ``erp`` (within the range that drives well), gravity, iteration count and contact limit are taken.
-    Its contact layer, CFM and correcting velocity are not: Gazebo's values suit its own fork of ODE and make robots
-    on stock ODE shake or slide.
+    Used are ``erp`` (clipped to the range in which robots move well), gravity, number of iterations and contact limit.
+    Contact layer, CFM and correcting velocity are ignored.  Gazebo's values are meant for its own fork of ODE; with
+    unmodified ODE they make robots shake or slide.
+
+    Parameters
+    ----------
+    physics : m2wr_sim.model.types.Physics
+    step_ns : int
+        Step size [ns].
+    solver : str
+        ``step`` (direct) or ``quick`` (iterative).
+
+    Returns
+    -------
+    EngineSettings
     """
-    limits: Dict[str, float] = {"erp": min(0.8, max(0.2, physics.erp))}
     return EngineSettings(step_ns=step_ns, solver=solver, iterations=min(max(1, physics.iters), MOST_ITERATIONS),
                           gravity=physics.gravity, max_contacts=min(max(1, physics.max_contacts), MOST_CONTACTS),
-                          **limits)
+                          erp=min(0.8, max(0.2, physics.erp)))

@@ -138,8 +138,8 @@ def check_leverage(link, anchors, where):
     centre = link.inertial.pose[0]
     arm = max([_reach(link)] + [math.dist(centre, anchor) for anchor in anchors])
     if _mobility(link.inertial, arm) > LEVERAGE:
-        raise ModelError("link %s: %g kg with a least moment of inertia of %g kg m^2 is held or touched %g m from its "
-                         "centre of mass; expected 1/m + r^2/I to be at most %g 1/kg" % (
+        raise ModelError("link %s: %g kg with a least moment of inertia of %g kg m^2 has a joint or contact %g m from "
+                         "its centre of mass; expected 1/m + r^2/I to be at most %g 1/kg" % (
                              where, link.inertial.mass, _least_moment(link.inertial), arm, LEVERAGE))
 
 
@@ -154,14 +154,14 @@ def too_mobile(links):
     for link in links:
         arm = _reach(link)
         if link.collisions and not link.kinematic and _mobility(link.inertial, arm) > DIRECT:
-            return link.name, "it is touched up to %g m from its centre of mass, with %g kg and a least moment of " \
+            return link.name, "it has contacts up to %g m from its centre of mass, with %g kg and a least moment of " \
                 "inertia of %g kg m^2; the direct solver takes 1/m + r^2/I up to %g 1/kg" % (
                     arm, link.inertial.mass, _least_moment(link.inertial), DIRECT)
     return None
 
 
 def _reach(link):
-    """Return how far from its centre of mass a link can be touched [m]."""
+    """Return the greatest distance of a contact of a link from its centre of mass [m]."""
     centre = link.inertial.pose[0]
     return max([math.dist(centre, collision.pose[0]) + _radius(collision.geometry) for collision in link.collisions],
                default=0.0)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The world built with pyode and stepped in compiled code; the same numbers as PyodeEngine, several times faster.
+"""Physics engine with a compiled loop; gives the same numbers as PyodeEngine, several times faster.
 
-pyode gives the native handles of what it builds; from there libode is driven without it.  The block of memory that the
-compiled loop works on is filled anew whenever the world's make-up has changed.
+The world is built with pyode, which provides the native handles of its objects.  The compiled loop calls libode with
+these handles.  Its block of memory is filled again after bodies, geoms or joints have been added or removed.
 """
 import ctypes
 import logging
@@ -19,7 +19,7 @@ from m2wr_sim.physics.broad_phase_kernels import count_solids
 from m2wr_sim.physics.contact_watch import hand_out
 from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.coupled_friction import Memory
-from m2wr_sim.physics.engine import Touch
+from m2wr_sim.physics.engine import ContactEvent
 from m2wr_sim.physics.pyode_engine import PyodeEngine
 
 log = logging.getLogger(__name__)
@@ -28,16 +28,16 @@ _SECTIONS = (layout.H_CONTACTS, layout.H_PAIRS, layout.H_GEOMS, layout.H_SPACES,
              layout.H_DAMPED_JOINTS, layout.H_DAMPED_LINKS, layout.H_BODIES, layout.H_BOUNDS, layout.H_ISLANDS,
              layout.H_NOW, layout.H_BEFORE, layout.H_LOG, layout.H_REPORTS, layout.H_GRIPS, layout.H_STATES,
              layout.H_IDLERS, layout.H_FORMER)
-_NOWHERE = 1e300        # m: nothing has been looked about yet
+_NOWHERE = 1e300        # m; position of bounds that are not computed yet
 _MODEL_JOINTS = (1, 2, 3, 5, 7)     # dJointType: ball, hinge, slider, universal, fixed
 _DAMPERS = (9, 10)                  # dJointType: angular and linear motor
-_LEVEL = 0.9            # of a plane's normal, upwards: far from what steep contacts begin at
+_LEVEL = 0.9            # least z component of the normal of a level plane; far above that of steep contacts
 
 
 class NativeEngine(PyodeEngine):
     """See :class:`~m2wr_sim.physics.engine.Engine`.
 
-    ``broad_phase_bounds = False`` makes every model ask the whole static space in every step; the numbers are the same.
+    With ``broad_phase_bounds = False`` each step tests all models against all static shapes; the results are the same.
     """
 
     broad_phase_bounds = True
@@ -52,8 +52,8 @@ class NativeEngine(PyodeEngine):
         self._angles = {}                       # hinge -> where the block keeps its angle
         self._countdowns = {}                   # countdown -> where the block keeps it
         self._handles = {}                      # link -> handle of its body
-        self._touching_room = layout.TOUCHING_ROOM
-        self._makeup = 0                        # grows with every change of what the world is made of
+        self._contact_pair_room = layout.CONTACT_PAIR_ROOM
+        self._makeup = 0                        # increases when bodies, geoms or joints are added or removed
 
     def _refresh_lists(self):
         super()._refresh_lists()
@@ -63,7 +63,7 @@ class NativeEngine(PyodeEngine):
                          for parts in self._moving for link in parts.links}
 
     def remove_model(self, handle):
-        self._forget_block()            # carries the touches over while the model's names are still known
+        self._forget_block()            # stores the contacts while the model's names are still known
         super().remove_model(handle)
 
     def abandon_model(self, handle):
@@ -72,7 +72,7 @@ class NativeEngine(PyodeEngine):
 
     def _forget_block(self):
         if self._words is not None:
-            self._carry_touches()
+            self._store_contacts()
             self._carry_forces()
             for drive, at in self._angles.items():
                 drive.angle = float(self._values[at])
@@ -96,19 +96,19 @@ class NativeEngine(PyodeEngine):
             self._fill_block()
         run, words = kernels.run, self._words
         while True:
-            taken = run(words, count)               # fewer than wanted where a list is full, below 0 with news
+            taken = run(words, count)               # fewer if a list is full; negative if there are events to read
             self._steps += abs(taken)
             if taken == count:
                 return
             count -= abs(taken)
             if taken < 0:
-                self._read_news(count)
+                self._read_events(count)
             if not count:
                 break
-        if 2 * words[layout.H_BEFORE_COUNT] > self._touching_room:
+        if 2 * words[layout.H_BEFORE_COUNT] > self._contact_pair_room:
             self._make_room()
 
-    def _read_news(self, left):
+    def _read_events(self, left):
         words = self._words
         if words[layout.H_LOG_COUNT]:
             self._read_log()
@@ -127,7 +127,7 @@ class NativeEngine(PyodeEngine):
         start = int(words[layout.H_ISLANDS])
         rows = range(start, start + len(self._moving) * layout.ISLAND_WORDS, layout.ISLAND_WORDS)
         leaders = {}
-        for row in rows:                # who stands for another comes before it
+        for row in rows:                # the representative of a model comes before it
             if words[row + layout.X_STEP] == words[layout.H_STEPS]:
                 leaders[row] = leaders.get(int(words[row + layout.X_FOR]), row)
         largest = [row for row, leader in leaders.items() if leader == row and words[row + layout.X_AWAKE]
@@ -135,31 +135,31 @@ class NativeEngine(PyodeEngine):
         return sorted(parts.name for parts, row in zip(self._moving, rows) if leaders.get(row) in largest[:1])
 
     def _make_room(self):
-        """Give the touches of one step more room before it is used up; tell of any that were lost."""
+        """Reserve more room for the contact pairs of a step before it is used up; log how many were lost."""
         count, missed = int(self._words[layout.H_BEFORE_COUNT]), int(self._words[layout.H_MISSED])
         if missed:
-            log.warning("step %d: more things touch at once than there was room for; %d touches are not told",
+            log.warning("step %d: more pairs are in contact than there was room for; %d contacts are not reported",
                         self._steps, missed)
-        if 2 * count > self._touching_room:
+        if 2 * count > self._contact_pair_room:
             self._forget_block()
-            self._touching_room = 4 * count
+            self._contact_pair_room = 4 * count
 
     # ---- the block ---------------------------------------------------------------------------------------------
 
     def _fill_block(self):
-        """Lay out the block for the world as it is now."""
+        """Allocate and fill the block for the present world."""
         geoms = [(geom, self._shapes[geom]) for parts in self._parts.values() for geom in parts.geoms]
         classes, representatives = self._classes(shape for _, shape in geoms)
-        self._touching_room = max(self._touching_room, 4 * sum(shape.moves for _, shape in geoms))
-        touching = self._touching_room * layout.TOUCH_WORDS
-        log_room = self._touching_room + layout.SPARE_LOG
+        self._contact_pair_room = max(self._contact_pair_room, 4 * sum(shape.moves for _, shape in geoms))
+        pairs = self._contact_pair_room * layout.CONTACT_PAIR_WORDS
+        log_room = self._contact_pair_room + layout.SPARE_LOG
         most_kept = self._most_kept()
         sizes = ((most_kept + layout.MAX_FOUND) * layout.CONTACT_WORDS,
                  len(representatives) ** 2 * layout.PAIR_WORDS,
                  len(geoms) * layout.GEOM_WORDS, len(self._moving) * layout.SPACE_WORDS,
                  len(self._hinges) * layout.HINGE_WORDS, len(self._damped_joints) * layout.DAMPED_WORDS,
                  len(self._damped_links) * layout.DAMPED_WORDS, len(self._handles),
-                 len(self._handles) * layout.BOUNDS_WORDS, len(self._moving) * layout.ISLAND_WORDS, touching, touching,
+                 len(self._handles) * layout.BOUNDS_WORDS, len(self._moving) * layout.ISLAND_WORDS, pairs, pairs,
                  log_room * layout.LOG_WORDS,
                  layout.MAX_REPORTS * layout.REPORT_WORDS if self._watches else 0,
                  most_kept * layout.GRIP_WORDS, len(self._handles) * layout.STATE_WORDS,
@@ -177,7 +177,7 @@ class NativeEngine(PyodeEngine):
         words[layout.H_CALLBACK_ITSELF] = kernels.near_itself.address
         words[layout.H_STATIC], words[layout.H_MOVING] = self._static_space._id(), self._moving_space._id()
         words[layout.H_CLASS_COUNT] = len(representatives)
-        words[layout.H_TOUCHING_ROOM], words[layout.H_LOG_ROOM] = self._touching_room, log_room
+        words[layout.H_CONTACT_PAIR_ROOM], words[layout.H_LOG_ROOM] = self._contact_pair_room, log_room
         self._values[layout.H_DT], words[layout.H_ISLAND_LIMIT] = self._dt, self.iterative_above
         words[layout.H_QUICK], words[layout.H_STEPS] = self._iterative, self._steps
         words[layout.H_SOLVES] = 0 if words[layout.H_QUICK] else self.settings.friction_solves
@@ -188,7 +188,7 @@ class NativeEngine(PyodeEngine):
         self._fill_bodies(starts)
         self._fill_joints(starts)
         self._fill_bounds(starts, geoms)
-        self._restore_touches()
+        self._restore_contacts()
         self._restore_forces(starts[layout.H_FORMER])
 
     def _fill_geoms(self, start, geoms, classes):
@@ -253,10 +253,10 @@ class NativeEngine(PyodeEngine):
                 words[row + 5], values[row + 6] = motors[drive.dampers[0]], drive.pull
 
     def _fill_bounds(self, starts, geoms):
-        """Prepare to leave the static space alone where nothing is near; worth it, and exact, over one ground plane.
+        """Prepare the broad-phase bounds, which are exact in worlds with one ground plane.
 
-        libode goes through the smaller of two spaces first, so a model with more geoms than the static space has is met
-        in another order and stays out of this.
+        libode visits the smaller of two spaces first.  A model with more geoms than the static space would therefore be
+        visited in another order, and gets no bounds.
         """
         words, values = self._words, self._values
         planes = [geom for geom, shape in geoms if isinstance(shape.collision.geometry, Plane)]
@@ -265,7 +265,7 @@ class NativeEngine(PyodeEngine):
             return
         words[layout.H_PLANE], words[layout.H_PROBE] = planes[0]._id(), self._probe
         words[layout.H_PROBE_CALLBACK] = count_solids.address
-        # what sleeps on level ground is in nobody's list of touches, and who is watched never sleeps
+        # bodies that sleep on level ground are in no list of contacts, and watched ones never sleep
         words[layout.H_SLEEPERS] = not self._watches and planes[0].getParams()[0][2] > _LEVEL
         statics = self._library.dSpaceGetNumGeoms(self._static_space._id())
         for index, parts in enumerate(self._moving):
@@ -278,7 +278,7 @@ class NativeEngine(PyodeEngine):
             values[row:row + layout.BOUNDS_WORDS] = reach.get(handle, 0.0), _NOWHERE, _NOWHERE, _NOWHERE
 
     def _reach(self, geoms):
-        """Return ``{body: radius}`` [m] of spheres round the bodies that hold their geoms however they turn."""
+        """Return ``{body: radius}`` [m] of spheres around the bodies that contain their geoms in any orientation."""
         reach, box = {}, (ctypes.c_double * 6)()
         for geom, shape in geoms:
             body = self._library.dGeomGetBody(geom._id())
@@ -292,7 +292,7 @@ class NativeEngine(PyodeEngine):
         return reach
 
     def _body_handle(self, link):
-        """Return the native handle of a link's body: asked of a geom on it, which may be there just for that."""
+        """Return the native handle of a link's body, by means of a temporary geom."""
         probe = ode.GeomSphere(None, 1.0)
         probe.setBody(link.body)
         return self._library.dGeomGetBody(probe._id())
@@ -309,14 +309,19 @@ class NativeEngine(PyodeEngine):
         return self._handles_of(_DAMPERS, newest_first)
 
     def _handles_of(self, kinds, newest_first):
-        """Return the native handles of what ties bodies together: a body lists its joints from the one attached last.
+        """Return the native handles of joints or motors. The list of a body begins with the one attached last.
 
         Parameters
         ----------
         kinds : tuple of int
-            Of libode's joints.
+            Types of libode's joints.
         newest_first : callable
-            ``newest_first(parts)`` returns all of a model that are of those kinds, as (what the handle is for, Joint).
+            ``newest_first(parts)`` returns those of a model, as (key of the result, Joint).
+
+        Returns
+        -------
+        dict
+            Key -> handle.
         """
         handles = {}
         for parts in self._moving:
@@ -338,7 +343,7 @@ class NativeEngine(PyodeEngine):
 
     @staticmethod
     def _classes(shapes):
-        """Group shapes that make the same contacts; returns ``{shape: class}`` and one shape of each class."""
+        """Group shapes with the same contact parameters; return ``{shape: class}`` and one shape of each class."""
         numbers, classes, representatives = {}, {}, []
         for shape in shapes:
             collision = shape.collision
@@ -382,7 +387,7 @@ class NativeEngine(PyodeEngine):
     def set_link_pose(self, link, pose):
         super().set_link_pose(link, pose)
         if self._links[link].body is None:
-            self._forget_block()                # a static thing has moved: it may now stand inside the bounds of a body
+            self._forget_block()                # a static link has moved, and may now be inside the bounds of a body
 
     def configure(self, settings):
         super().configure(settings)
@@ -392,7 +397,7 @@ class NativeEngine(PyodeEngine):
         entries = [self._links[link] for link, _ in parts]
         if not parts or any(entry.body is None for entry in entries):
             return super().pose_reader(parts, poses)
-        if poses.shape != (len(parts), 7):              # compiled code would write beside it
+        if poses.shape != (len(parts), 7):              # compiled code would write outside of it
             raise ValueError("poses of %d shapes: an array of %s, expected (%d, 7)"
                              % (len(parts), poses.shape, len(parts)))
         table, makeup, read_poses = np.zeros((len(parts), layout.SHAPE_WORDS), np.uint64), -1, kernels.read_poses
@@ -404,7 +409,7 @@ class NativeEngine(PyodeEngine):
             nonlocal makeup
             if makeup != self._makeup:          # a handle must not be used once its body may be gone
                 handles = [self._handles.get(self._links[link]) for link, _ in parts]
-                if None in handles:             # its model is lost, and about to be deleted: the last poses stay
+                if None in handles:             # its model has left the world and will be deleted
                     return
                 table[:, 0] = handles
                 shifts[:] = [self._links[link].com for link, _ in parts]
@@ -413,19 +418,19 @@ class NativeEngine(PyodeEngine):
 
         return read
 
-    # ---- touches -----------------------------------------------------------------------------------------------
+    # ---- contacts ----------------------------------------------------------------------------------------------
 
     def _read_log(self):
         words, values = self._words, self._values
         for index in range(int(words[layout.H_LOG_COUNT])):
             at = int(words[layout.H_LOG]) + index * layout.LOG_WORDS
             one, two = sorted((self._rows[int(words[at + 1]) - 1], self._rows[int(words[at + 2]) - 1]))
-            self._touches.append(
-                Touch(int(words[at]), one, two, tuple(values[at + 3:at + 6]), float(values[at + 6])))
+            self._contact_events.append(
+                ContactEvent(int(words[at]), one, two, tuple(values[at + 3:at + 6]), float(values[at + 6])))
         words[layout.H_LOG_COUNT] = 0
 
     def _read_reports(self):
-        """Tell the watches of the contacts since the last look, from the oldest that is still in the block."""
+        """Pass the contacts since the last call to the watches, from the oldest that is still in the block."""
         words, values = self._words, self._values
         count = int(words[layout.H_REPORT_COUNT])
         words[layout.H_REPORT_COUNT] = 0
@@ -448,26 +453,27 @@ class NativeEngine(PyodeEngine):
         super().end_watch(watch)
         self._forget_block()
 
-    def _carry_touches(self):
-        """Keep which pairs touch, by name, over a change of the block or a step by pyode."""
+    def _store_contacts(self):
+        """Store which pairs are in contact, by name, before the block changes."""
         words, values = self._words, self._values
-        self._touching = {}
+        self._pairs_before = {}
         for index in range(int(words[layout.H_BEFORE_COUNT])):
-            at = int(words[layout.H_BEFORE]) + index * layout.TOUCH_WORDS
+            at = int(words[layout.H_BEFORE]) + index * layout.CONTACT_PAIR_WORDS
             names = tuple(sorted((self._rows[int(words[at]) - 1], self._rows[int(words[at + 1]) - 1])))
-            self._touching[names] = (tuple(values[at + 2:at + 5]), float(values[at + 5]))
+            self._pairs_before[names] = (tuple(values[at + 2:at + 5]), float(values[at + 5]))
 
-    def _restore_touches(self):
+    def _restore_contacts(self):
         words = self._words
         rows = {name: index + 1 for index, name in enumerate(self._rows)}
-        kept = [names for names in self._touching if names[0] in rows and names[1] in rows][:self._touching_room]
+        kept = [names for names in self._pairs_before if names[0] in rows and names[1] in rows]
+        kept = kept[:self._contact_pair_room]
         for index, names in enumerate(kept):
-            at = int(words[layout.H_BEFORE]) + index * layout.TOUCH_WORDS
+            at = int(words[layout.H_BEFORE]) + index * layout.CONTACT_PAIR_WORDS
             words[at], words[at + 1] = sorted((rows[names[0]], rows[names[1]]))
         words[layout.H_BEFORE_COUNT] = len(kept)
 
     def _carry_forces(self):
-        """Keep the normal forces of the last coupled step, as PyodeEngine does, over a change of the block."""
+        """Store the normal forces of the last coupled step, as PyodeEngine does, before the block changes."""
         words = self._words
         start, count = int(words[layout.H_FORMER]), int(words[layout.H_FORMER_COUNT])
         forces = {}

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The few calls of libode that its Python binding does not offer."""
+"""Functions of libode that its Python binding does not have."""
+from __future__ import annotations
+
 import ctypes
 import ctypes.util
 import logging
 import os
+from typing import Any, Dict, Optional
 
 log = logging.getLogger(__name__)
 
 _HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p)
 
 
-def _load():
-    """Load libode by name: the very object the binding is linked to, so state and handles are shared."""
+def _load() -> Optional[ctypes.CDLL]:
+    """Load libode by name: the same library as the binding uses, so that state and handles are shared."""
     for name in ("libode.so.8", ctypes.util.find_library("ode")):
         try:
             return ctypes.CDLL(name) if name else None
@@ -23,8 +26,8 @@ def _load():
 _library = _load()
 
 
-def publish_symbols():
-    """Let compiled code call libode's functions by name.
+def publish_symbols() -> None:
+    """Make the functions of libode available to compiled code.
 
     Raises
     ------
@@ -40,11 +43,11 @@ def publish_symbols():
 try:
     publish_symbols()       # before any module with compiled calls is imported: without the symbols the compiler aborts
 except ImportError:
-    pass                    # asked again, and reported, by whoever needs them
+    pass                    # make_engine tries again and reports the error
 
 
-def library():
-    """Return libode with the signatures that handles need, or None where it cannot be loaded by name."""
+def library() -> Any:
+    """Return libode with the signatures of functions for handles; None if it cannot be loaded by name."""
     if _library is not None:
         handle = ctypes.c_void_p
         for name, result, arguments in (
@@ -61,15 +64,15 @@ def library():
 
 
 class MessageCounter:
-    """Counts what ODE's solver has to say instead of printing it, thousands of lines a second at worst.
+    """Counts the messages of ODE's solver instead of printing them: up to thousands of lines per second.
 
-    ODE has one handler per process, so all engines of a process share the count.
+    ODE has one message handler per process, so all engines of a process share the count.
     """
 
     _count = 0
     _callback = None
 
-    def __init__(self):
+    def __init__(self) -> None:
         if _library is None:
             log.warning("libode cannot be loaded by name: solver messages go to the terminal and are not counted")
         elif MessageCounter._callback is None:
@@ -77,47 +80,47 @@ class MessageCounter:
             _library.dSetMessageHandler(MessageCounter._callback)
 
     @property
-    def count(self):
+    def count(self) -> int:
         """Number of messages so far in this process."""
         return MessageCounter._count
 
 
-def _count_message(number, text, _):
+def _count_message(number: int, text: bytes, _: Any) -> None:
     MessageCounter._count += 1
     log.debug("ODE message %d: %s", number, text)
 
 
-_newest = {}        # name of the model added last, and the handler that tells it
+_newest: Dict[str, Any] = {}        # name of the model added last, and the handler that prints it
 
 
-def note_model(name):
-    """Let the last words of this process name a model, should an assertion of ODE end it.
+def note_model(name: str) -> None:
+    """Set the model that is named in the error message if an assertion of ODE aborts this process.
 
-    ODE calls ``abort`` when its handler returns, so the handler can only speak: ``physics.limits`` refuses beforehand
-    what is known to lead there.  ODE has one handler per process, so all engines of a process share the name.
+    ODE calls ``abort`` after its error handler, so the handler can only print a message.  ``physics.limits`` refuses
+    models that are known to cause this.  ODE has one handler per process, so all engines of a process share the name.
     """
     _newest["name"] = str(name)
     if _library is not None and "handler" not in _newest:
-        _newest["handler"] = _HANDLER(_say_last_words)
+        _newest["handler"] = _HANDLER(_print_error)
         _library.dSetDebugHandler(_newest["handler"])
         _library.dSetErrorHandler(_newest["handler"])
 
 
-def _say_last_words(number, text, arguments):
+def _print_error(number: int, text: bytes, arguments: Any) -> None:
     message = ctypes.create_string_buffer(500)
     ctypes.pythonapi.PyOS_vsnprintf(message, ctypes.c_size_t(len(message)), ctypes.c_char_p(text),
                                     ctypes.c_void_p(arguments))
-    # not by logging, whose lock may be held
+    # without logging, whose lock may be held
     os.write(2, b"libode ends this process: %s (%d). The model added last is \"%s\"; please report its description.\n"
              % (message.value, number, _newest["name"].encode("utf-8", "replace")))
 
 
-def random_seed():
-    """Return where the random sequence is that ODE's iterative solver orders its rows by."""
+def random_seed() -> int:
+    """Return the state of the random sequence by which ODE's iterative solver orders its rows."""
     return 0 if _library is None else _library.dRandGetSeed() & 0xffffffff
 
 
-def seed_random(seed):
-    """Restart the random sequence that ODE's iterative solver orders its rows by."""
+def seed_random(seed: int) -> None:
+    """Set the state of the random sequence by which ODE's iterative solver orders its rows."""
     if _library is not None:
         _library.dRandSetSeed(ctypes.c_ulong(seed & 0xffffffff))

@@ -41,7 +41,7 @@ _SIGNATURES = (
 )
 # ODE's heightfields rise along their own y, with rows along z: a quarter turn about x brings y up and z to -y.
 _UPRIGHT = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-_THICKNESS = 1.0        # m, by which a heightfield goes on below its lowest point; Gazebo's
+_THICKNESS = 1.0        # m, thickness of a heightfield below its lowest point; as in Gazebo
 
 _VERTEX_BYTES, _TRIANGLE_BYTES = 32, 12
 _data = weakref.WeakValueDictionary()       # Mesh or Heightmap -> its data; the same table in many places is kept once

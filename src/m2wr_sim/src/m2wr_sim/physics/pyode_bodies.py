@@ -314,7 +314,7 @@ def _unit(quaternion):
 
 
 def describe_loss(step, dt, parts, link):
-    """Return the sentence for a body that has been thrown out of the world: when, where, and what drove it.
+    """Return a message about a body that left the world: time, state, and commands of its motors.
 
     Parameters
     ----------
@@ -327,6 +327,6 @@ def describe_loss(step, dt, parts, link):
     motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
                                        drive.joint.getParam(PARAM_FMAX))
               for drive in parts.joints if drive.spec.kind in ("revolute", "prismatic")]
-    return ("step %d (%g ms each): %s is at %s and moves at %s m/s, turning at %s rad/s; it has come apart and cannot "
-            "go on. Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
-                                   link.body.getAngularVel(), ", ".join(motors) or "none"))
+    return ("step %d (%g ms each): the simulation diverged: %s is at %s, with velocity %s m/s and angular velocity "
+            "%s rad/s. Motors: %s" % (step, 1e3 * dt, link.name, link.body.getPosition(), link.body.getLinearVel(),
+                                      link.body.getAngularVel(), ", ".join(motors) or "none"))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The world stepped through pyode: one Python callback per pair of geoms that may touch.
+"""The world stepped through pyode: one Python callback per pair of geoms that may collide.
 
-It is the reference for faster engines and the fallback where they cannot run.  Two habits here are not taste.  Python
-objects of the binding die with their last reference, so every geom and joint is held in a list.  No binding object
-refers back to this engine: the cycle collector would free the world before its bodies and crash the interpreter.
+It is the reference for faster engines and the fallback where they cannot run.  Two rules are necessary.  Python frees
+an object of the binding with its last reference, so lists hold every geom and joint.  No object of the binding refers
+to this engine, because the cycle collector would free the world before its bodies and crash the interpreter.
 """
 import itertools
 import logging
@@ -21,7 +21,7 @@ from m2wr_sim.physics.centre_of_mass import move_centre
 from m2wr_sim.physics.contact_watch import ContactWatch, hand_out
 from m2wr_sim.physics.contacts import FLAT, MODE_FDIR1, STEEP, has_direction, load_class, pair_surface, reduced
 from m2wr_sim.physics.coupled_friction import Grip, Memory, solve_coupled
-from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, Engine, LinkState, ModelHandle, Touch
+from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, ContactEvent, Engine, LinkState, ModelHandle
 from m2wr_sim.physics.idle import count_down
 from m2wr_sim.physics.islands import Islands
 from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
@@ -45,20 +45,20 @@ class PyodeEngine(Engine):
         self._contact_group = ode.JointGroup()
         self._parts = {}
         self._links, self._joints = {}, {}
-        self._placed = {}                       # static link -> the version since which it stands where it does
+        self._placed = {}                       # static link -> version of the engine when it was moved last
         self._next_id = 0
         self._shapes, self._pairs = {}, {}
         self._moving = []                       # parts with bodies, in load order
         self._damped_joints, self._damped_links = [], []
         self._hinges, self._idlers = [], []
         self._steps = 0
-        self._touching, self._touched, self._touches = {}, {}, []
+        self._pairs_before, self._pairs_now, self._contact_events = {}, {}, []
         self._watches, self._watched, self._felt = [], frozenset(), []
-        self._felt_since = {}                   # joint -> number of the step before the first one felt
-        self._grips, self._coupled = [], False      # of this step: all contacts, whether one is more than standing
+        self._felt_since = {}                   # joint -> number of the step before its first measurement
+        self._grips, self._coupled = [], False      # of this step: all contacts, whether one is coupled
         self._memory = Memory()
         self._islands = Islands()
-        self._iterative = False         # whether every step is solved so
+        self._iterative = False         # whether all steps are solved iteratively
         self._messages = native_ode.MessageCounter()
         PyodeEngine.configure(self, settings)
 
@@ -167,13 +167,13 @@ class PyodeEngine(Engine):
         self._wake()
 
     def _wake(self):
-        """Wake every sleeping body: what it rested on may be gone, and ODE does not notice that by itself."""
+        """Wake every sleeping body: its support may have been removed, which ODE does not notice."""
         for parts in self._moving:
             for link in parts.links:
                 self._enable(link)
 
     def _enable(self, link):
-        """Wake a body, if it sleeps, and let it be idle for the whole time again."""
+        """Wake a body, if it sleeps, and restart its idle time."""
         link.body.enable()
         if link.countdown is not None:
             link.countdown.restart()
@@ -192,7 +192,7 @@ class PyodeEngine(Engine):
             leave_space(geom, parts.space if self._shapes[geom].moves else self._static_space)
             del self._shapes[geom]
         names = tuple(link.name + "::" for link in parts.links)
-        for table in (self._touching, self._touched):
+        for table in (self._pairs_before, self._pairs_now):
             for pair in [pair for pair in table if any(side.startswith(names) for side in pair)]:
                 del table[pair]
         for link in parts.links:
@@ -203,7 +203,7 @@ class PyodeEngine(Engine):
             parts.space = None
 
     def _refresh_lists(self):
-        """Collect what needs attention in every step, so that a step asks nothing else."""
+        """Collect the objects that are processed in every step."""
         self._hinges = [drive for drive in self._joints.values() if drive.hinge]
         self._idlers = [link for link in self._links.values() if link.body is not None and link.countdown is not None]
         self._settle_damping()
@@ -212,14 +212,14 @@ class PyodeEngine(Engine):
                               and (link.spec.linear_damping or link.spec.angular_damping)]
 
     def _note_mobility(self, parts):
-        """Find out whether the direct solver can take a model; else all steps are left to the iterative one."""
+        """Check whether the direct solver can handle a model; if not, all steps are solved iteratively."""
         parts.too_mobile = None if parts.static else too_mobile(link.spec for link in parts.links)
         if parts.too_mobile and self.settings.solver != "quick":
             log.warning("%s::%s: %s. While it is in the world, every step is solved iteratively, which is less exact",
                         parts.name, *parts.too_mobile)
 
     def _settle_damping(self):
-        """Choose how joints are damped, which depends on the step."""
+        """Choose how joints are damped, which depends on the step size."""
         for parts in self._moving:
             dampers.settle(self._world, parts, self._dt)
         self._damped_joints = [drive for drive in self._joints.values()
@@ -233,14 +233,14 @@ class PyodeEngine(Engine):
             raise self._lost(left)
 
     def _take_steps(self, count):
-        """Take steps; returns None, or how many are left where one has thrown a body out of the world.
+        """Make steps; return None, or the number of steps left if a body has left the world.
 
-        Nothing is raised for that here: a traceback would keep this frame's objects of the binding beyond their world.
+        This raises no exception, because its traceback would keep objects of the binding alive after their world.
         """
         world, group, static, moving = self._world, self._contact_group, self._static_space, self._moving
         near = self._near
         self.version += 1
-        # libode ends the process when it meets what is no number: a body must be found before it gets there
+        # libode aborts the process at a value that is not finite, so bodies are checked after each step
         motions = [(link.body.getPosition, link.body.getLinearVel, link.body.getAngularVel)
                    for parts in moving for link in parts.links]
         for taken in range(1, count + 1):
@@ -261,8 +261,8 @@ class PyodeEngine(Engine):
             if self._felt:
                 self._hand_out_contacts()
             group.empty()
-            if self._touched or self._touching:
-                self._note_touches()
+            if self._pairs_now or self._pairs_before:
+                self._update_contacts()
             for position, linear, angular in motions:
                 if not (sum(map(abs, linear() + angular())) < TOO_FAST and sum(map(abs, position())) < TOO_FAR):
                     return count - taken
@@ -272,7 +272,7 @@ class PyodeEngine(Engine):
         return None
 
     def _lost(self, left):
-        """Return the LostError for every model with a body that is nowhere, too far or too fast."""
+        """Return the LostError for every model with a body that is not finite, too far or too fast."""
         found = {}
         for parts in self._moving:
             for link in parts.links:
@@ -284,7 +284,7 @@ class PyodeEngine(Engine):
         return LostError("; ".join(found.values()), found, left)
 
     def _solve(self, world):
-        """Find the forces and move the bodies; returns whether that was done iteratively because of a large island."""
+        """Solve for the forces and move the bodies; return whether this was iterative because of a large island."""
         if self._iterative:
             world.quickStep(self._dt)
         elif self._islands.largest <= self.iterative_above:
@@ -298,24 +298,24 @@ class PyodeEngine(Engine):
                 world.step(self._dt)
         else:
             before = native_ode.random_seed()
-            native_ode.seed_random(self._steps)     # the same step is the same whatever was drawn before
+            native_ode.seed_random(self._steps)     # the result must not depend on earlier draws
             world.quickStep(self._dt)
             native_ode.seed_random(before)
             return True
         return False
 
     def _most_kept(self):
-        """Return how many contacts a step may have that is solved more than once."""
+        """Return the greatest number of contacts of a step that is solved more than once."""
         return max(LEAST_KEPT, KEPT_PER_GEOM * sum(len(self._bodies_geoms(parts)) for parts in self._moving))
 
     def _warn_of_island(self, names, contacts):
-        """Say that models are in one another; let the caller end what takes long."""
+        """Log a warning about a large island, and call ``between``."""
         self._islands.warn(self._steps, self._dt, names, contacts, self.settings.iterations)
         if self.between is not None:
             self.between()
 
     def _near_itself(self, _, first, second):
-        """Contacts inside a model: only between two links that ask for it and share no joint."""
+        """Make contacts inside a model: only between two links with self_collide that share no joint."""
         one, two = self._shapes[first], self._shapes[second]
         if one.link == two.link or ode.areConnected(one.body, two.body):
             return
@@ -343,7 +343,7 @@ class PyodeEngine(Engine):
         if one.moves or two.moves:
             surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
                                    self.settings, min(one.stiffer, two.stiffer))
-        # ODE exchanges the two as things move; a touch of a pair is the same touch either way
+        # ODE may exchange the two geoms of a pair as they move; it stays the same contact
         names = tuple(sorted((one.name, two.name)))
         pair = None if surface is None else (surface, one, two, names)
         self._pairs[(first, second)] = pair
@@ -364,7 +364,7 @@ class PyodeEngine(Engine):
         for number, contact in enumerate(found):
             position, normal, depth = contact.getContactGeomParams()[:3]
             if not surface.ground and (both_move or -STEEP < normal[2] < STEEP):
-                self._touched.setdefault(names, (position, depth))
+                self._pairs_now.setdefault(names, (position, depth))
             coupled = restless and (both_move or -FLAT < normal[2] < FLAT)
             self._coupled = self._coupled or coupled
             mode = surface.mode
@@ -389,28 +389,28 @@ class PyodeEngine(Engine):
             if watched:
                 for shape in pair[1:3]:
                     if shape.body is not None:
-                        self._enable(shape)     # one that sleeps is not solved and would feel nothing
+                        self._enable(shape)     # a sleeping body is not solved, and has no contact forces
                 joint.setFeedback(True)
                 self._felt.append((grip, first, second, (position, normal, depth)))
 
     def _hand_out_contacts(self):
-        """Tell the watches of this step's contacts, now that the solver has found the forces."""
+        """Pass the contacts of this step, with the forces from the solver, to the watches."""
         links = {link.name: link for link in self._links.values()}
         felt, self._felt = self._felt, []
         for grip, first, second, geometry in felt:
             sides = [(shape.name, shape.moves, links[shape.link].pose[0])
                      for shape in (self._shapes[first], self._shapes[second])]
             hand_out(self._watches, self._steps, sides, geometry, grip.joint.getFeedback())
-            grip.joint.setFeedback(False)    # the binding would do it itself later, to a joint that is gone, and abort
+            grip.joint.setFeedback(False)    # else the binding does it after the joint is freed, and aborts
 
-    def _note_touches(self):
-        for names, (position, depth) in self._touched.items():
-            if names not in self._touching:
-                self._touches.append(Touch(self._steps, names[0], names[1], position, depth))
-        self._touching, self._touched = self._touched, {}
+    def _update_contacts(self):
+        for names, (position, depth) in self._pairs_now.items():
+            if names not in self._pairs_before:
+                self._contact_events.append(ContactEvent(self._steps, names[0], names[1], position, depth))
+        self._pairs_before, self._pairs_now = self._pairs_now, {}
 
     def _unwrap(self):
-        """Count full turns: of the angles that fit the reading, take the one nearest to what the rate predicts."""
+        """Count full rotations: take the angle that fits the reading and is nearest to the prediction by the rate."""
         elapsed = self._dt
         for drive in self._hinges:
             raw = drive.joint.getAngle()
@@ -440,7 +440,7 @@ class PyodeEngine(Engine):
             bodies.place_body(entry.body, entry.com, pose)
             return
         entry.pose = pose
-        self._placed.pop(link, None)            # the latest stand last
+        self._placed.pop(link, None)            # so that the latest are last
         self._placed[link] = self.version
         for geom, collision in entry.geoms:
             if not isinstance(collision.geometry, Plane):
@@ -450,7 +450,7 @@ class PyodeEngine(Engine):
         return list(itertools.takewhile(lambda link: self._placed[link] > version, reversed(self._placed)))
 
     def set_link_velocity(self, link, linear, angular):
-        if not math.isfinite(sum(linear) + sum(angular)):       # ODE would end the process
+        if not math.isfinite(sum(linear) + sum(angular)):       # ODE would abort the process
             raise ModelError("velocity %s m/s, %s rad/s of %s; expected finite numbers" % (
                 tuple(linear), tuple(angular), self._links[link].name))
         body = self._links[link].body
@@ -513,7 +513,7 @@ class PyodeEngine(Engine):
                 move_centre(parts, entry, inertial.pose[0])
             entry.body.setMass(mass)
             if entry.spec.kinematic:
-                entry.body.setKinematic()       # a mass ends that
+                entry.body.setKinematic()       # setMass has made it dynamic
             entry.spec = replace(entry.spec, inertial=inertial)
             self._note_mobility(parts)
             self._refresh_lists()
@@ -553,18 +553,18 @@ class PyodeEngine(Engine):
             self._felt_since[joint] = self._steps
 
     def joint_wrench(self, joint):
-        # before the first step what the binding has is no number yet; nothing acts on what has been abandoned
+        # before the first step the values of the binding are undefined; nothing acts on an abandoned joint
         if self._felt_since[joint] == self._steps or self._joints[joint].joint.getBody(0) is None:
             return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         return self._joints[joint].joint.getFeedback()[:2]
 
-    def drain_touches(self):
-        touches, self._touches = self._touches, []
-        return touches
+    def drain_contact_events(self):
+        events, self._contact_events = self._contact_events, []
+        return events
 
     @property
     def solver_messages(self):
-        """How many messages ODE's solver has printed in this process; a steady stream means a badly posed world."""
+        """Number of messages of ODE's solver in this process; a constant stream means an ill-conditioned world."""
         return self._messages.count
 
     def configure(self, settings):
@@ -577,7 +577,7 @@ class PyodeEngine(Engine):
         world.setContactSurfaceLayer(settings.surface_layer)
         world.setContactMaxCorrectingVel(settings.max_correcting_velocity)
         world.setQuickStepNumIterations(settings.iterations)
-        self._pairs = {}                # what a contact does depends on the step and the limits
+        self._pairs = {}                # contact parameters depend on the step size and the limits
         self._settle_damping()
         self._wake()
 
@@ -587,13 +587,13 @@ class PyodeEngine(Engine):
     def forget(self):
         self._steps, self._memory = 0, Memory()
         self._felt_since = dict.fromkeys(self._felt_since, 0)
-        self._touching, self._touched, self._touches = {}, {}, []
+        self._pairs_before, self._pairs_now, self._contact_events = {}, {}, []
         for watch in self._watches:
             watch.drain()
         for parts in self._moving:
             if not self._bodies_geoms(parts):
-                continue        # an empty space that is taken out and put back makes libode end the process
-            # a space sorts what moved last to the front, which decides the order of contacts: sort as when built
+                continue        # removing and adding an empty space would make libode abort the process
+            # a space moves the geoms that moved last to the front, which changes the order of contacts: restore it
             self._moving_space.remove(parts.space)
             self._moving_space.add(parts.space)
             for geom in self._bodies_geoms(parts):
@@ -602,7 +602,7 @@ class PyodeEngine(Engine):
         self._wake()
 
     def _bodies_geoms(self, parts):
-        """Return the geoms in a model's own space: a plane, say, is not among them."""
+        """Return the geoms in the space of a model; planes, for instance, are not in it."""
         return [geom for geom in parts.geoms if self._shapes[geom].moves]
 
     def close(self):

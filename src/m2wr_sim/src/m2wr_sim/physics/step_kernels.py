@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The stepping loop and the contact callback, compiled: libode is called by name, no Python object is touched.
+"""The stepping loop and the contact callback, compiled: libode is called by name, without Python objects.
 
 Both work on one block of memory, see step_layout.  The symbols of libode must be known to the compiler before this
 module is imported; see native_ode.publish_symbols.
@@ -27,6 +27,7 @@ from m2wr_sim.physics.step_layout import (
     C_SLIP2,
     C_SOFT_CFM,
     C_SOFT_ERP,
+    CONTACT_PAIR_WORDS,
     CONTACT_WORDS,
     DAMPED_WORDS,
     G_BODY,
@@ -47,6 +48,7 @@ from m2wr_sim.physics.step_layout import (
     H_CALLBACK,
     H_CALLBACK_ITSELF,
     H_CLASS_COUNT,
+    H_CONTACT_PAIR_ROOM,
     H_CONTACTS,
     H_COUPLED,
     H_DAMPED_JOINT_COUNT,
@@ -85,7 +87,6 @@ from m2wr_sim.physics.step_layout import (
     H_SPACES,
     H_STATIC,
     H_STEPS,
-    H_TOUCHING_ROOM,
     H_WATCHING,
     H_WORLD,
     HEADER_WORDS,
@@ -133,7 +134,6 @@ from m2wr_sim.physics.step_layout import (
     SHAPE_OFFSET,
     SHAPE_SHIFT,
     SPACE_WORDS,
-    TOUCH_WORDS,
     X_AWAKE,
     X_CONTACTS,
     X_FOR,
@@ -141,7 +141,7 @@ from m2wr_sim.physics.step_layout import (
 
 _TOO_FAST, _TOO_FAR = 1e9, 1e8      # m/s and rad/s, m; as in engine
 _PARAM_VEL = 2
-_UNWRAP_AFTER, _ASTRAY = 8, 1.0     # steps, and rad that the way by the rates may be off, before turns are counted
+_UNWRAP_AFTER, _ASTRAY = 8, 1.0     # steps, and rad of error of the integrated rates, before rotations are counted
 _STEEP, _FLAT = 0.5, 0.8            # as in contacts
 _ALONG_AT_LEAST, _MERGE_FACES, _MERGE_DEEPEST = 0.02, 2, 3
 
@@ -184,13 +184,13 @@ _seed_random = types.ExternalFunction("dRandSetSeed", types.void(types.uintp))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _note_touch(words, values, one, two, at):
-    """Remember that two geoms touch in this step, and where."""
+def _add_contact(words, values, one, two, at):
+    """Store that two geoms are in contact in this step, and where."""
     count = words[H_NOW_COUNT]
-    if count == words[H_TOUCHING_ROOM]:
+    if count == words[H_CONTACT_PAIR_ROOM]:
         words[H_MISSED] += np.uint64(1)
         return
-    row = words[H_NOW] + count * TOUCH_WORDS
+    row = words[H_NOW] + count * CONTACT_PAIR_WORDS
     words[row], words[row + 1] = one, two
     for axis in range(3):
         values[row + np.uint64(2 + axis)] = values[at + C_POSITION + axis]
@@ -200,10 +200,10 @@ def _note_touch(words, values, one, two, at):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _report(words, values, joint, geom_one, geom_two, one, two, at):
-    """Write down a contact and let the solver add the forces; returns the address where it does.
+    """Store a contact, to which the solver adds the forces; return the address of the forces.
 
-    Past ``MAX_REPORTS`` in a step the first give way.
-    A body that sleeps is not solved and would feel nothing, so what touches a watched geom is kept awake.
+    Beyond ``MAX_REPORTS`` in a step the first ones are overwritten.
+    A sleeping body is not solved, and its contacts have no forces; so bodies in contact with a watched geom stay awake.
     """
     for geom in (geom_one, geom_two):
         if words[geom + G_BODY] != 0:
@@ -268,7 +268,7 @@ def _contacts(words, values, one, two):
     if values[pair + P_VALID] == 0.0:
         return
     kept, most = np.int64(words[H_KEPT]), np.int64(words[H_KEPT_ROOM])
-    room = kept < most              # past that, contacts are not kept and the step is solved once
+    room = kept < most              # beyond, contacts are not stored and the step is solved once
     first = np.int64(words[H_CONTACTS]) + min(kept, most) * CONTACT_WORDS
     address = words[H_ADDRESS] + np.uint64(8 * first)
     count = np.int64(_collide(one, two, MAX_FOUND, address + np.uint64(8 * C_GEOMETRY), 8 * CONTACT_WORDS))
@@ -296,7 +296,7 @@ def _contacts(words, values, one, two):
         room = False
         words[H_KEPT] = np.uint64(most)
         words[H_COUPLED] = np.uint64(2)
-    noted = ground          # libode brings a pair once a step, and of its contacts the first counts
+    noted = ground          # libode reports a pair once per step; the event is that of its first contact
     watched = words[H_WATCHING] != 0 and (words[geom_one + G_WATCHED] != 0 or words[geom_two + G_WATCHED] != 0)
     for index in range(count):
         at = first + index * CONTACT_WORDS
@@ -307,7 +307,7 @@ def _contacts(words, values, one, two):
             words[H_COUPLED] = np.uint64(1)
         if not noted and (steep or both_move):
             noted = True
-            _note_touch(words, values, min(row_one, row_two), max(row_one, row_two), at)
+            _add_contact(words, values, min(row_one, row_two), max(row_one, row_two), at)
         words[at + C_MODE] = np.uint64(values[pair + P_MODE])
         if words[at + C_MODE] & MODE_FDIR1:
             _friction_direction(words, values, two if values[pair + P_ALONG_SECOND] != 0.0 else one, pair, at)
@@ -346,7 +346,7 @@ def near(data, one, two):
 
 @cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
 def near_itself(data, one, two):
-    """ODE's near callback inside a model: only between two links that ask for it and share no joint."""
+    """ODE's near callback inside a model: only for two links with self_collide that share no joint."""
     header = carray(data, (HEADER_WORDS,), np.uint64)
     words = carray(data, (np.int64(header[H_SIZE]),), np.uint64)
     row_one, row_two = _geom_data(one), _geom_data(two)
@@ -362,7 +362,7 @@ def near_itself(data, one, two):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _damp(words, values):
-    """Slow damped joints and bodies down, as PyodeEngine does."""
+    """Apply the damping of joints and bodies, as PyodeEngine does."""
     for index in range(np.int64(words[H_DAMPED_JOINT_COUNT])):
         row = np.int64(words[H_DAMPED_JOINTS]) + index * DAMPED_WORDS
         joint, damping, hinge, stiffness = words[row], values[row + 1], words[row + 2] != 0, values[row + 3]
@@ -408,7 +408,7 @@ def _unwrap(words, values):
         raw = _hinge_angle(words[row])
         predicted = values[row + 1] + values[row + 2]
         values[row + 2] = 0.0
-        # plus zero, for -0 turns are none: a hinge at rest reads 0, never -0
+        # plus zero, because -0 rotations are 0: a hinge at rest reads 0, never -0
         values[row + 1] = raw + (2.0 * math.pi * np.rint((predicted - raw) / (2.0 * math.pi)) + 0.0)
 
 
@@ -430,14 +430,14 @@ def _lost_body(words):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _log_touches(words, values):
-    """Log the pairs that touch now and did not in the last step, then make now the last step."""
+def _log_contacts(words, values):
+    """Log the pairs in contact that were not in the last step; then make this step the last one."""
     past, before = 0, np.int64(words[H_BEFORE_COUNT])
     for index in range(np.int64(words[H_NOW_COUNT])):
-        row = np.int64(words[H_NOW]) + index * TOUCH_WORDS
+        row = np.int64(words[H_NOW]) + index * CONTACT_PAIR_WORDS
         known = False
-        for _ in range(before):         # from behind the one found last: the order is nearly that of the last step
-            other = np.int64(words[H_BEFORE]) + past * TOUCH_WORDS
+        for _ in range(before):         # begin after the one found last: the order is nearly that of the last step
+            other = np.int64(words[H_BEFORE]) + past * CONTACT_PAIR_WORDS
             past = past + 1 if past + 1 < before else 0
             if words[row] == words[other] and words[row + 1] == words[other + 1]:
                 known = True
@@ -446,7 +446,7 @@ def _log_touches(words, values):
         if not known:
             log = np.int64(words[H_LOG]) + count * LOG_WORDS
             words[log] = words[H_STEPS]
-            for word in range(TOUCH_WORDS):
+            for word in range(CONTACT_PAIR_WORDS):
                 words[log + 1 + word] = words[row + word]
             words[H_LOG_COUNT] = np.uint64(count + 1)
     words[H_NOW], words[H_BEFORE] = words[H_BEFORE], words[H_NOW]
@@ -455,7 +455,7 @@ def _log_touches(words, values):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _solve(words, values, world, dt, quick):
-    """Let libode find the forces and move the bodies, as PyodeEngine does."""
+    """Solve for the forces and move the bodies by libode, as PyodeEngine does."""
     if quick:
         _world_quick_step(world, dt)
     elif words[H_LARGEST_ISLAND] <= words[H_ISLAND_LIMIT]:
@@ -473,12 +473,21 @@ def _solve(words, values, world, dt, quick):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run(words, steps):
-    """Take ``steps`` steps; ``words`` is the block as uint64.
+    """Make steps.
 
-    Returns the number of steps taken, which is less where the log of touches or the ring of reports might overflow,
-    after each step with a large island, and after one that left a body nowhere or too fast; its number is then in
-    ``H_LOST``.  The number is negative where there is anything for the caller to read in the block: most of the time
-    there is not, and looking there costs it more than a step.
+    Parameters
+    ----------
+    words : (W,) uint64
+        The block.
+    steps : int
+        Number of steps to make.
+
+    Returns
+    -------
+    int
+        Number of steps made.  It is lower if the log of contacts or the ring of reports might overflow, after each step
+        with a large island, and after a step in which a body left the world; the number of the body is then in
+        ``H_LOST``.  It is negative if there are events to read in the block, so that the caller need not look for them.
     """
     values = words.view(np.float64)
     dt = values[H_DT]
@@ -489,7 +498,7 @@ def run(words, steps):
     idlers = words[H_IDLER_COUNT] != 0
     taken = looked = 0
     astray = 0.0
-    while (taken < steps and words[H_LOG_COUNT] + words[H_TOUCHING_ROOM] <= words[H_LOG_ROOM]
+    while (taken < steps and words[H_LOG_COUNT] + words[H_CONTACT_PAIR_ROOM] <= words[H_LOG_ROOM]
            and words[H_REPORT_COUNT] < MANY_REPORTS and not words[H_ITERATIVE]):
         taken += 1
         words[H_STEPS] += np.uint64(1)
@@ -517,7 +526,7 @@ def run(words, steps):
         _solve(words, values, world, dt, quick)
         _group_empty(group)
         if words[H_NOW_COUNT] or words[H_BEFORE_COUNT]:
-            _log_touches(words, values)
+            _log_contacts(words, values)
         lost = _lost_body(words)
         if lost:
             words[H_LOST] = np.uint64(lost)
@@ -528,7 +537,7 @@ def run(words, steps):
             looked, astray = taken, 0.0
     if taken != looked:
         _unwrap(words, values)
-    nearly_full = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_TOUCHING_ROOM]
+    nearly_full = np.uint64(2) * words[H_BEFORE_COUNT] > words[H_CONTACT_PAIR_ROOM]
     return -taken if words[H_LOG_COUNT] or words[H_REPORT_COUNT] or words[H_ITERATIVE] or nearly_full else taken
 
 

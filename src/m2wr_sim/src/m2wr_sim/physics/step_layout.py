@@ -1,41 +1,41 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How the block of memory is laid out that the compiled stepping loop works on; nothing is compiled here.
+"""Layout of the block of memory of the compiled loop; nothing is compiled here.
 
-Everything the callback needs lies in one block of 8-byte words, which it sees as unsigned integers and as floats alike:
+All data for the callback is in one block of 8-byte words, which are read both as unsigned integers and as floats:
 
 ====================  =======================================================================================
 words                 content
 ====================  =======================================================================================
 0 .. 63               header, see the ``H_`` names; sections are given by their first word
 H_CONTACTS            dContact structures of ``CONTACT_WORDS`` words: those of this step, at most ``H_KEPT_ROOM``, and
-                      room for ``MAX_FOUND`` that are being found
+                      room for ``MAX_FOUND`` new ones
 H_GRIPS               ``GRIP_WORDS`` words for each of the former: joint, its bodies, mu, mu2, address of its
                       dJointFeedback, normal force that its limits are taken from (below 0: not known), a movable model
                       in it, that model's island (a row of H_ISLANDS), whether it is coupled, which contact it is, room
                       for a dJointFeedback
 H_FORMER              ``FORMER_WORDS`` words a contact of the last coupled step, H_FORMER_STEP: which, normal force
 H_STATES              ``STATE_WORDS`` words a body: position, orientation, velocities, force and torque before the step;
-                      whether it keeps still while others are solved again
-H_IDLERS              ``IDLE_WORDS`` words a body that may sleep: body, steps and time it still has to be idle for
+                      whether it is disabled while others are solved again
+H_IDLERS              ``IDLE_WORDS`` words a body that may sleep: body, steps and time left until it sleeps
 H_PAIRS               class by class table of ``PAIR_WORDS`` words: the surface of a pair, see the ``P_`` names
 H_GEOMS               ``GEOM_WORDS`` words a geom: class, body, link (from 1 on; 0 where it never meets its own model),
                       whether its contacts are watched, movable model (counted in H_SPACES; 0 also where static),
                       whether it moves and never sleeps, number of its body in H_IDLERS (from 1 on; 0 where in none)
 H_SPACES              ``SPACE_WORDS`` words a movable model: space, whether its links collide among themselves, how
                       many geoms, first body (counted in H_BODIES), how many bodies, whether nothing is near them
-H_ISLANDS             ``ISLAND_WORDS`` words a movable model: step in which it last touched another, who stands for it
-                      (itself or one before it); for all those it stands for: contacts, whether any is awake, whether
-                      they are to be solved again, change and greatest of their normal forces
-H_BOUNDS              ``BOUNDS_WORDS`` words a body: radius round it that holds its geoms, where it was last checked
-H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full turns, way since then by its rates
+H_ISLANDS             ``ISLAND_WORDS`` words a movable model: last step with a contact, representative of its
+                      island (itself or a model before it); for a representative: number of contacts, whether a body is
+                      awake, whether to solve the island again, change and greatest of the normal forces
+H_BOUNDS              ``BOUNDS_WORDS`` words a body: radius of a sphere with its geoms, position at the last check
+H_HINGES              ``HINGE_WORDS`` words a hinge: joint, angle with full rotations, integral of its rate since then
 H_DAMPED_JOINTS       ``DAMPED_WORDS`` words a damped joint: joint, damping, hinge or slider, stiffness, reference, the
-                      motor that pulls in their place or none, its pull
+                      motor of an implicit spring or none, its pull
 H_DAMPED_LINKS        ``DAMPED_WORDS`` words a damped body: body, parts of linear and angular velocity kept in a step
-H_BODIES              all bodies, to see that they stay in this world
-H_NOW, H_BEFORE       pairs that touch in this step and in the last: row, row, position, depth
-H_LOG                 touches that began: step, row, row, position, depth
+H_BODIES              all bodies, to check that they stay in the world
+H_NOW, H_BEFORE       pairs in contact in this step and in the last: row, row, position, depth
+H_LOG                 new contacts: step, row, row, position, depth
 H_REPORTS             a ring of contacts of watched geoms: step, row, row, position, normal, depth, dJointFeedback;
-                      empty where nothing is watched
+                      empty if nothing is watched
 ====================  =======================================================================================
 """
 import numpy as np
@@ -44,7 +44,7 @@ import numpy as np
  H_GEOMS, H_SPACES, H_NOW, H_BEFORE, H_LOG, H_NOW_COUNT, H_BEFORE_COUNT, H_LOG_COUNT, H_STEPS, H_QUICK,
  H_SIZE, H_CALLBACK_ITSELF, H_HINGES, H_HINGE_COUNT, H_DAMPED_JOINTS, H_DAMPED_JOINT_COUNT, H_DAMPED_LINKS,
  H_DAMPED_LINK_COUNT, H_BODIES, H_BODY_COUNT, H_LOST, H_WATCHING, H_REPORTS, H_REPORT_COUNT,
- H_TOUCHING_ROOM, H_LOG_ROOM, H_MISSED, H_BOUNDED, H_BOUNDS, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
+ H_CONTACT_PAIR_ROOM, H_LOG_ROOM, H_MISSED, H_BOUNDED, H_BOUNDS, H_PLANE, H_PROBE, H_PROBE_CALLBACK,
  H_FOUND, H_SLEEPERS, H_DT, H_ISLANDS, H_LARGEST_ISLAND, H_ISLAND_LIMIT, H_ITERATIVE, H_GRIPS, H_STATES, H_KEPT,
  H_COUPLED, H_SOLVES, H_KEPT_ROOM, H_IDLERS, H_IDLER_COUNT, H_FORMER, H_FORMER_COUNT,
  H_FORMER_STEP) = range(60)
@@ -57,7 +57,7 @@ C_GEOMETRY, C_POSITION, C_NORMAL, C_DEPTH, C_ALONG = 15, 15, 19, 23, 27
 MODE_FDIR1 = np.uint64(2)
 MODE_APPROX1 = np.uint64(0x7000)
 MAX_FOUND = 150
-LEAST_KEPT, KEPT_PER_GEOM = 256, 8      # contacts of a step that are kept: at least, and for each geom that moves
+LEAST_KEPT, KEPT_PER_GEOM = 256, 8      # contacts stored in a step: at least, and for each moving geom
 KEY_NUMBERS, KEY_ROWS = 256, 1 << 28   # which contact: (row * KEY_ROWS + other row) * KEY_NUMBERS + number in pair
 GRIP_WORDS = 27
 (J_JOINT, J_FIRST, J_SECOND, J_MU, J_MU2, J_FEEDBACK, J_NORMAL, J_MODEL, J_ISLAND, J_COUPLED, J_KEY, J_ROOM) = range(12)
@@ -80,10 +80,10 @@ X_STEP, X_FOR, X_CONTACTS, X_AWAKE, X_AGAIN, X_CHANGE, X_GREATEST = range(ISLAND
 HINGE_WORDS = 3
 DAMPED_WORDS = 7
 
-TOUCH_WORDS, TOUCHING_ROOM = 6, 128     # of pairs that touch in one step, to begin with
-LOG_WORDS, SPARE_LOG = 7, 256           # the log has room for one step more than that
+CONTACT_PAIR_WORDS, CONTACT_PAIR_ROOM = 6, 128     # initial room for pairs in contact in one step
+LOG_WORDS, SPARE_LOG = 7, 256           # the log has room for the pairs of one step more than this
 REPORT_WORDS, MAX_REPORTS = 26, 1024
-MANY_REPORTS = MAX_REPORTS // 2         # from here on they are read before another step, which may bring as many
+MANY_REPORTS = MAX_REPORTS // 2         # above, reports are read before the next step, which may add as many
 R_GEOMETRY, R_FEEDBACK = 3, 10
 
 SHAPE_WORDS, SHAPE_SHIFT, SHAPE_OFFSET = 11, 1, 4       # of a shape whose pose is read, in a table of its own

@@ -43,8 +43,8 @@ class JointWrench(Plugin):
         force, torque = self._physics.joint_wrench(self._joint)
         orientation = self._physics.link_pose(self._child)[1]
         force, torque = rotate_inverse(orientation, force), rotate_inverse(orientation, torque)
-        torque = tuple(a + b for a, b in zip(torque, cross(self._lever, force)))
-        values = [-value for value in force + torque]
+        total = tuple(a + b for a, b in zip(torque, cross(self._lever, force)))
+        values = [-value for value in force + total]
         if self._sigma:
             values = [a + float(b) for a, b in zip(values, self._sigma * self._rng.standard_normal(6))]
         message = WrenchStamped()

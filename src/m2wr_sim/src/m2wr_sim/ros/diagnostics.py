@@ -85,7 +85,7 @@ class Diagnostics:
                   ("steps per second", "%.0f" % (steps / elapsed)), ("solver messages", str(messages)),
                   ("models", str(len(simulator.models))), ("plugins switched off", ", ".join(off) or "none")]
         values += _memory() + self._lockstep_values(elapsed)
-        values += [("touches of " + name, str(count)) for name, count in sorted(simulator.touch_counts.items())]
+        values += [("touches of " + name, str(count)) for name, count in sorted(simulator.contact_counts.items())]
         values += [("dropped on %s for %s" % (entry.topic, entry.peer or "those that have left"), str(entry.count))
                    for entry in dropped]
         level, message = self._judge(factor, new_messages, new_lost, off)
@@ -162,20 +162,20 @@ class Diagnostics:
 
     def _report_contacts(self) -> bool:
         """Log the first contact of each pair; return whether there was one."""
-        touches = self._simulator.touches
-        if len(touches) < self._seen:       # the simulation was reset
+        contacts = self._simulator.contacts
+        if len(contacts) < self._seen:       # the simulation was reset
             self._seen, self._reported = 0, set()
         new = 0
-        for touch in touches[self._seen:]:
-            pair = (touch.first, touch.second)
+        for contact in contacts[self._seen:]:
+            pair = (contact.first, contact.second)
             if pair not in self._reported:
                 new += 1
                 self._reported.add(pair)
                 if new > _MOST_LOGGED:
                     continue
                 rospy.logwarn("contact of %s and %s at (%.2f, %.2f, %.2f), %.1f mm deep, at %.2f s", *pair,
-                              *touch.position, 1000.0 * touch.depth, self._simulator.now_ns * 1e-9)
+                              *contact.position, 1000.0 * contact.depth, self._simulator.now_ns * 1e-9)
         if new > _MOST_LOGGED:
             rospy.logwarn("and %d more pairs are in contact for the first time", new - _MOST_LOGGED)
-        self._seen = len(touches)
+        self._seen = len(contacts)
         return new > 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Changes to a running world beyond moving things: links, joints and the physics itself."""
+"""Changes to links, joints and the physics of a running world."""
 import logging
 import math
 from dataclasses import replace
@@ -18,14 +18,27 @@ SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1         # s
 
 
 def set_link_state(simulator, model, name, pose, linear, angular):
-    """Put one link somewhere and set the velocity of its centre of mass, all in the world frame.
+    """Set pose and velocity of one link, in the world frame.
 
-    Joints are not consulted; the solver pulls what hangs on them back together.
+    Joints are ignored; the solver corrects their errors in the next steps.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    model : LiveModel
+    name : str
+        Name of the link.
+    pose : pose
+        Of the link frame; the quaternion need not be normalised.
+    linear : (3,) sequence of float
+        Velocity of the centre of mass [m/s].
+    angular : (3,) sequence of float
+        Angular velocity [rad/s].
 
     Raises
     ------
     ModelError
-        If it is farther or faster than the engine's numbers carry.
+        If a position or velocity exceeds the limits of the engine.
     """
     where = "%s::%s" % (model.name, name)
     if not all(abs(value) <= FARTHEST for value in pose[0]):
@@ -39,12 +52,23 @@ def set_link_state(simulator, model, name, pose, linear, angular):
 
 
 def set_link_properties(simulator, model, name, gravity, inertial, solve):
-    """Store a link's gravity switch and Inertial; ``solve`` makes the latter act, else only gravity does.
+    """Set gravity switch and Inertial of a link.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    model : LiveModel
+    name : str
+        Name of the link.
+    gravity : bool
+    inertial : Inertial
+    solve : bool
+        Whether the physics uses the new Inertial; if not, it is only stored.
 
     Raises
     ------
     ModelError
-        If mass and inertia are to act and are not those of a physical body, or more than the solver can take.
+        If the physics is to use them, and mass or inertia are not physical or exceed the limits of the solver.
     """
     link = model.handle.links[name]
     if solve:
@@ -59,21 +83,22 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
 
 
 def set_joint_properties(simulator, model, name, changes):
-    """Change a joint, all of its axes that are named or, if one cannot be, none.
+    """Change the axes of a joint: all that are given, or none if one is invalid.
 
     Parameters
     ----------
     simulator : Simulator
     model : LiveModel
     name : str
+        Name of the joint.
     changes : dict
-        Index of the axis -> (fields of its Axis, parameters of its solver: ``engine.JOINT_PARAMETERS``).  A joint that
-        nothing moves (fixed, or of a static model) keeps the numbers only for who asks.
+        Index of the axis -> (fields of its Axis, parameters of its solver: ``engine.JOINT_PARAMETERS``).  For a joint
+        that cannot move (fixed, or of a static model) the values are only stored.
 
     Raises
     ------
     ModelError
-        If a number is not finite, or would throw the joint.
+        If a number is not finite or exceeds its limit.
     """
     where = "%s::%s" % (model.name, name)
     for fields, parameters in changes.values():
@@ -98,7 +123,7 @@ def set_joint_properties(simulator, model, name, changes):
 
 
 def _check_joint_numbers(where, numbers):
-    """Raise ModelError if one of some ``(name, value)`` is not finite or more than the world survives."""
+    """Raise ModelError if one of some ``(name, value)`` is not finite or exceeds its limit."""
     most = {"rate": FASTEST, "max_force": GREATEST_MOTOR, "lower": math.inf, "upper": math.inf}
     for key, value in numbers:
         if not math.isfinite(value):
@@ -111,19 +136,24 @@ def _check_joint_numbers(where, numbers):
 
 
 def wrench_as_gazebo(link_pose, frame, point, force, torque):
-    """Return the force and torque that Gazebo applies for a wrench given in a frame.
+    """Return the force and torque that Gazebo applies for a wrench in a reference frame.
 
-    Gazebo turns the wrench into the *link's* axes and then applies it as if those were the world's; without a frame it
-    takes it as it stands.  The reference point shifts the torque.
+    Gazebo rotates the wrench into the *link's* frame, and then applies it as if it were in the world frame.  Without a
+    reference frame it does not rotate it.  The reference point changes the torque.
 
     Parameters
     ----------
     link_pose : pose
-        The link in the world.
+        Link frame in the world.
     frame : pose or None
-        The reference frame in the world; None for the world itself.
+        Reference frame in the world; None for the world itself.
     point, force, torque : (3,)
-        In the frame.
+        Reference point [m], force [N] and torque [N m] in the reference frame.
+
+    Returns
+    -------
+    force, torque : tuples of 3 floats
+        In the world frame [N, N m].
     """
     torque = _sum(torque, cross(point, force))
     if frame is None:
@@ -134,9 +164,23 @@ def wrench_as_gazebo(link_pose, frame, point, force, torque):
 
 
 def wrench_in_world(link_pose, centre, frame, point, force, torque):
-    """Return the force and the torque about a link's centre of mass, in world axes, of a wrench given in a frame.
+    """Return the force and the torque about the centre of mass of a link, for a wrench in a reference frame.
 
-    ``centre`` is the centre of mass in the link frame, ``point`` where the wrench acts, in the frame.
+    Parameters
+    ----------
+    link_pose : pose
+        Link frame in the world.
+    centre : (3,)
+        Centre of mass in the link frame [m].
+    frame : pose or None
+        Reference frame in the world; None for the world itself.
+    point, force, torque : (3,)
+        Point at which the wrench acts [m], force [N] and torque [N m] in the reference frame.
+
+    Returns
+    -------
+    force, torque : tuples of 3 floats
+        In the world frame [N, N m].
     """
     frame = IDENTITY if frame is None else frame
     force, torque = rotate(frame[1], force), rotate(frame[1], torque)
@@ -150,12 +194,17 @@ def _sum(one, two):
 
 
 def set_physics(simulator, physics):
-    """Go on with another :class:`~m2wr_sim.model.types.Physics`; the engine takes of it what it takes of a world's.
+    """Change the physics; the engine uses the same parameters as of a world file.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    physics : m2wr_sim.model.types.Physics
 
     Raises
     ------
     ParameterError
-        If a number is not finite, or gravity or the step are not what the engine can take.
+        If a number is not finite, or gravity or step size exceed the limits of the engine.
     """
     numbers = {"gravity": physics.gravity, "max_update_rate": (physics.real_time_update_rate,),
                "erp": (physics.erp,), "cfm": (physics.cfm,), "sor_pgs_w": (physics.sor,),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the simulator hands to each plugin: its model, the physics, its own randomness, and the ports to outside."""
+"""The context of a plugin: its model, the physics, its random numbers, and the ports for topics and services."""
 import logging
 import zlib
 from dataclasses import replace
@@ -43,9 +43,9 @@ class ModelContext(PluginContext):
         return self._number(self._model.handle.joints, "joint", name)
 
     def _own(self, table, name):
-        """Return the name under which the model has a link or joint, which may be given with the model's name.
+        """Return the name of a link or joint in the model; the given name may begin with that of the model.
 
-        A plugin of a nested model means that one's first.
+        For a plugin of a nested model, the names of the nested model take precedence.
         """
         prefix, scope = self._model.name + "::", self._spec.scope
         plain = name[len(prefix):] if name.startswith(prefix) and name not in table else name
@@ -83,9 +83,9 @@ class ModelContext(PluginContext):
 
     @property
     def _first(self):
-        """The record of the first link of the nested model that the plugin belongs to."""
-        begin = self._spec.scope + "::"
-        return next(link for link in self._model.record.links if link.name.startswith(begin))
+        """The record of the first link of the plugin's nested model."""
+        prefix = self._spec.scope + "::"
+        return next(link for link in self._model.record.links if link.name.startswith(prefix))
 
     def pose_in_model(self, link):
         state = self.model_state()
@@ -141,11 +141,11 @@ class ModelContext(PluginContext):
         self._ports.transform(stamp, parent, child, position, orientation)
 
     def topics(self):
-        """Return the names of the topics that the plugin publishes on, as far as the ports have names."""
+        """Return the names of the topics on which the plugin publishes, as far as the ports have names."""
         return [port.topic for port in self._open if hasattr(port, "topic")]
 
     def close(self):
-        """Close every port the plugin opened."""
+        """Close all ports of the plugin."""
         for port in self._open:
             port.close()
         self._open = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Models that live in a running world, and finding them and their links by name."""
+"""Models in a running world; finds models, links and joints by name."""
 import math
 from collections import namedtuple
 
@@ -9,38 +9,38 @@ from m2wr_sim.errors import NotFoundError
 from m2wr_sim.geometry import compose, conjugate, invert, multiply, normalise_quaternion, rotate_inverse
 
 Relative = namedtuple("Relative", "position orientation linear angular")
-"""Pose and velocity of a model or link relative to some frame."""
+"""Pose and velocity of a model or link relative to a frame."""
 
 INERTIAL_FRAMES = ("", "world", "map", "/map")
 
 
-_NAMES_TOLD = 8
+_MOST_NAMES = 8         # in a message
 
 
-def tell(names):
+def list_names(names):
     """Return names for a message; of a long list only the first few."""
     names = list(names)
     if not names:
         return "none"
-    more = len(names) - _NAMES_TOLD
-    return ", ".join(names[:_NAMES_TOLD]) + (" and %d more" % more if more > 0 else "")
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (" and %d more" % more if more > 0 else "")
 
 
 class LiveModel:
-    """A model in the world: its record, the engine's numbers for its parts, its plugins, and where a reset puts it."""
+    """A model in the world: its record, the engine's numbers of its parts, its plugins, and its pose after a reset."""
 
     def __init__(self, record, handle, pose):
         self.record, self.handle, self.reset_pose = record, handle, pose
         self.name = handle.name
         self.plugins = []
-        self.sight = None               # SceneRows of what can move by itself
-        self.kept_inertials = {}        # link -> Inertial that still acts where the record tells another
+        self.sight = None               # SceneRows of its moving shapes
+        self.kept_inertials = {}        # link -> Inertial that the physics uses, if the record has another
         self._root = record.links[0]
         self._root_offset = invert(self._root.pose)
 
     @property
     def root(self):
-        """The engine's number of the first link, whose frame and velocity stand for the model."""
+        """The engine's number of the first link, which defines pose and velocity of the model."""
         return self.handle.links[self._root.name]
 
     def link_record(self, name):
@@ -48,7 +48,7 @@ class LiveModel:
         return next(link for link in self.record.links if link.name == name)
 
     def acting_inertial(self, name):
-        """Return the Inertial with which a link moves."""
+        """Return the Inertial of a link that the physics uses."""
         return self.kept_inertials.get(name) or self.link_record(name).inertial
 
     def joint_record(self, name):
@@ -60,13 +60,20 @@ class LiveModel:
         return compose(engine.link_pose(self.root), self._root_offset)
 
     def state(self, engine):
-        """Return the LinkState of the model: its frame's pose with the root link's velocities."""
+        """Return the LinkState of the model: the pose of its frame, and the velocities of its root link."""
         state = engine.link_state(self.root)
         position, orientation = compose((state.position, state.orientation), self._root_offset)
         return state._replace(position=position, orientation=orientation)
 
     def place(self, engine, pose):
-        """Move the model rigidly so that its frame stands at ``pose``; joint positions do not change."""
+        """Move the model as a rigid body. Joint positions do not change.
+
+        Parameters
+        ----------
+        engine : Engine
+        pose : pose
+            New pose of the model frame in the world; the quaternion need not be normalised.
+        """
         now_from_world = invert(self.pose(engine))
         target = (pose[0], normalise_quaternion(pose[1]))
         for link in self.handle.links.values():
@@ -74,32 +81,41 @@ class LiveModel:
             engine.set_link_pose(link, (position, normalise_quaternion(orientation)))
 
     def restore(self, engine):
-        """Put every link back to the initial configuration at the reset pose."""
+        """Move all links to the initial configuration at the reset pose."""
         for link in self.record.links:
             position, orientation = compose(self.reset_pose, link.pose)
             engine.set_link_pose(self.handle.links[link.name], (position, normalise_quaternion(orientation)))
         for joint in self.handle.joints.values():
             engine.set_joint_angle(joint, 0.0)
 
-    def bend(self, engine, name, position):
-        """Move everything beyond a joint so that the joint stands at ``position`` [rad or m], within its limits."""
+    def set_joint_position(self, engine, name, position):
+        """Set the position of a joint by moving all links beyond it.
+
+        Parameters
+        ----------
+        engine : Engine
+        name : str
+            Name of the joint.
+        position : float
+            [rad or m]; clipped to the limits of the joint.
+        """
         joint = self.joint_record(name)
         position = min(joint.axis.upper, max(joint.axis.lower, position))
         number, child = self.handle.joints[name], self.handle.links[joint.child]
         joint_pose = compose(engine.link_pose(child), joint.pose)
-        by = position - engine.joint_angle(number)
+        delta = position - engine.joint_angle(number)
         axis = np.asarray(joint.axis.xyz, dtype=float) / np.linalg.norm(joint.axis.xyz)
         if joint.kind == "prismatic":
-            change = (tuple(by * axis), (0.0, 0.0, 0.0, 1.0))
+            change = (tuple(delta * axis), (0.0, 0.0, 0.0, 1.0))
         else:
-            change = ((0.0, 0.0, 0.0), tuple(math.sin(0.5 * by) * axis) + (math.cos(0.5 * by),))
+            change = ((0.0, 0.0, 0.0), tuple(math.sin(0.5 * delta) * axis) + (math.cos(0.5 * delta),))
         world_change = compose(compose(joint_pose, change), invert(joint_pose))
         for link in (self.handle.links[name] for name in self.links_beyond(joint.child)):
             engine.set_link_pose(link, compose(world_change, engine.link_pose(link)))
         engine.set_joint_angle(number, position)
 
     def links_beyond(self, link):
-        """Return the names of a link and of all links that hang on it."""
+        """Return the names of a link and of all its descendants."""
         found, waiting = [], [link]
         while waiting:
             name = waiting.pop()
@@ -109,18 +125,25 @@ class LiveModel:
         return found
 
     def set_velocity(self, engine, linear, angular):
-        """Give every link the same linear and angular velocity, as Gazebo's set_model_state does."""
+        """Set the same velocities for all links, as Gazebo's set_model_state does.
+
+        Parameters
+        ----------
+        engine : Engine
+        linear, angular : (3,) sequences of float
+            In the world [m/s, rad/s].
+        """
         for link in self.handle.links.values():
             engine.set_link_velocity(link, linear, angular)
 
 
 class SceneRows:
-    """Rows in the scene that rays see, and how to bring them up to date.
+    """Rows of the ray scene, and how to update them.
 
     Parameters
     ----------
     parts : list of (int, int, pose)
-        Row, engine's link number, pose of the shape in the link frame.
+        Row, the engine's number of the link, pose of the shape in the link frame.
     """
 
     def __init__(self, parts):
@@ -128,7 +151,13 @@ class SceneRows:
         self._read = self._move = None
 
     def refresh(self, engine, scene):
-        """Write the present poses into the scene."""
+        """Write the present poses into the scene.
+
+        Parameters
+        ----------
+        engine : Engine
+        scene : RayScene
+        """
         if self._read is None:
             poses = np.zeros((len(self.parts), 7))
             self._read = engine.pose_reader([part[1:] for part in self.parts], poses)
@@ -138,10 +167,20 @@ class SceneRows:
 
 
 def relative(state, reference):
-    """Return a LinkState as :class:`Relative` to that of a frame; to the world itself where that is None.
+    """Return a state relative to a frame.
 
-    Velocities are the difference of the world velocities, turned into the frame, without the term of a turning
-    frame, as in Gazebo.
+    Velocities are the difference of the velocities in the world, rotated into the frame.  The rotation rate of the
+    frame is ignored, as in Gazebo.
+
+    Parameters
+    ----------
+    state : LinkState
+    reference : LinkState or None
+        State of the frame; None for the world.
+
+    Returns
+    -------
+    Relative
     """
     if reference is None:
         return Relative(*state)
@@ -162,22 +201,51 @@ def _find(models, parts_of, name):
 
 
 def find_link(models, name):
-    """Find a link by scoped (``model::link``) or plain name; the first match in load order wins.
+    """Find a link by scoped (``model::link``) or plain name; the first match in load order is used.
+
+    Parameters
+    ----------
+    models : iterable of LiveModel
+    name : str
 
     Returns
     -------
     (LiveModel, str) or None
+        The model, and the name of the link in it.
     """
     return _find(models, lambda record: record.links, name)
 
 
 def find_joint(models, name):
-    """Find a joint as :func:`find_link` finds a link."""
+    """Find a joint by scoped or plain name; the first match in load order is used.
+
+    Parameters
+    ----------
+    models : iterable of LiveModel
+    name : str
+
+    Returns
+    -------
+    (LiveModel, str) or None
+        The model, and the name of the joint in it.
+    """
     return _find(models, lambda record: record.joints, name)
 
 
 def find_frame(models, engine, name):
-    """Return the LinkState of a reference frame: a model or a link; None stands for the world itself.
+    """Return the state of a reference frame.
+
+    Parameters
+    ----------
+    models : iterable of LiveModel
+    engine : Engine
+    name : str
+        Name of a model or link, or one of :data:`INERTIAL_FRAMES`.
+
+    Returns
+    -------
+    LinkState or None
+        None for the world.
 
     Raises
     ------
@@ -192,4 +260,5 @@ def find_frame(models, engine, name):
         found = find_link([model], name)
         if found is not None:
             return engine.link_state(model.handle.links[found[1]])
-    raise NotFoundError("no model or link is called \"%s\"; models: %s" % (name, tell(model.name for model in models)))
+    names = list_names(model.name for model in models)
+    raise NotFoundError("no model or link is called \"%s\"; models: %s" % (name, names))

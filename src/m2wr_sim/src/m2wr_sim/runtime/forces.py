@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Forces that act for a while: wrenches on links and efforts on joints, as Gazebo's services order them."""
+"""Wrenches on links and efforts on joints for a time, as requested by Gazebo's services."""
 import logging
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Push:
-    """One order: what acts on what, and from when to when [ns of simulated time]; no end means until cleared.
+    """A wrench or effort, with its start and end [ns of simulated time]; without an end it acts until cleared.
 
-    ``part`` is the engine's number of a link or joint.  ``values`` is the force and torque (3 + 3 numbers, world axes)
-    on a link, or the one effort along a joint's axis.
+    ``part`` is the engine's number of a link or joint.  ``values`` is force and torque on a link (3 + 3 numbers, in the
+    world frame), or the effort along the axis of a joint.
     """
 
     model: Any                      # LiveModel
@@ -31,13 +31,13 @@ class Push:
 
 
 class Forces(Plugin):
-    """Applies the orders in every step in which they are in force; takes part in the steps as an observer.
+    """Applies wrenches and efforts in each step; an observer of the simulator.
 
-    Of several wrenches on one link the newest counts alone, as in Gazebo, where each one *sets* the link's force and
-    torque; efforts on one joint add up.  Orders survive resets and end with their model.
+    Of several wrenches on one link only the newest acts, as in Gazebo, where each one *sets* the force and torque of
+    the link.  Efforts on one joint are added.  They continue after a reset, and end when their model is deleted.
 
-    No order may end the world: what would tear it apart within a few steps is refused, and an order ends when what it
-    pushes has become too fast.
+    Values that would make the simulation diverge within a few steps are refused.  A wrench or effort also ends when its
+    link or joint becomes too fast.
     """
 
     def __init__(self, simulator):
@@ -45,15 +45,33 @@ class Forces(Plugin):
         self._links, self._joints = [], []
 
     def configure(self, spec, ctx):
-        """Nothing to configure: this plugin stands for no tag."""
+        """Do nothing, because this plugin has no element in a description.
+
+        Parameters
+        ----------
+        spec : PluginReader
+        ctx : PluginContext
+        """
 
     def push_link(self, model, name, force, torque, start_ns, duration_ns):
-        """Order a wrench on a link [N, N m, world axes, at the centre of mass]; a negative duration never ends.
+        """Add a wrench on a link.
+
+        Parameters
+        ----------
+        model : LiveModel
+        name : str
+            Name of the link.
+        force, torque : (3,) sequences of float
+            At the centre of mass, in the world frame [N, N m].
+        start_ns : int
+            Simulated time [ns].
+        duration_ns : int
+            [ns]; a negative duration never ends.
 
         Raises
         ------
         ModelError
-            If it is more than the world survives.
+            If a value exceeds its limit.
         """
         values, limits = tuple(force) + tuple(torque), strongest(model.acting_inertial(name), self._step())
         if not all(abs(value) <= limit for vector, limit in zip((force, torque), limits) for value in vector):
@@ -62,12 +80,24 @@ class Forces(Plugin):
         self._links.append(self._push(model, name, model.handle.links[name], values, start_ns, duration_ns))
 
     def push_joint(self, model, name, effort, start_ns, duration_ns):
-        """Order an effort [N m or N] on a joint; nothing acts on a joint of a static model.
+        """Add an effort on a joint; no effect on a joint of a static model.
+
+        Parameters
+        ----------
+        model : LiveModel
+        name : str
+            Name of the joint.
+        effort : float
+            [N m or N].
+        start_ns : int
+            Simulated time [ns].
+        duration_ns : int
+            [ns]; a negative duration never ends.
 
         Raises
         ------
         ModelError
-            If it is more than the world survives, within the joint's own limit.
+            If the value exceeds its limit.
         """
         if name in model.handle.joints:
             part, joint = model.handle.joints[name], model.joint_record(name)
@@ -84,11 +114,11 @@ class Forces(Plugin):
         return Push(model, name, part, values, start_ns, None if duration_ns < 0 else start_ns + duration_ns)
 
     def clear_link(self, scoped_name):
-        """Take back all wrenches on ``model::link``."""
+        """Remove all wrenches on ``model::link``."""
         self._links = [push for push in self._links if "%s::%s" % (push.model.name, push.name) != scoped_name]
 
     def clear_joint(self, name):
-        """Take back all efforts on joints of a name."""
+        """Remove all efforts on joints of a name."""
         self._joints = [push for push in self._joints if push.name != name]
 
     def next_before(self, now_ns):
@@ -118,7 +148,7 @@ class Forces(Plugin):
                     engine.add_joint_force(push.part, _within_limits(push.values[0], axis, rate))
 
     def _slow_enough(self, push, speeds):
-        """Tell whether what an order pushes may go on being pushed; ends the order, with a line in the log, if not."""
+        """Return whether a link or joint is slow enough; if not, end its wrench or effort with a warning."""
         if all(abs(value) <= FASTEST for value in speeds):
             return True
         log.warning("the push %s on %s::%s ends: it moves at %s m/s or rad/s, more than %g", push.values,
@@ -133,7 +163,7 @@ class Forces(Plugin):
 
 
 def _within_limits(effort, axis, rate):
-    """Return an effort cut to the joint's limit; one that pushes further past the velocity limit is none."""
+    """Return an effort clipped to the limit of the joint; 0 if it would increase a velocity beyond the limit."""
     if axis.effort >= 0.0:
         effort = min(axis.effort, max(-axis.effort, effort))
     if axis.velocity >= 0.0 and (rate > axis.velocity and effort > 0.0 or rate < -axis.velocity and effort < 0.0):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a running world survives: forces, efforts and numbers of joints beyond which it would come apart."""
+"""Limits of forces, efforts and joint parameters, beyond which the simulation would diverge."""
 import math
 
 import numpy as np
@@ -8,29 +8,70 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import compose, rotate, rotate_inverse
 from m2wr_sim.physics.engine import FASTEST
 
-GREATEST_GRAVITY = 1e4                      # m/s^2: what falls becomes as fast as anything may be within a second
+GREATEST_GRAVITY = 1e4                      # m/s^2; a falling body reaches FASTEST within a second
 GREATEST_MOTOR = 1e6                        # N m and N
 
 
 def strongest(inertial, step):
-    """Return the force [N] and the torque [N m] that bring a body from rest to ``FASTEST`` in one step [s]."""
+    """Return the force and the torque that accelerate a body from rest to ``FASTEST`` in one step.
+
+    Parameters
+    ----------
+    inertial : Inertial
+    step : float
+        Step size [s].
+
+    Returns
+    -------
+    (float, float)
+        Force [N], torque [N m].
+    """
     return FASTEST * inertial.mass / step, FASTEST * max(float(np.linalg.eigvalsh(_tensor(inertial))[0]), 0.0) / step
 
 
 def strongest_effort(model, joint, step):
-    """Return the effort [N m or N] on a joint that brings the lighter of its sides to ``FASTEST`` in one step [s]."""
+    """Return the effort that accelerates the lighter side of a joint from rest to ``FASTEST`` in one step.
+
+    Parameters
+    ----------
+    model : LiveModel
+    joint : Joint
+    step : float
+        Step size [s].
+
+    Returns
+    -------
+    float
+        [N m or N].
+    """
     return FASTEST * min(_inertias(model, joint)) / step
 
 
 def solver_stops(where, joint, position, step, stops):
-    """Return the stops of a joint as the solver takes them; ``stops`` holds ``lower``, ``upper`` or both.
+    """Return the stops of a joint for the solver.
 
-    A hinge of ODE knows no stop beyond half a turn: such a one is none.
+    A hinge of ODE cannot have a stop beyond 180 degrees; such a stop is removed.
+
+    Parameters
+    ----------
+    where : str
+        Name of the joint, for messages.
+    joint : Joint
+    position : float
+        Present position [rad or m].
+    step : float
+        Step size [s].
+    stops : dict
+        ``lower``, ``upper`` or both -> position [rad or m].
+
+    Returns
+    -------
+    dict
 
     Raises
     ------
     ModelError
-        If a joint at ``position`` would be thrown towards its new stop.
+        If the joint is so far beyond a new stop that the solver would accelerate it too much.
     """
     taken = dict(stops)
     if joint.kind != "prismatic":
@@ -49,10 +90,10 @@ def solver_stops(where, joint, position, step, stops):
 
 
 def _inertias(model, joint):
-    """Return the mass [kg], or inertia about the axis [kg m^2], on the child's side of a joint and on its parent's.
+    """Return the mass [kg], or inertia about the axis [kg m^2], on the child's and on the parent's side of a joint.
 
-    All links of a side count, for some models have all but massless ones between two joints.  The arms between the axis
-    and the centres of mass do not: they only add to it.  What hangs on the world has no other side.
+    All links of a side count, because some models have links almost without mass between two joints.  The distances
+    between axis and centres of mass are ignored; they would only increase the inertia.  The world is not counted.
     """
     beyond = model.links_beyond(joint.child)
     sides = [beyond] if joint.parent == "world" else [

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A logger of remarks on models and worlds that writes each line once.
 
-A warning is for what its reader can change: what is left out, differs from Gazebo, or drives a robot astray.
-What Gazebo does not apply either is told at level INFO.
+Warnings are about things that users can change: elements that are ignored or differ from Gazebo, or parameters that
+make a robot drive inaccurately.  Elements that Gazebo also ignores are logged at level INFO.
 """
-import logging
+from __future__ import annotations
 
-_MOST = 10000           # lines remembered, so that years of spawning take no memory
+import logging
+from typing import TYPE_CHECKING, Set
+
+if TYPE_CHECKING:
+    from m2wr_sim.plugins.base import PluginReader
+
+_MOST = 10000           # lines stored, which bounds the memory
 
 _log = logging.getLogger("m2wr_sim")
 
@@ -14,18 +20,18 @@ _log = logging.getLogger("m2wr_sim")
 class OnceLogger:
     """Logs each line once, also for all simulations that share one."""
 
-    def __init__(self):
-        self._lines = set()
+    def __init__(self) -> None:
+        self._lines: Set[str] = set()
 
-    def log(self, level, name, text, *values):
-        """Log a line unless the same was logged before, also of a model by another name.
+    def log(self, level: int, name: str, text: str, *values: object) -> None:
+        """Log a line unless it was logged before, also for a model of another name.
 
         Parameters
         ----------
         level : int
             As of :mod:`logging`.
         name : str
-            Name of the model, which does not count when lines are compared; empty for the world.
+            Name of the model, which is ignored when lines are compared; empty for the world.
         text, *values : str, objects
             As of :meth:`logging.Logger.log`.
         """
@@ -37,15 +43,15 @@ class OnceLogger:
             self._lines.add(key)
             _log.log(level, "%s", line)
 
-    def log_parameters(self, name, label, reader):
+    def log_parameters(self, name: str, label: str, reader: PluginReader) -> None:
         """Log the defaults, the invalid values and the unsupported elements of a plugin.
 
         Parameters
         ----------
         name : str
-            Of the model.
+            Name of the model.
         label : str
-            Which plugin.
+            Name of the plugin, for the message.
         reader : PluginReader
             The plugin's tags.
         """

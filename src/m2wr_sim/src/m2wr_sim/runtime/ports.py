@@ -1,74 +1,91 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulator's doors to outside, as an interface, and the ones that lead nowhere but into lists."""
+"""Interface of the simulator to topics, services and transforms, and an implementation without a network."""
+from __future__ import annotations
+
 import abc
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 
 class Ports(abc.ABC):
-    """Topics, transforms and the clock; the simulator knows nothing of what carries them."""
+    """Topics, services, transforms and the clock; the simulator does not depend on how they are transported."""
 
     @abc.abstractmethod
-    def advertise(self, topic, message_class, queue_size, namespace):
+    def advertise(self, topic: str, message_class: Any, queue_size: int, namespace: str) -> Any:
         """Return an object with ``publish(message)``, ``wanted()`` and ``close()``."""
 
     @abc.abstractmethod
-    def subscribe(self, topic, message_class, callback, namespace):
-        """Arrange for ``callback`` to get the newest message in :meth:`deliver`; returns an object with ``close()``."""
+    def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], None], namespace: str) -> Any:
+        """Register a callback that gets the newest message in :meth:`deliver`; return an object with ``close()``."""
 
     @abc.abstractmethod
-    def serve(self, name, service_class, handler, namespace):
-        """Offer a service; ``handler(request)`` runs in the simulation's thread.  Returns what has a ``close()``."""
+    def serve(self, name: str, service_class: Any, handler: Callable[[Any], Any], namespace: str) -> Any:
+        """Offer a service; ``handler(request)`` runs in the simulation's thread. Return an object with ``close()``."""
 
-    def waiting(self):
-        """Tell whether there may be anything to deliver."""
+    def waiting(self) -> bool:
+        """Return whether there may be a message to deliver."""
         return True
 
     @abc.abstractmethod
-    def deliver(self):
-        """Hand every newest message that has come since the last call to its callback."""
+    def deliver(self) -> None:
+        """Pass the newest message of each topic since the last call to its callback."""
 
     @abc.abstractmethod
-    def transform(self, stamp, parent, child, position, orientation):
+    def transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
+                  orientation: Sequence[float]) -> None:
         """Publish one transform."""
 
     @abc.abstractmethod
-    def moment(self, now_ns):
-        """Return the message stamp of a simulated time, making sure the clock has reached it."""
+    def moment(self, now_ns: int) -> Any:
+        """Return the message stamp of a simulated time, after the clock has reached it."""
 
     @abc.abstractmethod
-    def frame(self, name, namespace):
-        """Return a frame name as it goes into messages."""
+    def frame(self, name: str, namespace: str) -> str:
+        """Return the name of a frame as used in messages."""
 
     @abc.abstractmethod
-    def clock(self, now_ns):
+    def clock(self, now_ns: int) -> None:
         """Publish the simulated time."""
 
 
 class LocalPort:
-    """A topic without a network: keeps what is published while ``listening``."""
+    """A topic without a network: stores the messages that are published.
 
-    def __init__(self, topic, listening=True):
-        self.topic, self.listening, self.messages = topic, listening, []
+    Parameters
+    ----------
+    topic : str
+    listening : bool
+        Whether there is a subscriber.
+    copy : callable, optional
+        Applied to each message before it is stored.
+    """
 
-    def publish(self, message):
-        """Keep a message."""
-        self.messages.append(message)
+    def __init__(self, topic: str, listening: bool = True, copy: Optional[Callable[[Any], Any]] = None) -> None:
+        self.topic, self.listening = topic, listening
+        self.messages: List[Any] = []
+        self._copy = copy
 
-    def wanted(self):
-        """Tell whether anybody listens."""
+    def publish(self, message: Any) -> None:
+        """Store a message."""
+        self.messages.append(message if self._copy is None else self._copy(message))
+
+    def wanted(self) -> bool:
+        """Return whether there is a subscriber."""
         return self.listening
 
-    def close(self):
+    def close(self) -> None:
         """Stop listening."""
         self.listening = False
 
 
 class LocalSubscription:
-    """The receiving end of a topic without a network, or the answering end of a service."""
+    """A subscriber of a topic without a network, or a service."""
 
-    def __init__(self, callback):
-        self.callback, self.open, self.newest = callback, True, None
+    def __init__(self, callback: Callable[[Any], Any]) -> None:
+        self.callback: Optional[Callable[[Any], Any]] = callback
+        self.open = True
+        self.newest: Any = None
 
-    def close(self):
+    def close(self) -> None:
         """Stop delivering."""
         self.open, self.callback, self.newest = False, None, None
 
@@ -76,61 +93,70 @@ class LocalSubscription:
 class LocalPorts(Ports):
     """Topics inside this process, for use without ROS.
 
-    Messages are whatever the plugins make; ``copy`` is applied to each, because plugins may reuse message objects.
+    Messages are the objects that plugins publish; ``copy`` is applied to each, because plugins may reuse them.
     """
 
-    def __init__(self, copy=None):
-        self.topics, self.subscriptions, self.transforms, self.clock_ns = {}, {}, [], []
-        self.services = {}
+    def __init__(self, copy: Optional[Callable[[Any], Any]] = None) -> None:
+        self.topics: Dict[str, LocalPort] = {}
+        self.subscriptions: Dict[str, LocalSubscription] = {}
+        self.services: Dict[str, LocalSubscription] = {}
+        self.transforms: List[Tuple[Any, ...]] = []
+        self.clock_ns: List[int] = []
         self._copy = copy
 
     @staticmethod
-    def resolve(topic, namespace):
+    def resolve(topic: str, namespace: str) -> str:
         """Return the absolute name of a topic in a namespace."""
         if topic.startswith("/"):
             return topic
         return "/" + "/".join(part for part in (namespace + "/" + topic).split("/") if part)
 
-    def advertise(self, topic, message_class, queue_size, namespace):
-        port = LocalPort(self.resolve(topic, namespace))
-        if self._copy is not None:
-            port.publish = lambda message: port.messages.append(self._copy(message))
+    def advertise(self, topic: str, message_class: Any, queue_size: int, namespace: str) -> LocalPort:
+        port = LocalPort(self.resolve(topic, namespace), copy=self._copy)
         self.topics[port.topic] = port
         return port
 
-    def subscribe(self, topic, message_class, callback, namespace):
+    def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], None],
+                  namespace: str) -> LocalSubscription:
         subscription = LocalSubscription(callback)
         self.subscriptions[self.resolve(topic, namespace)] = subscription
         return subscription
 
-    def serve(self, name, service_class, handler, namespace):
+    def serve(self, name: str, service_class: Any, handler: Callable[[Any], Any], namespace: str) -> LocalSubscription:
         service = LocalSubscription(handler)
         self.services[self.resolve(name, namespace)] = service
         return service
 
-    def send(self, topic, message):
-        """Let a message arrive on a topic; it is delivered at the next step boundary."""
+    def send(self, topic: str, message: Any) -> None:
+        """Send a message to the subscriber of a topic; it is delivered before the next step.
+
+        Parameters
+        ----------
+        topic : str
+        message : object
+        """
         subscription = self.subscriptions.get(topic)
         if subscription is not None and subscription.open:
             subscription.newest = message
 
-    def waiting(self):
+    def waiting(self) -> bool:
         return any(subscription.newest is not None for subscription in self.subscriptions.values())
 
-    def deliver(self):
+    def deliver(self) -> None:
         for subscription in list(self.subscriptions.values()) if self.subscriptions else ():
-            if subscription.open and subscription.newest is not None:
+            if subscription.callback is not None and subscription.newest is not None:
                 message, subscription.newest = subscription.newest, None
                 subscription.callback(message)
 
-    def transform(self, stamp, parent, child, position, orientation):
+    def transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
+                  orientation: Sequence[float]) -> None:
         self.transforms.append((stamp, parent, child, position, orientation))
 
-    def moment(self, now_ns):
+    def moment(self, now_ns: int) -> Any:
         return now_ns
 
-    def frame(self, name, namespace):
+    def frame(self, name: str, namespace: str) -> str:
         return name.lstrip("/")
 
-    def clock(self, now_ns):
+    def clock(self, now_ns: int) -> None:
         self.clock_ns.append(now_ns)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulation: a world, what lives in it, and the one order of events in a step.
+"""The simulation: a world, its models and plugins, and the order of events in a step.
 
-A step that ends at time t goes: time becomes t; commands that have arrived are taken; plugins act *before* the bodies
-move (clock, odometry, motor targets: what they publish is the state before the step, stamped t, as in Gazebo); the
-engine steps; sensors act on the new state.  Between two such moments nothing looks at the world, so the engine runs
-that stretch in one call; who asks for it lazily has even the call put off until something looks.
+A step that ends at time t has this order.  The time becomes t.  Commands are delivered.  Plugins act *before* the
+bodies move (clock, odometry, motor targets); they publish the state before the step with stamp t, as in Gazebo.  The
+engine steps.  Sensors measure the new state.  Between two such events no plugin reads the state, so the engine makes
+several steps in one call.  With lazy stepping this call is delayed until the state is read.
 """
 import logging
 from collections import OrderedDict
@@ -20,7 +20,7 @@ from m2wr_sim.plugins.base import PluginReader
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.plugins.unsupported import UnsupportedPlugins
 from m2wr_sim.runtime.context import ModelContext
-from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, relative, tell
+from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, list_names, relative
 from m2wr_sim.runtime.event_queue import EventQueue
 from m2wr_sim.runtime.once_logger import OnceLogger
 from m2wr_sim.runtime.schedule import first_step, misfit, period_of
@@ -28,20 +28,20 @@ from m2wr_sim.runtime.schedule import first_step, misfit, period_of
 log = logging.getLogger(__name__)
 
 _JOINT_STATES = "builtin joint states"
-_TOUCHES_KEPT = 1000
-_HOLD_NS = 50000000             # how long the engine may stay behind, and plugins' answers are relied on
+_CONTACTS_KEPT = 1000
+_HOLD_NS = 50000000             # greatest delay of the engine, and validity of plugins' answers, in lazy stepping
 _RATE_TAGS = ("updaterate", "updateratehz", "update_rate")
 
 
 def _within_reach(name, pose):
-    """Return a pose; ModelError if it is farther out than the engine's numbers carry."""
+    """Return a pose; ModelError if it is beyond the range of the engine."""
     if not all(abs(value) <= FARTHEST for value in pose[0]):
         raise ModelError("position %s for \"%s\": expected at most %g m from the origin" % (pose[0], name, FARTHEST))
     return pose
 
 
 def _check_speed(name, linear, angular):
-    """Raise ModelError for velocities [m/s, rad/s] that the engine's numbers do not carry."""
+    """Raise ModelError for velocities [m/s, rad/s] beyond the range of the engine."""
     if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
         raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
                          % (tuple(linear), tuple(angular), name, FASTEST))
@@ -49,14 +49,13 @@ def _check_speed(name, linear, angular):
 
 @dataclass(frozen=True)
 class SimConfig:
-    """What can be chosen about a simulation, apart from the world itself.
+    """Options of a simulation.
 
     ``wheel_conventions`` overrides ``wheel_convention`` for models by name; see
-    :func:`m2wr_sim.control.diff_drive.is_swapped`.  ``command_timeout_ns`` stops a robot whose commands have ceased
-    for that long; 0 keeps the last command for ever.  ``joint_states`` gives robots joint states even if their
-    description names no plugin for them.  Models that are thrown out of the world are removed and named, and the others
-    go on; with ``loss_ends`` what advances the time raises LostError instead.  ``told`` knows what was said of models
-    already.
+    :func:`m2wr_sim.control.diff_drive.is_swapped`.  ``command_timeout_ns`` stops a robot that has received no command
+    for that time; with 0 the last command stays valid.  ``joint_states`` publishes joint states also for robots without
+    a plugin for them.  A model that leaves the world is removed and logged; with ``loss_ends`` LostError is raised
+    instead.  ``once_logger`` logs each remark on models once.
     """
 
     seed: int = 0
@@ -70,10 +69,17 @@ class SimConfig:
     once_logger: OnceLogger = field(default_factory=OnceLogger, repr=False, compare=False)
 
     def wheel_convention_of(self, model_name, described=None):
-        """Return the convention for one model: what is set for its name, what its description says, the general one.
+        """Return the wheel convention of a model: the one for its name, that of its description, or the general one.
 
-        ``described`` is the text of a ``<wheelConvention>`` element; None, and a text that is no convention, count as
-        nothing said.
+        Parameters
+        ----------
+        model_name : str
+        described : str, optional
+            Text of a ``<wheelConvention>`` element; a text that is no convention is ignored.
+
+        Returns
+        -------
+        str
         """
         general = described if described in CONVENTIONS else self.wheel_convention
         return self.wheel_conventions.get(model_name, general)
@@ -86,7 +92,7 @@ class Simulator:
     ----------
     engine : Engine
     scene : RayScene
-        What rays see.
+        Shapes that lasers see.
     ports : Ports
     config : SimConfig
     """
@@ -100,23 +106,23 @@ class Simulator:
         self.models, self.lights = OrderedDict(), OrderedDict()
         self.physics = Physics(max_step_size=self.step_ns * 1e-9, gravity=engine.settings.gravity)  # as last asked for
         self.observers = []             # plugins of the world itself: state publishers and the like
-        self.touches, self.touch_counts = [], {}
+        self.contacts, self.contact_counts = [], {}
         self._clock_period_ns, self._clock_due_ns = period_of(self.config.clock_rate), 0
         self._active = []               # (plugin, context, label) of all models, in load order
         self._scene_version = self._moving_sight = None     # the engine's version that the scene shows
         self._resting_sights = {}       # static link -> SceneRows of its shapes
         self._event_queue = EventQueue(self._failed, self._catch_up)
         self._unsupported = UnsupportedPlugins()
-        self._misfits = set()           # what was said of rates that do not fit into the steps
-        self._lost = []                 # names of models that have been thrown out of the world and are still listed
-        self._owed, self._hold_ns = 0, 0        # steps that time is ahead of the engine; until when answers hold
+        self._misfits = set()           # logged messages about rates that do not fit into the steps
+        self._lost = []                 # names of models that left the world and are still listed
+        self._pending, self._hold_ns = 0, 0     # steps by which time is ahead of the engine; validity of answers
 
     # ---- world -------------------------------------------------------------------------------------------------
 
     def load_world(self, world):
         """Add every model of a :class:`~m2wr_sim.model.types.World` and apply its stored state.
 
-        A model that the engine cannot build is named and left out.
+        A model that the engine cannot build is logged and omitted.
         """
         for note in world.notes:
             self.config.once_logger.log(logging.WARNING, "", "%s", note)
@@ -135,29 +141,28 @@ class Simulator:
             self.apply_state(world.state)
 
     def apply_state(self, state):
-        """Set time, poses and velocities from a world file's ``<state>``; a reset does not come back to it."""
+        """Set time, poses and velocities from the ``<state>`` of a world file; a reset does not restore it."""
         self.now_ns = state.sim_time_ns // self.step_ns * self.step_ns
         for entry in state.models:
             model = self.models.get(entry.name)
             if model is None:
-                log.warning("the world's <state> speaks of model \"%s\", which is not in the world", entry.name)
+                log.warning("the world's <state> has model \"%s\", which is not in the world", entry.name)
                 continue
             try:
                 self._apply_entry(model, entry)
             except ModelError as error:
-                log.error("the world's <state>: %s; the rest of what it says of model \"%s\" is left out", error,
+                log.error("the world's <state>: %s; the rest of the state of model \"%s\" is ignored", error,
                           entry.name)
         self._restart_plugins(rewound=False)
 
     def _apply_entry(self, model, entry):
-        """Apply what a stored state says of one model; ModelError where that is more than the engine can take."""
+        """Apply the stored state of one model; ModelError if it is beyond the range of the engine."""
         if entry.pose is not None:
             model.place(self.engine, _within_reach(entry.name, entry.pose))
         for name, pose, velocity in entry.links:
             link = model.handle.links.get(name)
             if link is None:
-                log.warning("the world's <state> speaks of link \"%s::%s\", which is not in the world",
-                            entry.name, name)
+                log.warning("the world's <state> has link \"%s::%s\", which is not in the world", entry.name, name)
                 continue
             if pose is not None:
                 self.engine.set_link_pose(link, _within_reach(entry.name + "::" + name, pose))
@@ -166,9 +171,21 @@ class Simulator:
                 self.engine.set_link_velocity(link, *velocity)
 
     def spawn(self, record, pose, name=None, namespace=None):
-        """Put a model into the world; ``pose`` is where its frame goes and where a reset will put it.
+        """Add a model to the world.
 
-        ``namespace`` is the ROS namespace for plugins without one of their own; None keeps each plugin's default.
+        Parameters
+        ----------
+        record : m2wr_sim.model.types.Model
+        pose : pose
+            Pose of the model frame in the world, also after a reset.
+        name : str, optional
+            Name in the world; default: that of the model.
+        namespace : str, optional
+            ROS namespace of plugins that do not define one; default: that of the plugin.
+
+        Returns
+        -------
+        LiveModel
 
         Raises
         ------
@@ -199,12 +216,12 @@ class Simulator:
             for spec, sensor, link in self._plugin_specs(record):
                 self._start_plugin(model, spec, sensor, link, namespace)
         except Exception:
-            self.delete(name)           # no half a model stays behind
+            self.delete(name)           # remove the incomplete model
             raise
         return model
 
     def _plugin_specs(self, record):
-        """Yield ``(spec, sensor, link name)`` of a model's plugins, with joint states where nothing else gives them."""
+        """Yield ``(spec, sensor, link name)`` of a model's plugins; adds joint states if no plugin publishes them."""
         for spec in record.plugins:
             yield spec, None, None
         for link in record.links:
@@ -221,7 +238,7 @@ class Simulator:
 
     @staticmethod
     def plugin_class(filename):
-        """Return the class that stands for a plugin library, or None; a subclass may have others."""
+        """Return the class that implements a plugin library, or None; a subclass may have others."""
         return find_plugin(filename)
 
     def _start_plugin(self, model, spec, sensor, link, namespace):
@@ -244,40 +261,40 @@ class Simulator:
             log.exception("%s failed to start and will not run", label)
             return
         self.config.once_logger.log_parameters(model.name, label, reader)
-        self._tell_misfits(label, spec, sensor)
+        self._log_misfits(label, spec, sensor)
         entry = (plugin, context, label)
         model.plugins.append(entry)
         self._active.append(entry)
         self._event_queue.stale = True
 
-    def _tell_misfits(self, label, spec, sensor):
-        """Say of each rate that does not fit into whole steps how it is kept, once."""
+    def _log_misfits(self, label, spec, sensor):
+        """Log the intervals of each rate that does not fit into whole steps, once."""
         rates = [text for tag, text in spec.parameters if tag.lower() in _RATE_TAGS]
         for rate in rates + ([] if sensor is None else [sensor.update_rate]):
             try:
-                told = misfit(float(rate), self.step_ns)
-            except (ValueError, OverflowError):         # no rate at all: the plugin has spoken of it
+                message = misfit(float(rate), self.step_ns)
+            except (ValueError, OverflowError):         # not a rate, which the plugin has logged
                 continue
-            if told is not None and told not in self._misfits:
-                self._misfits.add(told)
-                log.info("%s: %s", label, told)
+            if message is not None and message not in self._misfits:
+                self._misfits.add(message)
+                log.info("%s: %s", label, message)
 
     def delete(self, name):
-        """Take a model out of the world; its plugins close their topics."""
+        """Remove a model from the world; its plugins close their topics."""
         model = self._model(name)
         for entry in model.plugins:
             self._stop_plugin(entry)
-        model.plugins = []              # they know the model: a circle, which nothing collects where it has been frozen
+        model.plugins = []              # breaks a reference cycle, which the collector does not free if it was frozen
         self.engine.remove_model(model.handle)
         del self.models[name]
-        self.touch_counts.pop(name, None)
+        self.contact_counts.pop(name, None)
         self.scene.remove_owner(name)
         for link in model.handle.links.values():
             self._resting_sights.pop(link, None)
         self._moving_sight = None
 
     def _stop_plugin(self, entry):
-        """Close a plugin, once: one that was switched off before is closed already."""
+        """Close a plugin, unless it was closed when it was switched off."""
         if entry not in self._active:
             return
         self._active.remove(entry)
@@ -290,20 +307,27 @@ class Simulator:
         context.close()
 
     def switched_off(self):
-        """Return the labels of plugins that have failed while they ran."""
+        """Return the labels of plugins that were switched off after an exception."""
         return [entry[2] for model in self.models.values() for entry in model.plugins if entry not in self._active]
 
     def _model(self, name):
         if name not in self.models:
-            raise NotFoundError("model \"%s\" does not exist; models: %s" % (name, tell(self.models)))
+            raise NotFoundError("model \"%s\" does not exist; models: %s" % (name, list_names(self.models)))
         return self.models[name]
 
     def add_observer(self, plugin, label):
-        """Let a world-level plugin take part in every step; it must already be configured."""
+        """Add a plugin of the world, which takes part in every step; it must be configured already.
+
+        Parameters
+        ----------
+        plugin : Plugin
+        label : str
+            Name for messages.
+        """
         self.observers.append((plugin, None, label))
         self._event_queue.stale = True
 
-    # ---- what rays see -----------------------------------------------------------------------------------------
+    # ---- ray scene ---------------------------------------------------------------------------------------------
 
     def _add_to_scene(self, model):
         moving, resting = [], {}
@@ -319,7 +343,7 @@ class Simulator:
         self._moving_sight = None
 
     def refresh_scene(self):
-        """Bring the scene to where the engine has everything now; nothing is done where nothing can have moved."""
+        """Update the poses in the scene if a link may have moved."""
         engine, shown = self.engine, self._scene_version
         if self._moving_sight is None:
             self._moving_sight = SceneRows([part for model in self.models.values() for part in model.sight.parts])
@@ -335,33 +359,43 @@ class Simulator:
     # ---- time --------------------------------------------------------------------------------------------------
 
     def advance(self, until_ns, lazily=False):
-        """Run to the next moment at which something happens, but not past ``until_ns``; returns the time reached.
+        """Advance the simulated time to the next event, but not beyond ``until_ns``. Does nothing while paused.
 
-        Does nothing while paused.  ``lazily`` lets the engine stay behind, for at most 50 ms, while nobody looks: every
-        look from outside must begin with :meth:`settle` then.  What is published, and what it says, is the same.
+        Parameters
+        ----------
+        until_ns : int
+            Simulated time [ns].
+        lazily : bool
+            Whether the engine may be behind the simulated time, by at most 50 ms, while no plugin reads its state.
+            Call :meth:`settle` before reading it from outside.  All published messages are the same.
+
+        Returns
+        -------
+        int
+            The time reached [ns].
         """
         step_ns, now_ns = self.step_ns, self.now_ns
         first_ns = now_ns + step_ns
         if self._lost:
-            self._bury()
+            self._delete_lost()
         if self.paused or until_ns < first_ns:
             return now_ns
         events = self._event_queue
-        anew = not lazily or first_ns > self._hold_ns or events.stale or self.ports.waiting()
-        if anew:
-            if self._owed:
+        query_all = not lazily or first_ns > self._hold_ns or events.stale or self.ports.waiting()
+        if query_all:
+            if self._pending:
                 self._catch_up()
             self.ports.deliver()
-            # who is not told to look lazily may change things without a word, between this call and the next
+            # without lazy stepping the caller may change the world between this call and the next
             self._hold_ns = first_ns + _HOLD_NS if lazily else 0
         if first_ns >= self._clock_due_ns:
             self.ports.clock(first_ns)
             self._clock_due_ns = first_step(first_ns + self._clock_period_ns, first_ns, step_ns)
         if events.stale:
             events.fill(self._active + self.observers)
-        if anew or first_ns > events.calm_ns:
-            events.act(now_ns, step_ns, anew)
-        stop_ns = self._clock_due_ns - step_ns          # the least of these; to compare costs less than to call min
+        if query_all or first_ns > events.calm_ns:
+            events.act(now_ns, step_ns, query_all)
+        stop_ns = self._clock_due_ns - step_ns          # the least of these; comparisons are faster than min
         if until_ns < stop_ns:
             stop_ns = until_ns
         if events.calm_ns < stop_ns:
@@ -371,7 +405,7 @@ class Simulator:
         if lazily and self._hold_ns < stop_ns:
             stop_ns = self._hold_ns
         count = (stop_ns - now_ns) // step_ns if stop_ns > first_ns else 1
-        self._owed += count
+        self._pending += count
         self.steps += count
         self.now_ns = now_ns = now_ns + count * step_ns
         if not lazily or now_ns >= events.sample_ns:
@@ -379,38 +413,38 @@ class Simulator:
                 events.fill(self._active + self.observers)
             events.measure(now_ns, lazily)
             if self._hold_ns - now_ns < _HOLD_NS // 2:
-                self._hold_ns = 0           # to ask all anew costs least now: the bodies are where they are
+                self._hold_ns = 0           # query all plugins next, which is cheap now that the engine is up to date
         return now_ns
 
     def settle(self):
-        """Bring the bodies to where they are now, and ask all plugins before time passes again."""
+        """Let the engine catch up with the simulated time; all plugins are queried before the next step."""
         self._hold_ns = 0
         self._catch_up()
-        self._bury()
+        self._delete_lost()
 
     def _catch_up(self):
-        if self._owed:
-            owed, self._owed = self._owed, 0
-            while owed:
+        if self._pending:
+            pending, self._pending = self._pending, 0
+            while pending:
                 try:
-                    self.engine.step(owed)
-                    owed = 0
+                    self.engine.step(pending)
+                    pending = 0
                 except LostError as error:
                     if self.config.loss_ends:
                         raise
-                    owed = error.left
-                    self._lose(error)
-            touches = self.engine.drain_touches()
-            if touches:
-                self._collect(touches)
+                    pending = error.left
+                    self._abandon(error)
+            contacts = self.engine.drain_contact_events()
+            if contacts:
+                self._collect(contacts)
 
-    def _lose(self, error):
-        """Take models that have been thrown out of the world from physics and lasers, now; their plugins end later.
+    def _abandon(self, error):
+        """Remove models that left the world from physics and scene; their plugins end later.
 
-        This may be in the middle of a plugin's turn, who may still ask for what it knows.
+        A plugin may be running now and may still read its model.
         """
-        log.error("%s. Removed: %s; the others go on (parameter ~loss_ends: end instead)", error,
-                  ", ".join("model \"%s\"" % name for name in error.models))
+        log.error("%s. Removed: %s; the simulation continues with the others (parameter ~loss_ends: end instead)",
+                  error, ", ".join("model \"%s\"" % name for name in error.models))
         for name in error.models:
             model = self.models[name]
             self.engine.abandon_model(model.handle)
@@ -419,20 +453,29 @@ class Simulator:
             self._lost.append(name)
         self._moving_sight = None
 
-    def _bury(self):
-        """Delete the models that have been lost; nobody is in the middle of anything."""
+    def _delete_lost(self):
+        """Delete the models that left the world; called while no plugin is running."""
         while self._lost:
             self.delete(self._lost.pop())
 
     def hand_over(self, context, function, message):
-        """Give a plugin, known by its context, a message that has come for it."""
+        """Pass a message to a plugin.
+
+        Parameters
+        ----------
+        context : ModelContext
+            Context of the plugin.
+        function : callable
+            Its callback.
+        message : object
+        """
         for entry in self._active:
             if entry[1] is context:
                 self._guarded(entry, function, message)
                 break
 
     def _guarded(self, entry, function, argument):
-        """Call a plugin; one that fails is named and switched off, and the simulation goes on."""
+        """Call a plugin; if it raises an exception, it is logged and switched off, and the simulation continues."""
         try:
             function(argument)
         except Exception:
@@ -441,19 +484,19 @@ class Simulator:
     def _failed(self, entry):
         log.exception("%s failed and is switched off", entry[2])
         self._event_queue.stale = True
-        self._hold_ns = 0               # the others are asked anew
+        self._hold_ns = 0               # query all others
         if entry in self.observers:
             self.observers.remove(entry)
         else:
             self._stop_plugin(entry)
 
-    def _collect(self, touches):
-        for touch in touches:
-            for name in {side.split("::")[0] for side in (touch.first, touch.second)}:
+    def _collect(self, contacts):
+        for contact in contacts:
+            for name in {side.split("::")[0] for side in (contact.first, contact.second)}:
                 if name in self.models and not self.models[name].record.static:
-                    self.touch_counts[name] = self.touch_counts.get(name, 0) + 1
-            if len(self.touches) < _TOUCHES_KEPT:
-                self.touches.append(touch)
+                    self.contact_counts[name] = self.contact_counts.get(name, 0) + 1
+            if len(self.contacts) < _CONTACTS_KEPT:
+                self.contacts.append(contact)
 
     # ---- state services ----------------------------------------------------------------------------------------
 
@@ -462,21 +505,51 @@ class Simulator:
         return find_frame(self.models.values(), self.engine, name)
 
     def model_state(self, name, frame=""):
-        """Return a model's :class:`~m2wr_sim.runtime.entities.Relative` state in a reference frame.
+        """Return the state of a model in a reference frame; see :func:`~m2wr_sim.runtime.entities.relative`.
 
-        Velocities are the difference of the world velocities, turned into the frame, without the term of a turning
-        frame, as in Gazebo.
+        Parameters
+        ----------
+        name : str
+        frame : str
+            Name of a model or link; empty for the world.
+
+        Returns
+        -------
+        Relative
         """
         return relative(self._model(name).state(self.engine), self.frame_state(frame))
 
     def pose_in_world(self, pose, frame):
-        """Express a pose given in a reference frame in the world; the quaternion need not be normalised."""
+        """Transform a pose from a reference frame to the world.
+
+        Parameters
+        ----------
+        pose : pose
+            The quaternion need not be normalised.
+        frame : str
+            Name of a model or link; empty for the world.
+
+        Returns
+        -------
+        pose
+        """
         pose = (tuple(pose[0]), normalise_quaternion(pose[1]))
         reference = self.frame_state(frame)
         return pose if reference is None else compose((reference.position, reference.orientation), pose)
 
     def set_model_state(self, name, pose, linear, angular, frame=""):
-        """Place a model and set the velocity of all its links; everything is given in ``frame``."""
+        """Set the pose of a model and the velocities of all its links.
+
+        Parameters
+        ----------
+        name : str
+        pose : pose
+            Pose of the model frame, in ``frame``.
+        linear, angular : (3,) sequences of float
+            In ``frame`` [m/s, rad/s].
+        frame : str
+            Name of a model or link; empty for the world.
+        """
         model = self._model(name)
         _check_speed(name, linear, angular)
         reference = self.frame_state(frame)
@@ -486,23 +559,30 @@ class Simulator:
         model.set_velocity(self.engine, linear, angular)
 
     def set_joint_positions(self, name, positions):
-        """Set joints of a model, ``{name: position}``; names it does not have, and fixed joints, are passed over."""
+        """Set joint positions of a model.
+
+        Parameters
+        ----------
+        name : str
+        positions : dict
+            Name of a joint -> position [rad or m]; unknown names and fixed joints are ignored.
+        """
         model = self._model(name)
         for joint in model.record.joints:
             if joint.name in positions and joint.kind in ("revolute", "prismatic"):
-                model.bend(self.engine, joint.name, positions[joint.name])
+                model.set_joint_position(self.engine, joint.name, positions[joint.name])
 
     # ---- resets ------------------------------------------------------------------------------------------------
 
     def reset_world(self):
-        """Put models back to their initial poses, at rest; time goes on, joints stay as they are."""
+        """Move models to their initial poses, at rest; the time continues, and joints do not move."""
         for model in self.models.values():
             model.place(self.engine, model.reset_pose)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._restart_plugins(rewound=False)
 
     def reset_simulation(self):
-        """Start over: time zero, random sequences from the seed, models and joints as at the beginning, at rest."""
+        """Restart the simulation: time zero, random sequences from the seed, initial poses and joints, at rest."""
         self.now_ns, self.steps = 0, 0
         self._clock_due_ns = 0
         self.engine.forget()
@@ -510,7 +590,7 @@ class Simulator:
         for model in self.models.values():
             model.restore(self.engine)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        self.touches, self.touch_counts = [], {}
+        self.contacts, self.contact_counts = [], {}
         self._restart_plugins(rewound=True)
 
     def _restart_plugins(self, rewound):

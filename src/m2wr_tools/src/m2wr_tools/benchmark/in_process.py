@@ -193,7 +193,7 @@ def measure(case, progress=lambda share: None):
     dict
         ``factor``: simulated seconds per second of processor time, median of the parts; ``wall_factor``: the same by
         the clock on the wall; ``step_us``, ``scan_us``: one physics step (all robots) and one scan (one robot);
-        ``physics_share``, ``scan_share``: of the time; ``messages``: of the solver; ``touches``; ``memory_mb``: peak
+        ``physics_share``, ``scan_share``: of the time; ``messages``: of the solver; ``contacts``; ``memory_mb``: peak
         of the process.
     """
     with _quiet():
@@ -215,7 +215,7 @@ def measure(case, progress=lambda share: None):
         progress(1.0)
         result.update(factor=statistics.median(cpu), wall_factor=statistics.median(wall),
                       messages=simulator.engine.solver_messages - messages,
-                      touches=sum(simulator.touch_counts.values()),
+                      contacts=sum(simulator.contact_counts.values()),
                       memory_mb=memory_mb("VmHWM"))
         return result
     finally:

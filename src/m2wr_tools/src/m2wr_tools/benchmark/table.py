@@ -24,7 +24,7 @@ _MEANINGS = (
     ("growth_mb", "growth of memory in the span [MB]", "%.2f"),
     ("late_growth_mb", "growth of memory after the first minute [MB]", "%.2f"),
     ("messages", "messages of the solver", "%d"),
-    ("touches", "touches of robots", "%d"),
+    ("contacts", "contacts of robots", "%d"),
     ("c_step_us", "the same step in C [us]", "%.2f"),
     ("ratio", "ratio to C", "%.3f"),
     ("bounded_us", "with broad-phase bounds, as it runs [us]", "%.2f"),

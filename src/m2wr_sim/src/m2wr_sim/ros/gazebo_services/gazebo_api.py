@@ -32,7 +32,7 @@ from m2wr_sim.ros.gazebo_services.reconfigure import make_reconfigure
 from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.gazebo_services.table import SERVICES
 from m2wr_sim.ros.loop import Loop, ShuttingDown
-from m2wr_sim.runtime.entities import tell
+from m2wr_sim.runtime.entities import list_names
 from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.simulator import Simulator
 
@@ -143,7 +143,7 @@ class GazeboApi:
     def _put_model(self, wanted: Any) -> Tuple[bool, str]:
         if wanted.model_name not in self._simulator.models:
             log.warning("set_model_state: there is no model \"%s\"; models: %s", wanted.model_name,
-                        tell(self._simulator.models))
+                        list_names(self._simulator.models))
             return False, "SetModelState: model does not exist"
         numbers = sum(read_pose(wanted.pose), ()) + read_vector(wanted.twist.linear) + read_vector(wanted.twist.angular)
         if not all_finite(numbers):

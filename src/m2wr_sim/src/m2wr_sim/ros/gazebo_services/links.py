@@ -16,7 +16,7 @@ from m2wr_sim.geometry import compose, normalise_quaternion, rotate
 from m2wr_sim.model.types import Inertial
 from m2wr_sim.ros.convert import all_finite, read_pose, read_vector, write_pose
 from m2wr_sim.runtime.changes import set_link_properties, set_link_state, wrench_as_gazebo, wrench_in_world
-from m2wr_sim.runtime.entities import INERTIAL_FRAMES, find_link, relative, tell
+from m2wr_sim.runtime.entities import INERTIAL_FRAMES, find_link, list_names, relative
 from m2wr_sim.runtime.forces import Forces
 from m2wr_sim.runtime.simulator import Simulator
 
@@ -82,7 +82,7 @@ class LinkApi:
         found = self._find(wanted.link_name)
         if found is None:
             log.error("set_link_state: there is no link \"%s\"; models: %s", wanted.link_name,
-                      tell(self._simulator.models))
+                      list_names(self._simulator.models))
             return False, "SetLinkState: link does not exist"
         linear, angular = read_vector(wanted.twist.linear), read_vector(wanted.twist.angular)
         pose = read_pose(wanted.pose)
