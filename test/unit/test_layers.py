@@ -189,7 +189,7 @@ def import_breaches(rule, inside, syntax, own):
             continue
         elif not is_standard(top) or (kernel and top not in KERNEL_STANDARD):
             yield "line {}: imports {}; this layer has the standard library{} and {}".format(
-                line, name, " (of it only math, typing)" if kernel else "", ", ".join(sorted(rule.third_party)) or "no more")
+                line, name, " (only math, typing)" if kernel else "", ", ".join(sorted(rule.third_party)) or "no more")
         elif rule.deterministic and top in ("random", "secrets", "uuid"):
             yield "line {}: imports {}; randomness must be an argument".format(line, name)
 
