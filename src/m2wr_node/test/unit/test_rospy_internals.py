@@ -178,11 +178,13 @@ def test_a_service_proxy_connects_only_without_a_transport():
 
 
 def test_the_server_looks_up_its_handler_for_each_connection():
-    received = threading.Event()
-    server = tcpros_base.TCPServer(lambda connection, address: connection.close())
-    server.inbound_handler = lambda connection, address: (connection.close(), received.set())
+    started, received = threading.Event(), threading.Event()
+    server = tcpros_base.TCPServer(lambda connection, address: (connection.close(), started.set()))
     server.start()
     try:
+        socket.create_connection(("127.0.0.1", server.port), timeout=20.0).close()
+        assert started.wait(20.0), used_by("server_acceptor.py")
+        server.inbound_handler = lambda connection, address: (connection.close(), received.set())
         socket.create_connection(("127.0.0.1", server.port), timeout=20.0).close()
         assert received.wait(20.0), used_by("server_acceptor.py")
         assert isinstance(server.server_sock, socket.socket), used_by("server_acceptor.py")
