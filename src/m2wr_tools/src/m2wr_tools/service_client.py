@@ -1,31 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Calls of services without a node.
 
-A command that asks one question need not register with the master, serve XML-RPC and subscribe to the clock: this and
-the import of rospy are most of what a short command costs.
+A command that makes one call need not register with the master, serve XML-RPC and subscribe to the clock. These and the
+import of rospy take most of the time of a short command.
 """
 import io
 import socket
 import struct
 import time
+from typing import Any, List, Optional, Tuple
 
 import rosgraph
 import rosgraph.names
 
 from m2wr_sim.errors import SimError
 
-PATIENCE = 5.0              # s of wall time for the service to be there
-ANSWER_PATIENCE = 60.0      # s for an answer: the loop finishes its step first, and a machine may be overloaded
-_LOOK = 0.05                # s between two looks for a service
+PATIENCE = 5.0              # s of wall time to wait for a service
+ANSWER_PATIENCE = 60.0      # s of wall time for an answer: the step ends first, and the machine may be overloaded
+_LOOK = 0.05                # s between two queries of the master
 _LARGEST = 1 << 26          # bytes of an answer
 
 
 class CallError(SimError):
-    """A service is not there, does not answer or reports an error; one sentence."""
+    """A service is missing, does not answer or reports an error; one sentence."""
 
 
 class Connection:
-    """A connection that stays open to a service; call it with the fields of the request.
+    """A persistent connection to a service; call it with the fields of the request.
 
     Parameters
     ----------
@@ -39,10 +40,10 @@ class Connection:
     Raises
     ------
     CallError
-        Here if the service is not there; by a call if it fails.
+        If the service is missing; also raised by a call that fails.
     """
 
-    def __init__(self, service, kind, patience=PATIENCE):
+    def __init__(self, service: str, kind: Any, patience: float = PATIENCE) -> None:
         self._kind = kind
         caller = rosgraph.names.make_caller_id("m2wr_command")
         self._service = rosgraph.names.resolve_name(service, caller)
@@ -54,8 +55,8 @@ class Connection:
         except OSError as error:
             raise CallError("service %s does not answer: %s" % (self._service, error)) from error
 
-    def _address(self, caller, patience):
-        """Return (host, port) of the service, once the master knows it."""
+    def _address(self, caller: str, patience: float) -> Tuple[str, int]:
+        """Return (host, port) of the service when the master knows it."""
         master, end = rosgraph.Master(caller), time.monotonic() + patience
         while True:
             try:
@@ -72,7 +73,7 @@ class Connection:
             raise CallError("the master says that service %s is at %r; expected rosrpc://HOST:PORT" % (
                 self._service, uri)) from None
 
-    def _shake_hands(self, caller):
+    def _shake_hands(self, caller: str) -> None:
         fields = {"callerid": caller, "service": self._service, "md5sum": self._kind._md5sum, "persistent": "1"}
         lines = [("%s=%s" % field).encode() for field in fields.items()]
         header = b"".join(struct.pack("<I", len(line)) + line for line in lines)
@@ -85,7 +86,7 @@ class Connection:
                 raise CallError("service %s refuses: %s" % (self._service, value.decode("utf-8", "replace")))
             answer = answer[4 + size:]
 
-    def _read(self, size):
+    def _read(self, size: int) -> bytes:
         parts = []
         while size:
             part = self._socket.recv(min(size, 1 << 16))
@@ -95,13 +96,13 @@ class Connection:
             size -= len(part)
         return b"".join(parts)
 
-    def _read_block(self):
+    def _read_block(self) -> bytes:
         size, = struct.unpack("<I", self._read(4))
         if size > _LARGEST:
             raise OSError("it sends %d bytes; expected at most %d" % (size, _LARGEST))
         return self._read(size)
 
-    def __call__(self, *fields):
+    def __call__(self, *fields: Any) -> Any:
         """Return the response to a request of these fields."""
         body = io.BytesIO()
         self._kind._request_class(*fields).serialize(body)
@@ -114,17 +115,17 @@ class Connection:
             raise CallError("service %s: %s" % (self._service, text.decode("utf-8", "replace")))
         return self._kind._response_class().deserialize(text)
 
-    def close(self):
+    def close(self) -> None:
         """Close the connection."""
         self._socket.close()
 
 
-def without_remappings(words):
-    """Return a command line without what roslaunch adds (``name:=value``)."""
+def without_remappings(words: List[str]) -> List[str]:
+    """Return a command line without the remappings of roslaunch (``name:=value``)."""
     return [word for word in words if ":=" not in word]
 
 
-def no_master():
+def no_master() -> Optional[str]:
     """Return a sentence if no master answers, else None."""
     if rosgraph.is_master_online():
         return None

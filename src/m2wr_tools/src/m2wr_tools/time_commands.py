@@ -1,43 +1,44 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The commands pause, unpause, step and speed of a running simulation.  Exit code 0 or 1; 2 on misuse."""
+"""The commands pause, unpause, step and speed of a running simulation. Exit code 0 or 1; 2 for invalid options."""
 import argparse
 import math
 import sys
+from typing import Any, List, Optional
 
 from m2wr_sim.errors import SimError
 from m2wr_tools.service_client import CallError, Connection, no_master, without_remappings
 
 _MOST_STEPS = 1000000
-_FASTEST = 1000.0           # times real time; beyond what any machine does
+_FASTEST = 1000.0           # greatest real-time factor, more than any machine reaches
 
 
 class TimeError(SimError):
     """The simulation refuses; one sentence for the user."""
 
 
-def _call(given, name, kind, *fields):
+def _call(given: argparse.Namespace, name: str, kind: Any, *fields: Any) -> Any:
     try:
         return Connection("%s/%s" % (given.gazebo_namespace.rstrip("/"), name), kind)(*fields)
     except CallError as error:
         raise CallError("no simulation answers: %s" % error) from error
 
 
-def pause(given):
-    """Stop simulated time; services go on."""
+def pause(given: argparse.Namespace) -> None:
+    """Pause the simulation; services still answer."""
     from std_srvs.srv import Empty
     _call(given, "pause_physics", Empty)
-    print("paused; \"rosrun m2wr_sim step 1\" lets one step pass, \"rosrun m2wr_sim unpause\" goes on")
+    print("paused; \"rosrun m2wr_sim step 1\" makes one step, \"rosrun m2wr_sim unpause\" continues")
 
 
-def unpause(given):
-    """Let simulated time go on."""
+def unpause(given: argparse.Namespace) -> None:
+    """Continue the simulation."""
     from std_srvs.srv import Empty
     _call(given, "unpause_physics", Empty)
-    print("time goes on")
+    print("running")
 
 
-def step(given):
-    """Let an exact number of steps pass while paused; returns when they are done."""
+def step(given: argparse.Namespace) -> None:
+    """Make an exact number of steps while paused; return when they are done."""
     from std_srvs.srv import Trigger
     service = Connection(given.gazebo_namespace.rstrip("/") + "/step", Trigger)
     for number in range(given.steps):
@@ -47,8 +48,8 @@ def step(given):
     print(answer.message)
 
 
-def speed(given):
-    """Set the real-time factor, or tell it if none is given."""
+def speed(given: argparse.Namespace) -> None:
+    """Set the real-time factor, or print it if none is given."""
     from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties
     now = _call(given, "get_physics_properties", GetPhysicsProperties)
     rate = now.max_update_rate
@@ -62,27 +63,27 @@ def speed(given):
                                "as fast as the machine can", now.time_step, ", paused" if now.pause else ""))
 
 
-COMMANDS = {"pause": (pause, "Stop the simulated time; services go on."),
-            "unpause": (unpause, "Let the simulated time of a paused simulation go on."),
-            "step": (step, "Let an exact number of physics steps pass in a paused simulation."),
+COMMANDS = {"pause": (pause, "Pause a running simulation; services still answer."),
+            "unpause": (unpause, "Continue a paused simulation."),
+            "step": (step, "Make an exact number of physics steps in a paused simulation."),
             "speed": (speed, "Set or show the real-time factor of a running simulation.")}
 
 
-def _factor(word):
+def _factor(word: str) -> float:
     value = float(word)
     if not (math.isfinite(value) and 0.0 <= value <= _FASTEST):
         raise argparse.ArgumentTypeError("%s; expected 0 to %g" % (word, _FASTEST))
     return value
 
 
-def _steps(word):
+def _steps(word: str) -> int:
     value = int(word)
     if not 1 <= value <= _MOST_STEPS:
         raise argparse.ArgumentTypeError("%s; expected 1 to %d" % (word, _MOST_STEPS))
     return value
 
 
-def make_parser(command):
+def make_parser(command: str) -> argparse.ArgumentParser:
     """Return the parser of one of ``COMMANDS``."""
     parser = argparse.ArgumentParser(prog=command, description=COMMANDS[command][1])
     parser.add_argument("--gazebo-namespace", default="/gazebo", metavar="NS",
@@ -95,7 +96,7 @@ def make_parser(command):
     return parser
 
 
-def main(command, argv=None):
+def main(command: str, argv: Optional[List[str]] = None) -> int:
     """Entry point of a command; returns the exit code."""
     given = make_parser(command).parse_args(without_remappings(sys.argv if argv is None else argv)[1:])
     problem = no_master()

@@ -435,8 +435,8 @@ def test_a_sound_robot_has_no_faults():
 
 
 @pytest.mark.parametrize("changes, level, words", [
-    ({"clock": (10.0, 10.0), "scans": {"/scan": frames.Stream(0, set(), [])}}, "warning", ("stands still", "unpause")),
-    ({"scans": {}}, "warning", ("nobody publishes a laser scan",)),
+    ({"clock": (10.0, 10.0), "scans": {"/scan": frames.Stream(0, set(), [])}}, "warning", ("not advance", "unpause")),
+    ({"scans": {}}, "warning", ("no node publishes a laser scan",)),
     ({"scans": {"/scan": frames.Stream(0, set(), [])}}, "problem", ("/scan is advertised, but no scan comes", "log")),
     ({"edges": {**EDGES, ("odom", "link_chassis"): frames.Edge({"/gazebo", "/ekf"}, -0.01, False)}}, "problem",
      ("odom -> link_chassis is published by /ekf, /gazebo", "stop one")),
@@ -454,7 +454,7 @@ def test_faults_of_frames(changes, level, words):
     one_fault(frames.check(make_graph(), make_seen(**changes)), level, *words)
 
 
-def test_a_laser_frame_that_nobody_knows():
+def test_an_unknown_laser_frame():
     seen = make_seen(scans={"/scan": frames.Stream(9, {("laser", None)}, [0.01])})
     one_fault(frames.check(make_graph(), seen), "problem", "\"laser\" is in no transform", "link_chassis")
 

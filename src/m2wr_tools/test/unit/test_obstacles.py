@@ -10,7 +10,7 @@ from m2wr_sim.model.sdf.loader import load_sdf
 from m2wr_tools.obstacles import commands as obstacle_commands
 from m2wr_tools.obstacles import world as obstacle_world
 from m2wr_tools.obstacles.obstacle import COLOURS, KINDS, Obstacle, draw, read_colour, read_link, wall
-from m2wr_tools.obstacles.world import ObstacleError, Places, outline_of, touched_robots
+from m2wr_tools.obstacles.world import ObstacleError, Places, outline_of, overlapped_robots
 from m2wr_view.outlines import M2WR_FOOTPRINT, footprint_distances, point_distances
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -95,7 +95,7 @@ def test_outlines_cover_what_the_body_covers():
 def test_a_robot_that_is_covered_is_named():
     robots = {"far": ((5.0, 0.0, 0.1), UPRIGHT), "near": ((0.4, 0.0, 0.1), UPRIGHT)}
     box = outline_of("box", (0.5, 0.5, 0.5), ((0.0, 0.0, 0.0), UPRIGHT))
-    assert touched_robots(box, robots, M2WR_FOOTPRINT) == ["near"]
+    assert overlapped_robots(box, robots, M2WR_FOOTPRINT) == ["near"]
 
 
 def make_places(solids=(), seed=0, within=2.0, clearance=0.3):

@@ -24,7 +24,7 @@ from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_tools.benchmark import reference
 
 FORCE = 5.0                     # N m
-_CLOCK_RATE = 1.0               # Hz; nobody reads the clock here
+_CLOCK_RATE = 1.0               # Hz; without a subscriber
 _PARTS = 10                     # a run is timed in so many parts
 _SETTLING_NS = 500000000
 

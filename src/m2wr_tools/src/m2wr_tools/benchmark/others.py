@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The reference case in other simulators: the same obstacles, robot, command and scans, driven at their best.
 
-``mujoco`` and ``pybullet`` are no dependencies of this package; whoever wants to compare installs them from PyPI.  The
-scene is taken from the records that this simulator loads, so that everybody moves among the same obstacles.  MuJoCo
+``mujoco`` and ``pybullet`` are no dependencies of this package; install them from PyPI to compare.  The
+scene is taken from the records that this simulator loads, so that all have the same obstacles.  MuJoCo
 comes twice: with its own settings, and with an implicit integrator and fewer iterations.  All cast a scan's rays in one
 call and add the same noise.  How the robot moved is handed back: a fast simulation of another motion is none.
 """

@@ -116,16 +116,16 @@ def _clock(graph, seen):
     if not (graph.sim_time and graph.publishers.get("/clock")):
         return []
     if seen.clock is None or seen.clock[1] - seen.clock[0] < _STILL:
-        return [warning(_TOPICS, "simulated time stands still",
+        return [warning(_TOPICS, "simulated time does not advance",
                         "it is paused (rosservice call /gazebo/unpause_physics), or waits in lockstep for a node that "
                         "its log names")]
-    return [ok(_TOPICS, "simulated time goes on: %.1f s in %.1f s", seen.clock[1] - seen.clock[0], _LISTEN)]
+    return [ok(_TOPICS, "simulated time advances: %.1f s in %.1f s", seen.clock[1] - seen.clock[0], _LISTEN)]
 
 
 def _scans(seen, standing):
     if not seen.scans:
-        return [warning(_TOPICS, "nobody publishes a laser scan", "spawn a robot that has a laser: roslaunch "
-                                                                  "m2wr_description spawn.launch")]
+        return [warning(_TOPICS, "no node publishes a laser scan",
+                        "spawn a robot that has a laser: roslaunch m2wr_description spawn.launch")]
     found = []
     for topic, stream in sorted(seen.scans.items()):
         if stream.count:
@@ -184,7 +184,7 @@ def _tree(graph, seen):
     found, frames = [], _frames(seen)
     wanted = {frame for stream in seen.scans.values() for frame, _ in stream.frames}
     odometry = {frame for stream in seen.odometry.values() for frame, _ in stream.frames}
-    if wanted and _nobody_asks(graph):
+    if wanted and _frames_unused(graph):
         return [ok(_FRAMES, "robot_state_publisher does not run, and nothing reads /tf; rviz and mapping need it: "
                             "roslaunch m2wr_description rvis.launch starts it with rviz")]
     if not frames:
@@ -207,8 +207,8 @@ def _publisher_runs(graph):
     return any(name.endswith("robot_state_publisher") for names in graph.publishers.values() for name in names)
 
 
-def _nobody_asks(graph):
-    """Return whether frames of links matter to nobody yet: a robot that was just spawned, and no program for tf."""
+def _frames_unused(graph):
+    """Return whether no node needs frames of links: the robot was just spawned, and no node reads tf."""
     readers = {name for topic in ("/tf", "/tf_static") for name in graph.subscribers.get(topic, ())} - set(graph.silent)
     return not _publisher_runs(graph) and all(name.startswith("/doctor") for name in readers)
 
@@ -224,7 +224,7 @@ def _start_publisher(graph):
 def _links(graph, seen):
     """Check that every link of the description has a transform."""
     frames = _frames(seen)
-    if len(seen.links) < 2 or not frames or _nobody_asks(graph):
+    if len(seen.links) < 2 or not frames or _frames_unused(graph):
         return []
     missing = [link for link in seen.links if link not in frames
                and not any(frame.endswith("/" + link) for frame in frames)]

@@ -136,7 +136,7 @@ def check_topics(graph):
         senders = set(graph.publishers.get(topic, [])) - set(graph.silent)
         takers = set(graph.subscribers.get(topic, [])) - set(graph.silent)
         if len(senders - _TURNS) + bool(senders & _TURNS) > 1:
-            found.append(warning(_TOPICS, "%d nodes may command %s: %s; the robot obeys whoever spoke last" % (
+            found.append(warning(_TOPICS, "%d nodes may command %s: %s; the robot follows the last command" % (
                 len(senders), topic, some(senders)), "stop all but one: rosnode kill NAME"))
         elif senders and not takers:
             found.append(warning(_TOPICS, "%s commands %s, but no robot listens" % (some(senders), topic),

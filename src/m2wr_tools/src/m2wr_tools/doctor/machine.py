@@ -134,7 +134,7 @@ class Machine:
             return False
 
     def accepts(self, host, port, patience=2.0):
-        """Tell whether somebody takes connections there."""
+        """Return whether a server accepts connections there."""
         try:
             socket.create_connection((host, port), patience).close()
             return True
@@ -142,7 +142,7 @@ class Machine:
             return False
 
     def accepts_unix(self, path):
-        """Tell whether somebody takes connections at a socket in the file system, or in the abstract names."""
+        """Return whether a server accepts connections at a Unix socket, in the file system or abstract."""
         for name in (path, "\0" + path):
             try:
                 with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:

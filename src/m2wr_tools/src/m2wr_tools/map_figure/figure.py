@@ -32,7 +32,7 @@ def _placed(points, offset):
 
 
 def _patch(outline):
-    # the edge, a line of no particular width in metres, only closes the seams between shapes that touch
+    # the edge, a line of no particular width in metres, only closes the gaps between adjacent shapes
     style = dict(facecolor=WORLD_COLOUR, edgecolor=WORLD_COLOUR, linewidth=0.3, zorder=1)
     if len(outline.vertices) == 1:
         return Circle(tuple(outline.vertices[0]), outline.radius, **style)

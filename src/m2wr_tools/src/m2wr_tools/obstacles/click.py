@@ -17,7 +17,7 @@ from m2wr_node.ros.transform_buffer import TransformBuffer
 from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate
 from m2wr_tools.obstacles.obstacle import KINDS, Obstacle, read_colour
-from m2wr_tools.obstacles.world import World, outline_of, robot_footprint, touched_robots
+from m2wr_tools.obstacles.world import World, outline_of, robot_footprint, overlapped_robots
 from m2wr_view.outlines import point_distances
 
 _NEAR = 0.02            # m; a click on the side of an obstacle lies just outside of it as often as inside
@@ -107,7 +107,7 @@ class ClickObstacles:
             return
         obstacle, place = self._config.obstacle, (x, y, 0.0)
         outline = outline_of(obstacle.kind, obstacle.size, (place, quaternion_from_rpy(0.0, 0.0, self._config.yaw)))
-        robots = touched_robots(outline, self._world.robots(), robot_footprint())
+        robots = overlapped_robots(outline, self._world.robots(), robot_footprint())
         if robots:
             rospy.logwarn("click_obstacles: nothing is added at (%.2f, %.2f): it would stand in the robot %s", x, y,
                           ", ".join(robots))
@@ -137,7 +137,7 @@ class ClickObstacles:
         return turned[0] + shift.x, turned[1] + shift.y, turned[2] + shift.z
 
     def _lookup(self, frame):
-        """Return the newest transform into the world's frame, waited for in wall time: time may stand still."""
+        """Return the newest transform into the world's frame, waited for in wall time: the simulation may be paused."""
         deadline = time.monotonic() + _TF_PATIENCE
         while True:
             try:

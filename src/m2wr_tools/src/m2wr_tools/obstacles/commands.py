@@ -95,9 +95,9 @@ def _say_added(name, obstacle, place, yaw, robots, footprint):
     """Tell what has been added, and on stderr if it stands in a robot."""
     print("%s, %s" % (_describe(name, obstacle.kind, obstacle.size, place, yaw),
                       "fixed" if obstacle.mass is None else "%g kg" % obstacle.mass))
-    from m2wr_tools.obstacles.world import outline_of, touched_robots
+    from m2wr_tools.obstacles.world import outline_of, overlapped_robots
     outline = outline_of(obstacle.kind, obstacle.size, (place, quaternion_from_rpy(0.0, 0.0, yaw)))
-    for robot in touched_robots(outline, robots, footprint):
+    for robot in overlapped_robots(outline, robots, footprint):
         sys.stderr.write("warning: %s stands where the robot %s is, and will throw it about; \"rosrun m2wr_sim "
                          "move_obstacle %s --at X Y\" puts it elsewhere\n" % (name, robot, name))
 

@@ -16,7 +16,7 @@ COLOURS = {"red": (0.80, 0.13, 0.13), "orange": (0.90, 0.62, 0.00), "yellow": (0
            "brown": (0.55, 0.35, 0.17), "grey": (0.60, 0.60, 0.60), "black": (0.10, 0.10, 0.10),
            "white": (0.95, 0.95, 0.95)}
 LARGEST = 1000.0            # m
-SMALLEST = 1e-3             # m; thinner things slip through what they touch
+SMALLEST = 1e-3             # m; tunnelling: thinner shapes pass through others in one step
 HEAVIEST = 1e6              # kg
 _LINK = "obstacle_"
 

@@ -29,7 +29,7 @@ SERVICE_PATIENCE = 5.0      # s of wall time for the simulation to answer
 _MARKERS_PATIENCE = 2.0     # s for the latched markers of the world, where the simulation has any
 _NAME = re.compile(r"^[A-Za-z][\w.-]*$")
 _TRIES = 2000               # places drawn for one obstacle before it is given up
-_HIGHEST = 1e6              # m; nobody looks for things above
+_HIGHEST = 1e6              # m; higher shapes are not searched for
 
 
 class ObstacleError(SimError):
@@ -235,8 +235,8 @@ def robot_footprint():
     return footprint or M2WR_FOOTPRINT
 
 
-def touched_robots(outline, robots, footprint):
-    """Return the names of the robots, sorted, that an outline touches or covers."""
+def overlapped_robots(outline, robots, footprint):
+    """Return the names of the robots, sorted, that an outline overlaps."""
     return [name for name, pose in sorted(robots.items()) if _gap(outline, pose, footprint) <= 0.0]
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where a crowd of robots can stand in a world: free of everything in it, apart, and within reach of one another.
+"""Finds free places for many robots in a world, apart from each other and connected by free space.
 
 Seen from above: every collision shape that reaches into the height of a robot is taken for the convex outline of its
 shadow, a robot for a disc.  The floor plane is no obstacle.  The search walks from the wanted centre over free cells,
-so a crowd that starts inside walls stays inside them.
+so robots that start inside walls stay inside them.
 """
 import itertools
 import math

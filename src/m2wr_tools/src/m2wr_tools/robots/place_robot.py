@@ -68,7 +68,7 @@ def others_at(topic, own, subscriptions):
 
 
 def check_goal(_, system_state=None):
-    """Say who would drive to a goal, if nobody does; ``system_state`` as of :class:`rosgraph.Master`."""
+    """Warn if no node drives to goals; ``system_state`` as of :class:`rosgraph.Master`."""
     topic, own = rospy.resolve_name(_GOALS), rospy.get_name()
     try:
         subscriptions = (system_state or rosgraph.Master(own).getSystemState)()[1]

@@ -32,8 +32,8 @@ def make_parser():
     parser.add_argument("--param", default="robot_description", help="parameter that holds their description")
     parser.add_argument("--world", default="", help="world file to look for free places in; default: the simulation's")
     parser.add_argument("--layout", choices=LAYOUTS, default="grid", help="squares, rings, or anywhere")
-    parser.add_argument("--x", type=float, default=0.0, help="centre of the crowd [m]")
-    parser.add_argument("--y", type=float, default=0.0, help="centre of the crowd [m]")
+    parser.add_argument("--x", type=float, default=0.0, help="centre of the robots [m]")
+    parser.add_argument("--y", type=float, default=0.0, help="centre of the robots [m]")
     parser.add_argument("--z", type=float, default=0.1, help="height of the robots' frames [m]")
     parser.add_argument("--yaw", type=float, default=0.0, help="heading, for the grid [rad]")
     parser.add_argument("--spacing", type=float, default=1.2, help="least distance of two robots [m]")
@@ -41,7 +41,7 @@ def make_parser():
     parser.add_argument("--seed", type=int, default=0, help="of the layout random")
     parser.add_argument("--odom-frame", default="odom", help="robots' odometry frame, without prefix")
     parser.add_argument("--world-frame", default="none", help="fixed frame to hang the odometry frames on, or none")
-    parser.add_argument("--unpause", action="store_true", help="let time go on when all are there")
+    parser.add_argument("--unpause", action="store_true", help="continue the simulation when all are spawned")
     parser.add_argument("--gazebo-namespace", default="/gazebo", help="where the simulation's services are")
     return parser
 

@@ -37,7 +37,7 @@ class Wanderer:
             regions = self._reader.read(scan.ranges, scan.angle_min, scan.angle_max, scan.angle_increment)
             command.linear.x, command.angular.z = self._behaviour.update(regions=regions)
         except ScanError as error:
-            rospy.logwarn_throttle(_REFUSAL_PAUSE, "%s stands still: %s" % (self.name, error))
+            rospy.logwarn_throttle(_REFUSAL_PAUSE, "%s stops: %s" % (self.name, error))
         try:
             self._publisher.publish(command)
         except rospy.ROSException:

@@ -21,8 +21,8 @@ _Record = namedtuple("_Record", "fields header_at data_at size end")
 def settle_times(path):
     """Make the times in a bag's index rise strictly on each topic, in the order of recording.
 
-    Times that go back, as after a reset of the simulation, stay.  What is recorded is not touched, only the index: in
-    place, so that the bag is whole at any moment.
+    Times that go back, as after a reset of the simulation, stay. Only the index is changed, not the messages: in
+    place, so that the bag is valid at any moment.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ _STUCK = 5.0                # after so long [s], wall, a second signal breaks of
 
 
 class _Watch(ProcessListener):
-    """Remembers the first process that died with an error while the run was going on."""
+    """Records the first process that ended with an error during the run."""
 
     def __init__(self):
         self.failed = None
@@ -36,12 +36,11 @@ class _Watch(ProcessListener):
 
 
 class _Signals:
-    """Only notes signals, in the list ``noted``, until roslaunch has started everything.
+    """Only records signals, in the list ``noted``, until roslaunch has started all processes.
 
-    It would shut down inside the signal, on the thread that may be starting a process at that very moment: then it
-    waits 20 s for a lock that it holds itself, and what it goes on to start stays behind.  Its own handlers come back
-    with the first turns of its loop, and call these when they have done their work.  A start that does not get on, as
-    where a command of the launch file hangs, is broken off at the next signal.
+    roslaunch would shut down inside the signal handler. The interrupted thread may be starting a process; it would wait
+    20 s for a lock that it holds, and leave processes behind. roslaunch installs its own handlers again in its loop and
+    calls these after them. If the start hangs, the next signal aborts it.
     """
 
     def __init__(self):
@@ -59,7 +58,7 @@ class _Signals:
 
 
 def free_port():
-    """Return a TCP port of the loopback interface that nobody uses at the moment."""
+    """Return a TCP port of the loopback interface that is free at the moment."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The recorder of launch files: ``rosbag record`` with a keeper beside it, so that no fault of it ends or spoils a run.
+"""The recorder of launch files: ``rosbag record`` with a supervisor, so that a fault of the recorder never ends a run.
 
-A recorder that cannot write its file, is killed, or finds the disk full is told in one sentence; what it has written is
-given an index and its proper name, and the run goes on.
+If the recorder cannot write its file, is killed, or the disk is full, one sentence says so. The recorded part gets an
+index and its final name, and the run continues.
 """
 import argparse
 import ctypes
@@ -131,7 +131,7 @@ def rescue(path):
 
 
 def _has_messages(path):
-    """Tell whether there is a bag with something in it, or one that only its reader can judge."""
+    """Return whether a bag has messages, or exists but cannot be read."""
     try:
         with rosbag.Bag(path) as bag:
             return bag.get_message_count() > 0
@@ -140,7 +140,7 @@ def _has_messages(path):
 
 
 def leave_master(argv):
-    """Take the name of a recorder that died from the master: nobody else does, and it would be listed for ever.
+    """Unregister a recorder that died; otherwise the master would list it forever.
 
     Parameters
     ----------
@@ -169,12 +169,12 @@ def leave_master(argv):
 
 
 def _die_with_parent():
-    """Let the recorder close its file when its keeper is killed; called in the recorder's process before it begins."""
+    """Make the recorder close its file if its supervisor is killed; called in the recorder's process."""
     ctypes.CDLL(None, use_errno=True).prctl(_SET_DEATH_SIGNAL, signal.SIGINT)
 
 
 class Keeper:
-    """Starts a recorder, looks after it and ends it.
+    """Starts, supervises and stops a recorder.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class Keeper:
             continue
 
     def listen(self):
-        """Wait as a node that hears the recorder's topics, for whom time in lockstep waits."""
+        """Subscribe to the recorder's topics in its place, because simulated time in lockstep waits for it."""
         try:
             register("record", self._ending.is_set, disable_rostime=True)
         except rospy.ROSInitException:
@@ -253,7 +253,7 @@ class Keeper:
 def main(argv=None):
     """Entry point; returns the exit code: 0, 1 where less was recorded than was wanted, 2 on misuse."""
     parser = argparse.ArgumentParser(prog="record_run", description="rosbag record for launch files: whatever happens "
-                                     "to the recording, the run goes on and what was recorded can be read.")
+                                     "to the recording, the run continues and the recorded part can be read.")
     name = parser.add_mutually_exclusive_group(required=True)
     name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag")
     name.add_argument("-o", dest="prefix", metavar="PREFIX", help="the same, with the time behind")
@@ -270,7 +270,7 @@ def main(argv=None):
     try:
         keeper.record()
     except RecordError as error:
-        sys.stderr.write("record: %s. The run goes on without a recording.\n" % error)
+        sys.stderr.write("record: %s. The run continues without a recording.\n" % error)
         sys.stderr.flush()
         leave_master(sys.argv)
         if lockstep:
