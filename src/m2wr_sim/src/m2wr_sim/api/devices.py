@@ -1,41 +1,59 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A robot's drive and lasers without messages: the plugins' own timing and arithmetic, records instead of topics."""
+"""A robot's drive and lasers with records instead of messages; timing and arithmetic are those of the plugins."""
+from __future__ import annotations
+
 import logging
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional, Sequence, Tuple, Type
 
 from m2wr_sim.api.records import Odometry, Scan
+from m2wr_sim.geometry import Quaternion, Vector
+from m2wr_sim.plugins.base import PluginContext, PluginReader
 from m2wr_sim.plugins.diff_drive import DiffDrive
 from m2wr_sim.plugins.laser import Laser
 from m2wr_sim.runtime.ports import Ports
 from m2wr_sim.runtime.simulator import Simulator
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 #: When a robot senses: at the rates of its description, at the end of each step, or (lasers) not at all.
 SENSING = ("due", "now", "off")
 
 
 class DirectDrive(DiffDrive):
-    """The differential drive; :meth:`command` in, ``odometry`` out."""
+    """The differential drive: :meth:`command` sets the velocity, ``odometry`` holds the newest measurement."""
 
-    def configure(self, spec, ctx):
-        self.odometry, self.callbacks = None, []
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
+        self.odometry: Optional[Odometry] = None
+        self.callbacks: List[Callable[[Odometry], object]] = []
         super().configure(spec, ctx)
 
-    def measure_now(self, now_ns):
-        """Take the odometry of this instant, between the ticks."""
+    def measure_now(self, now_ns: int) -> Odometry:
+        """Measure and return the odometry at ``now_ns`` [ns], also between two updates."""
         self.odometry = Odometry(now_ns / 1e9, *self._values())
         return self.odometry
 
-    def _values(self):
+    def _values(self) -> Tuple[Vector, Quaternion, float, float, float]:
         position, orientation, twist = self.measure()
-        return (position, orientation) + twist
+        return position, orientation, twist[0], twist[1], twist[2]
 
-    def _send_odometry(self, stamp):
+    def _send_odometry(self, stamp: int) -> None:
         self.odometry = Odometry(stamp / 1e9, *self._values())
         for callback in self.callbacks:
             callback(self.odometry)
 
-    def reset(self, now_ns, rewound):
-        """Unlike Gazebo's, the motors forget their speed too: after a reset all is as at the start."""
+    def reset(self, now_ns: int, rewound: bool) -> None:
+        """Restore the initial state; unlike in Gazebo the motors stop too.
+
+        Parameters
+        ----------
+        now_ns : int
+            Simulated time [ns].
+        rewound : bool
+            Whether simulated time was set back to zero.
+        """
         super().reset(now_ns, rewound)
         self.odometry = None
         if rewound:
@@ -45,128 +63,139 @@ class DirectDrive(DiffDrive):
 
 
 class DirectLaser(Laser):
-    """A laser that always measures when it is due, as if its topic had a subscriber.
+    """A laser that always measures at its rate, also without subscribers.
 
     Attributes
     ----------
     scan : Scan or None
         The newest.
     enabled : bool
-        Whether it measures by itself.
+        Whether it measures at its rate.
     """
 
-    def configure(self, spec, ctx):
-        self.scan, self.enabled, self.callbacks = None, True, []
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
+        self.scan: Optional[Scan] = None
+        self.enabled = True
+        self.callbacks: List[Callable[[Optional[Scan]], object]] = []
         super().configure(spec, ctx)
 
     @property
-    def name(self):
+    def name(self) -> str:
         """The sensor's name in the robot description."""
         return self._ctx.sensor.name
 
     @property
-    def angles(self):
+    def angles(self) -> npt.NDArray[np.float64]:
         """Direction of each beam of a row in the laser's frame [rad]."""
         return self._laser.angles
 
     @property
-    def count(self):
+    def count(self) -> int:
         """Number of readings in a scan, all rows together."""
         return self._laser.count * self._laser.vertical_count
 
     @property
-    def range_max(self):
+    def range_max(self) -> float:
         """Longest range [m]."""
         return self._laser.range_max
 
-    def wanted(self):
+    def wanted(self) -> bool:
         return self.enabled
 
-    def after_step(self, now_ns):
+    def after_step(self, now_ns: int) -> None:
         if self.awake and self._schedule.due(now_ns):
             self.measure_now(now_ns)
             for callback in self.callbacks:
                 callback(self.scan)
 
-    def measure_now(self, now_ns):
-        """Take a scan at this instant; it uses up noise like any other."""
+    def measure_now(self, now_ns: int) -> Scan:
+        """Measure and return a scan at ``now_ns`` [ns]; it draws from the noise as any other scan."""
         laser = self._laser
         ranges, intensities = self.measure()
         self.scan = Scan(now_ns / 1e9, ranges.copy(), intensities.copy(), laser.angles, laser.angle_min,
                          laser.angle_max, laser.angle_increment, laser.range_min, laser.range_max)
         return self.scan
 
-    def reset(self, now_ns, rewound):
+    def reset(self, now_ns: int, rewound: bool) -> None:
         self.scan = None
         if rewound:
             self._schedule.restart()
-            self._make_laser()          # a new one: the bias of the noise depends on the seed, too
+            self._make_laser()          # a new laser, because its noise bias depends on the seed
 
 
 _DIRECT = {DiffDrive: DirectDrive, Laser: DirectLaser}
 
 
 class DirectSimulator(Simulator):
-    """The simulator with the devices above in place of the plugins that speak in messages."""
+    """The simulator with these devices instead of the plugins that use messages."""
 
     @staticmethod
-    def plugin_class(filename):
+    def plugin_class(filename: str) -> Optional[Type[Any]]:
         found = Simulator.plugin_class(filename)
         return _DIRECT.get(found, found)
 
-    def devices(self, name, kind):
-        """Return the devices of one kind that a model has, in the order of its description."""
+    def devices(self, name: str, kind: type) -> List[Any]:
+        """Return the devices of one kind of a model, in the order of its description.
+
+        Parameters
+        ----------
+        name : str
+            Name of the model.
+        kind : type
+            :class:`DirectDrive` or :class:`DirectLaser`.
+        """
         return [plugin for plugin, _, _ in self.models[name].plugins if isinstance(plugin, kind)]
 
 
 class _SilentPort:
-    """A topic without subscriber."""
+    """A topic without subscribers."""
 
     @staticmethod
-    def publish(message):
+    def publish(message: Any) -> None:
         """Drop the message."""
 
     @staticmethod
-    def wanted():
-        """Return False: there is no subscriber, so plugins need not measure."""
+    def wanted() -> bool:
+        """Return False: there are no subscribers, so sensors do not measure."""
         return False
 
     @staticmethod
-    def close():
-        """Nothing was opened."""
+    def close() -> None:
+        """Do nothing."""
 
 
 class SilentPorts(Ports):
-    """No topics, transforms or clock at all, for plugins other than the devices above."""
+    """Ports without topics, transforms and clock, for all other plugins."""
 
-    def advertise(self, topic, message_class, queue_size, namespace):
+    def advertise(self, topic: str, message_class: type, queue_size: int, namespace: str) -> Any:
         return _SilentPort()
 
-    def subscribe(self, topic, message_class, callback, namespace):
+    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str) -> Any:
         return _SilentPort()
 
-    def serve(self, name, service_class, handler, namespace):
+    def serve(self, name: str, service_class: type, handler: Callable[[Any], Any], namespace: str) -> Any:
         return _SilentPort()
 
-    def deliver(self):
+    def deliver(self) -> None:
         pass
 
-    def transform(self, stamp, parent, child, position, orientation):
+    def transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
+                  orientation: Sequence[float]) -> None:
         pass
 
-    def moment(self, now_ns):
+    def moment(self, now_ns: int) -> int:
         return now_ns
 
-    def frame(self, name, namespace):
+    def frame(self, name: str, namespace: str) -> str:
         return name.lstrip("/")
 
-    def clock(self, now_ns):
+    def clock(self, now_ns: int) -> None:
         pass
 
 
 @contextmanager
-def said_once(quiet):
-    """Keep warnings of the simulator back inside the block if ``quiet``: they were said for the same record before."""
+def said_once(quiet: bool) -> Iterator[None]:
+    """Suppress warnings of the simulator inside the block if ``quiet``: they were logged for the same record before."""
     logger = logging.getLogger("m2wr_sim")
     level = logger.level
     if quiet:

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of a Gymnasium environment, by the renderer of m2wr_view; nothing of ROS runs."""
+"""Images of a Gymnasium environment, by the renderer of m2wr_view; no ROS node runs."""
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
 
@@ -13,30 +16,37 @@ from m2wr_view.frames import matrix_of
 from m2wr_view.renderer import Renderer
 from m2wr_view.scene import Scene
 
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from m2wr_sim.api.records import StepResult
+    from m2wr_sim.api.sim import Sim
+
 _BASE, _LASER = "base", "laser"
 SIZE = 800              # pixels, width and height
 
 
 class EnvPicture:
-    """Draws one robot in its world from above: obstacles where the world puts them, trail, scan and goal.
+    """Draws one robot in its world from above: obstacles of the world file, trail, scan and goal.
 
     Parameters
     ----------
     sim : m2wr_sim.api.sim.Sim
     name : str
-        Of the robot.
+        Name of the robot.
     """
 
-    def __init__(self, sim, name):
+    def __init__(self, sim: Sim, name: str) -> None:
         self._sim, self._name = sim, name
-        self._renderer = self._scene = None
+        self._renderer: Any = None
+        self._scene: Any = None
         self._record = sim.simulator.models[name].record
         self._footprint = obstacle_outlines(World(models=(replace(self._record, pose=IDENTITY, static=True),)),
                                             -math.inf, math.inf)
 
-    def begin(self, goal):
-        """Forget the episode before; ``goal`` is (x, y) in the world [m]."""
-        self._renderer = Renderer(SIZE, SIZE)           # it keeps what it drew of a scene
+    def begin(self, goal: Tuple[float, float]) -> None:
+        """Start the images of an episode; ``goal`` is (x, y) in the world [m]."""
+        self._renderer = Renderer(SIZE, SIZE)           # a new one, because a renderer caches its scene
         scene = self._scene = Scene()
         scene.solids.blocking = obstacle_outlines(self._sim.world)
         scene.footprint = self._footprint or scene.footprint
@@ -48,8 +58,8 @@ class EnvPicture:
                     scene.frames.set(_BASE, _LASER, matrix_of(*compose(link.pose, sensor.pose)))
                     return
 
-    def take(self, result):
-        """Take what a step, or the observation after a reset, has told."""
+    def take(self, result: StepResult) -> None:
+        """Update the image with the result of a step or a reset."""
         self._scene.place(result.time, result.pose)
         scan = result.scan
         if scan is not None:
@@ -59,6 +69,6 @@ class EnvPicture:
                 ranges=scan.ranges.tolist(), angle_min=scan.angle_min, angle_increment=scan.angle_increment,
                 range_min=scan.range_min, range_max=scan.range_max)
 
-    def draw(self):
-        """Return the picture, (SIZE, SIZE, 3) uint8, top row first."""
+    def draw(self) -> npt.NDArray[np.uint8]:
+        """Return the image, (SIZE, SIZE, 3) uint8, top row first."""
         return np.array(self._renderer.draw(self._scene).convert("RGB"), dtype=np.uint8)

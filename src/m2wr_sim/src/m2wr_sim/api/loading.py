@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Worlds and robots from what a caller has at hand: a name, a path, the text itself, or a record read before."""
+"""Reads worlds and robots from a name, a path, a text or a record."""
+from __future__ import annotations
+
 import os
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, Dict, Optional, Union
 
 import rospkg
 
@@ -21,13 +24,13 @@ ROBOTS = {"m2wr": ("m2wr_description", "urdf/m2wr.xacro")}
 
 
 @lru_cache(maxsize=1)
-def _packages(_):
-    """Return the index of ROS packages; it takes 10 ms to make, and a robot asks for one several times."""
+def _packages(_: Optional[str]) -> Any:
+    """Return the index of ROS packages, cached: it takes 10 ms to build, and reading a robot needs it several times."""
     return rospkg.RosPack()
 
 
-def package_folder(name):
-    """Return the folder of a ROS package: in the workspace of the environment, or beside this very package.
+def package_folder(name: str) -> str:
+    """Return the folder of a ROS package: in the workspace of the environment, or beside this package.
 
     Raises
     ------
@@ -38,11 +41,11 @@ def package_folder(name):
     if len(_HERE.parents) > 5:
         beside.append(_HERE.parents[5] / "share" / name)        # an install space
     found = None
-    if name != "m2wr_sim":                                      # the worlds are those of the version that runs
+    if name != "m2wr_sim":                                      # worlds of this version
         try:
             found = _packages(os.environ.get("ROS_PACKAGE_PATH")).get_path(name)
         except rospkg.ResourceNotFound:
-            _packages.cache_clear()                             # it may come to be
+            _packages.cache_clear()                             # it may be installed later
     for folder in beside:
         if found is None and (folder / "package.xml").is_file():
             found = str(folder)
@@ -52,13 +55,13 @@ def package_folder(name):
                         % (name, ", ".join(str(folder) for folder in beside)))
 
 
-def _model_folders():
+def _model_folders() -> Any:
     packages = _packages(os.environ.get("ROS_PACKAGE_PATH"))
     return standard_folders(package_folder("m2wr_sim"), os.environ,
                             lambda: [packages.get_path(name) for name in sorted(packages.list())])
 
 
-def read_world(world):
+def read_world(world: Union[World, str, os.PathLike[str]]) -> World:
     """Read a world.
 
     Parameters
@@ -90,7 +93,7 @@ def read_world(world):
     raise WorldError("world \"%s\": there is no such file; expected a path or one of %s" % (text, ", ".join(known)))
 
 
-def read_robot(robot, arguments=None):
+def read_robot(robot: Union[Model, str, os.PathLike[str]], arguments: Optional[Dict[str, Any]] = None) -> Model:
     """Read a robot, or any other model.
 
     Parameters
