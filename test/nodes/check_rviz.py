@@ -226,7 +226,7 @@ class Rviz(unittest.TestCase):
         address = rosgraph.Master(rospy.get_name()).lookupNode("/bug2_display_rviz")
         self.log.clear()
         os.kill(ServerProxy(address).getPid(rospy.get_name())[2], signal.SIGKILL)
-        self.wait_for_log("of 3 times), for it has ended with signal 9")
+        self.wait_for_log("rviz ended with signal 9")
         self.robot_in_the_middle(self.shot_with(
             "bug2_display", lambda picture: chassis(picture)[260:460, 540:740].sum() > 300, "the robot again"), 300)
         folder = tempfile.mkdtemp()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exercise 5: a world in which Bug 2 has to follow walls twice and still comes to its goal."""
+"""Exercise 5: a world in which Bug 2 must follow two walls and reaches its goal."""
 from __future__ import annotations
 
 from typing import Iterator
@@ -27,10 +27,10 @@ def two_walls(path: str) -> Iterator[Finding]:
     hits = run.points("wall_following")
     yield Finding(len(hits) >= WALLS, "Bug 2 meets a wall %d times%s" % (
         len(hits), "".join(", at (%.1f, %.1f)" % hit for hit in hits)),
-        "something must stand across the line from (0, 8) to (0, -4) in %d places, a metre and more apart" % WALLS)
+        "place obstacles across the line from (0, 8) to (0, -4) in %d places, at least a metre apart" % WALLS)
     yield Finding(run.outcome == "goal_reached",
                   "the run ends after %.0f s: %s (%s)" % (run.time, run.outcome, run.reason),
-                  "leave a way round: gates of at least 1.4 m, and nothing nearer than 0.8 m to the goal")
+                  "leave a free path: gaps of at least 1.4 m, and no obstacle closer than 0.8 m to the goal")
     yield Finding(not run.contacts, "the robot has contact with %s" % (
         ", ".join(sorted({contact.second for contact in run.contacts})) or "nothing"),
-        "nothing may stand within 0.5 m of the start, and nothing may be lower than the laser, 0.15 m")
+        "no obstacle may be within 0.5 m of the start, or lower than the laser, 0.15 m")

@@ -60,7 +60,7 @@ class TestSpawn:
 
     @pytest.mark.parametrize('words, convention', [
         ((), 'kinetic'), (('swap_wheel_joints:=true',), None), (('wheel_convention:=rep103',), 'rep103')])
-    def test_the_report_robot_turns_as_in_the_report_wherever_this_file_spawns_it(self, words, convention):
+    def test_report_robot_turns_as_in_the_report_everywhere(self, words, convention):
         _, params = load('spawn.launch', *words)
         assert not [name for name in params if 'wheel_convention' in name]     # nothing outlives the robot
         plugin, = (block for block in ElementTree.fromstring(params['/robot_description']).iter('plugin')
@@ -90,7 +90,7 @@ class TestLook:
         nodes, _ = load(name, 'config:=/other.rviz')
         assert shlex.split(nodes['rviz'].args) == ['-d', '/other.rviz']
 
-    def test_beside_a_simulation_it_takes_its_time_its_joints_and_shows_what_the_robot_sees(self, name):
+    def test_rvis_uses_clock_and_joints_of_a_simulation(self, name):
         nodes, params = load(name, 'virtual_display:=true')
         words = shlex.split(nodes['rviz'].args)
         assert words[0] == '--simulation' and os.path.basename(words[1]) == 'm2wr.rviz' and words[2] == '-d'
