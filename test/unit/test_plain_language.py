@@ -36,7 +36,7 @@ INTERFACES = re.compile(r"touches of\b|\bgo_on\b|\"hindsight\"|_tracker[.]hindsi
                         r"|``(?:RunLog[.])?(?:touches|Touch|touch_count|drain_touches)``")     # in changelogs
 #: Characters of a test's name, at most, and folders whose tests are not renamed yet.
 LONGEST_NAME = 60
-PENDING_NAMES = ("src/m2wr_sim", "src/m2wr_description",
+PENDING_NAMES = ("src/m2wr_sim",
                  "src/m2wr_tools")
 
 
