@@ -120,6 +120,7 @@ class HeightFile(_Shape):
     """Pictures with heights."""
 
     name = "heights"
+    memory = 600 * 2 ** 20      # a map at the limit of 2 000 000 triangles takes about 430 MB with its tree for rays
 
     def prepare(self):
         super().prepare()

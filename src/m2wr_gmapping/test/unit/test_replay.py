@@ -286,6 +286,16 @@ def test_damaged_chunk_does_not_affect_later_chunks(tmp_path, ring, laser):
     assert set(found) < set(whole) and len(found) > len(whole) - 30
 
 
+def test_a_record_with_an_empty_kind_is_damage(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    content = (tmp_path / "drive.bag").read_bytes()
+    fields = b"\x03\x00\x00\x00op="              # op without a value
+    record = struct.pack("<I", len(fields)) + fields + struct.pack("<I", 0)
+    (tmp_path / "odd.bag").write_bytes(content[:13] + record + content[13:])
+    found, damage = stamps_of(tmp_path / "odd.bag")
+    assert "broken at byte 13" in damage and found
+
+
 def test_random_bytes_never_raise(tmp_path, ring, laser):
     write_bag(tmp_path / "drive.bag", ring, laser)
     whole = bytearray((tmp_path / "drive.bag").read_bytes())

@@ -124,7 +124,7 @@ class BagFile:
             except _EndOfFile as error:
                 self._damaged(at, error)
                 return
-            except (BagError, OSError, ValueError, EOFError, KeyError, struct.error) as error:
+            except (BagError, OSError, ValueError, EOFError, LookupError, struct.error) as error:
                 self._damaged(at, error)
             self.fraction = self._stream.tell() / max(1, self._size)
 

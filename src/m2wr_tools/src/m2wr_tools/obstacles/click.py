@@ -17,7 +17,7 @@ from m2wr_node.ros.transform_buffer import TransformBuffer
 from m2wr_sim.errors import ParameterError, SimError
 from m2wr_sim.geometry import quaternion_from_rpy, rotate
 from m2wr_tools.obstacles.obstacle import KINDS, Obstacle, read_colour
-from m2wr_tools.obstacles.world import World, outline_of, robot_footprint, overlapped_robots
+from m2wr_tools.obstacles.world import World, outline_of, overlapped_robots, robot_footprint
 from m2wr_view.outlines import point_distances
 
 _NEAR = 0.02            # m; a click on the side of an obstacle lies just outside of it as often as inside

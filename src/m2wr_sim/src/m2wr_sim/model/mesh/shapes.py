@@ -238,7 +238,7 @@ def _read_levels(path):
                 levels = np.asarray(picture, dtype=np.float64)
                 levels = levels / (65535.0 if picture.mode != "F" else 1.0)
             else:
-                levels = np.asarray(picture.convert("RGB"), dtype=np.float64)[:, :, 0] / 255.0
+                levels = np.asarray(picture.convert("RGB").getchannel(0), dtype=np.float64) / 255.0
     except XmlError:
         raise
     except Exception as error:      # any error of the parser in a broken file
