@@ -62,7 +62,7 @@ class MapTopics:
 
     def _answer(self, _):
         if self._newest is None:
-            raise rospy.ServiceException("no map: no scan has been processed yet")
+            raise rospy.ServiceException("there is no map yet: no scan has been processed")
         return ArrayMapAnswer(self._newest)
 
 
