@@ -3,6 +3,7 @@
 import json
 import math
 import signal
+import struct
 
 import numpy as np
 import pytest
