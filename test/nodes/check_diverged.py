@@ -67,7 +67,8 @@ class Diverged(unittest.TestCase):
             except (rospy.ServiceException, rospy.ROSException) as error:
                 rospy.loginfo("no answer to the spawn request: %s", error)
             run.wait()
-            self.assertRegex(run.text, r"step \d+ \(1 ms each\): spring::\w+ is at \(.*Motors: hinge")
+            self.assertRegex(run.text,
+                             r"step \d+ \(1 ms each\): the simulation diverged: spring::\w+ is at \(.*Motors: hinge")
             self.assertNotIn("Traceback", run.text)
             self.assertNotIn("core dumped", run.text)
             wait_until(lambda: not marked(run.mark), "everything that the run has started to end")

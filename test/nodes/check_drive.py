@@ -185,7 +185,7 @@ class Drive(unittest.TestCase):
                                "odometry after a command")
         line = self.log.wait(lambda messages: [m for m in messages if REFUSED in m.msg], "a warning")[0]
         self.assertEqual(line.level, Log.WARN)
-        for words in ("m2wr", "nan", "finite", "0.3 m/s", "0.2 rad/s"):
+        for words in ("m2wr", "nan", "finite", "linear.x = 0.3", "angular.z = 0.2"):
             self.assertIn(words, line.msg)
         for message in self.odometry.messages[-5:]:
             self.assertAlmostEqual(message.twist.twist.linear.x, 0.3, delta=0.003)
