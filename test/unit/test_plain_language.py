@@ -13,31 +13,12 @@ SUFFIXES = (".c", ".cfg", ".cmake", ".launch", ".md", ".msg", ".py", ".rst", ".r
 TOPS = ("src", "dropin", "test", "tools", "docs", ".ci")
 #: Not looked at: inputs as others have written them.
 INPUTS = ("test/data", "test/fuzz/corpus")
-#: Folders that are not revised yet, and pages that quote their names and messages; it may only become shorter.
-PENDING = ("src/m2wr_sim", "src/m2wr_tools",
-           "docs/reference.md",
-           "docs/troubleshooting.md", "docs/how-to/pause_and_step.md",
-           "docs/how-to/python.md")
-#: Folders and files inside those above that are rewritten.
-DONE = ("src/m2wr_sim/examples", "src/m2wr_sim/src/m2wr_sim/angles.py", "src/m2wr_sim/src/m2wr_sim/api",
-        "src/m2wr_sim/src/m2wr_sim/command_line.py", "src/m2wr_sim/src/m2wr_sim/control",
-        "src/m2wr_sim/src/m2wr_sim/errors.py", "src/m2wr_sim/src/m2wr_sim/geometry.py",
-        "src/m2wr_sim/src/m2wr_sim/kernel_cache.py", "src/m2wr_sim/src/m2wr_sim/physics",
-        "src/m2wr_sim/src/m2wr_sim/process_memory.py", "src/m2wr_sim/src/m2wr_sim/runtime",
-        "src/m2wr_sim/src/m2wr_sim/sensors", "src/m2wr_sim/src/m2wr_sim/warm_up.py",
-        "src/m2wr_sim/CHANGELOG.rst", "src/m2wr_sim/CMakeLists.txt", "src/m2wr_sim/cmake", "src/m2wr_sim/config",
-        "src/m2wr_sim/env-hooks", "src/m2wr_sim/launch", "src/m2wr_sim/models", "src/m2wr_sim/nodes",
-        "src/m2wr_sim/stand_ins", "src/m2wr_sim/worlds", "src/m2wr_sim/src/m2wr_sim/ros/gazebo_services",
-        "src/m2wr_sim/src/m2wr_sim/model", "src/m2wr_sim/src/m2wr_sim/plugins",
-        "src/m2wr_tools/src/m2wr_tools/slam_benchmark")
 #: Parts of interfaces, which stay: a key of /diagnostics, also in recorded bags, a value of ~lockstep_on_silence, and a
 #: name in state files of the mapper.
 INTERFACES = re.compile(r"touches of\b|\bgo_on\b|\"hindsight\"|_tracker[.]hindsight\b"
                         r"|``(?:RunLog[.])?(?:touches|Touch|touch_count|drain_touches)``")     # in changelogs
-#: Characters of a test's name, at most, and folders whose tests are not renamed yet.
+#: Characters of a test's name, at most.
 LONGEST_NAME = 60
-PENDING_NAMES = ("src/m2wr_sim",
-                 "src/m2wr_tools")
 
 
 def glossary():
@@ -116,13 +97,12 @@ def test_files_are_found():
 @pytest.mark.parametrize("top", sorted({path.split("/")[0] for path in PATHS}))
 def test_no_such_word_is_used(top):
     found = [use for path in PATHS if path.split("/")[0] == top
-             and (is_below(path, DONE) or not is_below(path, PENDING))
              for use in uses(path, tree.read(os.path.join(tree.ROOT, path)))]
     assert not found, "\n".join(found[:60])
 
 
 def test_names_of_tests_are_short():
-    long = ["%s: %s" % (path, name) for path in PATHS if path.endswith(".py") and not is_below(path, PENDING_NAMES)
+    long = ["%s: %s" % (path, name) for path in PATHS if path.endswith(".py")
             for name in re.findall(r"^ *def (test_\w+)", tree.read(os.path.join(tree.ROOT, path)), re.M)
             if len(name) > LONGEST_NAME]
     assert not long, "longer than %d characters: %s" % (LONGEST_NAME, "\n".join(long))

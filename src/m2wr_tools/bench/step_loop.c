@@ -25,16 +25,16 @@
 #define MAX_CLASSES 64
 #define MAX_ROBOTS 4096
 #define MAX_BODIES 16
-#define MAX_TOUCHING 64
+#define MAX_CONTACT_PAIRS 64
 #define STEEP 0.5
 
 typedef struct { int valid, limit, merge, ground; double mu; } Pair;
 
 static Pair pairs[MAX_CLASSES][MAX_CLASSES];
 static dContact found[MAX_FOUND];
-static dGeomID touching[MAX_TOUCHING][2];
-static int touching_count;
-static long touches;
+static dGeomID contact_pairs[MAX_CONTACT_PAIRS][2];
+static int contact_pair_count;
+static long contacts;
 static dWorldID world;
 static dJointGroupID group;
 static dSpaceID statics, moving, spaces[MAX_ROBOTS];
@@ -106,16 +106,16 @@ static void spread(int count, int limit)
             found[kept++].geom = found[i].geom;
 }
 
-static void note_touch(dGeomID one, dGeomID two)
+static void note_contact(dGeomID one, dGeomID two)
 {
     int i;
-    for (i = 0; i < touching_count; ++i)
-        if (touching[i][0] == one && touching[i][1] == two)
+    for (i = 0; i < contact_pair_count; ++i)
+        if (contact_pairs[i][0] == one && contact_pairs[i][1] == two)
             return;
-    if (touching_count < MAX_TOUCHING) {
-        touching[touching_count][0] = one;
-        touching[touching_count++][1] = two;
-        ++touches;
+    if (contact_pair_count < MAX_CONTACT_PAIRS) {
+        contact_pairs[contact_pair_count][0] = one;
+        contact_pairs[contact_pair_count++][1] = two;
+        ++contacts;
     }
 }
 
@@ -149,7 +149,7 @@ static void near(void *data, dGeomID one, dGeomID two)
         found[i].surface.mode = dContactApprox1;
         found[i].surface.mu = pair->mu;
         if (!pair->ground && (steep || (first && second)))
-            note_touch(one, two);
+            note_contact(one, two);
         dJointAttach(dJointCreateContact(world, group, &found[i]), first, second);
     }
 }
@@ -167,7 +167,7 @@ static void run(long steps, double dt, int quick)
         else
             dWorldStep(world, dt);
         dJointGroupEmpty(group);
-        touching_count = 0;
+        contact_pair_count = 0;
     }
 }
 
@@ -309,7 +309,7 @@ int main(void)
     }
     if (first) {
         const dReal *at = dBodyGetPosition(first);
-        printf("at %a %a %a touches %ld\n", at[0], at[1], at[2], touches);
+        printf("at %a %a %a contacts %ld\n", at[0], at[1], at[2], contacts);
     }
     return 0;
 }

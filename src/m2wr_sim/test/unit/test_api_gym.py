@@ -121,7 +121,7 @@ def test_time_cuts_the_episode_off(scene):
     assert ends == [(False, False)] * 4 + [(False, True)]
 
 
-def test_a_seed_repeats_an_episode_to_the_last_bit_whatever_came_before(env, scene):
+def test_a_seed_repeats_an_episode_bit_for_bit(env, scene):
     def episode(one):
         observation, _ = one.reset(seed=7)
         rewards, end, seen = drive(one, observation, 20)

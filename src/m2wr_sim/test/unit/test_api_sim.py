@@ -226,7 +226,7 @@ def test_velocity_follows_the_command_and_left_is_positive(sim, command):
         assert math.copysign(1.0, result.pose[2]) == math.copysign(1.0, command[1])
 
 
-def test_a_command_holds_until_the_next_and_one_that_is_not_finite_is_refused(sim, caplog):
+def test_a_command_holds_and_a_non_finite_one_is_refused(sim, caplog):
     sim.step((0.5, 0.0), 1.0)
     with caplog.at_level(logging.WARNING):
         result = sim.step((math.nan, 0.0), 1.0)
@@ -384,7 +384,7 @@ def test_bad_options_are_refused(m2wr_record, options, error):
 @pytest.mark.parametrize("command, duration, error, text", [
     (None, 0.0, ValueError, "at least one physics step of 0.001 s"), (None, math.inf, ValueError, "expected at least"),
     (None, math.nan, ValueError, "expected at least"), ([(0.1, 0.0), (0.1, 0.0)], 0.1, ValueError, "for 1 robots"),
-    ({"nobody": (0.1, 0.0)}, 0.1, NotFoundError, "no robot \"nobody\"; robots: m2wr")])
+    ({"ghost": (0.1, 0.0)}, 0.1, NotFoundError, "no robot \"ghost\"; robots: m2wr")])
 def test_bad_steps_are_refused(sim, command, duration, error, text):
     with pytest.raises(error, match=text):
         sim.step(command, duration)
@@ -402,7 +402,7 @@ def test_a_model_without_a_drive_cannot_be_commanded():
 
 @pytest.mark.parametrize("arguments, error", [
     ({"poses": (1e9, 0.0, 0.0)}, ModelError), ({"poses": {"m2wr": (0.0, -1.1e6, 0.5)}}, ModelError),
-    ({"poses": (1.0, 1.0, 0.0), "seed": -1}, ParameterError), ({"poses": {"nobody": (1.0, 1.0, 0.0)}}, NotFoundError),
+    ({"poses": (1.0, 1.0, 0.0), "seed": -1}, ParameterError), ({"poses": {"ghost": (1.0, 1.0, 0.0)}}, NotFoundError),
     ({"poses": (math.nan, 0.0, 0.0), "seed": 2}, ValueError)])
 def test_a_reset_that_is_refused_changes_nothing(m2wr_record, arguments, error):
     with Sim("empty", m2wr_record, pose=(3.0, 2.0, 0.0), seed=1) as sim:

@@ -125,7 +125,7 @@ def test_a_number_that_is_none_is_refused_by_name(make_rig):
                                      {0: ({}, {"rate": math.nan})})
 
 
-def test_values_for_an_axis_that_is_not_there_are_told_and_the_others_taken(make_rig, caplog):
+def test_values_for_a_missing_axis_are_reported(make_rig, caplog):
     rig = make_rig(rotor())
     model = rig.simulator.models["rotor"]
     changes.set_joint_properties(rig.simulator, model, "turn", {0: ({}, {"rate": 2.0, "max_force": 10.0}),
@@ -148,7 +148,7 @@ def test_of_the_axes_none_is_changed_where_one_cannot_be(make_rig):
 
 # ---- wrenches ------------------------------------------------------------------------------------------------------
 
-def test_gazebo_takes_a_wrench_without_frame_as_it_stands_but_for_the_lever():
+def test_a_wrench_without_frame_acts_as_in_gazebo():
     force, torque = changes.wrench_as_gazebo(at(5.0, 5.0, 0.0, 1.0), None, (0.0, 1.0, 0.0), (2.0, 0.0, 0.0),
                                              (0.0, 0.0, 1.0))
     assert force == (2.0, 0.0, 0.0) and torque == (0.0, 0.0, -1.0)
@@ -161,7 +161,7 @@ def test_gazebo_turns_a_wrench_into_the_axes_of_the_link():
     assert torque == pytest.approx((0.0, 0.0, 2.0))     # the frame stands at (-2, 0) of the link
 
 
-def test_a_wrench_in_the_frame_of_its_own_link_is_not_turned_by_gazebo_but_should_be():
+def test_a_wrench_in_the_frame_of_its_link_is_rotated():
     link = ((1.0, 2.0, 0.0), QUARTER)
     assert changes.wrench_as_gazebo(link, link, REST, (1.0, 0.0, 0.0), REST)[0] == pytest.approx((1.0, 0.0, 0.0))
     force, torque = changes.wrench_in_world(link, REST, link, REST, (1.0, 0.0, 0.0), REST)
@@ -192,7 +192,7 @@ def test_gravity_and_step_change_while_the_world_runs(make_rig, build):
     assert state.position[2] == pytest.approx(height + before, abs=1e-6)
 
 
-def test_a_robot_keeps_its_pace_and_its_scans_over_a_change_of_step(m2wr_rig):
+def test_a_change_of_step_keeps_speed_and_scan_rate(m2wr_rig):
     rig = m2wr_rig(wheel_convention="kinetic")
     rig.run(1.0).send(0.5, 0.0).run(1.0)
     changes.set_physics(rig.simulator, replace(rig.simulator.physics, max_step_size=0.003))

@@ -37,7 +37,7 @@ def test_the_ground_carries_the_weight_of_all_that_stands_on_it(stack):
     assert len(floor) == 4 and len(ball) == 1
 
 
-def test_the_normal_points_into_the_watched_one_and_the_torque_is_about_its_centre(stack):
+def test_normal_and_torque_refer_to_the_watched_body(stack):
     watch = stack.watch_contacts([full("crate")])
     stack.step(1000)
     ball, floor = watch.drain()
@@ -59,7 +59,7 @@ def test_a_watch_on_what_cannot_move_gets_the_reaction(make_engine, build):
     assert sum(report.torque[1] for report in pair) == pytest.approx(9.8, abs=1e-2)
 
 
-def test_two_watches_on_the_two_sides_of_a_contact_feel_the_same_force_apart_from_its_sign(stack):
+def test_both_sides_of_a_contact_report_opposite_forces(stack):
     on_ball, on_crate = stack.watch_contacts([full("ball")]), stack.watch_contacts([full("crate")])
     stack.step(1000)
     (from_ball,), from_crate = on_ball.drain(), on_crate.drain()[0]

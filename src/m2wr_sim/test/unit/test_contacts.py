@@ -125,7 +125,7 @@ def test_only_a_plane_under_a_body_is_ground():
 
 # -- merging ------------------------------------------------------------------------------------------------------
 
-def test_rim_contacts_merge_in_the_middle_with_the_greatest_depth():
+def test_rim_contacts_merge_at_the_greatest_depth():
     position, normal, depth = merge([((1.0, 0.02, 0.0), UP, 1e-4), ((1.0, -0.02, 0.0), UP, 3e-4)])
     assert position == pytest.approx((1.0, 0.0, 0.0)) and normal == pytest.approx(UP) and depth == 3e-4
 
@@ -188,7 +188,7 @@ def test_contacts_in_one_place_can_still_be_chosen_from():
 
 # -- the direction of friction --------------------------------------------------------------------------------------
 
-def test_the_direction_of_friction_is_the_first_shapes_or_else_the_seconds():
+def test_friction_direction_of_the_first_shape_has_priority():
     plain, east, up = collision(), collision(fdir1=(2.0, 0.0, 0.0)), collision(fdir1=(0.0, 0.0, 1.0))
     for one, two, along, second in ((plain, plain, (0.0, 0.0, 0.0), False), (east, up, (1.0, 0.0, 0.0), False),
                                     (up, east, (0.0, 0.0, 1.0), False), (plain, east, (1.0, 0.0, 0.0), True)):

@@ -60,7 +60,7 @@ def along(engine, link, angle):
 
 @pytest.mark.parametrize("nose", NOSES)
 @pytest.mark.parametrize("mu, degrees", [(0.2, 8), (0.5, 20), (1.0, 30), (1.0, 42)])
-def test_within_the_cone_of_friction_a_robot_stays_where_it_pushes(make_engine, build, nose, mu, degrees):
+def test_a_robot_inside_the_friction_cone_does_not_slip(make_engine, build, nose, mu, degrees):
     engine, chassis = press(make_engine, build, NOSES[nose], mu, math.radians(degrees))
     before, speed, _ = along(engine, chassis, math.radians(degrees))
     engine.step(1000)
@@ -90,7 +90,7 @@ def test_beyond_it_a_robot_slides_along_the_wall_as_coulomb_says(make_engine, bu
 
 
 @pytest.mark.parametrize("mu, climbs", [(0.8, False), (1.3, True)])
-def test_driven_wheels_climb_an_edge_where_friction_alone_can_lift_them(make_engine, build, mu, climbs):
+def test_driven_wheels_climb_an_edge_by_friction_alone(make_engine, build, mu, climbs):
     """At an edge of height h the normal points up by asin(1 - h/r); it carries the load where mu is the cotangent.
 
     For h = 3 cm, r = 10 cm that is mu = 1.02.
@@ -136,7 +136,7 @@ def pressing(engine, build, robot, count, walls):
 
 
 @pytest.mark.parametrize("walls", [0, 1])
-def test_things_fall_asleep_after_a_second_whatever_is_solved_again(make_engine, build, m2wr, walls):
+def test_bodies_fall_asleep_after_a_second_with_corrections(make_engine, build, m2wr, walls):
     """The step at which Gazebo's rule lets them is the same with and without a robot that presses a wall elsewhere."""
     crate = build.box("crate", 5.0, 0.0, 0.15, size=(0.3,) * 3, static=False, mass=1.0)
     engine = make_engine(1.0, [build.ground()])
@@ -172,7 +172,7 @@ def test_only_what_needs_it_is_solved_again(build, m2wr, walls, bound):
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.5, 1.0])
-def test_wheels_at_a_wall_lift_the_part_of_their_load_that_friction_can_carry(make_engine, build, mu):
+def test_wheels_at_a_wall_lift_what_friction_can_carry(make_engine, build, mu):
     """The ground carries N, its grip P = mu N presses the wheels to the wall, whose friction mu P lifts the robot.
 
     With the foot d behind the axle, moments about the foot give N (d + mu r + mu^2 (d + r)) = W d_W, the moment of the
@@ -199,7 +199,7 @@ def test_wheels_at_a_wall_lift_the_part_of_their_load_that_friction_can_carry(ma
 
 
 @pytest.mark.parametrize("speed", [-0.2, 0.0, 0.3])
-def test_two_robots_that_push_each_other_equally_keep_the_speed_they_have(make_engine, build, speed):
+def test_two_robots_of_equal_push_keep_their_speed(make_engine, build, speed):
     """Wheels that slip push with mu times their load at whatever speed: forces cancel, and nothing stops the pair.
 
     So if such a pair begins to drift, it accelerates up to the speed at which one robot's wheels roll.

@@ -148,7 +148,7 @@ def test_encoder_speed_has_no_sign(make):
     assert message.twist.twist.linear.x == pytest.approx(0.3, rel=1e-3) and message.pose.pose.position.x < -0.4
 
 
-def test_encoder_odometry_believes_the_tags_where_the_world_does_not(make):
+def test_encoder_odometry_uses_the_tags_of_the_plugin(make):
     """Under the plain Noetic mapping m2wr turns clockwise while its wheels count as if it turned left."""
     rig = make({"odometrySource": "encoder"}, wheel_convention="noetic").send(0.0, 0.5).run(2.0)
     assert rig.messages("/odom")[-1].twist.twist.angular.z == pytest.approx(0.5, rel=1e-3)
@@ -282,7 +282,7 @@ def test_lateral_and_other_turning_commands_are_ignored(make):
 
 @pytest.mark.parametrize("linear, angular", [
     (float("nan"), 0.0), (0.0, float("nan")), (float("inf"), 0.0), (0.0, float("-inf")), (1e5, 0.0), (0.0, -1e300)])
-def test_a_command_that_is_not_finite_is_refused_and_the_last_one_stays(make, caplog, linear, angular):
+def test_a_non_finite_command_leaves_the_last_one(make, caplog, linear, angular):
     rig = make(step_ms=5).send(0.3, 0.0).run(1.0)
     for _ in range(120):                    # twelve seconds of them
         rig.send(linear, angular).run(0.1)
@@ -295,7 +295,7 @@ def test_a_command_that_is_not_finite_is_refused_and_the_last_one_stays(make, ca
     assert rig.send(0.1, 0.0).run(1.0).rate("joint_left_wheel") == pytest.approx(1.0, rel=1e-3)
 
 
-def test_wheel_acceleration_ramps_by_a_period_and_a_step_each_tick(make):
+def test_wheel_acceleration_ramps_once_per_period_and_step(make):
     rig = make({"wheelAcceleration": "0.4"}).send(0.5, 0.0).run(0.045)
     speeds = []
     for _ in range(8):
@@ -319,7 +319,7 @@ def test_without_enough_torque_it_hardly_accelerates(make):
     ({"updateRate": "often"}, "<updateRate> holds \"often\""), ({"wheelTorque": "-1"}, "at least 0"),
     ({"wheelSeparation": "nan"}, "expected a length from"), ({"wheelSeparation": "1e-320"}, "expected a length from"),
     ({"wheelDiameter": "1e300"}, "expected a length from")])
-def test_a_plugin_that_cannot_work_is_named_and_the_rest_goes_on(make, caplog, tags, words):
+def test_a_plugin_that_cannot_work_is_named_and_the_rest_runs(make, caplog, tags, words):
     rig = make(tags).run(0.12)
     error, = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
     assert words in error and "will not run" in error and "libgazebo_ros_diff_drive.so" in error

@@ -38,7 +38,7 @@ def place_of(engine, model, link):
     return engine.link_pose(model.handle.links[link])[0]
 
 
-def test_the_pose_of_a_model_is_that_of_its_frame_not_of_its_first_link(live):
+def test_the_pose_of_a_model_is_that_of_its_frame(live):
     engine, model = live
     position, orientation = model.pose(engine)
     assert position == pytest.approx((3.0, 2.0, 0.5))

@@ -44,7 +44,7 @@ def test_a_state_gives_its_twist_to_every_link(m2wr_rig):
     assert rig.rate("joint_left_wheel") == pytest.approx(0.0, abs=1e-9)
 
 
-def test_states_of_links_and_models_share_their_sum_but_are_different_types():
+def test_states_of_links_and_models_are_different_types():
     assert LinkStates._md5sum == ModelStates._md5sum
     assert (LinkStates._type, ModelStates._type) == ("gazebo_msgs/LinkStates", "gazebo_msgs/ModelStates")
     assert LinkStates.__slots__ == ModelStates.__slots__ == ["name", "pose", "twist"]

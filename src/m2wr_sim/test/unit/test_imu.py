@@ -96,7 +96,7 @@ def test_variance_overflow_gives_infinity(carried, library):
     assert message.angular_velocity_covariance[0] == math.inf
 
 
-def test_variances_are_the_noise_squared_and_readings_scatter_by_it(carried, library):
+def test_variances_are_the_squared_noise(carried, library):
     messages = carried(library, gaussianNoise="0.2").run(5.0).messages("/imu")[50:]
     for name in ("orientation_covariance", "angular_velocity_covariance", "linear_acceleration_covariance"):
         assert np.allclose(np.reshape(getattr(messages[0], name), (3, 3)), 0.04 * np.eye(3))

@@ -57,7 +57,7 @@ def test_tensor_made_valid_by_merging_is_not_reported():
     assert model.links[0].inertial.mass == 2.0 and not model.notes
 
 
-def test_a_model_of_sdf_keeps_its_link_unless_it_stands_still():
+def test_a_model_of_sdf_keeps_its_link_unless_it_is_static():
     text = ('<sdf version="1.6"><model name="m">%s<link name="l"><inertial><mass>3</mass><inertia><ixx>0</ixx>'
             '</inertia></inertial><collision name="c"><geometry><sphere><radius>2</radius></sphere></geometry>'
             '</collision></link></model></sdf>')

@@ -71,7 +71,7 @@ def robot(m2wr, build):
     return m2wr, build.ground()
 
 
-def test_robots_spawned_into_one_another_do_not_stall_and_repeat_to_the_last_bit(robot):
+def test_overlapping_robots_do_not_stall_and_are_repeatable(robot):
     ends = []
     engine = pile(ENGINES[0], robot, 1)
     engine.step(1)                                  # what is compiled is compiled before the clock starts

@@ -39,7 +39,7 @@ def test_empty_world_reads_infinity_everywhere():
     assert (ranges == np.inf).all() and (intensities == 0.0).all()
 
 
-def test_unit_box_one_metre_ahead_reads_a_half_and_infinity_beside():
+def test_unit_box_one_metre_ahead_reads_half_a_metre():
     ranges, _ = laser(samples=641, min_angle=-2.0, max_angle=2.0).cast(world(UNIT_BOX), ORIGIN)
     assert ranges[320] == 0.5 and ranges[0] == ranges[-1] == np.inf
 
@@ -114,7 +114,7 @@ def test_pitched_sensor_hits_the_ground_ahead():
     assert ranges[360] == pytest.approx(0.3 / math.sin(0.1), rel=1e-6) and ranges[0] == np.inf
 
 
-def test_own_housing_around_the_start_is_a_ring_but_inside_the_shortest_range_is_not_seen():
+def test_own_housing_is_seen_only_beyond_the_minimum_range():
     scene = world((Cylinder(0.05, 0.1), (0.0, 0.0, 0.0)))
     np.testing.assert_allclose(laser(range_min=0.01).cast(scene, ORIGIN)[0], 0.05, rtol=1e-6)
     assert (laser().cast(scene, ORIGIN)[0] == np.inf).all()
@@ -160,7 +160,7 @@ def test_an_angle_that_a_message_cannot_hold_is_refused(name, value):
         laser(samples=30, **{name: value})
 
 
-def test_resolution_below_one_gives_fewer_readings_and_misses_stay_infinite():
+def test_resolution_below_one_gives_fewer_readings():
     sensor = laser(samples=720, resolution=0.5, vertical_samples=4, vertical_resolution=2.0, vertical_min_angle=-0.1,
                    vertical_max_angle=0.1)
     ranges, _ = sensor.cast(world(UNIT_BOX), ORIGIN)
@@ -168,7 +168,7 @@ def test_resolution_below_one_gives_fewer_readings_and_misses_stay_infinite():
     assert (ranges.reshape(8, 360)[:, :80] == np.inf).all() and np.isfinite(ranges).any()
 
 
-def test_noise_has_the_wanted_mean_and_spread_and_leaves_misses_alone():
+def test_noise_has_the_given_mean_and_deviation():
     sensor, scene = laser(noise=Noise("gaussian", 0.03, 0.02)), world(WALL)
     clean, _ = laser().cast(scene, ORIGIN)
     clean = clean.astype(float)

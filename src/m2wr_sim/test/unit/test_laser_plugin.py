@@ -48,7 +48,7 @@ def test_twenty_scans_a_second(make, step_ms, times):
     assert make(step_ms=step_ms).run(0.2).stamps_ms(SCAN) == times
 
 
-def test_thirty_scans_a_second_at_five_milliseconds_keep_the_rate(make):
+def test_thirty_hertz_at_five_milliseconds_keep_the_rate(make):
     stamps = make(sensor={"update_rate": 30.0}, step_ms=5).run(5.0).stamps_ms(SCAN)
     assert len(stamps) == 150 and {b - a for a, b in zip(stamps, stamps[1:])} == {30, 35}
 

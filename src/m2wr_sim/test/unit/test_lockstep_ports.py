@@ -22,7 +22,7 @@ def ports(monkeypatch):
     return LockstepPorts()
 
 
-def test_the_clock_and_transforms_are_counted_under_their_real_names(ports):
+def test_clock_and_transforms_are_counted_by_topic(ports):
     ports.clock(0)
     ports.transform(None, "odom", "base", (), ())
     assert ports.topics.counts.counts == {"/sim/clock": 1, "/sim/tf": 1}

@@ -58,7 +58,7 @@ def test_files_are_found(folder, uri):
 
 
 @pytest.mark.parametrize("uri, said", [
-    ("model://part/meshes/none.stl", "no such file"), ("model://nobody/a.stl", "no such file"),
+    ("model://part/meshes/none.stl", "no such file"), ("model://missing/a.stl", "no such file"),
     ("gone.stl", "no such file"), ("model://../../etc/passwd", '".."'), ("model://part/../../beside.stl", '".."'),
     ("../secret.stl", '".."'), ("file:///tmp/../etc/x.stl", '".."'),
     ("http://example.org/a.stl", "nothing is downloaded"),
@@ -193,7 +193,7 @@ def test_a_urdf_mesh_by_model_name_is_found_in_the_model_folders(folder):
 
 @pytest.mark.parametrize("filename, said", [
     ("package://part//etc/passwd", "part/etc"), ("package://../part/meshes/a.stl", '".."'),
-    ("package://nobody/a.stl", 'no package "nobody"'), ("package://part/../../x.stl", '".."'),
+    ("package://missing/a.stl", 'no package "missing"'), ("package://part/../../x.stl", '".."'),
     ("package://part/meshes/gone.stl", "no such file")])
 def test_a_urdf_mesh_that_cannot_be_had_is_reported(folder, filename, said):
     model = urdf(folder, filename, resolve_package=packages(folder))

@@ -239,7 +239,7 @@ def test_damping_and_self_collision_give_the_same_numbers():
     assert results[0] == results[1]
 
 
-def test_full_turns_are_counted_and_survive_a_change_of_the_world():
+def test_full_turns_are_counted_across_world_changes():
     for engine_class in (PyodeEngine, native.NativeEngine):
         engine, robots, _ = build(engine_class)
         joint = robots[0].joints["left"]
@@ -311,7 +311,7 @@ def test_a_world_without_bodies_lets_time_pass():
     engine.close()
 
 
-def test_factory_gives_the_compiled_loop_where_it_can_and_refuses_unknown_names():
+def test_factory_selects_an_engine_and_refuses_unknown_names():
     for kind, expected in (("auto", native.NativeEngine), ("native", native.NativeEngine), ("pyode", PyodeEngine)):
         engine = make_engine(kind, EngineSettings())
         assert type(engine) is expected

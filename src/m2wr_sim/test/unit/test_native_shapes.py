@@ -98,7 +98,7 @@ def test_a_body_comes_to_rest_on_triangles(make_engine, build, ground_of, kind, 
 
 
 @pytest.mark.parametrize("kind", ["block", "ball", "triangles"])
-def test_a_mesh_rests_on_box_and_plane_and_carries_what_lies_on_it(make_engine, build, kind):
+def test_a_mesh_rests_on_a_plane_and_carries_a_load(make_engine, build, kind):
     models = [build.ground(), build.box("table", 0.0, 0.0, 0.25, static=True),
               body(build, "triangles", build.at(z=0.6)), body(build, kind, build.at(0.0, 3.0, 0.5))]
     engine = make_engine(1, models[:3] + ([models[3]] if kind != "triangles" else []))
@@ -111,7 +111,7 @@ def test_a_mesh_rests_on_box_and_plane_and_carries_what_lies_on_it(make_engine, 
         assert state(engine, 3).position[2] == pytest.approx(top, abs=2e-3)
 
 
-def test_a_ball_lies_where_the_heights_say_and_where_the_laser_sees_them(make_engine, build, ground_of):
+def test_a_ball_rests_at_the_height_the_laser_sees(make_engine, build, ground_of):
     """A bowl off the middle: a mirrored or turned field would leave the ball elsewhere."""
     def bowl(x, y):
         return 0.2 * ((x - 1.3) ** 2 + (y + 0.8) ** 2)
@@ -157,7 +157,7 @@ def test_engines_give_the_same_bits(build, ground_of, kind):
     assert results[0] == results[1]
 
 
-def test_engines_give_the_same_bits_for_wheels_on_floor_and_wall_in_one_mesh(build, m2wr, drive):
+def test_engines_agree_on_floor_and_wall_in_one_mesh(build, m2wr, drive):
     """Wheels have contacts with the floor and the wall of one mesh: two contacts, not one in between."""
     walls = [block((30.0, 30.0, 0.1), (0.0, 0.0, -0.05)), block((0.2, 6.0, 1.0), (1.5, 0.0, 0.5))]
     room = Mesh(np.concatenate([wall.vertices for wall in walls]),
@@ -334,7 +334,7 @@ def test_arrays_that_are_no_shape_are_refused(make_engine, build, shape, said):
     assert "m::link::collision" in str(caught.value)
 
 
-def test_in_a_running_simulation_the_laser_sees_them_where_they_are(make_rig, build):
+def test_the_laser_of_a_simulation_sees_moved_meshes(make_rig, build):
     hill = heights_of(slope)
     models = [build.one_link("wall", block((0.2, 4.0, 2.0)), build.at(3.0, 0.0, 0.5)),
               build.one_link("crate", block((0.4, 0.4, 0.4)), build.at(0.0, 2.0, 0.2), static=False),

@@ -31,7 +31,7 @@ def test_same_seed_same_noise_other_seed_other_noise():
     assert (draws(make(5), 3) != first).all()
 
 
-def test_reset_with_the_same_seed_starts_again_and_keeps_the_bias():
+def test_reset_with_the_same_seed_keeps_the_bias():
     model = make(4, bias_mean=0.3, bias_stddev=0.1)
     first, bias = draws(model, 300), model.bias
     model.reset(np.random.default_rng(4))

@@ -42,14 +42,14 @@ def test_unsupported_elements_of_its_files_are_logged(fresh, lines):
         assert told.count(words) == 1, (words, told)
 
 
-def test_a_robot_that_turns_the_wrong_way_is_worth_one_warning_in_a_hundred_simulations(fresh, lines):
+def test_a_reversed_robot_warns_once_in_a_hundred_simulations(fresh, lines):
     for _ in range(100):
         Sim(robot="m2wr", wheel_convention="noetic").close()
     told, = lines(logging.WARNING)
     assert "clockwise, against REP 103" in told
 
 
-def test_a_line_is_said_once_of_models_that_differ_in_their_names(fresh, lines):
+def test_a_line_is_logged_once_for_models_that_differ_by_name(fresh, lines):
     record = replace(read_robot("m2wr"), notes=("robot of first: strange.",))
     sim = Sim(robot=record)
     for name in ("second", "third"):

@@ -246,7 +246,7 @@ def make_arena(make_engine, build, step_ms, robot, drive):
 
 
 @pytest.mark.parametrize("step_ms", [2, 5])
-def test_random_driving_among_obstacles_never_tilts_a_balanced_robot(make_engine, build, drive, step_ms):
+def test_random_driving_never_tilts_a_balanced_robot(make_engine, build, drive, step_ms):
     """Its wheels slip: at a wall they are pressed with mu W at most, so friction lifts with mu^2 W, W / 25 here."""
     robot = with_friction(balanced_robot(), ["link_left", "link_right"], 0.2)
     engine, courses = make_arena(make_engine, build, step_ms, robot, drive)
@@ -410,7 +410,7 @@ def test_friction_has_the_direction_that_turns_with_the_shape(make_engine, build
 
 
 @pytest.mark.parametrize("kind, xyz", [("revolute", (0.0, 0.0, 1.0)), ("prismatic", (1.0, 0.0, 0.0))])
-def test_a_spring_swings_about_its_reference_and_damping_brings_it_there(make_engine, kind, xyz):
+def test_a_damped_spring_settles_at_its_reference(make_engine, kind, xyz):
     inertial = Inertial(0.5, inertia=(0.5, 0.0, 0.0, 0.5, 0.0, 0.5))
     axis = Axis(xyz=xyz, spring_stiffness=8.0, spring_reference=0.3)
     models = [Model(name, (Link("link", inertial=inertial, gravity=False),), (

@@ -101,8 +101,7 @@ def test_a_robot_with_a_smooth_back_stands_at_a_wall(make_engine, build, drive, 
 
 
 @pytest.mark.parametrize("step_ms", STEPS)
-def test_a_robot_jammed_at_a_wall_comes_down_as_fast_as_contacts_are_compliant(make_engine, build, drive, m2wr,
-                                                                               step_ms):
+def test_a_robot_jammed_at_a_wall_comes_down(make_engine, build, drive, m2wr, step_ms):
     """Statics holds it where friction is 1, with its wheels at rest; only the compliance lets it creep."""
     rates = []
     for cfm in (1e-5, 1e-6):
@@ -214,7 +213,7 @@ def test_two_robots_jammed_head_on_stay_apart_and_cheap(make_engine, build, driv
     assert min(costs) < 20.0 * free
 
 
-def test_two_thousand_obstacles_out_of_reach_change_nothing_and_cost_little(make_engine, build, drive, m2wr):
+def test_two_thousand_distant_obstacles_cost_little(make_engine, build, drive, m2wr):
     results, costs = [], []
     for count in (0, 2000):
         course = make(make_engine, m2wr, drive, 1, obstacles(build, count, 3, 5.0, 40.0))
@@ -231,7 +230,7 @@ def test_two_thousand_obstacles_out_of_reach_change_nothing_and_cost_little(make
 
 
 @pytest.mark.parametrize("step_ms", STEPS)
-def test_thirty_robots_at_random_among_obstacles_and_one_another_never_tilt(build, drive, step_ms):
+def test_thirty_robots_among_obstacles_never_tilt(build, drive, step_ms):
     """Their wheels slip: one pressed with mu W lifts with mu^2 W by friction, W / 25; with a mu of 1 it climbs."""
     from m2wr_sim.physics.engine import EngineSettings
     from m2wr_sim.physics.factory import make_engine

@@ -235,7 +235,7 @@ def test_a_stop_may_be_as_soft_as_the_limit_allows(engine_kind, softness):
 
 @pytest.mark.parametrize("program, said", [(LONG, "beam::link: it has contacts up to 32768 m from its centre of mass"),
                                            (SPIT, "")], ids=["long beam", "ball on the axis of a cylinder"])
-def test_contacts_that_the_direct_solver_cannot_take_do_not_end_the_process(engine_kind, program, said):
+def test_too_many_contacts_do_not_end_the_process(engine_kind, program, said):
     result = subprocess.run([sys.executable, "-c", program, engine_kind, ""], timeout=600,
                             cwd=str(SOURCE.parent / "test" / "unit"), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                             universal_newlines=True)
@@ -255,7 +255,7 @@ def test_the_process_ends_well(engine_kind, program, end):
         assert "LostError" in result.stdout and "ModelError" in result.stdout
 
 
-def test_a_model_that_cannot_be_built_among_others_leaves_them_alone(make_engine, build, m2wr):
+def test_a_refused_model_leaves_the_others_alone(make_engine, build, m2wr):
     engine = make_engine(1, [build.ground()])
     robot = engine.add_model(m2wr, build.at(z=0.1))
     engine.step(500)

@@ -228,7 +228,7 @@ def test_what_lies_within_the_shortest_range_is_looked_through():
     assert cast(build(shapes), (0, 0, 0), UPRIGHT, FANS["one"])[0][0] == pytest.approx(2.0)
 
 
-def test_surface_exactly_at_the_start_is_not_seen_and_at_the_end_is_none():
+def test_surfaces_at_start_and_end_of_a_ray_are_not_seen():
     box = Box((1.0, 1.0, 1.0))
     assert cast(build([(box, ((0.5, 0, 0), UPRIGHT))]), (0, 0, 0), UPRIGHT, FANS["one"], range_min=0.0)[0][0] == 1.0
     assert np.isinf(cast(build([(box, ((10.5, 0, 0), UPRIGHT))]), (0, 0, 0), UPRIGHT, FANS["one"])[0][0])

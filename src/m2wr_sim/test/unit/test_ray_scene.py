@@ -135,12 +135,12 @@ def test_wrong_shapes_of_pose_arrays_are_refused():
 @pytest.mark.parametrize("rows, poses", [
     (np.array([0]), np.zeros((2, 7))), (np.array([0]), np.zeros((1, 7), np.float32)),
     (np.array([0], np.int32), np.zeros((1, 7))), (np.array([0, 1]), np.zeros((2, 14))[:, ::2])])
-def test_arrays_that_cannot_be_handed_over_by_address_are_refused(rows, poses):
+def test_arrays_without_a_contiguous_address_are_refused(rows, poses):
     with pytest.raises(ValueError, match="expected"):
         RayScene(2).mover(rows, poses)
 
 
-def test_plane_keeps_its_normal_when_turned_and_follows_its_position():
+def test_a_plane_follows_the_pose_of_its_link():
     scene = RayScene(1)
     row = scene.add(Plane((-2.0, 0.0, 0.0)), ((4.0, 7.0, 1.0), quaternion_from_rpy(0.3, 0.2, 0.1)), "wall")
     assert scene.shapes[row, KIND] == PLANE and ahead(scene) == pytest.approx(4.0)

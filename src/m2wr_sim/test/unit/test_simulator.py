@@ -155,7 +155,7 @@ def test_the_length_of_batches_changes_nothing(m2wr_rig, build, step_ms):
 
 # -- models -------------------------------------------------------------------------------------------------------
 
-def test_models_stand_in_load_order_and_a_respawned_one_comes_last(make_rig, build):
+def test_models_keep_load_order_and_a_respawned_one_is_last(make_rig, build):
     rig = make_rig(build.box("a", 1, 0, 1), build.box("b", 2, 0, 1))
     rig.simulator.spawn(build.box("x", 3, 0, 1), at(3, 0, 1), "c")
     assert list(rig.simulator.models) == ["ground_plane", "a", "b", "c"]
@@ -319,7 +319,7 @@ def test_unknown_frames_are_refused(m2wr_rig, frame):
     assert simulator.model_state("m2wr").position == pytest.approx((0.0, 0.0, 0.1))
 
 
-def test_a_quaternion_of_zeros_means_upright_and_others_are_normalised(m2wr_rig, m2wr):
+def test_quaternions_are_normalised_and_zero_means_upright(m2wr_rig, m2wr):
     rig = m2wr_rig(pose=((1.0, 0.0, 0.1), (0.0, 0.0, 0.0, 0.0)))
     assert rig.pose()[1] == pytest.approx((0, 0, 0, 1))
     rig.simulator.set_model_state("m2wr", ((0, 0, 0.1), (0.0, 0.0, 3.0, 3.0)), REST, REST)
@@ -337,7 +337,7 @@ def test_joints_can_be_set(m2wr_rig):
 
 # -- a world's stored state ---------------------------------------------------------------------------------------
 
-def test_the_stored_state_sets_time_poses_and_speeds_and_a_reset_leaves_it(make_rig, build, caplog):
+def test_the_stored_state_of_a_world_is_applied_until_reset(make_rig, build, caplog):
     crate, ball = build.box("crate", 0, 0, 0.25, static=False), build.sphere("ball", 5, 0, 0.25, static=False)
     state = WorldState(1183639000000, (
         ModelStateEntry("crate", at(2.0, 1.0, 0.25, 0.5)), ModelStateEntry("ghost", at()),
@@ -358,7 +358,7 @@ def test_the_stored_state_sets_time_poses_and_speeds_and_a_reset_leaves_it(make_
     assert rig.simulator.now_ns == 0 and rig.run(0.01).ports.clock_ns[-1] == MS
 
 
-def test_what_the_engine_cannot_take_of_a_world_is_left_out_and_named(make_rig, build, caplog):
+def test_unsupported_parts_of_a_world_are_reported(make_rig, build, caplog):
     feather = build.one_link("feather", Box((0.1,) * 3), at(), static=False, mass=1e-30)
     state = WorldState(0, (ModelStateEntry("crate", at(1e300)), ModelStateEntry("ball", None, (
         ("link", None, ((1e300, 0.0, 0.0), (0.0, 0.0, 0.0))),))))
@@ -452,7 +452,7 @@ def test_a_plugin_that_raises_is_named_and_switched_off(traced, m2wr, caplog, pl
     assert [name for name, _ in calls].count("close") == 1      # closed once, not again
 
 
-def test_a_plugin_that_raises_over_a_message_is_named_and_switched_off(traced, caplog):
+def test_a_plugin_that_raises_is_reported_and_disabled(traced, caplog):
     rig, calls = traced(fails_in=["order"])
     rig.run(0.01)
     rig.ports.send("/orders", "fire")
@@ -513,7 +513,7 @@ def test_a_spawn_that_fails_half_way_leaves_nothing_behind(make_rig, build, monk
     simulator.spawn(thing, at())
 
 
-def test_positions_and_velocities_beyond_the_engines_numbers_are_refused(make_rig, build):
+def test_positions_and_velocities_out_of_bounds_are_refused(make_rig, build):
     simulator, thing = make_rig().simulator, build.sphere("thing", 0.0, 0.0, 1.0, static=False)
     with pytest.raises(ModelError, match="from the origin"):
         simulator.spawn(thing, at(1e7), "far")

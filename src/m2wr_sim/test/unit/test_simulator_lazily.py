@@ -99,7 +99,7 @@ def test_a_message_that_comes_finds_the_bodies_in_place(make_rig, build):
     assert len(found[0][0]) == 1 and found[0] == found[1]
 
 
-def test_what_changed_while_the_bodies_were_not_behind_counts_from_the_next_step(make_rig, build):
+def test_changes_between_steps_count_from_the_next_step(make_rig, build):
     rig = make_rig(build.box("crate", 0.0, 0.0, 3.0, static=False, mass=2.0))
     forces = Forces(rig.simulator)
     rig.simulator.add_observer(forces, "forces")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What reading costs grows with its input's length and no faster: nobody stops the clock with a short text.
+"""The cost of reading a text grows linearly with its length: no short text stops the clock.
 
 Cost is what Python executes, counted, plus the least CPU time of several tries for what runs in C.
 """

@@ -111,7 +111,7 @@ def big():
     return JointState(name=["n"] * BIG)
 
 
-def test_nobody_listens_and_nothing_is_counted(impl, channel):
+def test_without_subscribers_nothing_is_counted(impl, channel):
     channel.publish(big())
     assert not channel.connected() and impl.seq == 0 and channel.dropped() == []
 
@@ -139,7 +139,7 @@ def test_no_thread_is_started_for_a_subscriber(channel, peers):
     assert threading.active_count() <= before + 1       # the one that drains
 
 
-def test_who_does_not_read_holds_up_nobody_and_loses_only_the_oldest(channel, peers, monkeypatch, caplog):
+def test_a_slow_subscriber_delays_no_other_and_loses_the_oldest(channel, peers, monkeypatch, caplog):
     monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 50)
     stuck, healthy = peers("/stuck"), peers("/healthy")
     seen = []
@@ -213,7 +213,7 @@ def test_who_leaves_is_forgotten_and_his_losses_are_not(impl, channel, peers, mo
     assert (topic, peer) == ("/topic", "") and gone >= count > 0
 
 
-def test_a_stuck_peer_that_dies_is_noticed_without_further_messages(impl, channel, peers):
+def test_the_death_of_a_stuck_peer_is_noticed(impl, channel, peers):
     peer = peers()
     for _ in range(100):
         channel.publish(big())
@@ -221,7 +221,7 @@ def test_a_stuck_peer_that_dies_is_noticed_without_further_messages(impl, channe
     peer.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     peer.close()                                        # resets the connection, as the death of a process does
     wait_until(lambda: not impl.connections, "the connection to go")
-    channel.publish(big())                              # to nobody
+    channel.publish(big())                              # no subscriber
 
 
 def test_a_connection_that_goes_takes_its_backlog_along(impl, channel, peers):
@@ -229,14 +229,14 @@ def test_a_connection_that_goes_takes_its_backlog_along(impl, channel, peers):
     for _ in range(100):
         channel.publish(big())
     link = channel._links[0]
-    impl.connections[0].close()                         # as rospy does when the same subscriber comes anew
+    impl.connections[0].close()                         # as rospy does when the same subscriber connects again
     assert not impl.connections and not link._backlog and link._bytes == 0
     assert link not in subscriber_link._drain._links.values()
     channel.publish(big())
     assert link not in channel._links
 
 
-def test_the_same_subscriber_anew_replaces_its_old_connection(impl, channel, peers):
+def test_the_same_subscriber_again_replaces_its_old_connection(impl, channel, peers):
     old = peers("/same")
     channel.publish(big())
     new = peers("/same")
@@ -293,7 +293,7 @@ def latched(request, impl, channel):
     return channel
 
 
-def test_who_comes_late_to_a_latched_topic_gets_the_last_message_at_once(impl, latched, peers):
+def test_a_late_subscriber_of_a_latched_topic_gets_the_last(impl, latched, peers):
     for name in ("old", "kept"):
         latched.publish(JointState(name=[name]))
     early = peers("/early")
@@ -304,11 +304,11 @@ def test_who_comes_late_to_a_latched_topic_gets_the_last_message_at_once(impl, l
         assert JointState().deserialize(peer.read_message()).name == ["new"]
     assert impl.headers == {"latching": "1"} and all(isinstance(link, Link) for link in impl.connections)
     latched.publish(JointState(name=["newest"]))
-    for peer in (early, late):              # nobody has got anything twice
+    for peer in (early, late):              # no subscriber received a message twice
         assert JointState().deserialize(peer.read_message()).name == ["newest"]
 
 
-def test_who_subscribes_to_a_latched_topic_and_does_not_read_holds_up_nobody(impl, latched, peers):
+def test_a_slow_subscriber_of_a_latched_topic_delays_no_other(impl, latched, peers):
     names = {"first": ["first"] * 200000, "second": ["second"] * 200000, "third": ["third"]}
     latched.publish(JointState(name=names["first"]))
     made = []
@@ -330,13 +330,13 @@ def test_who_subscribes_to_a_latched_topic_and_does_not_read_holds_up_nobody(imp
         assert JointState().deserialize(made[0].read_message()).name == names[name]
 
 
-def test_a_message_while_rospy_accepts_somebody_tears_nothing(impl, latched, peers):
+def test_a_message_while_rospy_accepts_a_peer_stays_whole(impl, latched, peers):
     class Publishes(rospy.SubscribeListener):
         def peer_subscribe(self, *_):
             latched.publish(JointState(name=["second"] * 200000))
 
     latched.publish(JointState(name=["first"] * 200000))
-    impl.subscriber_listeners.insert(0, Publishes())    # comes before the last message has been given to the newcomer
+    impl.subscriber_listeners.insert(0, Publishes())    # before the last message is sent to the new peer
     made, read = queue.Queue(), []
 
     def listen():
@@ -358,7 +358,7 @@ def test_what_cannot_be_serialised_is_not_kept(latched, peers):
     assert JointState().deserialize(peers("/late").read_message()).name == ["good"]
 
 
-def test_what_a_connection_lost_is_counted_though_it_was_closed_while_in_the_list(impl, channel, peers, monkeypatch):
+def test_losses_of_a_closed_connection_are_counted(impl, channel, peers, monkeypatch):
     monkeypatch.setattr(subscriber_link, "BACKLOG_MESSAGES", 5)
     peers("/leaver"), peers("/other")
     for _ in range(50):
@@ -367,7 +367,7 @@ def test_what_a_connection_lost_is_counted_though_it_was_closed_while_in_the_lis
     lost = link.dropped
     link._connection.set_cleanup_callback(None)         # rospy has closed it and not yet taken it out
     link.close()
-    peers("/newcomer")
+    peers("/new_subscriber")
     channel.publish(big())
     assert lost > 0 and ("/topic", "", lost) in channel.dropped()
     impl.remove_connection(link)

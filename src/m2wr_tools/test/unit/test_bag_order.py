@@ -38,7 +38,7 @@ def test_messages_of_one_time_come_in_the_order_of_recording(tmp_path, compressi
     assert settle_times(path) == 0
 
 
-def test_times_move_by_nanoseconds_only_and_those_that_tell_the_order_stay(tmp_path):
+def test_times_are_rounded_to_nanoseconds_in_order(tmp_path):
     path = write(tmp_path / "run.bag", [("/talk", "a", 1.0), ("/talk", "b", 1.0), ("/talk", "c", 1.5),
                                         ("/other", "d", 1.5)])
     settle_times(path)

@@ -42,7 +42,7 @@ def test_the_report_names_what_is_there_and_what_is_not(tmp_path, capsys):
     assert "outcome                      goal reached" in text and "least clearance              not recorded" in text
 
 
-def test_bags_that_cannot_be_read_are_named_and_the_others_are_told(tmp_path, capsys):
+def test_unreadable_bags_are_reported_with_the_others(tmp_path, capsys):
     path = str(tmp_path / "run.bag")
     with rosbag.Bag(path, "w") as bag:
         bag.write("/clock", Clock(), rospy.Time(1))

@@ -29,7 +29,7 @@ def case(robots=1, obstacles=20, **changes):
 # ---- the world ----------------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("obstacles", [0, 3, 60])
-def test_the_world_has_as_many_obstacles_as_asked_for_and_repeats(obstacles):
+def test_the_world_has_the_requested_number_of_obstacles(obstacles):
     world = load_world(reference.world_sdf(obstacles))
     assert len(world.models) == 1 + obstacles and all(model.static for model in world.models)
     assert reference.world_sdf(obstacles) == reference.world_sdf(obstacles)
@@ -192,7 +192,7 @@ def test_arguments_out_of_range_are_refused(arguments, capsys):
     assert ended.value.code == 2 and arguments[0] in capsys.readouterr().err
 
 
-def test_other_simulators_of_the_command_line_are_those_there_are():
+def test_simulators_on_the_command_line_are_checked():
     assert sorted(OTHERS) == sorted(others.MAKERS)
 
 
@@ -239,7 +239,7 @@ def test_table_has_a_row_for_every_case_and_takes_medians(monkeypatch):
     assert "1, with 2.0 % of a core" in text
 
 
-def test_the_table_compares_with_the_simulators_that_are_installed(monkeypatch):
+def test_the_table_lists_installed_simulators(monkeypatch):
     asked = []
 
     def run_case(arguments):
@@ -316,7 +316,7 @@ def test_the_models_of_the_reference_are_sound():
     assert sum(link.inertial.mass for link in robot.links) == pytest.approx(5.4)
 
 
-def test_the_peak_of_memory_is_not_that_of_the_process_that_started_this_one():
+def test_peak_memory_excludes_the_parent_process():
     child = "from m2wr_sim.process_memory import memory_mb; print(memory_mb('VmRSS'), memory_mb('VmHWM'))"
     parent = ("import subprocess, sys; block = b'x' * (400 << 20); "
               "sys.stdout.write(subprocess.check_output([sys.executable, '-c', %r]).decode())" % child)

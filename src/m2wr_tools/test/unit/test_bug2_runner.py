@@ -55,7 +55,7 @@ def test_every_seed_and_phase_reaches_the_goal(robot, world, seed, phase):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_the_printed_rule_arrives_although_it_rubs_against_the_ends_of_walls(robot, seed):
+def test_the_printed_rule_arrives_despite_contacts(robot, seed):
     run = run_bug2("world02", seed=seed, leave_rule="report", robot=robot, limit=150.0)
     assert run.outcome == "goal_reached" and run.contacts, run
 
@@ -68,7 +68,7 @@ def test_a_yard_without_a_gate_is_found_to_be_closed(robot):
         driver = Bug2Driver(sim, "m2wr", (0.0, 8.0), (0.0, -4.0))
         while not driver.turn():
             sim.step(None, TURN)
-        assert sim.step(None, 1.0).odometry.linear_x == pytest.approx(0.0, abs=1e-3)    # and it stands still
+        assert sim.step(None, 1.0).odometry.linear_x == pytest.approx(0.0, abs=1e-3)    # and the robot rests
 
 
 def test_one_seed_drives_the_same_way_to_the_last_bit(robot, experiment):

@@ -177,7 +177,7 @@ def test_all_that_is_missing_is_told_together_with_one_command():
     one_fault(found, "warning", "Python module tf, package topic_tools", "install libtopic-tools-dev python3-tf")
 
 
-def test_headers_are_looked_for_where_debian_and_noetic_have_them():
+def test_headers_are_searched_in_both_distributions():
     asked = []
 
     class Asked(FakeMachine):
@@ -197,7 +197,7 @@ def test_the_shipped_list_can_be_read_and_names_each_thing_once():
     assert len(entries) > 40 and len(set(entry[1:] for entry in entries)) == len(entries)
 
 
-def test_a_package_that_package_path_and_workspace_have_is_found_in_both(tmp_path):
+def test_a_package_found_twice_is_reported(tmp_path):
     for place in ("mine/thing", "ws/thing"):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "package.xml").write_text("<package><name>thing</name></package>")
@@ -331,12 +331,12 @@ def test_a_sound_graph_has_no_faults():
     assert not faults(graph.check_master(FakeMachine(), make_graph()) + graph.check_topics(make_graph()))
 
 
-def test_nodes_at_the_loopback_address_cannot_serve_a_master_elsewhere():
+def test_loopback_nodes_with_a_remote_master_are_reported():
     one_fault(environment_findings(ROS_MASTER_URI="http://other:11311"), "problem", "the master is on other",
               "ROS_HOSTNAME is localhost", "export ROS_IP=")
 
 
-def test_without_a_variable_nodes_are_open_which_is_told_unless_the_master_is_elsewhere():
+def test_nodes_open_to_the_network_are_reported():
     def examine(**variables):
         machine = FakeMachine()
         del machine.environ["ROS_HOSTNAME"]
@@ -460,7 +460,7 @@ def test_an_unknown_laser_frame():
 
 
 @pytest.mark.parametrize("edges", [{}, without(("link_chassis", "sensor_laser"), ("link_chassis", "link_left_wheel"))])
-def test_a_robot_just_spawned_is_no_problem_while_nothing_reads_its_frames(edges):
+def test_a_robot_without_frames_yet_is_no_problem(edges):
     alone = make_graph(subscribers={"/tf": ["/doctor_17_3"]})
     found = frames.check(alone, make_seen(edges=edges))
     assert not faults(found) and any("rvis.launch" in finding.what for finding in found)

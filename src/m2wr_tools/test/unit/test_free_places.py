@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Places for a crowd: free of the world, apart, within reach, the same for the same seed."""
+"""Places for many robots: free of the world, apart, within reach, the same for the same seed."""
 import math
 from dataclasses import replace
 
@@ -53,13 +53,13 @@ def test_a_circle_looks_outwards():
     assert len({round(math.hypot(x - 1.0, y - 2.0), 9) for x, y, _ in places}) == 1
 
 
-def test_the_same_seed_gives_the_same_places_and_another_gives_others():
+def test_places_depend_on_the_seed_alone():
     one, two, three = (find_places(world(), 10, "random", seed=seed) for seed in (3, 3, 4))
     assert one == two != three
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_a_crowd_that_starts_inside_walls_stays_inside(layout):
+def test_robots_that_start_inside_walls_stay_inside(layout):
     places = find_places(world(*walls(3.0)), 9, layout)
     assert all(max(abs(x), abs(y)) <= 3.0 - 0.1 - 0.45 + 1e-9 for x, y, _ in places)
 

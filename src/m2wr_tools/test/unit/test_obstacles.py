@@ -215,8 +215,8 @@ def test_one_that_stands_in_the_robot_is_warned_of(capsys):
 
 
 def test_an_unknown_robot_is_named():
-    with pytest.raises(ObstacleError, match='no model "nobody"; in the world are ground_plane, m2wr'):
-        run_add("box --near nobody")
+    with pytest.raises(ObstacleError, match='no model "ghost"; in the world are ground_plane, m2wr'):
+        run_add("box --near ghost")
 
 
 def test_without_a_master_it_says_what_to_start(monkeypatch, capsys):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Putting the robot where somebody points."""
+"""Placing the robot at a clicked pose."""
 import logging
 import math
 from types import SimpleNamespace
@@ -75,7 +75,7 @@ def test_what_cannot_be_done_is_told_and_changes_nothing(warnings, name, pose, s
 
 
 @pytest.mark.parametrize("nodes, told", [(["/me"], 1), (["/me", "/bug2"], 0)])
-def test_a_goal_that_nobody_drives_to_is_told(warnings, monkeypatch, nodes, told):
+def test_a_goal_without_a_controller_is_reported(warnings, monkeypatch, nodes, told):
     monkeypatch.setattr(rospy, "get_name", lambda: "/me")
     check_goal(None, lambda: ([], [["/odom", ["/bug2"]], ["/move_base_simple/goal", nodes]], []))
     assert len(warnings) == told and all("roslaunch m2wr_sim bug2.launch" in line for line in warnings)

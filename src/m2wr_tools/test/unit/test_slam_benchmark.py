@@ -131,7 +131,7 @@ def test_turns_wrap():
     assert found["degrees"] < 1e-9
 
 
-def test_poses_at_the_scans_are_taken_where_there_are_no_relations(tmp_path):
+def test_poses_at_scans_replace_missing_relations(tmp_path):
     poses = drive()
     carmen(tmp_path / "room.clf", poses)
     (tmp_path / "room.ref").write_text("".join("{} {} {} {}\n".format(k, *pose) for k, pose in enumerate(poses)))
@@ -176,7 +176,7 @@ def test_a_benchmark_ends_with_a_table_and_all_runs(folder, capsys):
     assert (folder / "kept" / "room_report_5_2.yaml").exists()
 
 
-def test_a_benchmark_that_was_ended_goes_on_where_it_was(folder, capsys, monkeypatch):
+def test_a_benchmark_that_was_ended_resumes(folder, capsys, monkeypatch):
     words = [str(folder), "--particles", "2", "--sets", "report", "--set", "linearUpdate=0.5", "xmin=-6", "xmax=6",
              "ymin=-6", "ymax=6", "--keep", str(folder / "kept"), "--quiet"]
     assert command.main(words + ["--seeds", "1"]) == 0

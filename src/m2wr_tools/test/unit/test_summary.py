@@ -90,7 +90,7 @@ def record_corner(path, offset=0.0):
     recorder.point(7.0, "leave", 4.0, 2.0)
     recorder.state(7.005, "go_to_point")
     recorder.status(2.0, mean_real_time_factor=1.5)
-    recorder.status(6.0, mean_real_time_factor=3.25, touches_of_m2wr=2, real_time_factor=9.0)
+    recorder.status(6.0, mean_real_time_factor=3.25, **{"touches of m2wr": 2}, real_time_factor=9.0)
     recorder.state(8.0, "goal_reached")
     recorder.pose(8.5, 4.0, 3.0, math.pi / 2)
     return recorder.close()
@@ -148,7 +148,7 @@ def test_only_what_follows_a_reset_is_read(tmp_path):
     recorder.state(1.0, "wall_following")
     recorder.point(1.0, "hit", 9.0, 9.0)
     recorder.pose(2.0, 0.3, 0.0)
-    recorder.offset = 100.0         # the recorder's clock went on
+    recorder.offset = 100.0         # the recorder's clock is ahead
     recorder.pose(0.0, 0.0, 0.0)
     recorder.state(0.0, "go_to_point")
     recorder.pose(1.0, 0.1, 0.0)
@@ -211,7 +211,7 @@ def test_broken_bags_are_named(tmp_path):
         assert str(broken) in message_of(broken)
     noise = np.random.default_rng(1)
     refused = 0
-    for _ in range(40):         # any byte may be wrong: either nobody notices or there is one message
+    for _ in range(40):         # any byte may be wrong: either no error or one message
         data = bytearray(whole)
         for place in noise.integers(20, len(data), 30):
             data[place] = noise.integers(256)
@@ -233,7 +233,7 @@ def test_a_topic_of_another_type_is_named(tmp_path):
 
 def test_diagnostics_without_numbers_are_named(tmp_path):
     recorder = Recorder(tmp_path / "odd.bag")
-    recorder.status(1.0, touches_of_m2wr="many")
+    recorder.status(1.0, **{"touches of m2wr": "many"})
     assert '"many"' in message_of(recorder.close())
 
 

@@ -46,7 +46,7 @@ class _Port:
                 raise
 
     def latch(self):
-        """Let whoever subscribes later have the last message as well; it must not change once it is published."""
+        """Send the last message to later subscribers too; it must not change once it is published."""
         self.channel.latch()
 
     def close(self):
@@ -71,7 +71,7 @@ class _Subscription:
 
 
 class _Service:
-    """One service; a name that is taken already is left to whoever has it, as in Gazebo."""
+    """One service; a name that is taken already stays with its owner, as in Gazebo."""
 
     def __init__(self, name, service_class, handler, ports):
         self._service = None
