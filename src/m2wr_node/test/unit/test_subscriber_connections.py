@@ -55,3 +55,15 @@ def test_a_plain_topic_latches_and_closes(channels):
     assert not impl.closed and "/topic" in channels.traffic()
     channels.close(second, channel)
     assert impl.closed and channels.traffic() == {}
+
+
+def test_a_topic_may_lose_a_private_part(channels, monkeypatch):
+    monkeypatch.setattr(subscriber_connections, "USED", ("connections",))
+    channels._serialiser_of = mock.Mock()
+    (first, full), missing = channels.open("/topic", String), ("connections", "no_such_part")
+    monkeypatch.setattr(subscriber_connections, "USED", missing)
+    second, plain = channels.open("/topic", String)
+    assert not isinstance(full, PlainChannel) and isinstance(plain, PlainChannel)
+    channels.close(second, plain)
+    channels.close(first, full)
+    assert channels.traffic() == {}

@@ -152,11 +152,11 @@ def test_a_slow_subscriber_delays_no_other_and_loses_the_oldest(channel, peers, 
     reader.join(PATIENCE)
     assert seen == list(range(1, MANY + 1))
     lost, = channel.dropped()
-    assert (lost.topic, lost.peer) == ("/topic", "/stuck") and lost.count > 300
+    assert (lost.topic, lost.peer) == ("/topic", "/stuck") and lost.messages > 300
     assert len([entry for entry in caplog.records if "/stuck does not read /topic" in entry.getMessage()]) == 1
     got = stuck.read_seqs(MANY)                         # whole messages: what was begun, then the newest
     assert got == sorted(set(got)) and got[-50:] == list(range(MANY - 49, MANY + 1)) and got[0] == 1
-    assert len(got) == MANY - lost.count
+    assert len(got) == MANY - lost.messages
     wait_until(lambda: not channel._links[0].waiting, "the backlog to be gone")
     channel.publish(big())
     assert stuck.read_seqs(MANY + 1) == [MANY + 1] and channel.dropped() == [lost]
@@ -200,7 +200,7 @@ def test_who_leaves_is_forgotten_and_his_losses_are_not(impl, channel, peers, mo
     for index in range(100):
         channel.publish(big())
         stayer.read_message()
-    count, = [entry.count for entry in channel.dropped()]
+    count, = [entry.messages for entry in channel.dropped()]
     leaver.close()
 
     def left():

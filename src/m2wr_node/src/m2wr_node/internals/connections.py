@@ -10,9 +10,11 @@ Uses: ``rospy.topics.get_topic_manager()`` with ``get_pub_sub_info()`` and ``get
 Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic).
 Without it: no connection of this node is known or dropped, and ports are None; one line in the log.
 """
+from __future__ import annotations
+
 import logging
 import re
-from collections import namedtuple
+from typing import Any, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 from rospy import topics
 
@@ -20,11 +22,17 @@ log = logging.getLogger(__name__)
 
 _PORTS = re.compile(r"connection on port (\d+) to \[.*:(\d+) on socket")
 
-Connection = namedtuple("Connection", "publisher subscriber topic ports")
-"""``ports`` are those of the subscriber and the publisher, or None where they are not known."""
+
+class Connection(NamedTuple):
+    """A topic connection; ``ports`` are those of the subscriber and the publisher, or None where they are not known."""
+
+    publisher: str
+    subscriber: str
+    topic: str
+    ports: Optional[Tuple[int, int]]
 
 
-def own_bus_info():
+def own_bus_info() -> List[Sequence[Any]]:
     """Return the connections of this node in the form of the slave API's ``getBusInfo``."""
     try:
         return topics.get_topic_manager().get_pub_sub_info()
@@ -33,14 +41,14 @@ def own_bus_info():
         return []
 
 
-def published(publisher, bus_info):
+def published(publisher: str, bus_info: Iterable[Sequence[Any]]) -> List[Connection]:
     """Return the connections on which a node publishes.
 
     Parameters
     ----------
     publisher : str
         Name of the node.
-    bus_info : list
+    bus_info : list of lists
         What its ``getBusInfo`` returned.
 
     Returns
@@ -56,7 +64,7 @@ def published(publisher, bus_info):
     return found
 
 
-def drop_connections(topic, uris):
+def drop_connections(topic: str, uris: Sequence[Optional[str]]) -> int:
     """Close this node's connections of a topic to the publishers at ``uris``, so that it can connect to them again.
 
     rospy does not connect to a publisher to which it has a connection, even if the publisher has none.
@@ -66,7 +74,7 @@ def drop_connections(topic, uris):
     topic : str
         Its resolved name.
     uris : list of str
-        Slave APIs of the publishers.
+        Slave APIs of the publishers; None, for an unknown one, is ignored.
 
     Returns
     -------

@@ -10,7 +10,10 @@ Uses: ``rospy.rostime._rostime_current``, ``get_rostime_cond()`` (and ``_waiters
 Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic); Python 3.11.
 Without it: ``rospy.get_rostime()`` stays what plain rospy makes of it, wall time or /clock; one line in the log.
 """
+from __future__ import annotations
+
 import logging
+from typing import Any
 
 from rospy import rostime
 from rospy.impl import simtime
@@ -21,7 +24,7 @@ _condition = rostime.get_rostime_cond()         # the process has one
 _counts_waiters = hasattr(_condition, "_waiters")           # otherwise each call notifies
 
 
-def set_ros_time(stamp):
+def set_ros_time(stamp: Any) -> None:
     """Make ``stamp``, a rospy.Time, this node's ROS time, and wake threads that sleep in ROS time."""
     rostime._rostime_current = stamp
     _condition.acquire()
@@ -32,7 +35,7 @@ def set_ros_time(stamp):
         _condition.release()
 
 
-def make_own_clock():
+def make_own_clock() -> None:
     """Make this node the source of its own ROS time: only :func:`set_ros_time` changes it from now on."""
     if not hasattr(rostime, "_rostime_current"):
         log.warning("this rospy has no rospy.rostime._rostime_current; ROS time in this node is not simulated time")

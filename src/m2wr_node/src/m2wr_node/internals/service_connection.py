@@ -10,9 +10,12 @@ Uses: ``ServiceProxy.transport``, ``.protocol``, ``.buff_size``; ``TCPROSTranspo
 Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic).
 Without it: the proxy connects by itself, as plain rospy; one line in the log.
 """
+from __future__ import annotations
+
 import logging
 import select
 import socket
+from typing import Any
 
 import rosgraph
 import rospy
@@ -24,7 +27,7 @@ ANSWERED = 1.5      # s of wall time in which a server has to accept a connectio
 TRIES = 6           # connections that are made until one is answered
 
 
-def connect(proxy):
+def connect(proxy: Any) -> None:
     """Connect a persistent service proxy, unless it is connected.
 
     Parameters
@@ -47,7 +50,7 @@ def connect(proxy):
         log.warning("this rospy has no TCPROSTransport to connect to %s with; it connects without a time limit",
                     proxy.resolved_name)
         return
-    late = None
+    late = socket.timeout()
     for _ in range(TRIES):
         transport = transport_class(proxy.protocol, proxy.resolved_name)
         transport.buff_size = proxy.buff_size
@@ -66,7 +69,7 @@ def connect(proxy):
     raise late
 
 
-def _handshake(transport, uri, connection):
+def _handshake(transport: Any, uri: str, connection: socket.socket) -> None:
     """Exchange the headers of a service connection over a connected socket."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     transport.set_socket(connection, uri)

@@ -18,10 +18,12 @@ are.  ``add_connection`` calls ``peer_subscribe`` of the subscriber listeners af
 Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic).
 Without it: topics are published by plain rospy with a queue (:class:`PlainChannel`); one line in the log.
 """
+from __future__ import annotations
+
 import logging
 import threading
 import warnings
-from collections import namedtuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
 import rospy
 from rospy.exceptions import TransportTerminated
@@ -40,17 +42,24 @@ PLAIN_QUEUE = 100               # messages that wait for a subscriber where plai
 warnings.filterwarnings("ignore", "The publisher should be created with an explicit keyword argument 'queue_size'",
                         SyntaxWarning)
 
-Dropped = namedtuple("Dropped", "topic peer count")
-"""Messages lost to a subscriber that did not read them in time; ``peer`` is empty for all that have left."""
+Serialiser = Callable[[int, Any], bytes]        # (seq, message or record) -> framed message
+
+
+class Dropped(NamedTuple):
+    """Messages lost to a subscriber that did not read them in time; ``peer`` is empty for all that have left."""
+
+    topic: str
+    peer: str
+    messages: int
 
 
 class _SubscriberListener(rospy.SubscribeListener):
     """Tells a channel of each new subscriber, from the thread in which rospy accepts it."""
 
-    def __init__(self, channel):
+    def __init__(self, channel: Channel) -> None:
         self._channel = channel
 
-    def peer_subscribe(self, topic_name, topic_publish, peer_publish):
+    def peer_subscribe(self, topic_name: str, topic_publish: object, peer_publish: object) -> None:
         """Send the latched message to the new subscriber."""
         self._channel.adopt_new()
 
@@ -75,19 +84,22 @@ class Channel:
         ``impl.connections`` is empty while the topic has no subscriber; with each step it is read without a call.
     """
 
-    def __init__(self, impl, serialise):
-        self.impl, self.topic = impl, impl.resolved_name
+    def __init__(self, impl: Any, serialise: Serialiser) -> None:
+        self.impl = impl
+        self.topic: str = impl.resolved_name
         self._serialise = serialise
-        self._known, self._links = None, ()
+        self._known: Optional[List[Any]] = None         # rospy's list of connections that _links was made of
+        self._links: Tuple[Any, ...] = ()               # of Link, or connections of rospy
         self._gone = 0                  # messages dropped for subscribers that have left
         self._lock = threading.RLock()  # a holder never waits for a subscriber
-        self._latched, self._kept = False, None     # the last message: framed, or not serialised yet
+        self._latched = False
+        self._kept: Any = None          # the last message: framed, or not serialised yet
 
-    def connected(self):
+    def connected(self) -> bool:
         """Return whether the topic has a subscriber."""
         return bool(self.impl.connections)
 
-    def latch(self):
+    def latch(self) -> None:
         """Send the last message to each new subscriber from now on.
 
         Messages of such a topic must not change after they are published.
@@ -101,13 +113,13 @@ class Channel:
                 impl.add_headers({"latching": "1"})
                 impl.add_subscriber_listener(_SubscriberListener(self))
 
-    def adopt_new(self):
+    def adopt_new(self) -> None:
         """Adopt new connections now instead of with the next message."""
         with self._lock:
             if not self.impl.closed:
                 self._adopt()
 
-    def publish(self, message):
+    def publish(self, message: Any) -> None:
         """Send a message, or a record that makes one with its method ``message``; returns at once.
 
         Raises
@@ -136,23 +148,23 @@ class Channel:
                     self._lose(link, error)
             impl.message_data_sent += len(data)
 
-    def _frame(self, message):
+    def _frame(self, message: Any) -> bytes:
         self.impl.seq += 1
         return self._serialise(self.impl.seq, message)
 
-    def _send(self, link, data):
+    def _send(self, link: Any, data: bytes) -> None:
         try:
             link.write_data(data)
         except Exception as error:
             self._lose(link, error)
 
-    def _lose(self, link, error):
+    def _lose(self, link: Any, error: Exception) -> None:
         """Remove a connection that has failed; a link of ours has already left the topic."""
         if not isinstance(error, TransportTerminated):          # one of rospy's own connections
             log.debug("%s to %s: %s", self.topic, link.endpoint_id, error)
             self.impl.remove_connection(link)
 
-    def _adopt(self):
+    def _adopt(self) -> None:
         """Replace rospy's connections by links; rospy makes a new list with every change.
 
         Connections of another class are kept as they are.  New subscribers get the latched message.
@@ -178,7 +190,7 @@ class Channel:
             self._send(link, self._kept)
             impl.message_data_sent += len(self._kept)
 
-    def dropped(self):
+    def dropped(self) -> List[Dropped]:
         """Return the lost messages, a list of :class:`Dropped`."""
         with self._lock:
             if self.impl.connections is not self._known:
@@ -187,11 +199,11 @@ class Channel:
                     if getattr(link, "dropped", 0)]
             return lost + ([Dropped(self.topic, "", self._gone)] if self._gone else [])
 
-    def traffic(self):
+    def traffic(self) -> Tuple[int, int]:
         """Return how many messages were serialised, and the number of subscribers."""
         return self.impl.seq, len(self.impl.connections)
 
-    def release(self):
+    def release(self) -> bool:
         """Return whether the last publisher of the topic is unregistered."""
         return self.impl.closed
 
@@ -205,41 +217,42 @@ class PlainChannel:
     message_class : type
     """
 
-    def __init__(self, topic, message_class):
-        self._class, self._latched = message_class, None
+    def __init__(self, topic: str, message_class: type) -> None:
+        self._class = message_class
+        self._latched: Any = None       # a second rospy.Publisher, once latched
         self._publisher = rospy.Publisher(topic, message_class, queue_size=PLAIN_QUEUE)
-        self.topic = self._publisher.resolved_name
+        self.topic: str = self._publisher.resolved_name
         self._count, self.users = 0, 0
         self.impl = self            # for impl.connections, as of a Channel
 
     @property
-    def connections(self):
+    def connections(self) -> int:
         """Number of subscribers."""
         return self._publisher.get_num_connections()
 
-    def connected(self):
+    def connected(self) -> bool:
         """Return whether the topic has a subscriber."""
         return self._publisher.get_num_connections() > 0
 
-    def latch(self):
+    def latch(self) -> None:
         """Send the last message to each new subscriber from now on."""
         if self._latched is None:
             self._latched = rospy.Publisher(self.topic, self._class, latch=True, queue_size=PLAIN_QUEUE)
 
-    def publish(self, message):
+    def publish(self, message: Any) -> None:
         """Send a message, or a record that makes one with its method ``message``."""
         self._count += 1
         self._publisher.publish(message if isinstance(message, self._class) else message.message(self._class))
 
-    def dropped(self):
+    def dropped(self) -> List[Dropped]:
         """Return no losses: rospy does not count them."""
         return []
 
-    def traffic(self):
+    def traffic(self) -> Tuple[int, int]:
         """Return how many messages were published, and the number of subscribers."""
         return self._count, self._publisher.get_num_connections()
 
-    def release(self):
+    def release(self) -> bool:
         """Count one user less; return whether it was the last, and then unregister."""
         self.users -= 1
         for publisher in (self._publisher, self._latched):
@@ -248,26 +261,29 @@ class PlainChannel:
         return self.users == 0
 
 
-def is_replaceable(connection):
+AnyChannel = Union[Channel, PlainChannel]
+
+
+def is_replaceable(connection: Any) -> bool:
     """Return whether a :class:`Link` can stand for a connection of rospy."""
     usual = getattr(tcpros_base, "TCPROSTransport", None)
     return (usual is not None and isinstance(connection, usual) and connection.socket is not None
             and all(hasattr(connection, name) for name in subscriber_link.USED))
 
 
-def missing_parts(impl):
+def missing_parts(impl: Any) -> List[str]:
     """Return the attributes of a topic that :class:`Channel` uses and this rospy does not have."""
     return [name for name in USED if not hasattr(impl, name)]
 
 
-def unregister(topic):
+def unregister(topic: Any) -> None:
     """Unregister a rospy.Publisher or rospy.Subscriber; the last one of a topic frees its epoll descriptor at once.
 
     rospy leaves the descriptor to a cycle of objects that only a garbage collection frees.
     """
     impl = getattr(topic, "impl", None)
     topic.unregister()
-    poller = getattr(getattr(impl, "connection_poll", None), "poller", None)
+    poller: Any = getattr(getattr(impl, "connection_poll", None), "poller", None)
     if getattr(impl, "closed", False) and hasattr(poller, "close"):
         poller.close()
 
@@ -281,10 +297,11 @@ class Channels:
         Returns the function ``(seq, message) -> bytes`` for a message class.
     """
 
-    def __init__(self, serialiser_of):
-        self._serialiser_of, self._channels, self._warned = serialiser_of, {}, False
+    def __init__(self, serialiser_of: Callable[[type], Serialiser]) -> None:
+        self._serialiser_of, self._warned = serialiser_of, False
+        self._channels: Dict[str, AnyChannel] = {}      # by resolved topic
 
-    def open(self, topic, message_class):
+    def open(self, topic: str, message_class: type) -> Tuple[Any, AnyChannel]:
         """Register a publisher with the master.
 
         Parameters
@@ -299,7 +316,7 @@ class Channels:
         """
         publisher = rospy.Publisher(topic, message_class, queue_size=None)
         channel = self._channels.get(publisher.resolved_name)
-        impl = getattr(publisher, "impl", None)
+        impl: Any = getattr(publisher, "impl", None)
         missing = missing_parts(impl)
         if missing:
             return publisher, self._plain(channel, publisher, missing)
@@ -307,18 +324,18 @@ class Channels:
             channel = self._channels[publisher.resolved_name] = Channel(impl, self._serialiser_of(impl.data_class))
         return publisher, channel
 
-    def _plain(self, channel, publisher, missing):
+    def _plain(self, channel: Optional[AnyChannel], publisher: Any, missing: List[str]) -> PlainChannel:
         if not self._warned:
             self._warned = True
             log.warning("the publishers of this rospy have no %s; rospy publishes with a queue of %d messages",
                         ", ".join(missing), PLAIN_QUEUE)
-        if channel is None:
+        if not isinstance(channel, PlainChannel):
             channel = PlainChannel(publisher.resolved_name, publisher.data_class)
             self._channels[channel.topic] = channel
         channel.users += 1
         return channel
 
-    def close(self, publisher, channel):
+    def close(self, publisher: Any, channel: AnyChannel) -> None:
         """Unregister a publisher; the topic closes with the last one.
 
         Parameters
@@ -326,19 +343,15 @@ class Channels:
         publisher : rospy.Publisher
         channel : Channel or PlainChannel
             As :meth:`open` has returned them.
-
-        Returns
-        -------
-        None
         """
         unregister(publisher)
         if channel.release() and self._channels.get(channel.topic) is channel:
             del self._channels[channel.topic]
 
-    def traffic(self):
+    def traffic(self) -> Dict[str, Tuple[int, int]]:
         """Return ``{topic: (messages made, subscribers)}``; without a subscriber no message is made."""
         return {topic: channel.traffic() for topic, channel in list(self._channels.items())}
 
-    def dropped(self):
+    def dropped(self) -> List[Dropped]:
         """Return the messages that slow subscribers have lost, a list of :class:`Dropped`."""
         return [lost for channel in list(self._channels.values()) for lost in channel.dropped()]

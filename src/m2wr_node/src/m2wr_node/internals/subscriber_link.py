@@ -9,12 +9,15 @@ Uses: of ``rospy.impl.tcpros_base.TCPROSTransport`` the attributes ``socket``, `
 Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic).
 Without it: rospy writes to the connection itself, see ``subscriber_connections``.
 """
+from __future__ import annotations
+
 import logging
 import select
 import socket
 import threading
 import time
 from collections import deque
+from typing import Any, Deque, Dict, Optional
 
 from rospy.exceptions import TransportTerminated
 
@@ -31,35 +34,38 @@ _QUIET = 10.0               # s of wall time between two log lines about one con
 class _Drain:
     """The thread that waits until a peer that did not read accepts data again; started when first needed."""
 
-    def __init__(self):
-        self._lock, self._links, self._poll = threading.Lock(), {}, None
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._links: Dict[int, Link] = {}       # by file descriptor
+        self._poll: Optional[select.epoll] = None
 
-    def watch(self, link):
+    def watch(self, link: Link) -> None:
         """Call ``link.drain()`` once, as soon as its socket accepts data or fails."""
         with self._lock:
             number = link.fileno_now()
             if number < 0:
                 return
-            if self._poll is None:
-                self._poll = select.epoll()
-                threading.Thread(target=self._run, name="drain", daemon=True).start()
+            poll = self._poll
+            if poll is None:
+                poll = self._poll = select.epoll()
+                threading.Thread(target=self._run, args=(poll,), name="drain", daemon=True).start()
             self._links[number] = link
-            for arm in (self._poll.modify, self._poll.register):
+            for arm in (poll.modify, poll.register):
                 try:
                     arm(number, select.EPOLLOUT | select.EPOLLONESHOT)
                     break
                 except OSError:         # not watched yet; or already closed, then forget() follows
                     continue
 
-    def forget(self, link):
+    def forget(self, link: Link) -> None:
         """Stop watching a connection."""
         with self._lock:
             for number in [number for number, watched in self._links.items() if watched is link]:
                 del self._links[number]
 
-    def _run(self):
+    def _run(self, poll: select.epoll) -> None:
         while True:
-            for number, _ in self._poll.poll():
+            for number, _ in poll.poll():
                 with self._lock:
                     link = self._links.pop(number, None)
                 if link is not None:
@@ -84,44 +90,48 @@ class Link:
         For log messages.
     """
 
-    def __init__(self, connection, topic):
+    def __init__(self, connection: Any, topic: str) -> None:
         self._connection, self._socket, self._topic = connection, connection.socket, topic
         self._lock = threading.Lock()
-        self._begun = None              # what the kernel gets next; only _drain's thread changes it; None: all is sent
-        self._backlog, self._bytes = deque(), 0
-        self._fault, self._complaint, self._complained = None, False, -_QUIET
+        # what the kernel gets next; only _drain's thread changes it; None: all is sent
+        self._begun: Optional[Deque[memoryview]] = None
+        self._backlog: Deque[bytes] = deque()
+        self._bytes = 0                 # in the backlog
+        self._fault: Optional[Exception] = None
+        self._complaint = False         # whether a warning about lost messages is due
+        self._complained: Optional[float] = -_QUIET     # wall time the backlog was sent; None while a warning holds
         self.dropped = 0
         previous = connection.cleanup_cb
 
-        def cleanup(closed):
+        def cleanup(closed: Any) -> None:
             self._let_go()
             if previous:
                 previous(closed)
 
         connection.set_cleanup_callback(cleanup)
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self._connection, name)
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         return other is self or other is self._connection       # rospy removes the connection that it has added
 
-    def __hash__(self):
+    def __hash__(self) -> int:
         return hash(self._connection)
 
     @property
-    def waiting(self):
+    def waiting(self) -> int:
         """Number of messages that are not sent yet."""
         begun = self._begun
         return 0 if begun is None else len(begun) + len(self._backlog)
 
-    def fileno_now(self):
+    def fileno_now(self) -> int:
         """Return the file descriptor of the socket while it is open, else -1."""
         return -1 if self._socket is None else self._socket.fileno()
 
-    def write_data(self, data):
+    def write_data(self, data: bytes) -> None:
         """Send one framed message, or keep it for later; returns at once.
 
         Raises
@@ -152,7 +162,7 @@ class Link:
         if self._complaint:
             self._complain()
 
-    def _keep(self, data):
+    def _keep(self, data: bytes) -> None:
         self._backlog.append(data)
         self._bytes += len(data)
         while len(self._backlog) > BACKLOG_MESSAGES or (self._bytes > BACKLOG_BYTES and len(self._backlog) > 1):
@@ -161,11 +171,13 @@ class Link:
             if self._complained is not None:
                 self._complaint = True
 
-    def drain(self):
+    def drain(self) -> None:
         """Send the backlog until it is empty or the kernel accepts no more; only for :class:`_Drain`'s thread."""
         try:
-            while self._refill():
-                self._account(self._socket.sendmsg(self._begun, (), socket.MSG_DONTWAIT))
+            begun = self._refill()
+            while begun:
+                self._account(begun, self._socket.sendmsg(begun, (), socket.MSG_DONTWAIT))
+                begun = self._refill()
         except BlockingIOError:
             _drain.watch(self)
         except (OSError, AttributeError) as error:
@@ -175,36 +187,38 @@ class Link:
             except TransportTerminated:
                 pass                    # logged in _break
 
-    def _refill(self):
-        """Move messages from the backlog to what the kernel gets next; False when nothing is left."""
+    def _refill(self) -> Optional[Deque[memoryview]]:
+        """Move messages from the backlog to what the kernel gets next, and return it; None when nothing is left."""
         with self._lock:
-            while self._backlog and len(self._begun) < _BATCH_MESSAGES:
+            begun = self._begun
+            while begun is not None and self._backlog and len(begun) < _BATCH_MESSAGES:
                 data = self._backlog.popleft()
                 self._bytes -= len(data)
-                self._begun.append(memoryview(data))
-            if not self._begun:
-                self._begun = None
+                begun.append(memoryview(data))
+            if not begun:
+                self._begun = begun = None
                 if self._complained is None:
                     self._complained = time.monotonic()
-            return self._begun is not None
+            return begun
 
-    def _account(self, sent):
+    def _account(self, begun: Deque[memoryview], sent: int) -> None:
+        """Remove the bytes that the kernel has accepted."""
         self._connection.stat_bytes += sent
-        while self._begun and sent >= len(self._begun[0]):
-            sent -= len(self._begun.popleft())
+        while begun and sent >= len(begun[0]):
+            sent -= len(begun.popleft())
             self._connection.stat_num_msg += 1
         if sent:
-            self._begun[0] = self._begun[0][sent:]
+            begun[0] = begun[0][sent:]
 
-    def _complain(self):
+    def _complain(self) -> None:
         """Log once that messages are lost; again only after the backlog has been empty."""
         self._complaint = False
-        if time.monotonic() - self._complained >= _QUIET:
+        if self._complained is not None and time.monotonic() - self._complained >= _QUIET:
             log.warning("%s does not read %s fast enough: %d messages wait for it, and from now on the oldest are "
                         "dropped; /diagnostics counts them", self._connection.endpoint_id, self._topic, self.waiting)
         self._complained = None
 
-    def _break(self):
+    def _break(self) -> None:
         """Close the connection, which removes it from its topic."""
         error, self._fault = self._fault, None
         log.debug("%s to %s: %s", self._topic, self._connection.endpoint_id, error)
@@ -214,7 +228,7 @@ class Link:
             log.debug("%s to %s: while closing: %s", self._topic, self._connection.endpoint_id, fault)
         raise TransportTerminated(str(error))
 
-    def _let_go(self):
+    def _let_go(self) -> None:
         """Discard what can no longer be sent."""
         _drain.forget(self)
         with self._lock:

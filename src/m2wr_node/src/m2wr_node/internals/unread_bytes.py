@@ -10,10 +10,12 @@ connection, once for each; ``NETLINK_SOCK_DIAG`` (sock_diag(7)) for its receive 
 Checked: Linux 6.18; both are documented kernel interfaces.
 Without it: connections are not found, or OSError; the caller continues without waiting, with one line in the log.
 """
+from __future__ import annotations
+
 import errno
 import socket
 import struct
-from collections import namedtuple
+from typing import Collection, Dict, Optional, Tuple
 
 _NETLINK_SOCK_DIAG, _SOCK_DIAG_BY_FAMILY, _NLMSG_ERROR, _REQUEST = 4, 20, 2, 1
 _HEADER, _QUERY, _ADDRESS = struct.Struct("=IHHII"), struct.Struct("=BBBBI"), struct.Struct("!HH16s16s")
@@ -23,11 +25,11 @@ _STATE_AT = _HEADER.size + 1
 _ESTABLISHED = "01"
 _OPEN_STATES = (1, 8)                                           # established; or the publisher alone has closed it
 
-Link = namedtuple("Link", "publisher reader topic ends")
-"""A connection on which ``reader`` receives from ``publisher``; ``ends`` are (address, port) of both."""
+Address = Tuple[bytes, int]                                     # IPv4 address in network order, port
+Ends = Tuple[Address, Address]                                  # of the reader and of the publisher
 
 
-def find_ends(pairs):
+def find_ends(pairs: Collection[Tuple[int, int]]) -> Dict[Tuple[int, int], Ends]:
     """Return the ends of this machine's connections as ``{(reader's port, publisher's port): ends}``, where known.
 
     Parameters
@@ -35,7 +37,7 @@ def find_ends(pairs):
     pairs : set of (int, int)
         Ports of the reader and of the publisher.
     """
-    found = {}
+    found: Dict[Tuple[int, int], Ends] = {}
     try:
         with open("/proc/net/tcp", encoding="ascii") as stream:
             next(stream)
@@ -43,12 +45,17 @@ def find_ends(pairs):
     except OSError:
         return found
     for local, remote, state in rows:
-        ends = tuple((bytes.fromhex(address)[::-1], int(port, 16))
-                     for address, port in (local.split(":"), remote.split(":")))
+        ends = (_read_address(local), _read_address(remote))
         key = (ends[0][1], ends[1][1])
         if state == _ESTABLISHED and key in pairs:
             found[key] = ends
     return found
+
+
+def _read_address(text: str) -> Address:
+    """Return an address of /proc/net/tcp, ``0100007F:2C2F``; the kernel writes it in the byte order of the machine."""
+    address, port = text.split(":")
+    return bytes.fromhex(address)[::-1], int(port, 16)
 
 
 class UnreadBytes:
@@ -60,12 +67,12 @@ class UnreadBytes:
         If this system cannot be asked.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._netlink = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, _NETLINK_SOCK_DIAG)
         self._netlink.settimeout(1.0)
         self._sequence = 0
 
-    def of(self, ends):
+    def of(self, ends: Ends) -> Optional[int]:
         """Return how many bytes the reader has not read; None if the connection is closed.
 
         Raises
@@ -89,6 +96,6 @@ class UnreadBytes:
             raise OSError(number, "the kernel refuses information on sockets")
         return struct.unpack_from("=I", answer, _UNREAD_AT)[0] if answer[_STATE_AT] in _OPEN_STATES else None
 
-    def close(self):
+    def close(self) -> None:
         """Close the socket to the kernel."""
         self._netlink.close()

@@ -74,7 +74,7 @@ class Diagnostics:
         messages = simulator.engine.solver_messages
         new_messages, self._messages = messages - self._messages, messages
         dropped = simulator.ports.dropped()
-        lost = sum(entry.count for entry in dropped)
+        lost = sum(entry.messages for entry in dropped)
         new_lost, self._lost = lost - self._lost, lost
         off = simulator.switched_off()
         mean = self._run_sim_ns * 1e-9 / self._run_seconds if self._run_seconds else 0.0
@@ -86,7 +86,7 @@ class Diagnostics:
                   ("models", str(len(simulator.models))), ("plugins switched off", ", ".join(off) or "none")]
         values += _memory() + self._lockstep_values(elapsed)
         values += [("touches of " + name, str(count)) for name, count in sorted(simulator.contact_counts.items())]
-        values += [("dropped on %s for %s" % (entry.topic, entry.peer or "those that have left"), str(entry.count))
+        values += [("dropped on %s for %s" % (entry.topic, entry.peer or "those that have left"), str(entry.messages))
                    for entry in dropped]
         level, message = self._judge(factor, new_messages, new_lost, off)
         return DiagnosticStatus(name="m2wr_sim: simulation", hardware_id="simulation", level=level, message=message,
