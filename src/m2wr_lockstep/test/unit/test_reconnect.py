@@ -104,3 +104,10 @@ def test_a_connection_unknown_to_the_publisher_is_closed_first(graph, monkeypatc
     graph.after(0.0, ALONE)
     graph.after(FIRST_PAUSE, ALONE)
     assert closed == ["http://puppet"]
+
+
+def test_a_subscriber_without_an_address_is_named(graph, caplog):
+    apart = ("/puppet", "/unknown", "/cmd_vel")
+    graph.after(0.0, apart)
+    graph.after(FIRST_PAUSE, apart)
+    assert graph.told == [] and "the master does not know its address" in caplog.text

@@ -77,7 +77,16 @@ class Controller:
         set_ros_time(rospy.Time(0))
 
     def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], object]) -> None:
-        """Pass the messages of a topic to ``callback`` at the beginning of each turn."""
+        """Subscribe to a topic.
+
+        Parameters
+        ----------
+        topic : str
+            Its name before remapping.
+        message_class : type
+        callback : callable
+            Called with each message at the beginning of a turn.
+        """
         resolved = rospy.resolve_name(topic)
         self._inputs.add(resolved, callback)
         rospy.Subscriber(topic, message_class,
@@ -86,7 +95,18 @@ class Controller:
 
     def publisher(self, topic: str, message_class: Any, queue_size: Optional[int] = None,
                   latch: bool = False) -> Output:
-        """Return a publisher; ``queue_size`` is not used, as messages leave at once."""
+        """Return a publisher.
+
+        Parameters
+        ----------
+        topic : str
+            Its name before remapping.
+        message_class : type
+        queue_size : int, optional
+            Not used, as messages are sent at once.
+        latch : bool
+            Send the last message to each new subscriber.
+        """
         return Output(self._outputs, topic, message_class, latch)
 
     def spin(self, turn: Callable[[float], Optional[int]], time_reset: Optional[Callable[[], object]] = None) -> int:

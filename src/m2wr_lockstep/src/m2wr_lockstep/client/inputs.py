@@ -44,12 +44,29 @@ class Inputs:
         self.dropped = 0
 
     def add(self, topic: str, callback: Callable[[Any], object]) -> None:
-        """Pass the messages of a topic to ``callback`` in every turn."""
+        """Add a topic, or another callback of it.
+
+        Parameters
+        ----------
+        topic : str
+            Its resolved name.
+        callback : callable
+            Called with each message in every turn.
+        """
         with self._changed:
             self._topics.setdefault(topic, ([], deque()))[0].append(callback)
 
     def receive(self, topic: str, message: Any, sender: Optional[str] = None) -> None:
-        """Keep a message; called from any thread."""
+        """Keep a message; called from any thread.
+
+        Parameters
+        ----------
+        topic : str
+            One that was added.
+        message : object
+        sender : str, optional
+            Name of the node that has sent it.
+        """
         with self._changed:
             waiting = self._topics[topic][1]
             waiting.append((sender, message))

@@ -1,34 +1,66 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Asks the controllers for their turns, one after another, while simulated time does not advance."""
+from __future__ import annotations
+
 import logging
-from collections import namedtuple
+from typing import Callable, Dict, Iterable, List, Mapping, NamedTuple, Optional, Protocol, Set, Tuple
 
 from m2wr_lockstep.errors import LockstepError
 from m2wr_lockstep.server.inbox import Inbox
+from m2wr_lockstep.server.message_counts import MessageCounts
+from m2wr_lockstep.server.participants import Reply
 
 log = logging.getLogger(__name__)
 
 _EARLY_PATIENCE = 1.0       # s of wall time for messages that may have been sent before the subscription was connected
 
-TurnRequest = namedtuple("TurnRequest", "tick now_ns since_ns news")
-"""Sent to a controller: tick number, time [ns], when it joined [ns], and {topic: number of new messages}."""
 
-TurnAnswer = namedtuple("TurnAnswer", "published over leave note")
-"""A controller's answer; ``published`` holds (topic, messages before the turn, messages in the turn)."""
+class TurnRequest(NamedTuple):
+    """Sent to a controller: tick number, time [ns], when it joined [ns], and {topic: number of new messages}."""
+
+    tick: int
+    now_ns: int
+    since_ns: int
+    news: Dict[str, int]
+
+
+class TurnAnswer(NamedTuple):
+    """A controller's answer; ``published`` holds (topic, messages before the turn, messages in the turn)."""
+
+    published: Tuple[Tuple[str, int, int], ...]
+    over: bool
+    leave: bool
+    note: str
 
 
 class TurnFailed(Exception):
     """A controller cannot be reached or has refused; the text is the controller's."""
 
 
+class PendingAnswer(Protocol):
+    """The future answer to a request."""
+
+    def done(self) -> bool:
+        """Return whether there is an answer or an error."""
+
+    def result(self) -> TurnAnswer:
+        """Return the answer.
+
+        Raises
+        ------
+        TurnFailed
+        """
+
+
 class Member:
     """A controller that takes part."""
 
-    def __init__(self, name, since_ns, seen):
-        self.name, self.since_ns, self.seen, self.last = name, since_ns, dict(seen), None
-        self.newly_connected = set()          # topics that were not connected throughout since its previous answer
+    def __init__(self, name: str, since_ns: int, seen: Mapping[str, int]) -> None:
+        self.name, self.since_ns, self.seen = name, since_ns, dict(seen)
+        self.last: Optional[Tuple[int, int, str]] = None    # tick, time [ns] and note of its last answer
+        self.newly_connected: Set[str] = set()  # topics that were not connected throughout since its previous answer
 
-    def last_answer(self):
+    def last_answer(self) -> str:
         """Return a description of its last answer."""
         if self.last is None:
             return "it has not answered any before"
@@ -58,19 +90,32 @@ class Conductor:
         Called after each turn and each awaited reply; waits until the listeners have read what was sent.
     """
 
-    def __init__(self, ask, wait, inbox, counts, replies=(), patience=10.0, continue_on_silence=False,
-                 settle=lambda: None):
+    def __init__(self, ask: Callable[[str, TurnRequest], PendingAnswer],
+                 wait: Callable[[Callable[[], bool], float], bool], inbox: Inbox, counts: MessageCounts,
+                 replies: Iterable[Reply] = (), patience: float = 10.0, continue_on_silence: bool = False,
+                 settle: Callable[[], object] = lambda: None) -> None:
         self._ask, self._wait, self._inbox, self._counts = ask, wait, inbox, counts
         self._replies, self._patience, self._continue_on_silence, self._settle = (
             list(replies), patience, continue_on_silence, settle)
-        self.members, self.lost = [], []
-        self.ticks, self.over = 0, None
-        self._last_ns = 0
+        self.members: List[Member] = []
+        self.lost: List[str] = []           # names of controllers without which the run continues
+        self.over: Optional[str] = None     # name of the controller that has ended the run
+        self.ticks, self._last_ns = 0, 0
         for reply in self._replies:
             inbox.hold_topic(reply.topic, reply.sender)
 
-    def join(self, name, now_ns, position=None):
-        """Add a controller from the next tick on, at this position of the order."""
+    def join(self, name: str, now_ns: int, position: Optional[int] = None) -> None:
+        """Add a controller from the next tick on.
+
+        Parameters
+        ----------
+        name : str
+            Name of its node.
+        now_ns : int
+            Simulated time [ns].
+        position : int, optional
+            Place in the order in which controllers are asked; by default the last.
+        """
         since_ns = now_ns if self.ticks else 0
         self._inbox.hold(name)
         self.members.insert(len(self.members) if position is None else position,
@@ -78,13 +123,13 @@ class Conductor:
         if name in self.lost:
             self.lost.remove(name)
 
-    def mark_connected(self):
+    def mark_connected(self) -> None:
         """Record that all nodes are connected to the simulation's subscriptions."""
         fresh = self._inbox.mark_connected()
         for member in self.members:
             member.newly_connected |= fresh
 
-    def collect_replies(self, now_ns):
+    def collect_replies(self, now_ns: int) -> None:
         """Wait for the replies to the messages published so far."""
         for reply in self._replies:
             published = self._counts.counts.get(reply.trigger, 0)
@@ -105,7 +150,7 @@ class Conductor:
                 self._release(reply, True)
             self._settle()
 
-    def _admit_replies(self, reply, due, now_ns):
+    def _admit_replies(self, reply: Reply, due: int, now_ns: int) -> None:
         """Release all held messages: a surplus one would otherwise be taken for the next reply, in every tick."""
         here = self._inbox.held(reply.topic, Inbox.ANY_SENDER)
         if here > due and not reply.once and not reply.warned:
@@ -114,11 +159,11 @@ class Conductor:
                         "does depends on how fast they come. Said once.", reply, here, reply.topic, now_ns * 1e-9, due)
         self._inbox.admit(reply.topic, Inbox.ANY_SENDER, due if reply.once else max(here, due))
 
-    def _release(self, reply, passing):
+    def _release(self, reply: Reply, passing: bool) -> None:
         if all(other.done for other in self._replies if other.topic == reply.topic):
             self._inbox.release_topic(reply.topic, passing)
 
-    def tick(self, now_ns):
+    def tick(self, now_ns: int) -> None:
         """Ask every controller for its turn, in order.
 
         Raises
@@ -151,33 +196,36 @@ class Conductor:
         for name in leavers:                # what they publish from now on is not counted
             self._inbox.release(name, passing=True)
 
-    def _turn(self, member, now_ns):
+    def _turn(self, member: Member, now_ns: int) -> Optional[TurnAnswer]:
         """Return a controller's answer when all it has published has arrived; None if the run continues without it."""
         request = TurnRequest(self.ticks, now_ns, member.since_ns, self._counts.since(member.seen))
         member.seen = dict(self._counts.counts)
         pending = self._ask(member.name, request)
         where = "tick %d at %.3f s" % (self.ticks, now_ns * 1e-9)
         if not self._wait(pending.done, self._patience):
-            return self._lose(member, "controller %s has not answered %s within %g s of wall time; %s"
-                              % (member.name, where, self._patience, member.last_answer()))
+            self._lose(member, "controller %s has not answered %s within %g s of wall time; %s"
+                       % (member.name, where, self._patience, member.last_answer()))
+            return None
         try:
             answer = pending.result()
         except TurnFailed as error:
-            return self._lose(member, "controller %s failed in %s (%s); %s"
-                              % (member.name, where, error, member.last_answer()))
+            self._lose(member, "controller %s failed in %s (%s); %s"
+                       % (member.name, where, error, member.last_answer()))
+            return None
         published = []
         for topic, before, within in answer.published:
             before = self._arrived_before(member, topic, before, within)
             if not self._await_messages(topic, member.name, before + within):
-                return self._lose(member, "controller %s says in %s that it has published %d messages on %s, which "
-                                  "have not come within %g s of wall time"
-                                  % (member.name, where, before + within, topic, self._patience))
+                self._lose(member, "controller %s says in %s that it has published %d messages on %s, which "
+                           "have not come within %g s of wall time"
+                           % (member.name, where, before + within, topic, self._patience))
+                return None
             published.append((topic, before, within))
         member.newly_connected.clear()
         member.last = (self.ticks, now_ns, answer.note)
         return answer._replace(published=tuple(published))
 
-    def _arrived_before(self, member, topic, before, within):
+    def _arrived_before(self, member: Member, topic: str, before: int, within: int) -> int:
         """Return how many of the messages published before the turn are held back.
 
         Messages sent before the connection existed, or before the sender was held back, never are.  They are waited
@@ -190,16 +238,16 @@ class Conductor:
             return before
         return min(before, max(0, self._inbox.held(topic, member.name) - within))
 
-    def _await_messages(self, topic, sender, count):
+    def _await_messages(self, topic: str, sender: str, count: int) -> bool:
         return self._wait(lambda: self._inbox.has(topic, sender, count), self._patience)
 
-    def _lose(self, member, sentence):
+    def _lose(self, member: Member, sentence: str) -> None:
         self.members.remove(member)
         self.lost.append(member.name)
         self._inbox.release(member.name)
         self._silent(sentence)
 
-    def _silent(self, sentence):
+    def _silent(self, sentence: str) -> None:
         if not self._continue_on_silence:
             raise LockstepError("lockstep: " + sentence)
         log.warning("lockstep: %s. The run continues without it.", sentence)

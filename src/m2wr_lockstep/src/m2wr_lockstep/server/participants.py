@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Nodes that take part in lockstep besides the controllers: who replies to a topic, and who only listens."""
+from __future__ import annotations
+
 import re
-from collections import namedtuple
+from typing import Callable, Iterable, List, NamedTuple, Optional, Tuple
 
 from m2wr_lockstep.errors import ConfigError
 
 _REPLY = re.compile(r"^(/\S+) -> (/\S+?)(?: by (/\S+))?( once)?$")
 
-Listener = namedtuple("Listener", "name topics respawned", defaults=(False,))
-"""A node that must be connected before time begins; ``topics``: those it must subscribe to, at least.
 
-One that is ``respawned`` must be connected again before time continues after it has died.
-"""
+class Listener(NamedTuple):
+    """A node that must be connected before time begins; ``topics``: those it must subscribe to, at least.
+
+    One that is ``respawned`` must be connected again before time continues after it has died.
+    """
+
+    name: str
+    topics: Tuple[str, ...]
+    respawned: bool = False
 
 
 class Reply:
@@ -27,24 +34,24 @@ class Reply:
         Only the first message of ``trigger`` is answered.
     """
 
-    def __init__(self, trigger, topic, sender=None, once=False):
+    def __init__(self, trigger: str, topic: str, sender: Optional[str] = None, once: bool = False) -> None:
         self.trigger, self.topic, self.sender, self.once = trigger, topic, sender, once
         self.seen, self.done, self.warned = 0, False, False
 
-    def __str__(self):
+    def __str__(self) -> str:
         return "%s -> %s%s%s" % (self.trigger, self.topic, " by " + self.sender if self.sender else "",
                                  " once" if self.once else "")
 
-    def due(self, count):
+    def due(self, count: int) -> int:
         """Return how many answers are outstanding when ``count`` messages of the trigger were published."""
         return 0 if self.done else min(count - self.seen, 1 if self.once else count)
 
-    def answered(self, count):
+    def answered(self, count: int) -> None:
         """Note that all answers have come."""
         self.seen, self.done = count, self.once
 
 
-def read_replies(entries, resolve):
+def read_replies(entries: Iterable[str], resolve: Callable[[str], str]) -> List[Reply]:
     """Read entries ``"TRIGGER -> TOPIC [by NODE] [once]"``.
 
     Parameters
@@ -73,7 +80,7 @@ def read_replies(entries, resolve):
     return replies
 
 
-def read_listeners(entries, resolve):
+def read_listeners(entries: Iterable[str], resolve: Callable[[str], str]) -> List[Listener]:
     """Read entries ``"NODE [respawned]"`` or ``"NODE [respawned]: TOPIC TOPIC ..."``.
 
     Parameters

@@ -1,37 +1,35 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Whether all nodes that take part in lockstep are running and connected, looked up in the ROS graph."""
+from __future__ import annotations
+
 import socket
-from collections import namedtuple
-from http.client import HTTPConnection, HTTPException
-from xmlrpc.client import Fault, ServerProxy, Transport
+from http.client import HTTPException
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from xmlrpc.client import Fault, ServerProxy
 
 import rosgraph
 import rospy
 
+from m2wr_lockstep.server.participants import Listener, Reply
 from m2wr_lockstep.server.ros.reconnect import Reconnector
 from m2wr_node.internals import connections as node_connections
+from m2wr_node.internals.connections import Connection
+from m2wr_node.ros.is_there import PatientTransport
 
 SERVICE = "lockstep_turn"
-_ANSWER_PATIENCE = 2.0              # s of wall time for a node to report its connections
 NOT_WAITED_FOR = ("/rosout", "/rosout_agg", "/diagnostics")
 
-Look = namedtuple("Look", "missing connections")
-"""Sentences on what is missing, and the present connections."""
+
+class Look(NamedTuple):
+    """Sentences on what is missing, and the present connections."""
+
+    missing: List[str]
+    connections: List[Connection]
 
 
-class _BriefTransport(Transport):
-    """XML-RPC with a time limit."""
-
-    def make_connection(self, host):
-        if self._connection and host == self._connection[0]:
-            return self._connection[1]
-        self._connection = host, HTTPConnection(host, timeout=_ANSWER_PATIENCE)
-        return self._connection[1]
-
-
-def _slave(address):
-    """Return the slave API of a node."""
-    return ServerProxy(address, transport=_BriefTransport())
+def _slave(address: str) -> Any:
+    """Return the slave API of a node; a call fails after some seconds without an answer."""
+    return ServerProxy(address, transport=PatientTransport())
 
 
 class Gate:
@@ -47,18 +45,28 @@ class Gate:
         Returns whether the simulation has a topic that makes ticks.
     """
 
-    def __init__(self, controllers, listeners, replies, ticking):
+    def __init__(self, controllers: Iterable[str], listeners: Iterable[Listener], replies: Iterable[Reply],
+                 ticking: Callable[[], bool]) -> None:
         self.controllers, self._listeners, self._replies = list(controllers), list(listeners), list(replies)
         self._ticking, self._own = ticking, rospy.get_name()
         self._master = rosgraph.Master(self._own)
-        self._addresses, self._gone = {}, set()
+        self._addresses: Dict[str, str] = {}            # slave APIs, by node
+        self._gone: Set[Tuple[int, int]] = set()        # ports of connections that are ignored
         self._reconnector = Reconnector(self._own, self._address, _slave)
 
-    def forget(self, name, connections):
-        """Ignore these connections to a subscriber that has died; rospy removes them only when it writes to them."""
+    def forget(self, name: str, connections: Iterable[Connection]) -> None:
+        """Ignore the connections to a subscriber that has died; rospy removes them only when it writes to them.
+
+        Parameters
+        ----------
+        name : str
+            The subscriber's.
+        connections : iterable of Connection
+            Those of this moment; of other nodes too.
+        """
         self._gone |= {entry.ports for entry in connections if entry.subscriber == name and entry.ports}
 
-    def look(self, without=()):
+    def look(self, without: Collection[str] = ()) -> Look:
         """Return a :class:`Look`; ``without`` are controllers that may be absent."""
         try:
             publishers, subscribers, services = (
@@ -101,12 +109,12 @@ class Gate:
         self._reconnector.note([key for key in apart if answering.issuperset(key[:2])], publishers)
         return Look(missing, connections)
 
-    def _unnamed(self, publishers):
+    def _unnamed(self, publishers: Mapping[str, Set[str]]) -> Set[str]:
         """Return the nodes that publish replies of any sender."""
         return {name for reply in self._replies if reply.sender is None for name in publishers.get(reply.topic, ())}
 
-    def _absent_listeners(self, subscribers):
-        missing = []
+    def _absent_listeners(self, subscribers: Mapping[str, Set[str]]) -> List[str]:
+        missing: List[str] = []
         for listener in self._listeners:
             heard = {topic for topic, nodes in subscribers.items() if listener.name in nodes}
             missing += ["%s to subscribe to %s" % (listener.name, topic) for topic in listener.topics
@@ -115,7 +123,8 @@ class Gate:
                 missing.append("%s to subscribe to anything" % listener.name)
         return missing
 
-    def _absent_replies(self, publishers, subscribers, alive):
+    def _absent_replies(self, publishers: Mapping[str, Set[str]], subscribers: Mapping[str, Set[str]],
+                        alive: Set[str]) -> List[str]:
         missing = []
         for reply in self._replies:
             answering = publishers.get(reply.topic, set()) - {self._own}
@@ -128,19 +137,19 @@ class Gate:
                 missing.append("a robot that publishes %s" % reply.trigger)
         return missing
 
-    def _connections(self, name):
+    def _connections(self, name: str) -> Optional[List[Connection]]:
         """Return the connections on which a node publishes; None if it cannot be reached."""
         table = node_connections.own_bus_info() if name == self._own else self._bus_info(name)
         return None if table is None else node_connections.published(name, table)
 
-    def _address(self, name):
+    def _address(self, name: str) -> Optional[str]:
         """Return the URI of a node's slave API; None if the master does not know it."""
         try:
             return self._master.lookupNode(name)
         except (rosgraph.MasterException, OSError, HTTPException):
             return None
 
-    def _bus_info(self, name):
+    def _bus_info(self, name: str) -> Optional[List[Sequence[Any]]]:
         for _ in range(2):              # the second time with the new address of a restarted node
             try:
                 address = self._addresses.get(name) or self._master.lookupNode(name)

@@ -1,21 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Waits until the listeners have read all messages that were sent to them."""
+from __future__ import annotations
+
 import logging
 import time
-from collections import namedtuple
+from typing import Callable, Iterable, List, NamedTuple, Optional
 
 import rospy
 
 from m2wr_lockstep.errors import LockstepError
+from m2wr_lockstep.server.interfaces import Loop
+from m2wr_lockstep.server.participants import Listener
 from m2wr_lockstep.server.ros.gate import NOT_WAITED_FOR
-from m2wr_node.internals.unread_bytes import UnreadBytes, find_ends
+from m2wr_node.internals.connections import Connection
+from m2wr_node.internals.unread_bytes import Ends, UnreadBytes, find_ends
 
 log = logging.getLogger(__name__)
 
 _POLL_PAUSE = 0.0001            # s of wall time between two looks at a socket; the kernel sends no event for it
 
-Link = namedtuple("Link", "publisher reader topic ends")
-"""A connection on which ``reader`` receives from ``publisher``; ``ends`` are (address, port) of both."""
+
+class Link(NamedTuple):
+    """A connection on which ``reader`` receives from ``publisher``; ``ends`` are (address, port) of both."""
+
+    publisher: str
+    reader: str
+    topic: str
+    ends: Ends
 
 
 class ListenerBarrier:
@@ -37,16 +48,22 @@ class ListenerBarrier:
         All links; of those on topics that a listener receives from several publishers, this node's and the others'.
     """
 
-    def __init__(self, listeners, patience, continue_on_silence, on_death):
-        self._listeners, self._patience, self._continue_on_silence = listeners, patience, continue_on_silence
-        self._on_death, self._loop, self._unread = on_death, None, None
-        self.all, self.shared, self.foreign = [], [], []
+    _loop: Loop                         # from attach() on
 
-    def attach(self, loop):
+    def __init__(self, listeners: List[Listener], patience: float, continue_on_silence: bool,
+                 on_death: Callable[[str], object]) -> None:
+        self._listeners, self._patience, self._continue_on_silence = listeners, patience, continue_on_silence
+        self._on_death = on_death
+        self._unread: Optional[UnreadBytes] = None
+        self.all: List[Link] = []
+        self.shared: List[Link] = []
+        self.foreign: List[Link] = []
+
+    def attach(self, loop: Loop) -> None:
         """Set the loop of the node; see :meth:`Lockstep.attach`."""
         self._loop = loop
 
-    def connect(self, connections):
+    def connect(self, connections: Iterable[Connection]) -> None:
         """Find the sockets of the listeners among the present connections, a list of Connection."""
         names = {listener.name for listener in self._listeners}
         wanted = [entry for entry in connections
@@ -71,7 +88,7 @@ class ListenerBarrier:
                         "arrive in another order",
                         ", ".join(unseen))
 
-    def wait(self, links, between_steps=True):
+    def wait(self, links: Iterable[Link], between_steps: bool = True) -> None:
         """Wait until the listeners have read everything; between two steps, requests are served meanwhile.
 
         Parameters
@@ -103,7 +120,8 @@ class ListenerBarrier:
                 else:
                     time.sleep(_POLL_PAUSE)
 
-    def _bytes_left(self, link):
+    def _bytes_left(self, link: Link) -> Optional[int]:
+        assert self._unread is not None         # connect() sets it where it finds a link
         try:
             unread = self._unread.of(link.ends)
         except OSError as error:
@@ -118,11 +136,11 @@ class ListenerBarrier:
                 self._forget(lambda entry: entry is link)
         return unread
 
-    def _forget(self, which):
+    def _forget(self, which: Callable[[Link], bool]) -> None:
         self.all, self.shared, self.foreign = ([entry for entry in links if not which(entry)] for links in (
             self.all, self.shared, self.foreign))
 
-    def _lose(self, link):
+    def _lose(self, link: Link) -> None:
         sentence = "%s has not read what %s sent on %s within %g s of wall time" % (
             link.reader, link.publisher, link.topic, self._patience)
         if not self._continue_on_silence:

@@ -1,18 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lockstep over rospy: starts when all nodes are connected, then asks controllers for turns and waits for listeners."""
+from __future__ import annotations
+
 import logging
 import threading
 import time
-from collections import namedtuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import rospy
 
 from m2wr_lockstep.errors import ConfigError, LockstepError
-from m2wr_lockstep.server.conductor import Conductor
+from m2wr_lockstep.server.conductor import Conductor, PendingAnswer, TurnRequest
+from m2wr_lockstep.server.interfaces import Loop, Simulator
 from m2wr_lockstep.server.participants import read_listeners, read_replies
 from m2wr_lockstep.server.ros.caller import Caller
-from m2wr_lockstep.server.ros.gate import Gate
+from m2wr_lockstep.server.ros.gate import Gate, Look
 from m2wr_lockstep.server.ros.listeners import ListenerBarrier
+from m2wr_lockstep.server.ros.topics import LockstepTopics
+from m2wr_node.internals.connections import Connection
 
 log = logging.getLogger(__name__)
 
@@ -20,8 +25,15 @@ _LOOK_PAUSE = 0.1               # s of wall time between two looks at the graph
 _RETURN_PAUSE = 1.0             # the same while the run continues without a controller, which may come back
 _REMIND = 5.0                   # s of wall time between two log lines on what is missing
 
-Settings = namedtuple("Settings", "controllers replies listeners patience continue_on_silence")
-"""The node's parameters: lists of entries as the README of m2wr_sim describes them, seconds of wall time, a bool."""
+
+class Settings(NamedTuple):
+    """The node's parameters: lists of entries as the README of m2wr_sim describes them, and wall time [s]."""
+
+    controllers: Sequence[str]
+    replies: Sequence[str]
+    listeners: Sequence[str]
+    patience: float
+    continue_on_silence: bool
 
 
 class Lockstep:
@@ -38,7 +50,11 @@ class Lockstep:
         If no controller and no reply is named, or an entry cannot be read.
     """
 
-    def __init__(self, settings, topics):
+    _loop: Loop                         # these three from attach() on
+    _simulator: Simulator
+    _conductor: Conductor
+
+    def __init__(self, settings: Settings, topics: LockstepTopics) -> None:
         self._topics, self._settings = topics, settings
         replies = read_replies(settings.replies, rospy.resolve_name)
         listeners = read_listeners(settings.listeners, rospy.resolve_name)
@@ -50,25 +66,25 @@ class Lockstep:
         self._gate = Gate(names, listeners, replies, lambda: bool(topics.ticking))
         self._barrier = ListenerBarrier(listeners, settings.patience, settings.continue_on_silence,
                                         self._close_for)
-        self._callers, self._conductor, self._connections = {}, None, ()
-        self._loop = self._simulator = None
-        self._open, self._look, self._generation = False, None, 0
-        self._wanted, self._closing, self._failure = threading.Event(), False, None
-        self._missing, self._waited = [], 0.0
+        self._callers: Dict[str, Caller] = {}
+        self._connections: Sequence[Connection] = ()
+        self._look: Optional[Tuple[int, Look, List[str]]] = None        # generation, result, expected controllers
+        self._open, self._generation = False, 0
+        self._wanted, self._closing = threading.Event(), False
+        self._failure: Optional[LockstepError] = None
+        self._missing: List[str] = []
+        self._waited = 0.0
         topics.triggers = {reply.trigger for reply in replies}
         topics.before_trigger = self._before_trigger
 
-    def attach(self, loop, simulator):
+    def attach(self, loop: Loop, simulator: Simulator) -> None:
         """Start to look for the participants.
 
         Parameters
         ----------
-        loop : object
-            Of the simulation's thread: ``wait_until(condition, seconds)`` serves requests until ``condition()``, at
-            most so long, and returns whether it holds; ``wake()``, called from any thread, lets it look again;
-            ``stopping()`` returns whether the node is to end.
-        simulator : object
-            With ``advance(until_ns)``, which returns the new time, and the attribute ``now_ns``.
+        loop : Loop
+            Of the simulation's thread.
+        simulator : Simulator
         """
         self._loop, self._simulator = loop, simulator
         self._barrier.attach(loop)
@@ -78,7 +94,7 @@ class Lockstep:
         self._topics.on_arrival = loop.wake
         threading.Thread(target=self._watch, name="lockstep gate", daemon=True).start()
 
-    def close(self):
+    def close(self) -> None:
         """Disconnect from the controllers."""
         self._closing = True
         self._wanted.set()
@@ -87,7 +103,7 @@ class Lockstep:
 
     # ---- called by the loop ------------------------------------------------------------------------------------
 
-    def open(self):
+    def open(self) -> bool:
         """Return whether time may advance; if not, a thread looks for what is missing."""
         if self._conductor.over:
             return False
@@ -104,7 +120,7 @@ class Lockstep:
             self._admit(*look[1:])
         return self._open
 
-    def advance(self, until_ns):
+    def advance(self, until_ns: int) -> int:
         """Advance to the simulator's next event, at most to ``until_ns``, and wait for the participants there.
 
         Raises
@@ -131,7 +147,7 @@ class Lockstep:
                          conductor.over, now_ns * 1e-9, conductor.ticks)
         return now_ns
 
-    def status(self):
+    def status(self) -> Tuple[bool, int, float, List[str], List[str]]:
         """Return ``(open, ticks, seconds waited in ticks, names of lost controllers, what is missing)``."""
         conductor = self._conductor
         return (self._open and not conductor.over, conductor.ticks, self._waited, list(conductor.lost),
@@ -140,12 +156,12 @@ class Lockstep:
 
     # ---- participants ------------------------------------------------------------------------------------------
 
-    def _outdate(self):
+    def _outdate(self) -> None:
         """Discard what was seen so far, and what is being looked at now."""
         self._generation += 1
         self._look = None
 
-    def _watch(self):
+    def _watch(self) -> None:
         """Look at the graph, in a thread of its own, while a look is wanted."""
         logged = time.monotonic()
         while not self._closing and not rospy.is_shutdown():
@@ -166,7 +182,7 @@ class Lockstep:
                          "; ".join(missing[:6]) + ("; and %d more" % (len(missing) - 6) if len(missing) > 6 else ""))
             time.sleep(_LOOK_PAUSE if opening else _RETURN_PAUSE)
 
-    def _look_once(self):
+    def _look_once(self) -> List[str]:
         """Look at the graph and keep the result if nothing is missing; returns what is."""
         generation, expected = self._generation, self._expected()
         look = self._gate.look(set(self._names) - set(expected))
@@ -176,7 +192,7 @@ class Lockstep:
             self._loop.wake()
         return look.missing
 
-    def _expected(self):
+    def _expected(self) -> List[str]:
         """Return the controllers that must be present: all at the start, later those that have not left.
 
         Of the lost ones it is one at a time, and only when its last call has ended, so that each can come back alone.
@@ -191,7 +207,7 @@ class Lockstep:
         turn = back[int(time.monotonic()) % len(back):][:1] if back else []
         return [member.name for member in list(conductor.members)] + turn
 
-    def _admit(self, look, expected):
+    def _admit(self, look: Look, expected: List[str]) -> None:
         """Add the new participants, all of which are connected, and let time advance."""
         conductor = self._conductor
         first = not conductor.ticks
@@ -215,17 +231,17 @@ class Lockstep:
                      ", ".join([member.name for member in conductor.members] + [str(reply) for reply in self._replies]),
                      "; listeners: " + ", ".join(entry.name for entry in self._listeners) if self._listeners else "")
 
-    def _ask(self, name, request):
+    def _ask(self, name: str, request: TurnRequest) -> PendingAnswer:
         return self._callers[name].ask(request)
 
-    def _before_trigger(self):
+    def _before_trigger(self) -> None:
         """Wait within a step: an error is raised after it, as a plugin would be blamed for it here."""
         try:
             self._barrier.wait(self._barrier.shared, between_steps=False)
         except LockstepError as error:
             self._failure = error
 
-    def _close_for(self, name):
+    def _close_for(self, name: str) -> None:
         """Stop time until a listener that has died has been started again."""
         log.warning("lockstep: %s has died at %.3f s; simulated time stops until it is back", name,
                     self._simulator.now_ns * 1e-9)

@@ -5,8 +5,11 @@ rospy's subscriber connects when the master sends it the publishers of its topic
 It gives up when the publisher refuses, or when an older update is handled after a newer one; after other failures it
 waits longer and longer.  The master sends an update only once, so it is repeated here.
 """
+from __future__ import annotations
+
 import logging
 import time
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from m2wr_node.internals.connections import drop_connections
 
@@ -30,11 +33,13 @@ class Reconnector:
         Wall time [s].
     """
 
-    def __init__(self, own, address, slave, clock=time.monotonic):
+    def __init__(self, own: str, address: Callable[[str], Optional[str]], slave: Callable[[str], Any],
+                 clock: Callable[[], float] = time.monotonic) -> None:
         self._own, self._address, self._slave, self._clock = own, address, slave, clock
-        self._apart = {}                    # (publisher, subscriber, topic): [time of the next update, pause before it]
+        # (publisher, subscriber, topic): [time of the next update, pause before it]
+        self._apart: Dict[Tuple[str, str, str], List[float]] = {}
 
-    def note(self, apart, publishers):
+    def note(self, apart: Iterable[Tuple[str, str, str]], publishers: Mapping[str, Collection[str]]) -> None:
         """Record the connections that are missing now; send updates for those missing for too long.
 
         Parameters
@@ -58,13 +63,16 @@ class Reconnector:
                 entry[1] = min(LONGEST_PAUSE, 2.0 * entry[1])
                 entry[0] = now + entry[1]
 
-    def _send(self, subscriber, topic, missing, publishers):
+    def _send(self, subscriber: str, topic: str, missing: List[str], publishers: Collection[str]) -> Optional[str]:
         """Send a subscriber all its publishers, as some clients drop those not named; returns an error or None."""
         uris = [uri for uri in map(self._address, sorted(publishers)) if uri is not None]
         if subscriber == self._own:
             drop_connections(topic, [self._address(name) for name in missing])
+        address = self._address(subscriber)
+        if address is None:
+            return "the master does not know its address"
         try:
-            code, text, _ = self._slave(self._address(subscriber)).publisherUpdate(self._own, topic, uris)
+            code, text, _ = self._slave(address).publisherUpdate(self._own, topic, uris)
         except Exception as error:          # it may just have ended; the XML-RPC library raises many kinds
             return "%s: %s" % (type(error).__name__, error)
         return None if code == 1 else text
