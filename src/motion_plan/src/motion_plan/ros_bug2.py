@@ -14,6 +14,7 @@ from visualization_msgs.msg import MarkerArray
 
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import GetWorldProperties, SetModelState
+from m2wr_node.ros.shutdown import at_shutdown
 from motion_plan.bug2 import STATE_DESCRIPTIONS, Bug2, State
 from motion_plan.ros_bug2_markers import Bug2Markers
 from motion_plan.ros_diagnostics import Diagnostics, Report
@@ -125,7 +126,7 @@ class Bug2Node:
         self._renew = False
         # not by the rhythm: a click belongs to no period, and waiting for tf must delay none
         rospy.Subscriber(GOAL_TOPIC, PoseStamped, self.clbk_goal, queue_size=1)
-        rospy.on_shutdown(self._leave_nothing_driving)
+        at_shutdown(self._leave_nothing_driving)
         self._told_line = None
         self._next_status = 0.0
 

@@ -3,6 +3,7 @@
 import rospy
 from geometry_msgs.msg import Twist
 
+from m2wr_node.ros.shutdown import at_shutdown
 from motion_plan.go_to_point import GoToPoint
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import READING_LASER_BOUNDS, SECTOR_NAMES
@@ -156,7 +157,7 @@ class ObstacleAvoidanceNode:
         self.behaviour = ObstacleAvoidance()
         self._publisher = rospy.Publisher('/cmd_vel', Twist, queue_size=1)
         self._senses = Senses(Rhythm(), odom=False, on_regions=self.clbk_laser)
-        rospy.on_shutdown(self._stop)
+        at_shutdown(self._stop)
 
     def clbk_laser(self, regions):
         """Answer a scan with a command."""

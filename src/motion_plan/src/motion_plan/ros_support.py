@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 from m2wr_lockstep.controller import Controller
 from m2wr_node.pipes import ignore_closed_pipes
 from m2wr_node.ros.ending import end_run
+from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
@@ -353,7 +354,7 @@ class Switchable:
         self._on_switch = on_switch
         self._publisher = rhythm.publisher('/cmd_vel', Twist)
         rospy.Service(service, SetBool, self.clbk_switch)
-        rospy.on_shutdown(self._shut_down)
+        at_shutdown(self._shut_down)
 
     def clbk_switch(self, request):
         """Serve the switch; the reply is the report's: success, 'Done!'."""

@@ -6,6 +6,7 @@ import rospy
 from geometry_msgs.msg import Twist
 
 from m2wr_node.node_help import answer_help
+from m2wr_node.ros.shutdown import at_shutdown
 from motion_plan.ros_support import NodeError, Senses, choose_rhythm, finite_number, run_node
 from motion_plan.tour import Tour, TourError
 
@@ -29,7 +30,7 @@ class TourNode:
         self._publisher = self._rhythm.publisher('/cmd_vel', Twist)
         self._senses = Senses(self._rhythm, scan=False)
         self._told = False
-        rospy.on_shutdown(self._stop)
+        at_shutdown(self._stop)
 
     def spin(self):
         """Drive; return the exit code: 0 at the end of the tour, 1 if the robot is stuck."""

@@ -66,6 +66,24 @@ class NoTopics:
         pass
 
 
+class NoCommands(NoTopics):
+    """A rhythm whose publishers publish nothing."""
+
+    @staticmethod
+    def publisher(topic, message_class):
+        pass
+
+
+def test_a_switch_made_during_shutdown_is_stopped(monkeypatch):
+    stopped = []
+    monkeypatch.setattr(ros_support.rospy, 'Service', lambda *_: None)
+    monkeypatch.setattr(ros_support.rospy.core, 'is_shutdown_requested', lambda: True)
+    monkeypatch.setattr(ros_support.rospy, 'on_shutdown', lambda hook: None)
+    monkeypatch.setattr(ros_support.Switchable, '_shut_down', lambda self: stopped.append(self))
+    switch = ros_support.Switchable(NoCommands(), '/switch', lambda on: None)
+    assert stopped == [switch]
+
+
 def scan_at(stamp):
     msg = LaserScan(angle_min=-math.pi / 2, angle_max=math.pi / 2, angle_increment=math.pi / 719, range_max=10.0,
                     ranges=[3.0] * 720)
