@@ -80,6 +80,13 @@ def distance_to_line(point: Sequence[float], start: Point, goal: Point) -> float
     """Return the distance [m] of ``point`` from the infinite line through ``start`` and ``goal``, each (x, y) [m].
 
     Formula as in the report: ``|(y2-y1) x0 - (x2-x1) y0 + x2 y1 - y2 x1| / sqrt((y2-y1)^2 + (x2-x1)^2)``.
+
+    Parameters
+    ----------
+    point : sequence of float
+        x, y [m]; more values are ignored.
+    start, goal : (float, float)
+        x, y [m].
     """
     up_eq = math.fabs(_line_value(point, start, goal))
     lo_eq = math.sqrt(pow(goal[1] - start[1], 2) + pow(goal[0] - start[0], 2))
@@ -100,7 +107,15 @@ class ReportRule:
         self._seconds = 0
 
     def begin(self, now: float, pose: Pose) -> None:
-        """A state was entered."""
+        """A state was entered.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        """
         self._seconds = 0
 
     def end_turn(self) -> None:
@@ -112,20 +127,52 @@ class ReportRule:
 
     def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
             scan_age: float) -> Optional[str]:
-        """Return why the wall must be followed, or None."""
+        """Return why the wall must be followed, or None.
+
+        Parameters
+        ----------
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        speed : (float, float)
+            Forward [m/s] and angular [rad/s].
+        regions : dict
+            Least range [m] of each laser sector.
+        surroundings : Surroundings
+            Points of recent scans.
+        scan_age : float
+            Age of the newest scan [s].
+        """
         if REPORT_FRONT[0] < regions['front'] < REPORT_FRONT[1]:
             return 'obstacle %.2f m ahead' % regions['front']
         return None
 
     def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
-        """Return why the wall can be left, or None."""
+        """Return why the wall can be left, or None.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        surroundings : Surroundings
+            Points of recent scans.
+        """
         distance = distance_to_line(pose, self._start, self._goal)
         if self._seconds > REPORT_SECONDS and distance < LINE_TOLERANCE:
             return 'on the line'
         return None
 
     def unreachable(self, now: float, pose: Pose) -> Optional[str]:
-        """The printed rule never gives up."""
+        """Return None: the printed rule never gives up.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        """
         return None
 
     def new_line(self) -> Optional[Point]:
@@ -149,7 +196,15 @@ class CompleteRule:
         self._new_start: Optional[Point] = None
 
     def begin(self, now: float, pose: Pose) -> None:
-        """A state was entered at time ``now`` [s] and ``pose``."""
+        """A state was entered at time ``now`` [s] and ``pose``.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        """
         self._circuit = Circuit()
         self._hit_distance = self._goal_distance(pose)
         self._line_side = _line_value(pose, self._start, self._goal)
@@ -161,7 +216,21 @@ class CompleteRule:
 
     def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
             scan_age: float) -> Optional[str]:
-        """Return why the wall must be followed, or None."""
+        """Return why the wall must be followed, or None.
+
+        Parameters
+        ----------
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        speed : (float, float)
+            Forward [m/s] and angular [rad/s].
+        regions : dict
+            Least range [m] of each laser sector.
+        surroundings : Surroundings
+            Points of recent scans.
+        scan_age : float
+            Age of the newest scan [s].
+        """
         self._too_close = False
         if surroundings.nearest(*axle_of(pose))[0] < ESCAPE_RADIUS:
             self._too_close = True
@@ -172,7 +241,17 @@ class CompleteRule:
         return None
 
     def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
-        """Return why the wall can be left, or None."""
+        """Return why the wall can be left, or None.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        surroundings : Surroundings
+            Points of recent scans.
+        """
         crossed = self._crossed_line(pose)
         nearest = surroundings.nearest(*axle_of(pose))[0]
         if nearest < LOST_WALL_DISTANCE:
@@ -198,7 +277,15 @@ class CompleteRule:
         return None
 
     def unreachable(self, now: float, pose: Pose) -> Optional[str]:
-        """Return why the goal cannot be reached, or None; must be called in every period of wall following."""
+        """Return why the goal cannot be reached, or None; must be called in every period of wall following.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad] of link_chassis, odometry frame.
+        """
         for index, (distance, time) in enumerate(STUCK):
             since, x, y = self._anchors[index]
             if math.hypot(pose[0] - x, pose[1] - y) > distance:

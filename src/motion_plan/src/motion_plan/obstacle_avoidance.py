@@ -56,7 +56,15 @@ class ObstacleAvoidance:
             LOG.info('%s', case)
 
     def update(self, pose: Optional[Pose] = None, regions: Optional[Regions] = None) -> Command:
-        """Return (linear_x [m/s], angular_z [rad/s]); ``pose`` is not used."""
+        """Return (linear_x [m/s], angular_z [rad/s]).
+
+        Parameters
+        ----------
+        pose : (float, float, float), optional
+            Not used: every behaviour has the same signature.
+        regions : dict, optional
+            Least range [m] of each laser sector; evaluated first.
+        """
         if regions is not None:
             self.take_action(regions)
         return self.state.value

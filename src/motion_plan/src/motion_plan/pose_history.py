@@ -27,7 +27,15 @@ class PoseHistory:
         self._poses: Deque[Tuple[float, Pose]] = deque(maxlen=length)
 
     def add(self, stamp: float, pose: Pose) -> None:
-        """Add ``pose`` (x, y [m], yaw [rad]) at ``stamp`` [s]; a stamp in the past starts a new history."""
+        """Add a pose; a stamp in the past starts a new history.
+
+        Parameters
+        ----------
+        stamp : float
+            Time of the pose [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad].
+        """
         if self._poses and stamp < self._poses[-1][0]:
             self._poses.clear()
         if self._poses and stamp == self._poses[-1][0]:
@@ -35,7 +43,15 @@ class PoseHistory:
         self._poses.append((stamp, pose))
 
     def is_jump(self, stamp: float, pose: Pose) -> bool:
-        """Return whether the robot cannot have driven to ``pose`` by ``stamp`` [s], so was moved by other means."""
+        """Return whether the robot was moved to a pose: it cannot have driven there by ``stamp``.
+
+        Parameters
+        ----------
+        stamp : float
+            Time of the pose [s].
+        pose : (float, float, float)
+            x, y [m] and yaw [rad].
+        """
         if not self._poses or stamp < self._poses[-1][0]:
             return False
         before, (x, y, _) = self._poses[-1]

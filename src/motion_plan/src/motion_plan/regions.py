@@ -37,7 +37,20 @@ class ScanError(ValueError):
 
 
 def check_scan(count: int, angle_min: float, angle_max: float, angle_increment: float) -> None:
-    """Raise ScanError unless ``count`` readings fit the scan's angles [rad] (to one beam, as drivers differ)."""
+    """Check that the number of readings fits the angles of a scan, to one beam, as drivers differ.
+
+    Parameters
+    ----------
+    count : int
+        Number of readings.
+    angle_min, angle_max, angle_increment : float
+        Of the scan [rad].
+
+    Raises
+    ------
+    ScanError
+        If it does not fit, or an angle is not finite.
+    """
     if count == 0:
         raise ScanError('laser scan: 0 readings, expected at least 2')
     if count == 1:

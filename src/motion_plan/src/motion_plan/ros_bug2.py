@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node bug2: places the robot at the start, switches the two behaviours, publishes its state."""
+from __future__ import annotations
+
 import json
 import math
 import threading
 import time
+from typing import TYPE_CHECKING, Dict, Optional, Sequence
 
 import rospy
 from geometry_msgs.msg import PointStamped, PoseStamped
@@ -31,6 +34,10 @@ from motion_plan.ros_support import (
     wait_while,
 )
 
+if TYPE_CHECKING:
+    from motion_plan.planar_types import Point, Pose
+    from motion_plan.ros_support import Timing
+
 LAUNCH_FILE = 'bug2.launch'
 SWITCHES = ('/go_to_point_switch', '/wall_follower_switch')
 SET_MODEL_STATE = '/gazebo/set_model_state'
@@ -46,7 +53,7 @@ PLACE_PAUSE, PLACE_PATIENCE = 0.2, 2.0
 class Bug2Publishers:
     """The latched topics of Bug 2's state."""
 
-    def __init__(self, rhythm):
+    def __init__(self, rhythm: Timing) -> None:
         self._state = rhythm.publisher('bug2/state', String, queue_size=10, latch=True)
         self._status = rhythm.publisher('bug2/status', String, queue_size=1, latch=True)
         self._hit = rhythm.publisher('bug2/hit_point', PointStamped, queue_size=10, latch=True)
@@ -55,16 +62,36 @@ class Bug2Publishers:
         self._markers = rhythm.publisher('bug2/markers', MarkerArray, queue_size=1, latch=True)
         self._shown = Bug2Markers()
 
-    def begin(self):
+    def begin(self) -> None:
         """Start a new run: remove the markers of the previous one."""
         self._shown.begin()
 
-    def markers(self, bug, frame_id, base_frame):
-        """Publish all markers of Bug 2 for rviz."""
+    def markers(self, bug: Bug2, frame_id: str, base_frame: str) -> None:
+        """Publish all markers of Bug 2 for rviz.
+
+        Parameters
+        ----------
+        bug : Bug2
+            State machine of the run.
+        frame_id : str
+            Odometry frame.
+        base_frame : str
+            Frame of the robot.
+        """
         self._markers.publish(self._shown.message(bug, frame_id, base_frame))
 
-    def state(self, bug, frame_id, stamp):
-        """Publish a new state, with the point at which it was entered."""
+    def state(self, bug: Bug2, frame_id: str, stamp: rospy.Time) -> None:
+        """Publish a new state, with the point at which it was entered.
+
+        Parameters
+        ----------
+        bug : Bug2
+            State machine of the run.
+        frame_id : str
+            Odometry frame.
+        stamp : rospy.Time
+            Of the message.
+        """
         self._state.publish(String(data=bug.state.value))
         self._shown.note(bug)
         for publisher, point, state in ((self._hit, bug.hit_point, State.WALL_FOLLOWING),
@@ -75,8 +102,18 @@ class Bug2Publishers:
                 msg.point.x, msg.point.y = point
                 publisher.publish(msg)
 
-    def status(self, bug, pose, stamp):
-        """Publish the state in numbers, as JSON."""
+    def status(self, bug: Bug2, pose: Pose, stamp: rospy.Time) -> None:
+        """Publish the state in numbers, as JSON.
+
+        Parameters
+        ----------
+        bug : Bug2
+            State machine of the run.
+        pose : (float, float, float)
+            x, y [m] and yaw [rad], odometry frame.
+        stamp : rospy.Time
+            Of the message.
+        """
         self._status.publish(String(data=json.dumps({
             'stamp': stamp.to_sec(), 'state': bug.state.value, 'reason': bug.reason, 'leave_rule': bug.leave_rule,
             'position': [round(pose[0], 4), round(pose[1], 4)],
@@ -84,8 +121,18 @@ class Bug2Publishers:
             'distance_to_goal': round(bug.distance_to_goal(pose), 4),
             'hit_point': bug.hit_point, 'leave_point': bug.leave_point}, sort_keys=True)))
 
-    def m_line(self, bug, frame_id, stamp):
-        """Publish the m-line as a path of two poses."""
+    def m_line(self, bug: Bug2, frame_id: str, stamp: rospy.Time) -> None:
+        """Publish the m-line as a path of two poses.
+
+        Parameters
+        ----------
+        bug : Bug2
+            State machine of the run.
+        frame_id : str
+            Odometry frame.
+        stamp : rospy.Time
+            Of the message.
+        """
         path = Path()
         path.header.frame_id, path.header.stamp = frame_id, stamp
         yaw = math.atan2(bug.goal[1] - bug.line_start[1], bug.goal[0] - bug.line_start[0])
@@ -104,7 +151,7 @@ class Bug2Node:
     A new goal, or a robot that was moved, starts a new run of `Bug2` from the robot's pose.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         start = (required_number('initial_x', 'x of the start in metres', LAUNCH_FILE),
                  required_number('initial_y', 'y of the start in metres', LAUNCH_FILE))
         goal = (required_number('des_pos_x', 'x of the goal in metres', LAUNCH_FILE),
@@ -120,26 +167,28 @@ class Bug2Node:
         self._publishers = Bug2Publishers(self._rhythm)
         self._senses = Senses(self._rhythm, remember=True)
         Diagnostics('bug2', self._senses, self._report, ('/odom', SCAN_TOPIC))
-        self._switched, self._began = None, False
+        self._switched: Optional[State] = None      # state for which the behaviours have been switched
+        self._began = False
         self._start = start             # pose of the robot after a reset of the simulation
-        self._asked, self._asked_lock = None, threading.Lock()
+        self._asked: Optional[Point] = None     # goal that the next period takes
+        self._asked_lock = threading.Lock()
         self._renew = False
         # not by the rhythm: a click belongs to no period, and waiting for tf must delay none
         rospy.Subscriber(GOAL_TOPIC, PoseStamped, self.clbk_goal, queue_size=1)
         at_shutdown(self._leave_nothing_driving)
-        self._told_line = None
+        self._told_line: Optional[Point] = None
         self._next_status = 0.0
 
-    def _report(self):
+    def _report(self) -> Report:
         bug, pose = self.bug, self._senses.pose
-        values = {'state': bug.state.value, 'reason': bug.reason or 'none', 'leave rule': bug.leave_rule,
-                  'goal': '(%.2f, %.2f)' % tuple(bug.goal)}
+        values: Dict[str, str] = {'state': bug.state.value, 'reason': bug.reason or 'none',
+                                  'leave rule': bug.leave_rule, 'goal': '(%.2f, %.2f)' % tuple(bug.goal)}
         if pose is not None:
             values['distance to goal [m]'] = '%.2f' % bug.distance_to_goal(pose)
             values['distance to line [m]'] = '%.2f' % bug.distance_to_line(pose)
         return Report(self._began and not bug.finished, values, bug.state.value if self._began else 'waiting')
 
-    def spin(self):
+    def spin(self) -> int:
         """Place the robot at its start and drive it; return the exit code."""
         if not self._rhythm.lockstep:
             wait_for_clock()
@@ -153,7 +202,7 @@ class Bug2Node:
             time.sleep(FAREWELL_SECONDS)
         return code
 
-    def change_state(self, state):
+    def change_state(self, state: State) -> None:
         """Log the state, publish it and switch the behaviours for it."""
         rospy.loginfo('state changed: %s%s', STATE_DESCRIPTIONS[state],
                       ' (%s)' % self.bug.reason if self.bug.reason else '')
@@ -163,15 +212,15 @@ class Bug2Node:
         self._began = True
         self._switch_behaviours()
 
-    def _begin(self):
+    def _begin(self) -> None:
         self._senses.jumped = False         # moved to the start by this node itself
         self.change_state(State.GO_TO_POINT)
 
-    def distance_to_line(self, point):
+    def distance_to_line(self, point: Sequence[float]) -> float:
         """Return the distance [m] of (x, y) from the line through start and goal."""
         return self.bug.distance_to_line(point)
 
-    def _turn(self, now):
+    def _turn(self, now: float) -> Optional[int]:
         if not self._began:
             if self._senses_nothing():
                 return None
@@ -183,13 +232,13 @@ class Bug2Node:
                 self._leave_nothing_driving()       # while the zero commands are still a part of the run
         return code
 
-    def _senses_nothing(self):
+    def _senses_nothing(self) -> bool:
         return self._senses.pose is None or self._senses.regions is None
 
-    def _decide(self, now):
+    def _decide(self, now: float) -> Optional[int]:
         with self._senses.lock:
             pose, speed, regions = self._senses.pose, self._senses.speed, self._senses.regions
-            if pose is None or regions is None:
+            if pose is None or speed is None or regions is None:
                 return None
             before, stale = self.bug.state, self._senses.stale(now)
             state = self.bug.update(now, pose, regions, self._senses.surroundings, speed, self._senses.scan_age(now))
@@ -205,7 +254,7 @@ class Bug2Node:
             return 0 if state is State.GOAL_REACHED else 1
         return None
 
-    def _tell(self, now, pose):
+    def _tell(self, now: float, pose: Pose) -> None:
         if self._told_line != self.bug.line_start:
             self._publishers.m_line(self.bug, self._senses.frame_id, rospy.get_rostime())
             self._publishers.markers(self.bug, self._senses.frame_id, self._senses.base_frame)
@@ -221,7 +270,7 @@ class Bug2Node:
         else:
             rospy.loginfo_throttle(2.0, line)
 
-    def _report_end(self, state, pose):
+    def _report_end(self, state: State, pose: Pose) -> None:
         goal = 'goal (%.2f, %.2f)' % self.bug.goal
         if state is State.GOAL_REACHED:
             rospy.loginfo('%s reached: the robot is at (%.2f, %.2f), %s', goal, pose[0], pose[1], self.bug.reason)
@@ -229,7 +278,7 @@ class Bug2Node:
             rospy.logerr('%s cannot be reached: %s; the robot is at (%.2f, %.2f)', goal, self.bug.reason,
                          pose[0], pose[1])
 
-    def _switch_behaviours(self):
+    def _switch_behaviours(self) -> None:
         """Call the two switches in the report's order; a failed call is repeated in the next period."""
         state = self.bug.state
         # at the goal go_to_point stays on, as in the report: it stops the robot with zero commands
@@ -247,7 +296,7 @@ class Bug2Node:
                 return
         self._switched, self._renew = state, False
 
-    def _leave_nothing_driving(self):
+    def _leave_nothing_driving(self) -> None:
         """Switch off the behaviours, which would drive without supervision."""
         if self._switched is None:
             return
@@ -257,27 +306,29 @@ class Bug2Node:
             except (rospy.ServiceException, rospy.ROSException):
                 continue    # it shuts down as well, and stops the robot itself
 
-    def _wait_for_services(self):
+    def _wait_for_services(self) -> None:
         for service in SWITCHES + (SET_MODEL_STATE,):
-            wait_while(lambda name=service: not self._is_service(name),
-                       lambda name=service: 'bug2: still waiting for the service %s' % name)
+            self._wait_for_service(service)
+
+    def _wait_for_service(self, name: str) -> None:
+        wait_while(lambda: not self._is_service(name), lambda: 'bug2: still waiting for the service %s' % name)
 
     @staticmethod
-    def _is_service(name):
+    def _is_service(name: str) -> bool:
         try:
             rospy.wait_for_service(name, timeout=0.5)
             return True
         except rospy.ROSException:
             return False
 
-    def _model_is_there(self):
+    def _model_is_there(self) -> bool:
         """Return whether the simulator has the robot's model, or does not answer."""
         try:
             return self._model_name in rospy.ServiceProxy(GET_WORLD_PROPERTIES, GetWorldProperties)().model_names
         except (rospy.ServiceException, rospy.ROSException):
             return True         # no answer: the next call will show it
 
-    def _place_robot(self):
+    def _place_robot(self) -> None:
         """Place the robot at the start; repeated until the simulator has the model."""
         state = ModelState()
         state.model_name = self._model_name
@@ -304,12 +355,12 @@ class Bug2Node:
                     % (SET_MODEL_STATE, self._model_name, self.bug.start[0], self.bug.start[1], problem))
             time.sleep(PLACE_PAUSE)
 
-    def _missing_topics(self):
+    def _missing_topics(self) -> str:
         missing = [name for name, value in (('/odom', self._senses.pose), ('/m2wr/laser/scan', self._senses.regions))
                    if value is None]
         return 'bug2: still waiting for %s' % ' and '.join(missing)
 
-    def _time_reset(self):
+    def _time_reset(self) -> None:
         self._senses.forget()
         self._next_status = 0.0
         if self.bug.start != self._start and self.bug.goal != self._start:
@@ -321,7 +372,7 @@ class Bug2Node:
 
     # ---- new goal, moved robot ------------------------------------------------------------------------------
 
-    def clbk_goal(self, msg):
+    def clbk_goal(self, msg: PoseStamped) -> None:
         """Store a goal for the next period, in the odometry frame; refuse an invalid one."""
         try:
             x, y, _ = planar_in(self._senses.frame_id, msg.header.frame_id, msg.pose)
@@ -332,7 +383,7 @@ class Bug2Node:
         with self._asked_lock:
             self._asked = (x, y)
 
-    def _take_news(self, now):
+    def _take_news(self, now: float) -> bool:
         """Restart for a new goal or a moved robot; False while there is no scan from the new place."""
         with self._senses.lock:
             pose, jumped = self._senses.pose, self._senses.jumped
@@ -351,10 +402,10 @@ class Bug2Node:
             self._restart(pose, self.bug.goal, 'the robot was put elsewhere')
         return True
 
-    def _restart(self, pose, goal, why):
+    def _restart(self, pose: Pose, goal: Point, why: str) -> None:
         """Define the m-line from ``pose`` to ``goal`` and drive to the goal."""
         try:
-            bug = Bug2(pose[:2], goal, self.bug.leave_rule)
+            bug = Bug2((pose[0], pose[1]), goal, self.bug.leave_rule)
             if goal != self.bug.goal:       # go_to_point reads it when it is switched on
                 rospy.set_param('des_pos_x', goal[0])
                 rospy.set_param('des_pos_y', goal[1])
@@ -367,6 +418,6 @@ class Bug2Node:
         self.change_state(State.GO_TO_POINT)
 
 
-def bug2():
+def bug2() -> None:
     """Run the node; its default name is bug0, launch files name it bug2."""
     run_node('bug0', Bug2Node)

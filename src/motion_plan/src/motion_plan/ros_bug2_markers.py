@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Markers of Bug 2 for rviz: m-line, start, goal, every hit and leave point, the state above the robot."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, List, Tuple
+
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
 from motion_plan.bug2 import STATE_DESCRIPTIONS, State
+
+if TYPE_CHECKING:
+    from motion_plan.bug2 import Bug2
+    from motion_plan.planar_types import Point as PlanarPoint
 
 #: Colours suitable for red-green colour blindness; the same as in the pictures of m2wr_view.
 LINE, START, GOAL = (0.31, 0.31, 0.31), (0.94, 0.89, 0.26), (0.0, 0.62, 0.45)
@@ -24,7 +32,8 @@ BELOW, FAR_BELOW = '\n ', '\n \n '
 ASIDE = 5 * ' '
 
 
-def _marker(kind, name, number, frame, colour, size, place):
+def _marker(kind: int, name: str, number: int, frame: str, colour: Tuple[float, float, float],
+            size: Tuple[float, float, float], place: Tuple[float, float, float]) -> Marker:
     marker = Marker(type=kind, action=Marker.ADD, ns=name, id=number)
     marker.header.frame_id = frame      # stamp zero: the present pose of the frame, also for late subscribers
     marker.color.r, marker.color.g, marker.color.b = colour
@@ -35,11 +44,12 @@ def _marker(kind, name, number, frame, colour, size, place):
     return marker
 
 
-def _disc(name, frame, colour, radius, place):
+def _disc(name: str, frame: str, colour: Tuple[float, float, float], radius: float, place: PlanarPoint) -> Marker:
     return _marker(Marker.CYLINDER, name, 0, frame, colour, (2.0 * radius, 2.0 * radius, 0.02), (*place, FLOOR))
 
 
-def _text(name, number, frame, colour, place, words):
+def _text(name: str, number: int, frame: str, colour: Tuple[float, float, float], place: Tuple[float, float, float],
+          words: str) -> Marker:
     marker = _marker(Marker.TEXT_VIEW_FACING, name, number, frame, colour, (0.0, 0.0, LETTERS), place)
     marker.text = words
     return marker
@@ -48,21 +58,22 @@ def _text(name, number, frame, colour, place, words):
 class Bug2Markers:
     """Stores the points of a run and makes all its markers."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.begin()
 
-    def begin(self):
+    def begin(self) -> None:
         """Forget the points for a new run."""
-        self._hits, self._leaves = [], []
+        self._hits: List[PlanarPoint] = []
+        self._leaves: List[PlanarPoint] = []
 
-    def note(self, bug):
+    def note(self, bug: Bug2) -> None:
         """Add the point at which the present state was entered, if it has one."""
         for points, point, state in ((self._hits, bug.hit_point, State.WALL_FOLLOWING),
                                      (self._leaves, bug.leave_point, State.GO_TO_POINT)):
             if point is not None and bug.state is state:
                 points.append((point[0], point[1]))
 
-    def message(self, bug, frame, base_frame):
+    def message(self, bug: Bug2, frame: str, base_frame: str) -> MarkerArray:
         """Return a MarkerArray that replaces the previous one.
 
         Parameters

@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Diagnostics of the nodes on /diagnostics, once a second of wall time and only with a subscriber."""
+from __future__ import annotations
+
 import math
 import threading
-from collections import deque, namedtuple
+from collections import deque
+from typing import TYPE_CHECKING, Callable, Deque, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+if TYPE_CHECKING:
+    from motion_plan.planar_types import Command, Pose
+    from motion_plan.ros_support import Senses
 
 PERIOD = 1.0                    # s of wall time
 #: A robot with a command to drive for this time [s of ROS time] that moved less than this [m, rad] is stuck.
@@ -14,29 +21,53 @@ STUCK_SECONDS, STUCK_DISTANCE, STUCK_TURN = 3.0, 0.02, 0.05
 LEAST_LINEAR, LEAST_ANGULAR = 0.02, 0.05
 STALE = 1.0                     # s of ROS time; older messages are not used for driving
 
-Sample = namedtuple('Sample', 'time pose command')
-Report = namedtuple('Report', 'active values rest')
-"""Part of a node: whether it drives, {name: value}, and the message while it does not drive."""
+
+class Sample(NamedTuple):
+    """Pose (x, y [m], yaw [rad]) and command (linear [m/s], angular [rad/s]) at a ROS time [s]."""
+
+    time: float
+    pose: Pose
+    command: Command
+
+
+class Report(NamedTuple):
+    """Part of a node: whether it drives, {name: value}, and the message while it does not drive."""
+
+    active: bool
+    values: Dict[str, str]
+    rest: str
 
 
 class StuckWatch:
     """Detects a robot that does not follow a command to drive."""
 
-    def __init__(self):
-        self._samples = deque(maxlen=64)
+    def __init__(self) -> None:
+        self._samples: Deque[Sample] = deque(maxlen=64)
 
-    def add(self, now, pose, command):
-        """Add a sample at the time ``now`` [s]: pose (x, y, yaw) and command (linear, angular), None where unknown."""
+    def add(self, now: float, pose: Optional[Pose], command: Optional[Command]) -> None:
+        """Add a sample.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        pose : (float, float, float) or None
+            x, y [m] and yaw [rad]; None if not known.
+        command : (float, float) or None
+            Linear [m/s] and angular [rad/s]; None if there is none.
+        """
         if pose is None or command is None or (self._samples and now < self._samples[-1].time):
             self._samples.clear()
         if pose is not None and command is not None:
             self._samples.append(Sample(now, pose, command))
 
-    def stuck(self):
+    def stuck(self) -> bool:
         """Return whether it had a command to drive during the last seconds but did not move."""
-        newest = self._samples[-1] if self._samples else None
+        if not self._samples:
+            return False
+        newest = self._samples[-1]
         recent = [sample for sample in self._samples if newest.time - sample.time <= STUCK_SECONDS + PERIOD]
-        if not recent or newest.time - recent[0].time < STUCK_SECONDS:
+        if newest.time - recent[0].time < STUCK_SECONDS:
             return False
         if any(abs(sample.command[0]) < LEAST_LINEAR and abs(sample.command[1]) < LEAST_ANGULAR for sample in recent):
             return False
@@ -48,18 +79,26 @@ class StuckWatch:
 class Rates:
     """Messages per second of ROS time, between two calls."""
 
-    def __init__(self):
-        self._last = None
+    def __init__(self) -> None:
+        self._last: Optional[Tuple[float, Dict[str, int]]] = None
 
-    def look(self, now, counts):
-        """Return the rate of each count since the last call [Hz]; None if no time has passed."""
+    def look(self, now: float, counts: Dict[str, int]) -> Dict[str, Optional[float]]:
+        """Return the rate of each count since the last call [Hz]; None if no time has passed.
+
+        Parameters
+        ----------
+        now : float
+            ROS time [s].
+        counts : dict
+            Number of messages so far, by topic.
+        """
         before, self._last = self._last, (now, dict(counts))
         if before is None or now <= before[0]:
             return {name: None for name in counts}
         return {name: (count - before[1].get(name, 0)) / (now - before[0]) for name, count in counts.items()}
 
 
-def judge(report, ages, stuck, missing):
+def judge(report: Report, ages: Dict[str, Optional[float]], stuck: bool, missing: List[str]) -> Tuple[int, str]:
     """Return level and message.
 
     Parameters
@@ -99,13 +138,14 @@ class Diagnostics:
         Returns the present command (linear, angular), or None.
     """
 
-    def __init__(self, name, senses, report, needed, command=None):
+    def __init__(self, name: str, senses: Senses, report: Callable[[], Report], needed: Sequence[str],
+                 command: Optional[Callable[[], Optional[Command]]] = None) -> None:
         self._name, self._senses, self._report, self._needed, self._command = name, senses, report, needed, command
         self._rates, self._watch = Rates(), StuckWatch()
         self._publisher = rospy.Publisher('/diagnostics', DiagnosticArray, queue_size=2)
         threading.Thread(target=self._run, name='diagnostics', daemon=True).start()
 
-    def _run(self):
+    def _run(self) -> None:
         while not rospy.is_shutdown():
             rospy.rostime.wallsleep(PERIOD)
             if not self._publisher.get_num_connections():
@@ -115,7 +155,7 @@ class Diagnostics:
             except rospy.ROSException:
                 return          # shutting down
 
-    def look(self):
+    def look(self) -> DiagnosticArray:
         """Return the present message."""
         senses, now = self._senses, rospy.get_time()
         with senses.lock:
@@ -127,7 +167,7 @@ class Diagnostics:
         ages = {topic: None if times[topic] is None else max(0.0, now - times[topic]) for topic in self._needed}
         stuck = self._watch.stuck()
         level, message = judge(report, ages, stuck, [topic for topic, age in ages.items() if age is None])
-        values = [('active', report.active), ('stuck', stuck)]
+        values: List[Tuple[str, object]] = [('active', report.active), ('stuck', stuck)]
         for topic, rate in sorted(self._rates.look(now, counts).items()):
             values.append(('%s [Hz]' % topic, 'unknown' if rate is None else '%.1f' % rate))
         for topic, age in sorted(ages.items()):

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Shared by the nodes: parameters, logging, the loop, and conversion of messages to plain values."""
+from __future__ import annotations
+
 import logging
 import math
 import sys
 import threading
 import time
+from typing import TYPE_CHECKING, Any, Callable, NoReturn, Optional, Protocol, Sequence, Tuple, Union
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -22,6 +25,9 @@ from motion_plan.pose_history import PoseHistory
 from motion_plan.regions import RegionReader, ScanError
 from motion_plan.surroundings import Surroundings
 
+if TYPE_CHECKING:
+    from motion_plan.planar_types import Command, Pose, Regions
+
 RATE_HZ = 20
 #: Wall seconds between two messages about a wait.
 REMIND_SECONDS = 5.0
@@ -34,6 +40,13 @@ PARTING_SECONDS = 15.0
 SCAN_TOPIC = '/m2wr/laser/scan'
 
 
+class SpinningNode(Protocol):
+    """A node that :func:`run_node` can run."""
+
+    def spin(self) -> Optional[int]:
+        """Run the node; return its exit code, None for 0."""
+
+
 class NodeError(Exception):
     """A node cannot run; the text is one sentence for the user."""
 
@@ -41,23 +54,31 @@ class NodeError(Exception):
 class RosoutHandler(logging.Handler):
     """Passes the log lines of the ROS-free modules to rospy, for the screen and /rosout."""
 
-    def emit(self, record):
+    def emit(self, record: logging.LogRecord) -> None:
         """Log ``record`` at rospy's level of the same name."""
         log = {logging.DEBUG: rospy.logdebug, logging.INFO: rospy.loginfo, logging.WARNING: rospy.logwarn}
         log.get(record.levelno, rospy.logerr)('%s', record.getMessage())
 
 
-def _end_unread():
+def _end_unread() -> None:
     # not during the failed write: the shutdown may print more lines
     threading.Thread(target=rospy.signal_shutdown, args=('the pipe of the output is closed',), daemon=True).start()
 
 
-def run_node(name, make_node, only_prints=False):
-    """Start the node ``name``, run what ``make_node()`` returns and leave with its exit code.
+def run_node(name: str, make_node: Callable[[], SpinningNode], only_prints: bool = False) -> NoReturn:
+    """Start a node, run it and leave with its exit code.
 
     A required node that ends by itself with 0 asks its roslaunch to stop; roslaunch would report its exit as a crash.
-    A NodeError gives one fatal line and exit code 1, no traceback.  A node that only prints ends when its pipe is
-    closed; other nodes continue.
+    A NodeError gives one fatal line and exit code 1, no traceback.
+
+    Parameters
+    ----------
+    name : str
+        Default name of the node.
+    make_node : callable
+        Returns the node; called after the registration.
+    only_prints : bool
+        Whether the node ends when the pipe of its output is closed; other nodes continue.
     """
     ignore_closed_pipes(_end_unread if only_prints else None)
     start_node(name)
@@ -79,7 +100,7 @@ def run_node(name, make_node, only_prints=False):
     sys.exit(code or 0)
 
 
-def _end_the_run():
+def _end_the_run() -> None:
     """Let roslaunch stop the run if this node is required; without roslaunch the node just ends."""
     rospy.loginfo('%s has finished: the run ends', rospy.get_name())
     if end_run():
@@ -88,8 +109,17 @@ def _end_the_run():
             time.sleep(0.02)
 
 
-def required_number(name, meaning, launch_file):
-    """Return the global parameter ``name`` as a float.
+def required_number(name: str, meaning: str, launch_file: str) -> float:
+    """Return a required global parameter as a float.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    meaning : str
+        What the parameter is, for messages.
+    launch_file : str
+        One that sets it, for messages.
 
     Raises
     ------
@@ -102,13 +132,43 @@ def required_number(name, meaning, launch_file):
     return finite_number(name, rospy.get_param(name), meaning)
 
 
-def optional_number(name, default, meaning):
-    """Return the global parameter ``name`` as a finite float, or ``default``."""
+def optional_number(name: str, default: float, meaning: str) -> float:
+    """Return a global parameter as a finite float.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    default : float
+        Value if it is not set.
+    meaning : str
+        What the parameter is, for messages.
+
+    Raises
+    ------
+    NodeError
+        If it is not a finite number.
+    """
     return finite_number(name, rospy.get_param(name, default), meaning)
 
 
-def finite_number(name, value, meaning):
-    """Return ``value`` as a float; NodeError if it is not a finite number."""
+def finite_number(name: str, value: Any, meaning: str) -> float:
+    """Return the value of a parameter as a float.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    value : object
+        As rospy.get_param returns it.
+    meaning : str
+        What the parameter is, for messages.
+
+    Raises
+    ------
+    NodeError
+        If it is not a finite number.
+    """
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -118,10 +178,22 @@ def finite_number(name, value, meaning):
     return number
 
 
-def wait_while(condition, sentence):
-    """Wait in wall time while ``condition()`` holds; log ``sentence()`` every five seconds. Ends on shutdown.
+def wait_while(condition: Callable[[], bool], sentence: Callable[[], str]) -> None:
+    """Wait in wall time while a condition holds; log a sentence every five seconds.
 
     A start takes long on a slow machine: waiting is a warning only after a minute.
+
+    Parameters
+    ----------
+    condition : callable
+        Returns whether to continue waiting.
+    sentence : callable
+        Returns what is waited for, for the log.
+
+    Raises
+    ------
+    ROSInterruptException
+        If the node shuts down.
     """
     began = last = time.monotonic()
     while condition():
@@ -134,17 +206,27 @@ def wait_while(condition, sentence):
         time.sleep(0.02)
 
 
-def wait_for_clock():
+def wait_for_clock() -> None:
     """Wait for the simulated clock, if it is used."""
     wait_while(lambda: rospy.get_rostime().is_zero(),
                lambda: '%s: /use_sim_time is true but nothing publishes /clock; start the simulator, or "rosparam set '
                        '/use_sim_time false" if none is to run' % rospy.get_name())
 
 
-def spin_at_rate(turn, time_reset):
-    """Call ``turn(now)`` at 20 Hz until it returns an exit code or ROS shuts down; returns the code.
+def spin_at_rate(turn: Callable[[float], Optional[int]], time_reset: Callable[[], object]) -> int:
+    """Call a function at 20 Hz until it returns an exit code or ROS shuts down.
 
-    ``time_reset()`` is called when time has jumped back, as after a reset of the simulation.
+    Parameters
+    ----------
+    turn : callable
+        ``turn(now)`` with the ROS time [s] returns an exit code, or None to continue.
+    time_reset : callable
+        Called when time has jumped back, as after a reset of the simulation.
+
+    Returns
+    -------
+    int
+        The exit code; 0 after a shutdown.
     """
     wait_for_clock()
     rate = rospy.Rate(RATE_HZ, reset=True)
@@ -166,7 +248,7 @@ def spin_at_rate(turn, time_reset):
     return 0
 
 
-def planar_pose(msg):
+def planar_pose(msg: Odometry) -> Tuple[Pose, Tuple[float, float]]:
     """Return (pose, speed) of a nav_msgs/Odometry: (x, y, yaw) and (linear_x, angular_z).
 
     Raises
@@ -189,20 +271,57 @@ class Rhythm:
     """
 
     lockstep = False
+    #: What the node does at present; only a lockstep controller sends it to the simulator.
+    note = ''
 
     @staticmethod
-    def subscribe(topic, message_class, callback):
-        """Pass each new message to ``callback``; of several waiting ones only the newest."""
+    def subscribe(topic: str, message_class: Any, callback: Callable[[Any], object]) -> None:
+        """Subscribe to a topic; of several waiting messages only the newest is passed.
+
+        Parameters
+        ----------
+        topic : str
+            Name of the topic.
+        message_class : type
+            Class of its messages.
+        callback : callable
+            Called with each new message.
+        """
         rospy.Subscriber(topic, message_class, callback, queue_size=1, tcp_nodelay=True)
 
     @staticmethod
-    def publisher(topic, message_class, queue_size=1, latch=False):
-        """Return a publisher."""
+    def publisher(topic: str, message_class: Any, queue_size: int = 1, latch: bool = False) -> rospy.Publisher:
+        """Return a publisher.
+
+        Parameters
+        ----------
+        topic : str
+            Name of the topic.
+        message_class : type
+            Class of its messages.
+        queue_size : int
+            Number of messages that may wait to be sent.
+        latch : bool
+            Whether a new subscriber receives the last message.
+        """
         return rospy.Publisher(topic, message_class, queue_size=queue_size, latch=latch)
 
     @staticmethod
-    def spin(turn, time_reset):
-        """Call ``turn(now)`` at 20 Hz; see :func:`spin_at_rate`."""
+    def spin(turn: Callable[[float], Optional[int]], time_reset: Callable[[], object]) -> int:
+        """Call a function at 20 Hz; see :func:`spin_at_rate`.
+
+        Parameters
+        ----------
+        turn : callable
+            ``turn(now)`` with the ROS time [s] returns an exit code, or None to continue.
+        time_reset : callable
+            Called when time has jumped back, as after a reset of the simulation.
+
+        Returns
+        -------
+        int
+            The exit code.
+        """
         return spin_at_rate(turn, time_reset)
 
 
@@ -212,7 +331,11 @@ class Lockstep(Controller):
     lockstep = True
 
 
-def choose_rhythm():
+#: How a node is timed: on its own or by the simulator.
+Timing = Union[Rhythm, Lockstep]
+
+
+def choose_rhythm() -> Timing:
     """Return the Rhythm selected by ``~lockstep``; must be the first call of a node."""
     wanted = rospy.get_param('~lockstep', False)
     if not isinstance(wanted, bool):
@@ -252,20 +375,28 @@ class Senses:
         the new place.
     """
 
-    def __init__(self, rhythm, odom=True, scan=True, remember=False, bounds=None, on_regions=None):
+    def __init__(self, rhythm: Timing, odom: bool = True, scan: bool = True, remember: bool = False,
+                 bounds: Optional[Sequence[Tuple[int, int]]] = None,
+                 on_regions: Optional[Callable[[Regions], object]] = None) -> None:
         self.lock = threading.RLock()
         self.surroundings = Surroundings()
         self.reader = RegionReader(bounds) if bounds else RegionReader()
         self.history = PoseHistory()
         self._remember, self._on_regions = remember, on_regions
         self.counts = {'/odom': 0, SCAN_TOPIC: 0}      # of accepted messages, for diagnostics
+        self.pose: Optional[Pose] = None
+        self.speed: Optional[Tuple[float, float]] = None
+        self.regions: Optional[Regions] = None
+        self.odom_time: Optional[float] = None
+        self.scan_time: Optional[float] = None
+        self.scan_stamp: Optional[float] = None
         self.forget()
         if odom:
             rhythm.subscribe('/odom', Odometry, self.clbk_odom)
         if scan:
             rhythm.subscribe(SCAN_TOPIC, LaserScan, self.clbk_laser)
 
-    def forget(self, not_before=0.0):
+    def forget(self, not_before: float = 0.0) -> None:
         """Drop everything received so far, and refuse messages stamped before ``not_before`` [s]."""
         with self.lock:
             self.pose = self.speed = self.regions = None
@@ -276,7 +407,7 @@ class Senses:
             self.history.clear()
             self.surroundings.clear()
 
-    def clbk_odom(self, msg):
+    def clbk_odom(self, msg: Odometry) -> None:
         """Store pose and speed; refuse values that are not finite."""
         try:
             pose, speed = planar_pose(msg)
@@ -298,7 +429,7 @@ class Senses:
                 self.jumped, self.scan_since_jump = True, False
             self.history.add(stamp, pose)
 
-    def clbk_laser(self, msg):
+    def clbk_laser(self, msg: LaserScan) -> None:
         """Store the sector minima and remember the points; refuse invalid scans."""
         try:
             regions = self.reader.read(msg.ranges, msg.angle_min, msg.angle_max, msg.angle_increment)
@@ -320,12 +451,17 @@ class Senses:
             if self._on_regions is not None:
                 self._on_regions(regions)
 
-    def scan_age(self, now):
-        """Return the age of the newest scan [s]: by its stamp, or by its arrival if stamps come from another clock."""
+    def scan_age(self, now: float) -> float:
+        """Return the age of the newest scan [s], inf without one.
+
+        The age is taken from the stamp of the scan, or from its arrival if stamps come from another clock.
+        """
+        if self.scan_stamp is None or self.scan_time is None:
+            return math.inf
         age = now - self.scan_stamp
         return age if 0.0 <= age < 5.0 else max(0.0, now - self.scan_time)
 
-    def stale(self, now):
+    def stale(self, now: float) -> str:
         """Return the topics whose newest message is older than a second, as a text; '' if there is none."""
         names = [name for name, at in (('/odom', self.odom_time), (SCAN_TOPIC, self.scan_time))
                  if at is not None and now - at > STALE_SECONDS]
@@ -348,15 +484,16 @@ class Switchable:
         Called with True or False on a change, before anything is published.
     """
 
-    def __init__(self, rhythm, service, on_switch):
-        self.active, self.command = False, (0.0, 0.0)
+    def __init__(self, rhythm: Timing, service: str, on_switch: Callable[[bool], object]) -> None:
+        self.active = False
+        self.command: Command = (0.0, 0.0)
         self._lock = threading.Lock()
         self._on_switch = on_switch
         self._publisher = rhythm.publisher('/cmd_vel', Twist)
         rospy.Service(service, SetBool, self.clbk_switch)
         at_shutdown(self._shut_down)
 
-    def clbk_switch(self, request):
+    def clbk_switch(self, request: Any) -> SetBoolResponse:
         """Serve the switch; the reply is the report's: success, 'Done!'."""
         if self.active != request.data:
             self._on_switch(request.data)       # acquires other locks: not under this one
@@ -367,7 +504,7 @@ class Switchable:
                 self._publisher.publish(Twist())
         return SetBoolResponse(success=True, message='Done!')
 
-    def publish(self, command):
+    def publish(self, command: Command) -> None:
         """Publish (linear_x, angular_z), unless switched off in the meantime."""
         msg = Twist()
         msg.linear.x, msg.angular.z = command
@@ -376,7 +513,7 @@ class Switchable:
                 self.command = command
                 self._publisher.publish(msg)
 
-    def _shut_down(self):
+    def _shut_down(self) -> None:
         # rospy calls this inside its signal handler, on a thread that may hold the lock:
         # wait for another thread, but with a limit
         locked = self._lock.acquire(timeout=SHUTDOWN_PATIENCE)

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node tour: drives along the way points of a parameter."""
+from __future__ import annotations
+
 import time
+from typing import TYPE_CHECKING, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -10,6 +13,9 @@ from m2wr_node.ros.shutdown import at_shutdown
 from motion_plan.ros_support import NodeError, Senses, choose_rhythm, finite_number, run_node
 from motion_plan.tour import Tour, TourError
 
+if TYPE_CHECKING:
+    from motion_plan.planar_types import Command
+
 #: Wall seconds for the transmission of the last command before the node exits.
 FAREWELL_SECONDS = 0.2
 
@@ -17,7 +23,7 @@ FAREWELL_SECONDS = 0.2
 class TourNode:
     """Publishes the commands of `Tour` at 20 Hz, or in lockstep; ends at the last way point if ``~exit_at_end``."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         if not rospy.has_param('~way_points'):
             raise NodeError('parameter ~way_points is not set: expected a list of [x, y] in metres')
         try:
@@ -32,14 +38,14 @@ class TourNode:
         self._told = False
         at_shutdown(self._stop)
 
-    def spin(self):
+    def spin(self) -> int:
         """Drive; return the exit code: 0 at the end of the tour, 1 if the robot is stuck."""
         code = self._rhythm.spin(self._turn, self._time_reset)
         if code is not None and not rospy.is_shutdown():
             time.sleep(FAREWELL_SECONDS)
         return code
 
-    def _turn(self, now):
+    def _turn(self, now: float) -> Optional[int]:
         with self._senses.lock:
             pose, stale = self._senses.pose, self._senses.stale(now)
         if pose is None:
@@ -59,21 +65,21 @@ class TourNode:
         self._told = True
         return int(self.tour.stuck) if self._exit_at_end else None
 
-    def _command(self, command):
+    def _command(self, command: Command) -> None:
         message = Twist()
         message.linear.x, message.angular.z = command
         self._publisher.publish(message)
 
-    def _stop(self):
+    def _stop(self) -> None:
         self._publisher.publish(Twist())
 
-    def _time_reset(self):
+    def _time_reset(self) -> None:
         self._senses.forget()
         self.tour.restart()
         self._told = False
 
 
-def tour():
+def tour() -> None:
     """Run the node tour."""
     answer_help('tour.py', 'Drive along way points.', {
         'way_points': 'list of [x, y] [m], required', 'speed': '[m/s] (0.5)',

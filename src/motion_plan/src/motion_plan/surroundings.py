@@ -100,7 +100,13 @@ class Surroundings:
         self.points = points[_first_in_cells(np.floor(points / CELL).astype(np.int64))]
 
     def nearest(self, x: float, y: float) -> Tuple[float, Optional[FloatArray]]:
-        """Return (distance [m], point) of the stored point nearest to x, y; (inf, None) when nothing is stored."""
+        """Return the distance [m] and the coordinates (2,) of the nearest stored point; (inf, None) without points.
+
+        Parameters
+        ----------
+        x, y : float
+            Odometry frame [m].
+        """
         if len(self.points) == 0:
             return math.inf, None
         distance = np.hypot(self.points[:, 0] - x, self.points[:, 1] - y)

@@ -71,9 +71,14 @@ class WallFollower:
     take_actions = take_action
 
     def update(self, pose: Optional[Pose] = None, regions: Optional[Regions] = None) -> Command:
-        """Return (linear_x [m/s], angular_z [rad/s]); new ``regions``, if given, are evaluated first.
+        """Return (linear_x [m/s], angular_z [rad/s]).
 
-        ``pose`` is not used: every behaviour has the same signature.
+        Parameters
+        ----------
+        pose : (float, float, float), optional
+            Not used: every behaviour has the same signature.
+        regions : dict, optional
+            Least range [m] of each laser sector; evaluated first.
         """
         if regions is not None:
             self.take_action(regions)

@@ -69,7 +69,15 @@ ESCAPE_TIMES = np.arange(0.1, 0.91, 0.1)
 
 
 def footprint_clearance(points: FloatArray, pose: Pose) -> float:
-    """Return the least distance [m] between the robot's outline at ``pose`` and ``points`` (N, 2); negative inside."""
+    """Return the least distance [m] between the robot's outline and some points; negative inside.
+
+    Parameters
+    ----------
+    points : (n, 2) float64
+        Frame of ``pose`` [m].
+    pose : (float, float, float)
+        x, y [m] and yaw [rad] of link_chassis.
+    """
     delta = points - np.asarray(pose[:2])
     cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
     local_x = cos_yaw * delta[:, 0] + sin_yaw * delta[:, 1]
@@ -86,7 +94,17 @@ def footprint_clearance(points: FloatArray, pose: Pose) -> float:
 
 
 def drive(pose: Pose, linear_x: float, angular_z: float, dt: float) -> Pose:
-    """Return the pose after driving an arc for ``dt`` seconds; the axle moves along the heading."""
+    """Return the pose after driving an arc for ``dt`` seconds; the axle moves along the heading.
+
+    Parameters
+    ----------
+    pose : (float, float, float)
+        x, y [m] and yaw [rad] of link_chassis.
+    linear_x, angular_z : float
+        Speed [m/s] and rotation rate [rad/s].
+    dt : float
+        Duration [s].
+    """
     x, y = axle_of(pose)
     yaw = pose[2] + angular_z * dt
     middle = pose[2] + 0.5 * angular_z * dt
