@@ -1,17 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps the world to pixels and chooses the part of the world that is shown."""
+from __future__ import annotations
+
 import math
-from collections import namedtuple
+from typing import TYPE_CHECKING, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from m2wr_view.array_types import FloatArray, Int8Array
+    from m2wr_view.outlines import Outline
+    from m2wr_view.scene import Scene
 
 MARGIN = 0.6            # m around what must be seen
 WHOLE_WORLD = 30.0      # m; a world up to this size is shown whole: m2wr, 0.5 m long, is then 11 of 800 pixels
 SURROUNDINGS = 10.0     # m around robot, goal and trail within which obstacles widen the view of a larger world
 _STEPS = (1.0, 2.0, 5.0)
 
-Window = namedtuple("Window", "left top width height")
-"""The part of a picture that shows the world [pixels]."""
+
+class Window(NamedTuple):
+    """The part of a picture that shows the world [pixels]."""
+
+    left: float
+    top: float
+    width: float
+    height: float
 
 
 class View:
@@ -24,31 +39,46 @@ class View:
     window : Window
     """
 
-    def __init__(self, bounds, window):
+    def __init__(self, bounds: Sequence[float], window: Window) -> None:
         wide, high = max(bounds[2] - bounds[0], 0.1), max(bounds[3] - bounds[1], 0.1)
         self.scale = min(window.width / wide, window.height / high)     # pixels a metre
         centre = 0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3])
         half = 0.5 * window.width / self.scale, 0.5 * window.height / self.scale
-        self.window, self.wanted = window, tuple(bounds)
+        self.window = window
+        self.wanted: Tuple[float, ...] = tuple(bounds)
         self.bounds = (centre[0] - half[0], centre[1] - half[1], centre[0] + half[0], centre[1] + half[1])
 
-    def pixel(self, x, y):
-        """Return column and row, as floats, of a point [m]."""
+    def pixel(self, x: float, y: float) -> Tuple[float, float]:
+        """Return column and row, as floats, of a point [m].
+
+        Parameters
+        ----------
+        x, y : float
+            [m].
+        """
         return (self.window.left + (x - self.bounds[0]) * self.scale,
                 self.window.top + (self.bounds[3] - y) * self.scale)
 
-    def shows(self, outline):
+    def shows(self, outline: Outline) -> bool:
         """Return whether the rectangle around an outline overlaps the bounds of the picture."""
         (x0, y0), (x1, y1) = _reach(outline)
         return x0 < self.bounds[2] and x1 > self.bounds[0] and y0 < self.bounds[3] and y1 > self.bounds[1]
 
-    def pixels(self, points):
+    def pixels(self, points: ArrayLike) -> FloatArray:
         """Return columns and rows (n, 2) of points (n, 2) [m]."""
         return np.asarray(points) * (self.scale, -self.scale) + self.pixel(0.0, 0.0)
 
 
-def nice_step(span, parts):
-    """Return a step of 1, 2 or 5 times a power of ten that cuts ``span`` into at most ``parts``."""
+def nice_step(span: float, parts: int) -> float:
+    """Return a step of 1, 2 or 5 times a power of ten that divides a length into at most some parts.
+
+    Parameters
+    ----------
+    span : float
+        The length.
+    parts : int
+        Largest number of parts.
+    """
     least = max(span, 1e-9) / parts
     power = 10.0 ** math.floor(math.log10(least))
     for step in _STEPS:
@@ -57,15 +87,15 @@ def nice_step(span, parts):
     return 10.0 * power
 
 
-def _area(bounds):
+def _area(bounds: Sequence[float]) -> float:
     return (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
 
 
-def _reach(outline):
+def _reach(outline: Outline) -> Tuple[FloatArray, FloatArray]:
     return outline.vertices.min(axis=0) - outline.radius, outline.vertices.max(axis=0) + outline.radius
 
 
-def with_obstacles(low, high, outlines):
+def with_obstacles(low: FloatArray, high: FloatArray, outlines: Sequence[Outline]) -> Tuple[FloatArray, FloatArray]:
     """Return an area widened by obstacles: by all of them, or in a large world by those nearby.
 
     Parameters
@@ -94,7 +124,7 @@ def with_obstacles(low, high, outlines):
     return low, high
 
 
-def needed_bounds(scene):
+def needed_bounds(scene: Scene) -> Tuple[float, ...]:
     """Return what of a scene must be seen, whole metres (least x, least y, greatest x, greatest y).
 
     Robot, trail, line and map are seen, and the obstacles of :func:`with_obstacles`.
@@ -102,8 +132,8 @@ def needed_bounds(scene):
     points = [(x, y) for x, y, _, _ in scene.trail] + list(scene.line) + scene.hits + scene.leaves
     if scene.pose is not None:
         points.append((scene.pose[0], scene.pose[1]))
-    points = np.array(points or [(0.0, 0.0)], dtype=float).reshape(-1, 2)
-    low, high = with_obstacles(points.min(axis=0), points.max(axis=0), scene.solids.blocking + scene.solids.hanging)
+    ends = np.array(points or [(0.0, 0.0)], dtype=float).reshape(-1, 2)
+    low, high = with_obstacles(ends.min(axis=0), ends.max(axis=0), scene.solids.blocking + scene.solids.hanging)
     if scene.grid is not None:
         corners = _known_corners(*scene.grid)
         if corners is not None:
@@ -111,7 +141,7 @@ def needed_bounds(scene):
     return tuple(np.concatenate((np.floor(low - MARGIN), np.ceil(high + MARGIN))).tolist())
 
 
-def _known_corners(transform, resolution, cells):
+def _known_corners(transform: FloatArray, resolution: float, cells: Int8Array) -> Optional[FloatArray]:
     """Return the corners (4, 2) [m] around all known cells of a map, or None if none is known."""
     known = cells >= 0
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
@@ -132,27 +162,32 @@ class Framing:
         Fixed bounds [m].
     """
 
-    def __init__(self, window, bounds=None):
-        self._window, self._fixed, self._view, self._looked = window, bounds, None, None
+    def __init__(self, window: Window, bounds: Optional[Sequence[float]] = None) -> None:
+        self._window, self._fixed = window, bounds
+        self._view: Optional[View] = None
+        self._looked: Optional[int] = None      # version of the scene that the view was chosen for
 
-    def view(self, scene):
+    def view(self, scene: Scene) -> View:
         """Return the :class:`View` for a scene; the same object as long as it need not change."""
         if self._fixed is not None:
             self._view = self._view or View(self._fixed, self._window)
             return self._view
-        outside = self._view is None or scene.pose is not None and not (
-            self._view.wanted[0] <= scene.pose[0] <= self._view.wanted[2]
-            and self._view.wanted[1] <= scene.pose[1] <= self._view.wanted[3])
+        view = self._view
+        outside = view is None or scene.pose is not None and not (
+            view.wanted[0] <= scene.pose[0] <= view.wanted[2]
+            and view.wanted[1] <= scene.pose[1] <= view.wanted[3])
         if outside or self._looked != scene.version:
             self._looked = scene.version
             bounds = needed_bounds(scene)
-            if self._view is not None and scene.trail:
-                old = self._view.wanted
+            if view is not None and scene.trail:
+                old = view.wanted
                 grown = tuple(min(pair) for pair in zip(old[:2], bounds[:2])) + tuple(
                     max(pair) for pair in zip(old[2:], bounds[2:]))
                 # what was once shown stays in view, unless nearly all of the picture would be empty
                 if _area(grown) < 4.0 * _area(bounds):
                     bounds = grown
-            if self._view is None or bounds != self._view.wanted:
-                self._view = View(bounds, self._window)
-        return self._view
+            if view is None or bounds != view.wanted:
+                view = View(bounds, self._window)
+        assert view is not None         # without a view, everything is outside
+        self._view = view
+        return view

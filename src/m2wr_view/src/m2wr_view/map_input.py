@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reads the two files of a saved map, YAML and picture.  They are untrusted: bounded, checked, never evaluated."""
+from __future__ import annotations
+
 import math
 import os
 import stat
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple, Union
 
 import numpy as np
 import yaml
 from PIL import Image
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 MOST_YAML = 64 * 1024               # [byte]; map_saver writes 130
 MOST_DEPTH = 20                     # of lists and tables in it
@@ -19,7 +25,7 @@ class MapInputError(ValueError):
     """A map's file cannot be used; says what was found and what was expected, not which file."""
 
 
-def _regular(path, most):
+def _regular(path: str, most: int) -> None:
     """Raise MapInputError unless a path leads to a regular file of at most ``most`` bytes; OSError without."""
     found = os.stat(path)
     if not stat.S_ISREG(found.st_mode):
@@ -28,7 +34,7 @@ def _regular(path, most):
         raise MapInputError("has {} bytes; expected at most {}".format(found.st_size, most))
 
 
-def read_values(path):
+def read_values(path: str) -> Dict[str, Any]:
     """Return the table in a map's YAML file: words, lists and tables, no number is made of a word yet.
 
     Raises
@@ -54,8 +60,26 @@ def read_values(path):
     return values
 
 
-def number(values, key, low=-1e9, high=1e9, default=None):
-    """Return a number of a table from ``read_values``, or of a list; raises MapInputError."""
+def number(values: Union[Dict[str, Any], List[Any]], key: Any, low: float = -1e9, high: float = 1e9,
+           default: Optional[float] = None) -> float:
+    """Return a number of a table or a list.
+
+    Parameters
+    ----------
+    values : dict or list
+        From :func:`read_values`, or a list in it.
+    key : str or int
+        Key in the table, or index in the list.
+    low, high : float
+        Limits, both allowed.
+    default : float, optional
+        Value of a missing key.
+
+    Raises
+    ------
+    MapInputError
+        If it is not a number within the limits.
+    """
     word = values.get(key, default) if isinstance(values, dict) else values[key]
     try:
         value = float(word) if isinstance(word, (str, float, int)) and len(str(word)) < 100 else math.nan
@@ -66,16 +90,42 @@ def number(values, key, low=-1e9, high=1e9, default=None):
     return value
 
 
-def yes(values, key):
-    """Return whether a table says 1, or true in any of YAML's spellings; raises MapInputError."""
+def yes(values: Dict[str, Any], key: str) -> bool:
+    """Return whether a table says 1, or true in any of YAML's spellings.
+
+    Parameters
+    ----------
+    values : dict
+        From :func:`read_values`.
+    key : str
+        Key in the table.
+
+    Raises
+    ------
+    MapInputError
+        If it is neither a truth value nor a number.
+    """
     word = str(values.get(key, "0")).lower()
     if word in ("true", "yes", "on"):
         return True
     return word not in ("false", "no", "off", "") and bool(number(values, key, default=0))
 
 
-def origin_of(values, least=2):
-    """Return x, y, yaw of a table's ``origin``; yaw is 0 where it is left out, which ``least`` 3 does not allow."""
+def origin_of(values: Dict[str, Any], least: int = 2) -> Tuple[float, ...]:
+    """Return x, y [m] and yaw [rad] of a table's ``origin``.
+
+    Parameters
+    ----------
+    values : dict
+        From :func:`read_values`.
+    least : int
+        Smallest number of values; with 2, a missing yaw is 0.
+
+    Raises
+    ------
+    MapInputError
+        If it is not a list of that many numbers.
+    """
     origin = values.get("origin")
     if not isinstance(origin, list) or not least <= len(origin) <= 3:
         raise MapInputError("origin is {!r:.60}; expected [x, y, yaw]".format(origin))
@@ -85,7 +135,7 @@ def origin_of(values, least=2):
         raise MapInputError("origin is {!r:.60}; expected three numbers [x, y, yaw]".format(origin)) from None
 
 
-def read_pixels(path, modes):
+def read_pixels(path: str, modes: Callable[[Image.Image], str]) -> NDArray[Any]:
     """Return the pixels of a picture, top row first.
 
     Parameters

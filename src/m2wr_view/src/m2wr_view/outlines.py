@@ -4,11 +4,18 @@
 Robot and obstacles are outlines in the plane: the part of their shapes between the floor and the top of the robot,
 from above.  An outline is a convex polygon rounded by a radius, so that discs are exact.
 """
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Optional
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from m2wr_view.array_types import FloatArray, IndexArray
 
 FLOOR = 0.001           # m; a plate below this height is no obstacle
 ROBOT_HEIGHT = 0.2      # m; higher shapes do not stop m2wr
@@ -33,12 +40,12 @@ class Outline:
         The model it belongs to.
     """
 
-    vertices: np.ndarray
+    vertices: FloatArray
     radius: float = 0.0
     name: str = ""
 
 
-def _rectangle(x, y, length, width):
+def _rectangle(x: float, y: float, length: float, width: float) -> FloatArray:
     return np.array([(x - length / 2, y - width / 2), (x + length / 2, y - width / 2),
                      (x + length / 2, y + width / 2), (x - length / 2, y + width / 2)])
 
@@ -61,14 +68,14 @@ class Clearance:
 
 # ---- outlines ----------------------------------------------------------------------------------------------------
 
-def convex_hull(points):
+def convex_hull(points: ArrayLike) -> FloatArray:
     """Return the corners of the convex hull of points (n, 2), counter-clockwise, without those on a straight edge."""
     ordered = sorted(set(map(tuple, np.asarray(points, float).tolist())))
     if len(ordered) < 3:
         return np.array(ordered)
-    hull = []
+    hull: List[Tuple[float, float]] = []
     for chain in (ordered, ordered[::-1]):          # monotone chain: lower side, then upper side
-        side = []
+        side: List[Tuple[float, float]] = []
         for x, y in chain:
             while len(side) > 1 and ((side[-1][0] - side[-2][0]) * (y - side[-2][1])
                                      - (side[-1][1] - side[-2][1]) * (x - side[-2][0])) <= 0.0:
@@ -78,7 +85,7 @@ def convex_hull(points):
     return np.array(hull)
 
 
-def _slice_from_above(corners, edges, low, high):
+def _slice_from_above(corners: FloatArray, edges: IndexArray, low: float, high: float) -> Optional[FloatArray]:
     """Return the hull (m, 2) of what of a convex body lies between two heights, or None if nothing does."""
     heights = corners[:, 2]
     if heights.max() <= low or heights.min() >= high:
@@ -92,8 +99,21 @@ def _slice_from_above(corners, edges, low, high):
     return convex_hull(np.concatenate(parts))
 
 
-def sphere_outline(radius, centre, low=FLOOR, high=ROBOT_HEIGHT, name=""):
-    """Return what of a sphere around ``centre`` (3,) [m] lies between two heights, or None if nothing does."""
+def sphere_outline(radius: float, centre: ArrayLike, low: float = FLOOR, high: float = ROBOT_HEIGHT,
+                   name: str = "") -> Optional[Outline]:
+    """Return the outline of the part of a sphere between two heights, or None if there is none.
+
+    Parameters
+    ----------
+    radius : float
+        [m].
+    centre : (3,) floats
+        In world [m].
+    low, high : float
+        Heights of the slice [m].
+    name : str
+        Of the model.
+    """
     centre = np.asarray(centre, float)
     away = max(low - centre[2], centre[2] - high, 0.0)      # from the centre to the slice
     if away >= radius:
@@ -101,14 +121,46 @@ def sphere_outline(radius, centre, low=FLOOR, high=ROBOT_HEIGHT, name=""):
     return Outline(centre[None, :2], math.sqrt(radius ** 2 - away ** 2), name)
 
 
-def box_outline(size, centre, rotation, low=FLOOR, high=ROBOT_HEIGHT, name=""):
-    """Return what of a box lies between two heights, or None; ``rotation`` (3, 3) takes its axes to world."""
+def box_outline(size: ArrayLike, centre: ArrayLike, rotation: ArrayLike, low: float = FLOOR, high: float = ROBOT_HEIGHT,
+                name: str = "") -> Optional[Outline]:
+    """Return the outline of the part of a box between two heights, or None if there is none.
+
+    Parameters
+    ----------
+    size : (3,) floats
+        Along its axes [m].
+    centre : (3,) floats
+        In world [m].
+    rotation : (3, 3) floats
+        From its axes to world.
+    low, high : float
+        Heights of the slice [m].
+    name : str
+        Of the model.
+    """
     vertices = _slice_from_above((_CORNERS * size).dot(np.asarray(rotation).T) + centre, _BOX_EDGES, low, high)
     return None if vertices is None else Outline(vertices, 0.0, name)
 
 
-def cylinder_outline(radius, length, centre, rotation, low=FLOOR, high=ROBOT_HEIGHT, name=""):
-    """Return what of a cylinder along its z axis lies between two heights, or None; a standing one is a disc."""
+def cylinder_outline(radius: float, length: float, centre: ArrayLike, rotation: ArrayLike, low: float = FLOOR,
+                     high: float = ROBOT_HEIGHT, name: str = "") -> Optional[Outline]:
+    """Return the outline of the part of a cylinder between two heights, or None; an upright cylinder gives a disc.
+
+    Parameters
+    ----------
+    radius : float
+        [m].
+    length : float
+        Along its z axis [m].
+    centre : (3,) floats
+        In world [m].
+    rotation : (3, 3) floats
+        From its axes to world.
+    low, high : float
+        Heights of the slice [m].
+    name : str
+        Of the model.
+    """
     centre, rotation = np.asarray(centre, float), np.asarray(rotation)
     if abs(rotation[2, 2]) > 1.0 - 1e-12:
         inside = centre[2] - 0.5 * length < high and centre[2] + 0.5 * length > low
@@ -118,8 +170,19 @@ def cylinder_outline(radius, length, centre, rotation, low=FLOOR, high=ROBOT_HEI
     return None if vertices is None else Outline(vertices, 0.0, name)
 
 
-def triangle_outlines(corners, low=FLOOR, high=ROBOT_HEIGHT, name=""):
-    """Return outlines of what of triangles (n, 3, 3) in world [m] lies between two heights, one a triangle."""
+def triangle_outlines(corners: FloatArray, low: float = FLOOR, high: float = ROBOT_HEIGHT,
+                      name: str = "") -> List[Outline]:
+    """Return the outlines of the parts of triangles between two heights, one for each triangle that has one.
+
+    Parameters
+    ----------
+    corners : (n, 3, 3) float64
+        In world [m].
+    low, high : float
+        Heights of the slice [m].
+    name : str
+        Of the model.
+    """
     found = []
     for triangle in corners[(corners[..., 2].max(axis=1) > low) & (corners[..., 2].min(axis=1) < high)]:
         vertices = _slice_from_above(triangle, _TRIANGLE_EDGES, low, high)
@@ -128,7 +191,7 @@ def triangle_outlines(corners, low=FLOOR, high=ROBOT_HEIGHT, name=""):
     return found
 
 
-def _cylinder_corners(radius, length):
+def _cylinder_corners(radius: float, length: float) -> Tuple[FloatArray, IndexArray]:
     angles = 2.0 * math.pi * np.arange(RIM_POINTS) / RIM_POINTS
     rim = radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)
     corners = np.concatenate([np.column_stack((rim, np.full(RIM_POINTS, half)))
@@ -142,7 +205,7 @@ def _cylinder_corners(radius, length):
 
 # ---- clearance ---------------------------------------------------------------------------------------------------
 
-def _to_segments(points, ends):
+def _to_segments(points: FloatArray, ends: FloatArray) -> FloatArray:
     """Return the least distance (...) of points (..., p, 2) from the edges of closed polygons (..., m, 2)."""
     begins, along = ends[..., None, :, :], (np.roll(ends, -1, axis=-2) - ends)[..., None, :, :]
     offset = points[..., :, None, :] - begins
@@ -151,7 +214,7 @@ def _to_segments(points, ends):
     return np.sqrt(np.min(np.sum(nearest * nearest, axis=-1), axis=(-2, -1)))
 
 
-def _separation(polygons, points):
+def _separation(polygons: FloatArray, points: FloatArray) -> FloatArray:
     """Return how far (...) points (..., p, 2) stay outside of polygons (..., m, 2), by the best of their edges."""
     if polygons.shape[-2] == 1:     # no edge, nothing to show
         return np.full(polygons.shape[:-2], -np.inf)
@@ -162,7 +225,7 @@ def _separation(polygons, points):
     return np.max(np.min(gaps, axis=-1), axis=-1)
 
 
-def _polygon_distances(one, two):
+def _polygon_distances(one: FloatArray, two: FloatArray) -> FloatArray:
     """Return distances (n,) of convex polygons (m, 2) and (n, k, 2), 0 where they overlap."""
     one = np.broadcast_to(one, two.shape[:1] + one.shape)
     distances = np.minimum(_to_segments(one, two), _to_segments(two, one))
@@ -172,7 +235,8 @@ def _polygon_distances(one, two):
     return np.where(overlap, 0.0, distances)
 
 
-def footprint_distances(poses, obstacle, footprint=M2WR_FOOTPRINT):
+def footprint_distances(poses: FloatArray, obstacle: Outline,
+                        footprint: Sequence[Outline] = M2WR_FOOTPRINT) -> FloatArray:
     """Return the distance of the robot from one obstacle at many poses.
 
     Parameters
@@ -199,14 +263,23 @@ def footprint_distances(poses, obstacle, footprint=M2WR_FOOTPRINT):
     return np.maximum(least, 0.0)
 
 
-def point_distances(points, obstacle):
-    """Return distances (n,) of points (n, 2) from an outline, 0 inside."""
+def point_distances(points: FloatArray, obstacle: Outline) -> FloatArray:
+    """Return the distances (n,) [m] of points from an outline, 0 inside.
+
+    Parameters
+    ----------
+    points : (n, 2) float64
+        In world [m].
+    obstacle : Outline
+        In world.
+    """
     points, vertices = points[:, None, :], obstacle.vertices[None]
     outside = _separation(vertices, points) > 0.0 if len(obstacle.vertices) > 2 else True
     return np.where(outside, np.maximum(_to_segments(points, vertices) - obstacle.radius, 0.0), 0.0)
 
 
-def least_clearance(poses, obstacles, footprint=M2WR_FOOTPRINT):
+def least_clearance(poses: FloatArray, obstacles: Sequence[Outline],
+                    footprint: Sequence[Outline] = M2WR_FOOTPRINT) -> Clearance:
     """Return the closest approach of a robot to any obstacle.
 
     Parameters

@@ -4,8 +4,11 @@
 Layers that rarely change (background, axes, map, world, line, legend) and the trail are cached as images.  A frame
 needs two copies, the scan, the robot and a line of text.
 """
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence, Tuple
 
 import cairo
 import numpy as np
@@ -23,6 +26,16 @@ from m2wr_view.run_picture import (
     STATE_COLOURS,
 )
 
+if TYPE_CHECKING:
+    from m2wr_view.array_types import FloatArray, Int8Array, Uint32Array
+    from m2wr_view.layout import View
+    from m2wr_view.outlines import Outline
+    from m2wr_view.scene import Scene
+
+    Colour = Tuple[float, float, float]
+    Points = Sequence[Sequence[float]]
+    LegendRow = Tuple[str, str, str]        # kind, colour, words
+
 SCAN_COLOUR, ROBOT_COLOUR, MAP_COLOUR = "#56B4E9", "#D55E00", "#101010"
 GRID_COLOUR, TEXT_COLOUR, EDGE_COLOUR, OVERHANG_EDGE = "#E6E6E6", "#202020", "#606060", "#A8A8A8"
 RAYS_DRAWN = 90                     # of a scan; more would not be distinguishable
@@ -32,7 +45,7 @@ LEGEND_WIDTH = 1400                 # units; of all entries of a run of Bug 2 wi
 LEAST_UNIT = 0.75                   # of texts, lines and margins; 12 units, the smaller font, are then 9 pixels
 
 
-def _cell_colours():
+def _cell_colours() -> Uint32Array:
     """Return the pixels (256,) uint32 of cells by their values taken for uint8; unknown ones are clear."""
     pixels = np.zeros((256, 4), dtype=np.uint8)         # blue, green, red, alpha; colours times alpha
     pixels[:25], pixels[25:66], pixels[66:128] = (40, 36, 20, 40), (60, 60, 60, 120), (16, 16, 16, 255)
@@ -42,12 +55,17 @@ def _cell_colours():
 CELL_COLOURS = _cell_colours()
 
 
-def rgb(text):
+def rgb(text: str) -> Colour:
     """Return red, green, blue from 0 to 1 of ``#RRGGBB``."""
-    return tuple(int(text[at:at + 2], 16) / 255.0 for at in (1, 3, 5))
+    red, green, blue = (int(text[at:at + 2], 16) / 255.0 for at in (1, 3, 5))
+    return red, green, blue
 
 
-def _path(context, points, closed=False):
+def _state_colour(state: Optional[str]) -> str:
+    return OTHER_COLOUR if state is None else STATE_COLOURS.get(state, OTHER_COLOUR)
+
+
+def _path(context: cairo.Context, points: Points, closed: bool = False) -> None:
     context.move_to(*points[0])
     for point in points[1:]:
         context.line_to(*point)
@@ -55,8 +73,18 @@ def _path(context, points, closed=False):
         context.close_path()
 
 
-def trace_outline(context, outline, view):
-    """Add an outline to a path: its polygon, or its disc where it is one."""
+def trace_outline(context: cairo.Context, outline: Outline, view: View) -> None:
+    """Add an outline to the current path: its polygon, or its disc where it is one.
+
+    Parameters
+    ----------
+    context : cairo.Context
+        Receives the path.
+    outline : Outline
+        In world [m].
+    view : View
+        Maps world to pixels.
+    """
     points = view.pixels(outline.vertices).tolist()
     if len(points) == 1:
         context.new_sub_path()
@@ -66,7 +94,7 @@ def trace_outline(context, outline, view):
         _path(context, points, closed=True)
 
 
-def _triangle(context, x, y, size, down):
+def _triangle(context: cairo.Context, x: float, y: float, size: float, down: bool) -> None:
     tall = size if down else -size
     context.move_to(x - size, y - 0.6 * tall)
     context.line_to(x + size, y - 0.6 * tall)
@@ -74,14 +102,14 @@ def _triangle(context, x, y, size, down):
     context.close_path()
 
 
-def _star(context, x, y, size):
+def _star(context: cairo.Context, x: float, y: float, size: float) -> None:
     for corner in range(10):
         angle, radius = math.pi * (corner / 5.0 - 0.5), size if corner % 2 == 0 else 0.42 * size
         context.line_to(x + radius * math.cos(angle), y + radius * math.sin(angle))
     context.close_path()
 
 
-def _has_moved(scene):
+def _has_moved(scene: Scene) -> bool:
     """Return whether some of the path is not hidden below the robot."""
     if scene.pose is None:
         return len(scene.trail) > 1
@@ -99,7 +127,7 @@ class Renderer:
         Least x, least y, greatest x, greatest y to show [m]; default: everything is shown.
     """
 
-    def __init__(self, width=800, height=800, bounds=None):
+    def __init__(self, width: int = 800, height: int = 800, bounds: Optional[Sequence[float]] = None) -> None:
         self.width, self.height = int(width), int(height)
         self._unit = max(LEAST_UNIT, min(width, height) / 800.0)
         unit = self._unit
@@ -108,12 +136,16 @@ class Renderer:
         window = Window(58 * unit, 40 * unit, width - 76 * unit, height - 104 * unit - self._legend_height)
         self._framing, self._window = Framing(window, bounds), window
         self._surface = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height)
-        self._base, self._base_key = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height), None
+        self._base = cairo.ImageSurface(cairo.FORMAT_RGB24, self.width, self.height)
+        self._base_key: Optional[Tuple[int, int, Tuple[LegendRow, ...]]] = None
         self._trail = cairo.ImageSurface(cairo.FORMAT_ARGB32, self.width, self.height)
-        self._trail_key, self._drawn, self._view = None, 0, None
-        self._cells, self._map = None, None         # those of the newest map, and what they look like
+        self._trail_key: Optional[Tuple[int, int]] = None
+        self._drawn = 0                             # points of the trail that are in its image
+        self._view: Optional[View] = None
+        self._cells: Optional[Int8Array] = None     # of the newest map
+        self._map: Optional[cairo.ImageSurface] = None      # what they look like
 
-    def draw(self, scene):
+    def draw(self, scene: Scene) -> Image.Image:
         """Return a scene as an RGB image of Pillow; a new image each time."""
         self._view = view = self._framing.view(scene)
         self._refresh_base(scene, view)
@@ -137,8 +169,8 @@ class Renderer:
 
     # ---- cached layers ----------------------------------------------------------------------------------------
 
-    def _refresh_base(self, scene, view):
-        key = (id(view), scene.version, tuple(self._legend(scene)))
+    def _refresh_base(self, scene: Scene, view: View) -> None:
+        key = (id(view), scene.version, tuple(self._legend(scene, view)))
         if key == self._base_key:
             return
         self._base_key = key
@@ -156,9 +188,9 @@ class Renderer:
         self._scale_bar(context, view)
         context.restore()
         self._axes(context, view, steps)
-        self._draw_legend(context, scene)
+        self._draw_legend(context, scene, view)
 
-    def _refresh_trail(self, scene, view):
+    def _refresh_trail(self, scene: Scene, view: View) -> None:
         key = (id(view), scene.trail_version)
         context = cairo.Context(self._trail)
         if key != self._trail_key:
@@ -177,7 +209,7 @@ class Renderer:
             state = trail[end][2]
             while end < len(trail) - 1 and trail[end + 1][2] == state:
                 end += 1
-            context.set_source_rgb(*rgb(STATE_COLOURS.get(state, OTHER_COLOUR)))
+            context.set_source_rgb(*rgb(_state_colour(state)))
             context.move_to(*view.pixel(*trail[begin][:2]))
             for x, y, _, driven in trail[begin + 1:end + 1]:
                 (context.line_to if driven else context.move_to)(*view.pixel(x, y))
@@ -187,7 +219,7 @@ class Renderer:
 
     # ---- layers of the base ------------------------------------------------------------------------------------
 
-    def _grid(self, context, view):
+    def _grid(self, context: cairo.Context, view: View) -> List[List[float]]:
         """Draw lines at round metres; returns the positions of those along x and y."""
         low_x, low_y, high_x, high_y = view.bounds
         step = nice_step(max(high_x - low_x, high_y - low_y), 12)
@@ -205,7 +237,7 @@ class Renderer:
         context.stroke()
         return steps
 
-    def _axes(self, context, view, steps):
+    def _axes(self, context: cairo.Context, view: View, steps: List[List[float]]) -> None:
         left, top, width, height = self._window
         unit = self._unit
         context.set_source_rgb(*rgb(TEXT_COLOUR))
@@ -229,7 +261,7 @@ class Renderer:
         self._text(context, "y [m]", 0.0, 0.0, 0.5)
         context.restore()
 
-    def _scale_bar(self, context, view):
+    def _scale_bar(self, context: cairo.Context, view: View) -> None:
         left, top, width, height = self._window
         unit = self._unit
         length = nice_step(0.06 * width / view.scale, 1)
@@ -248,7 +280,7 @@ class Renderer:
         self._text(context, "%g m" % length, right - 0.5 * pixels, bottom - 8 * unit, 0.5)
 
     @staticmethod
-    def _draw_world(context, scene, view):
+    def _draw_world(context: cairo.Context, scene: Scene, view: View) -> None:
         """Draw obstacles with an edge around each group of shapes that overlap, but not between these."""
         context.set_fill_rule(cairo.FILL_RULE_WINDING)
         context.set_line_width(2.2)                 # its inner half is hidden
@@ -261,25 +293,26 @@ class Renderer:
             context.set_source_rgb(*rgb(colour))
             context.fill()
 
-    def _draw_map(self, context, grid, view):
+    def _draw_map(self, context: cairo.Context, grid: Tuple[FloatArray, float, Int8Array], view: View) -> None:
         transform, resolution, cells = grid
         rows, columns = cells.shape
         if cells is not self._cells:        # a map moves with every correction of the odometry, and changes seldom
             self._cells, self._map = cells, cairo.ImageSurface.create_for_data(
-                CELL_COLOURS[cells.view(np.uint8)], cairo.FORMAT_ARGB32, columns, rows)
+                CELL_COLOURS[cells.view(np.uint8)].data, cairo.FORMAT_ARGB32, columns, rows)
         context.save()
         # first cells, then metres of the map's origin, then metres of the scene, then pixels
         context.transform(cairo.Matrix(view.scale, 0, 0, -view.scale, *view.pixel(0.0, 0.0)))
         context.transform(cairo.Matrix(transform[0, 0], transform[1, 0], transform[0, 1], transform[1, 1],
                                        transform[0, 3], transform[1, 3]))
         context.scale(resolution, resolution)
+        assert self._map is not None        # made with self._cells
         context.set_source_surface(self._map, 0, 0)
         fine = resolution * view.scale >= 1.0
         context.get_source().set_filter(cairo.FILTER_NEAREST if fine else cairo.FILTER_GOOD)
         context.paint()
         context.restore()
 
-    def _draw_line(self, context, scene, view):
+    def _draw_line(self, context: cairo.Context, scene: Scene, view: View) -> None:
         if len(scene.line) < 2:
             return
         unit = self._unit
@@ -292,12 +325,11 @@ class Renderer:
 
     # ---- layers of each frame ----------------------------------------------------------------------------------
 
-    def _draw_scan(self, context, scene, view):
+    def _draw_scan(self, context: cairo.Context, scene: Scene, view: View) -> None:
         rays = scene.rays()
         if rays is None:
             return
-        origin, ends, hits = rays
-        origin, ends = view.pixel(*origin), view.pixels(ends)
+        origin, ends, hits = view.pixel(*rays[0]), view.pixels(rays[1]), rays[2]
         points = ends.tolist()
         colour = rgb(SCAN_COLOUR)
         context.move_to(*origin)
@@ -320,24 +352,24 @@ class Renderer:
             context.rectangle(x, y, size, size)
         context.fill()
 
-    def _draw_marks(self, context, scene, view):
+    def _draw_marks(self, context: cairo.Context, scene: Scene, view: View) -> None:
         unit = self._unit
         context.set_line_width(1.0 * unit)
-        if scene.line:
+        if scene.goal is not None:
             self._mark(context, GOAL_COLOUR, _star, *view.pixel(*scene.goal), 12 * unit)
         for points, colour, down in ((scene.hits, HIT_COLOUR, True), (scene.leaves, LEAVE_COLOUR, False)):
             for point in points:
                 self._mark(context, colour, _triangle, *view.pixel(*point), 7 * unit, down)
 
     @staticmethod
-    def _mark(context, colour, shape, *arguments):
+    def _mark(context: cairo.Context, colour: str, shape: Callable[..., None], *arguments: Any) -> None:
         shape(context, *arguments)
         context.set_source_rgb(*rgb(colour))
         context.fill_preserve()
         context.set_source_rgb(0, 0, 0)
         context.stroke()
 
-    def _draw_robot(self, context, scene, view):
+    def _draw_robot(self, context: cairo.Context, scene: Scene, view: View) -> None:
         if scene.pose is None:
             return
         x, y, yaw = scene.pose
@@ -364,13 +396,13 @@ class Renderer:
 
     # ---- words -------------------------------------------------------------------------------------------------
 
-    def _font(self, context, size, bold=False):
+    def _font(self, context: cairo.Context, size: float, bold: bool = False) -> None:
         context.select_font_face(FONT, cairo.FONT_SLANT_NORMAL,
                                  cairo.FONT_WEIGHT_BOLD if bold else cairo.FONT_WEIGHT_NORMAL)
         context.set_font_size(size * self._unit)
 
     @staticmethod
-    def _text(context, text, x, y, anchor=0.0):
+    def _text(context: cairo.Context, text: str, x: float, y: float, anchor: float = 0.0) -> float:
         """Write at a baseline; ``anchor`` 0: begins at x, 1: ends there.  Returns its width."""
         width = context.text_extents(text)[4]
         context.move_to(x - anchor * width, y)
@@ -378,12 +410,12 @@ class Renderer:
         context.new_path()
         return width
 
-    def _header(self, context, scene):
+    def _header(self, context: cairo.Context, scene: Scene) -> None:
         """Write the state at the left, the time at the right, and the pose between them if it fits there."""
         unit, left = self._unit, self._window.left
         right = left + self._window.width
         if scene.state:
-            context.set_source_rgb(*rgb(STATE_COLOURS.get(scene.state, OTHER_COLOUR)))
+            context.set_source_rgb(*rgb(_state_colour(scene.state)))
             context.rectangle(left, 14 * unit, 14 * unit, 14 * unit)
             context.fill()
         context.set_source_rgb(*rgb(TEXT_COLOUR))
@@ -401,29 +433,29 @@ class Renderer:
             if context.text_extents(words)[4] + 20 * unit <= right - left:
                 self._text(context, words, 0.5 * (left + right), 26 * unit, 0.5)
 
-    def _legend(self, scene):
+    def _legend(self, scene: Scene, view: View) -> List[LegendRow]:
         """Return (kind, colour, words) of everything that is drawn."""
-        shows = self._view.shows
+        shows = view.shows
         states = list(dict.fromkeys(state for _, _, state, _ in scene.trail[1:])) if _has_moved(scene) else []
         states += [scene.state] if scene.state and scene.state not in states and scene.trail else []
-        rows = [("patch", ROBOT_COLOUR, "robot")] if scene.pose is not None else []
-        rows += [("line", STATE_COLOURS.get(state, OTHER_COLOUR), "path: " + state.replace("_", " ")
+        rows: List[LegendRow] = [("patch", ROBOT_COLOUR, "robot")] if scene.pose is not None else []
+        rows += [("line", _state_colour(state), "path: " + state.replace("_", " ")
                   if state else "path") for state in states]
         rows += [("patch", OBSTACLE_COLOUR, "obstacle")] if any(map(shows, scene.solids.blocking)) else []
         rows += [("patch", OVERHANG_COLOUR, "above the robot")] if any(map(shows, scene.solids.hanging)) else []
         rows += [("patch", MAP_COLOUR, "occupied in the map")] if scene.grid is not None else []
         rows += [("fan", SCAN_COLOUR, "laser scan")] if scene.scan is not None else []
-        rows += [("dash", LINE_COLOUR, "m-line"), ("star", GOAL_COLOUR, "goal (%.4g, %.4g) m" % scene.goal)] \
+        rows += [("dash", LINE_COLOUR, "m-line"), ("star", GOAL_COLOUR, "goal (%.4g, %.4g) m" % scene.line[-1])] \
             if len(scene.line) > 1 else []
         rows += [("down", HIT_COLOUR, "hit point")] if scene.hits else []
         return rows + ([("up", LEAVE_COLOUR, "leave point")] if scene.leaves else [])
 
-    def _draw_legend(self, context, scene):
+    def _draw_legend(self, context: cairo.Context, scene: Scene, view: View) -> None:
         unit = self._unit
         left, row = self._window.left, self.height - 12 * unit - self._legend_height
         column, end = left, left + self._window.width
         self._font(context, 12)
-        for kind, colour, words in self._legend(scene):
+        for kind, colour, words in self._legend(scene, view):
             width = 26 * unit + context.text_extents(words)[4] + 16 * unit
             if column + width > end + 14 * unit and column > left:
                 column, row = left, row + 20 * unit
@@ -434,7 +466,7 @@ class Renderer:
             self._text(context, words, column + 26 * unit, row)
             column += width
 
-    def _symbol(self, context, kind, colour, x, y):
+    def _symbol(self, context: cairo.Context, kind: str, colour: str, x: float, y: float) -> None:
         unit = self._unit
         context.set_source_rgb(*rgb(colour))
         context.set_line_width(3.0 * unit)

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A finished run as arrays, read from the bag it was recorded into."""
+from __future__ import annotations
+
 import math
 import os
-from collections import namedtuple
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_view.bag_file import check_types, messages_of, open_bag
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import yaw_of
+
+if TYPE_CHECKING:
+    from m2wr_view.array_types import FloatArray
 
 ODOMETRY, CLOCK, DIAGNOSTICS = "/odom", "/clock", "/diagnostics"
 STATE, HIT, LEAVE, LINE = "/bug2/state", "/bug2/hit_point", "/bug2/leave_point", "/bug2/m_line"
@@ -21,7 +25,19 @@ SIMULATION_STATUS = "m2wr_sim: simulation"
 FIRST_STATE = "go_to_point"
 JUMP = 0.5          # m between two samples; more means that the robot was placed there and did not drive
 
-_Entry = namedtuple("_Entry", "recorded message")   # recorded: the recorder's time [s], simulated or not
+
+class _Entry(NamedTuple):
+    recorded: float         # the recorder's time [s], simulated or not
+    message: Any
+
+
+class Drive(NamedTuple):
+    """Simulated times [s], x, y [m] and yaw [rad] of link_chassis in the odometry frame, each (n,)."""
+
+    times: FloatArray
+    x: FloatArray
+    y: FloatArray
+    yaw: FloatArray
 
 
 @dataclass(frozen=True)
@@ -47,20 +63,28 @@ class RunLog:
     """
 
     path: str
-    times: Optional[np.ndarray] = None
-    x: Optional[np.ndarray] = None
-    y: Optional[np.ndarray] = None
-    yaw: Optional[np.ndarray] = None
+    times: Optional[FloatArray] = None
+    x: Optional[FloatArray] = None
+    y: Optional[FloatArray] = None
+    yaw: Optional[FloatArray] = None
     states: Optional[Tuple[Tuple[float, str], ...]] = None
-    hit_points: Optional[np.ndarray] = None
-    leave_points: Optional[np.ndarray] = None
+    hit_points: Optional[FloatArray] = None
+    leave_points: Optional[FloatArray] = None
     contacts: Optional[int] = None
     mean_factor: Optional[float] = None
     start: Optional[Tuple[float, float]] = None
     goal: Optional[Tuple[float, float]] = None
 
+    @property
+    def drive(self) -> Optional[Drive]:
+        """The poses of the run; None without odometry."""
+        if self.times is None or self.x is None or self.y is None or self.yaw is None:
+            return None
+        return Drive(self.times, self.x, self.y, self.yaw)
 
-def read_run(path, start=None, goal=None, robot="m2wr"):
+
+def read_run(path: str, start: Optional[Tuple[float, float]] = None, goal: Optional[Tuple[float, float]] = None,
+             robot: str = "m2wr") -> RunLog:
     """Read a recorded run.
 
     The run begins with the first ``go_to_point`` on /bug2/state, or after the last jump of more than 0.5 m between two
@@ -88,7 +112,7 @@ def read_run(path, start=None, goal=None, robot="m2wr"):
     path = os.fspath(path)
     topics = _read_topics(path)
     samples, recorded = _odometry(topics)
-    if samples is not None and len(samples) < len(topics[ODOMETRY]):
+    if samples is not None and recorded is not None and len(samples) < len(topics[ODOMETRY]):
         for topic in (STATE, HIT, LEAVE):
             topics[topic] = [entry for entry in topics.get(topic, ()) if entry.recorded >= recorded[0]]
     states = _states(topics, _to_simulated(topics, samples, recorded))
@@ -100,13 +124,13 @@ def read_run(path, start=None, goal=None, robot="m2wr"):
                   _pair(start) or (line[0] if line else None), _pair(goal) or (line[-1] if line else None))
 
 
-def _read_topics(path):
+def _read_topics(path: str) -> Dict[str, List[_Entry]]:
     """Return the messages of the topics of interest, in the order of the recorder's time."""
     with open_bag(path) as bag:
         if not bag.get_message_count():
             raise ViewError("bag %s: it has no messages; expected a recorded run" % path)
         check_types(bag, path, TYPES)
-        topics = {}
+        topics: Dict[str, List[_Entry]] = {}
         for topic, message, recorded in messages_of(bag, path, [name for name in TYPES if name != CLOCK]):
             topics.setdefault(topic, []).append(_Entry(recorded.to_sec(), message))
         if ODOMETRY not in topics:      # the clock has many messages: read only if needed
@@ -115,7 +139,7 @@ def _read_topics(path):
         return topics
 
 
-def _odometry(topics):
+def _odometry(topics: Dict[str, List[_Entry]]) -> Tuple[Optional[FloatArray], Optional[FloatArray]]:
     """Return samples (n, 4) of simulated time, x, y, yaw and the recorder's times (n,), since the last reset."""
     if not topics.get(ODOMETRY):
         return None, None
@@ -129,27 +153,30 @@ def _odometry(topics):
     return samples[first:], recorded[first:]
 
 
-def _to_simulated(topics, samples, recorded):
+def _to_simulated(topics: Dict[str, List[_Entry]], samples: Optional[FloatArray],
+                  recorded: Optional[FloatArray]) -> Callable[[float], float]:
     """Return a function from the recorder's time to simulated time, for messages without a stamp of their own."""
-    if samples is not None:
-        return lambda time: float(np.interp(time, recorded, samples[:, 0]))
+    if samples is not None and recorded is not None:
+        before, after = recorded, samples[:, 0]
+        return lambda time: float(np.interp(time, before, after))
     if topics.get(CLOCK):
         clock = np.array([(entry.recorded, entry.message.clock.to_sec()) for entry in topics[CLOCK]])
         return lambda time: float(np.interp(time, clock[:, 0], clock[:, 1]))
     return float
 
 
-def _states(topics, simulated):
+def _states(topics: Dict[str, List[_Entry]],
+            simulated: Callable[[float], float]) -> Optional[Tuple[Tuple[float, str], ...]]:
     if not topics.get(STATE):
         return None
-    states = []
+    states: List[Tuple[float, str]] = []
     for recorded, message in topics[STATE]:
         if not states or states[-1][1] != message.data:
             states.append((simulated(recorded), message.data))
     return tuple(states)
 
 
-def _driven(samples, states):
+def _driven(samples: FloatArray, states: Optional[Tuple[Tuple[float, str], ...]]) -> Tuple[FloatArray, ...]:
     """Return times, x, y, yaw of the samples that belong to the run."""
     began = next((time for time, name in states or () if name == FIRST_STATE), -math.inf)
     first = min(int(np.searchsorted(samples[:, 0], began)), len(samples) - 1)
@@ -159,13 +186,13 @@ def _driven(samples, states):
     return tuple(np.ascontiguousarray(column) for column in samples[first:].T)
 
 
-def _points(topics, topic):
+def _points(topics: Dict[str, List[_Entry]], topic: str) -> Optional[FloatArray]:
     if not topics.get(topic):
         return None
     return np.array([(entry.message.point.x, entry.message.point.y) for entry in topics[topic]])
 
 
-def _diagnosis(topics, robot, path):
+def _diagnosis(topics: Dict[str, List[_Entry]], robot: str, path: str) -> Tuple[Optional[int], Optional[float]]:
     """Return the number of contacts and the mean real-time factor from the simulation's last status."""
     found = [status for entry in topics.get(DIAGNOSTICS, ()) for status in entry.message.status
              if status.name == SIMULATION_STATUS]
@@ -180,5 +207,5 @@ def _diagnosis(topics, robot, path):
                         "expected numbers" % (path, SIMULATION_STATUS, DIAGNOSTICS, contacts, robot, factor)) from None
 
 
-def _pair(point):
+def _pair(point: Optional[Sequence[float]]) -> Optional[Tuple[float, float]]:
     return None if point is None else (float(point[0]), float(point[1]))

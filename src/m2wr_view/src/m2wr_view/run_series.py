@@ -3,7 +3,9 @@
 
 Arrays in, arrays out; what was not recorded is None.
 """
-from collections import namedtuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -12,18 +14,37 @@ from m2wr_view.frames import yaw_of
 from m2wr_view.outlines import M2WR_FOOTPRINT, footprint_distances, point_distances
 from m2wr_view.solids import Solids, read_robot
 
+if TYPE_CHECKING:
+    from m2wr_view.array_types import FloatArray
+    from m2wr_view.outlines import Outline
+    from m2wr_view.run_log import RunLog
+
 MARKERS, COMMANDS, ODOMETRY = "/gazebo/world_markers", "/cmd_vel", "/odom"
 ROBOT_STATES, DESCRIPTION = "/gazebo/robot_states", "/robot_description"
 MOST_POSES = 4000           # at which clearance is measured; more are thinned out
 
-Speeds = namedtuple("Speeds", "times linear angular")
-"""Times [s], linear [m/s] and angular [rad/s] velocities, each (n,)."""
 
-Truth = namedtuple("Truth", "times x y yaw along across turn")
-"""True poses (n,) in world, and how far the odometry is off: along and across the true heading [m], turn [rad]."""
+class Speeds(NamedTuple):
+    """Times [s], linear [m/s] and angular [rad/s] velocities, each (n,)."""
+
+    times: FloatArray
+    linear: FloatArray
+    angular: FloatArray
 
 
-def read_world(path):
+class Truth(NamedTuple):
+    """True poses (n,) in world, and the error of the odometry: along and across the true heading [m], turn [rad]."""
+
+    times: FloatArray
+    x: FloatArray
+    y: FloatArray
+    yaw: FloatArray
+    along: FloatArray
+    across: FloatArray
+    turn: FloatArray
+
+
+def read_world(path: str) -> Optional[Solids]:
     """Return the :class:`~m2wr_view.solids.Solids` of a bag as they stood at the end; None if not recorded."""
     solids = None
     for _, message, _ in read_messages(path, {MARKERS: "visualization_msgs/MarkerArray"}):
@@ -32,19 +53,31 @@ def read_world(path):
     return solids
 
 
-def read_footprint(path):
+def read_footprint(path: str) -> Sequence[Outline]:
     """Return the outlines of the robot of a bag, those of m2wr where no description was recorded."""
     for _, message, _ in read_messages(path, {DESCRIPTION: "std_msgs/String"}):
         return read_robot(message.data).footprint or M2WR_FOOTPRINT
     return M2WR_FOOTPRINT
 
 
-def clearance_series(log, obstacles, footprint=M2WR_FOOTPRINT):
-    """Return times (n,) [s] and the distance (n,) [m] from robot to nearest obstacle; None without either of them."""
-    if log.times is None or not len(log.times) or not obstacles:
+def clearance_series(log: RunLog, obstacles: Sequence[Outline],
+                     footprint: Sequence[Outline] = M2WR_FOOTPRINT) -> Optional[Tuple[FloatArray, FloatArray]]:
+    """Return times (n,) [s] and the distance (n,) [m] from robot to nearest obstacle; None without either of them.
+
+    Parameters
+    ----------
+    log : RunLog
+        The run.
+    obstacles : sequence of Outline
+        In world.
+    footprint : sequence of Outline
+        Of the robot, in its own frame.
+    """
+    drive = log.drive
+    if drive is None or not len(drive.times) or not obstacles:
         return None
-    stride = -(-len(log.times) // MOST_POSES)
-    poses = np.column_stack((log.x, log.y, log.yaw))[::stride]
+    stride = -(-len(drive.times) // MOST_POSES)
+    poses = np.column_stack((drive.x, drive.y, drive.yaw))[::stride]
     reach = max(float(np.max(np.hypot(*part.vertices.T))) + part.radius for part in footprint)
     centre = np.array([point_distances(poses[:, :2], obstacle) for obstacle in obstacles])
     least = np.full(len(poses), np.inf)
@@ -53,24 +86,24 @@ def clearance_series(log, obstacles, footprint=M2WR_FOOTPRINT):
         near = np.flatnonzero(centre[index] - reach < least)
         if len(near):
             least[near] = np.minimum(least[near], footprint_distances(poses[near], obstacles[index], footprint))
-    return log.times[::stride], least
+    return drive.times[::stride], least
 
 
-def odometry_speeds(path):
+def odometry_speeds(path: str) -> Optional[Speeds]:
     """Return the measured :class:`Speeds` of a bag, or None."""
     rows = [(message.header.stamp.to_sec(), message.twist.twist.linear.x, message.twist.twist.angular.z)
             for _, message, _ in read_messages(path, {ODOMETRY: "nav_msgs/Odometry"})]
     return Speeds(*np.array(rows).T) if rows else None
 
 
-def commanded_speeds(path):
+def commanded_speeds(path: str) -> Optional[Speeds]:
     """Return the commanded :class:`Speeds` of a bag by the recorder's time, or None."""
     rows = [(recorded.to_sec(), message.linear.x, message.angular.z)
             for _, message, recorded in read_messages(path, {COMMANDS: "geometry_msgs/Twist"})]
     return Speeds(*np.array(rows).T) if rows else None
 
 
-def steady(times):
+def steady(times: FloatArray) -> FloatArray:
     """Return times (n,) [s] of a topic with a rate of its own, without the jitter of the recorder.
 
     Times within half a period of a regular grid, which fits most of them, move onto it; the others stay.
@@ -85,11 +118,20 @@ def steady(times):
     return np.maximum.accumulate(np.where(np.abs(times - beat) < 0.5 * period, beat, times))
 
 
-def truth_against_odometry(path, log, robot="m2wr"):
+def truth_against_odometry(path: str, log: RunLog, robot: str = "m2wr") -> Optional[Truth]:
     """Return the :class:`Truth` of a run, or None if it or the odometry was not recorded.
 
     States have no stamp, so the recorder's time is used; it is early by a clock message now and then, which
     :func:`steady` corrects.
+
+    Parameters
+    ----------
+    path : str
+        A finished bag.
+    log : RunLog
+        The run.
+    robot : str
+        Name of its model.
     """
     rows = []
     for _, message, recorded in read_messages(path, {ROBOT_STATES: "gazebo_msgs/ModelStates"}):
@@ -98,17 +140,18 @@ def truth_against_odometry(path, log, robot="m2wr"):
             turn = pose.orientation
             rows.append((recorded.to_sec(), pose.position.x, pose.position.y,
                          yaw_of((turn.x, turn.y, turn.z, turn.w))))
-    if not rows or log.times is None or len(log.times) < 2:
+    drive = log.drive
+    if not rows or drive is None or len(drive.times) < 2:
         return None
     times, x, y, yaw = np.array(rows).T
     times = steady(times)
     yaw = np.unwrap(yaw)
-    inside = (log.times >= times[0]) & (log.times <= times[-1])
+    inside = (drive.times >= times[0]) & (drive.times <= times[-1])
     if not inside.any():
         return None
-    at = log.times[inside]
+    at = drive.times[inside]
     true_x, true_y, true_yaw = (np.interp(at, times, values) for values in (x, y, yaw))
-    off_x, off_y = log.x[inside] - true_x, log.y[inside] - true_y
+    off_x, off_y = drive.x[inside] - true_x, drive.y[inside] - true_y
     cosine, sine = np.cos(true_yaw), np.sin(true_yaw)
-    turn = np.remainder(log.yaw[inside] - true_yaw + np.pi, 2.0 * np.pi) - np.pi
+    turn = np.remainder(drive.yaw[inside] - true_yaw + np.pi, 2.0 * np.pi) - np.pi
     return Truth(at, true_x, true_y, true_yaw, cosine * off_x + sine * off_y, cosine * off_y - sine * off_x, turn)

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """State of a running robot and its world, from the messages received so far."""
+from __future__ import annotations
+
 import math
 from array import array
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -9,6 +12,12 @@ from m2wr_view.errors import ViewError
 from m2wr_view.frames import Frames, compose, inverse, matrix_of, planar, yaw_of
 from m2wr_view.outlines import M2WR_FOOTPRINT
 from m2wr_view.solids import Solids, read_robot
+
+if TYPE_CHECKING:
+    from m2wr_view.array_types import BoolArray, FloatArray, Int8Array
+    from m2wr_view.frames import Numbers
+    from m2wr_view.outlines import Outline
+    from m2wr_view.solids import Robot
 
 JUMP = 0.5              # m between two samples; more means that the robot was placed there and did not drive
 TRAIL_STEP = 0.02       # m between two points of the trail
@@ -52,37 +61,48 @@ class Scene:
         Increases when the trail is cleared.
     """
 
-    def __init__(self):
-        self.now, self.pose, self.state = None, None, None
-        self.trail, self.hits, self.leaves, self.line = [], [], [], []
-        self.solids, self.robot, self.footprint = Solids(), None, M2WR_FOOTPRINT
-        self.scan, self.grid = None, None
+    def __init__(self) -> None:
+        self.now: Optional[float] = None
+        self.pose: Optional[FloatArray] = None
+        self.state: Optional[str] = None
+        self.trail: List[Tuple[float, float, Optional[str], bool]] = []
+        self.hits: List[Tuple[float, float]] = []
+        self.leaves: List[Tuple[float, float]] = []
+        self.line: List[Tuple[float, float]] = []
+        self.solids = Solids()
+        self.robot: Optional[Robot] = None
+        self.footprint: Sequence[Outline] = M2WR_FOOTPRINT
+        self.scan: Any = None
+        self.grid: Optional[Tuple[FloatArray, float, Int8Array]] = None
         self.version, self.trail_version = 0, 0
-        self.frames, self.odom_frame, self.base_frame = Frames(), "odom", None
-        self._times, self._poses, self._line = [], [], None
-        self._map, self._odometry_seen = None, False
+        self.frames, self.odom_frame = Frames(), "odom"
+        self.base_frame: Optional[str] = None
+        self._times: List[float] = []
+        self._poses: List[FloatArray] = []
+        self._map: Optional[Tuple[str, float, Int8Array, FloatArray]] = None        # frame, resolution, cells, origin
+        self._odometry_seen = False
 
     @property
-    def goal(self):
+    def goal(self) -> Optional[Tuple[float, float]]:
         """Where the line to follow ends, or None."""
         return self.line[-1] if self.line else None
 
     # ---- messages ----------------------------------------------------------------------------------------------
 
-    def take_clock(self, message):
+    def take_clock(self, message: Any) -> None:
         """Process the time; if it goes back, everything that belongs to a run is cleared."""
         now = message.clock.to_sec()
         if self.now is not None and now < self.now - 0.5:
             self.forget_run()
         self.now = now
 
-    def forget_run(self):
+    def forget_run(self) -> None:
         """Drop what belongs to a run that was reset."""
         self.trail, self.hits, self.leaves = [], [], []
         self._times, self._poses, self.scan = [], [], None
         self.trail_version += 1
 
-    def take_odometry(self, message):
+    def take_odometry(self, message: Any) -> None:
         """Take the robot's pose."""
         where, turn = message.pose.pose.position, message.pose.pose.orientation
         self._odometry_seen = True
@@ -92,12 +112,20 @@ class Scene:
         yaw = yaw_of((turn.x, turn.y, turn.z, turn.w))
         self._move(message.header.stamp.to_sec(), np.array((where.x, where.y, yaw)))
 
-    def place(self, now, pose):
-        """Take the robot's pose x, y, yaw (3,) at a time [s] directly, without messages."""
+    def place(self, now: float, pose: Numbers) -> None:
+        """Set the robot's pose directly, without messages.
+
+        Parameters
+        ----------
+        now : float
+            Simulated time [s].
+        pose : (3,) floats
+            x, y [m] and yaw [rad], odometry frame.
+        """
         self._odometry_seen = True
         self._move(now, np.asarray(pose, dtype=float))
 
-    def _move(self, stamp, pose):
+    def _move(self, stamp: float, pose: FloatArray) -> None:
         if not np.all(np.isfinite(pose)):
             return
         if self._times and stamp < self._times[-1]:
@@ -113,25 +141,27 @@ class Scene:
         self.pose = pose
         last = self.trail[-1] if self.trail else None
         step = math.hypot(pose[0] - last[0], pose[1] - last[1]) if last else math.inf
-        if step > TRAIL_STEP or last[2] != self.state:
+        if last is None or step > TRAIL_STEP or last[2] != self.state:
             self.trail.append((float(pose[0]), float(pose[1]), self.state, step <= JUMP))
 
-    def take_transforms(self, message):
+    def take_transforms(self, message: Any) -> None:
         """Take transforms; they give the pose of maps and lasers, and of the robot if there is no odometry."""
         for entry in message.transforms:
             move, turn = entry.transform.translation, entry.transform.rotation
             self.frames.set(entry.header.frame_id, entry.child_frame_id, matrix_of(
                 (move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w)))
             if not self._odometry_seen and entry.header.frame_id.lstrip("/") == self.odom_frame:
-                self.base_frame = entry.child_frame_id.lstrip("/")
-                self._move(entry.header.stamp.to_sec(), planar(self.frames.between(self.odom_frame, self.base_frame)))
+                self.base_frame = base = entry.child_frame_id.lstrip("/")
+                odom_from_base = self.frames.between(self.odom_frame, base)
+                if odom_from_base is not None:
+                    self._move(entry.header.stamp.to_sec(), planar(odom_from_base))
         self._place_map()
 
-    def take_scan(self, message):
+    def take_scan(self, message: Any) -> None:
         """Take a scan."""
         self.scan = message
 
-    def take_map(self, message):
+    def take_map(self, message: Any) -> None:
         """Take a map."""
         info = message.info
         cells = np.array(array("b", message.data))      # three times as fast as numpy alone
@@ -144,7 +174,7 @@ class Scene:
         self.grid = None
         self._place_map()
 
-    def _place_map(self):
+    def _place_map(self) -> None:
         if self._map is None:
             return
         frame, resolution, cells, origin = self._map
@@ -154,12 +184,12 @@ class Scene:
             self.grid = (transform, resolution, cells)
             self.version += 1
 
-    def take_markers(self, message):
+    def take_markers(self, message: Any) -> None:
         """Take markers of the world."""
         self.solids.update(message.markers)
         self.version += 1
 
-    def take_description(self, message):
+    def take_description(self, message: Any) -> None:
         """Take a robot description; its shapes from above are the robot's outline.
 
         Raises
@@ -170,33 +200,33 @@ class Scene:
         self.robot = read_robot(message.data)
         self.footprint = self.robot.footprint or M2WR_FOOTPRINT
 
-    def take_state(self, message):
+    def take_state(self, message: Any) -> None:
         """Take the state of Bug 2."""
         self.state = message.data
 
-    def take_line(self, message):
+    def take_line(self, message: Any) -> None:
         """Take the line to follow; its end is the goal."""
         line = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
         if line != self.line:
             self.line = line
             self.version += 1
 
-    def take_hit_point(self, message):
+    def take_hit_point(self, message: Any) -> None:
         """Process a hit point of Bug 2."""
         self._mark(self.hits, message.point)
 
-    def take_leave_point(self, message):
+    def take_leave_point(self, message: Any) -> None:
         """Process a leave point of Bug 2."""
         self._mark(self.leaves, message.point)
 
     @staticmethod
-    def _mark(points, point):
+    def _mark(points: List[Tuple[float, float]], point: Any) -> None:
         if (point.x, point.y) not in points:
             points.append((point.x, point.y))
 
     # ---- queries -----------------------------------------------------------------------------------------------
 
-    def pose_at(self, stamp):
+    def pose_at(self, stamp: float) -> Optional[FloatArray]:
         """Return the robot's pose (3,) at a time [s], between two known ones; the newest if it is later."""
         if not self._times:
             return self.pose
@@ -209,7 +239,7 @@ class Scene:
         turn = math.remainder(two[2] - one[2], 2.0 * math.pi)
         return np.array((one[0] + share * (two[0] - one[0]), one[1] + share * (two[1] - one[1]), one[2] + share * turn))
 
-    def _mount(self, frame):
+    def _mount(self, frame: str) -> FloatArray:
         """Return the planar pose (3,) of the laser on the robot."""
         frame = frame.lstrip("/")
         if self.base_frame:
@@ -221,15 +251,18 @@ class Scene:
             return planar(inverse(base).dot(self.robot.mounts[frame.split("/")[-1]]))
         return np.zeros(3)
 
-    def rays(self):
+    def rays(self) -> Optional[Tuple[FloatArray, FloatArray, BoolArray]]:
         """Return (origin (2,), ends (n, 2), hits (n,) bool) of the newest scan; None if its pose is unknown.
 
         A ray without a return ends at range_max; a return closer than range_min ends at the laser.
         """
         scan = self.scan
-        if scan is None or self.pose is None or not scan.ranges:
+        if scan is None or not scan.ranges:
             return None
-        laser = compose(self.pose_at(scan.header.stamp.to_sec()), self._mount(scan.header.frame_id))
+        pose = self.pose_at(scan.header.stamp.to_sec())
+        if pose is None:
+            return None
+        laser = compose(pose, self._mount(scan.header.frame_id))
         ranges = np.asarray(scan.ranges, dtype=float)
         angles = laser[2] + scan.angle_min + scan.angle_increment * np.arange(len(ranges))
         hits = (ranges >= scan.range_min) & (ranges <= scan.range_max)      # false for nan and both infinities

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Obstacles of a world and shape of a robot from above, read from markers and from a robot description."""
+from __future__ import annotations
+
 import xml.etree.ElementTree as ElementTree
-from collections import namedtuple
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -9,12 +11,21 @@ from m2wr_view.errors import ViewError
 from m2wr_view.frames import matrix_from_rpy, rotation_of
 from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, box_outline, cylinder_outline, sphere_outline, triangle_outlines
 
+if TYPE_CHECKING:
+    from m2wr_view.array_types import FloatArray
+    from m2wr_view.outlines import Outline
+
 _HIGH = float("inf")
 _CUBE, _SPHERE, _CYLINDER, _CUBES, _SPHERES, _TRIANGLES = 1, 2, 3, 6, 7, 11     # of visualization_msgs/Marker
 _DELETE, _DELETE_ALL = 2, 3
 
-Robot = namedtuple("Robot", "footprint mounts root")
-"""``footprint``: outlines in the root link's frame; ``mounts``: {link: transform (4, 4) from it to the root link}."""
+
+class Robot(NamedTuple):
+    """``footprint``: outlines in the root link's frame; ``mounts``: {link: transform (4, 4) to the root link}."""
+
+    footprint: List[Outline]
+    mounts: Dict[str, FloatArray]
+    root: str
 
 
 class Solids:
@@ -26,10 +37,13 @@ class Solids:
         Shapes between the floor and the robot's top, and shapes that are only above it.
     """
 
-    def __init__(self):
-        self._shapes, self.blocking, self.hanging = {}, [], []     # shapes: {(ns, id): (content, low, high)}
+    def __init__(self) -> None:
+        #: {(ns, id): (content, outlines at the robot's height, outlines at any height)}
+        self._shapes: Dict[Tuple[str, int], Tuple[object, List[Outline], List[Outline]]] = {}
+        self.blocking: List[Outline] = []
+        self.hanging: List[Outline] = []
 
-    def update(self, markers):
+    def update(self, markers: Iterable[Any]) -> None:
         """Update from a sequence of markers, as rviz does: add, modify, delete, delete all.
 
         All markers are published when one of them moves; outlines of unchanged markers are kept.
@@ -49,14 +63,14 @@ class Solids:
         self.hanging = [outline for _, low, high in self._shapes.values() if not low for outline in high]
 
 
-def _content(marker):
+def _content(marker: Any) -> Tuple[object, ...]:
     """Return all of a marker that its outlines depend on."""
     place, turn, scale = marker.pose.position, marker.pose.orientation, marker.scale
     return (marker.type, place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w, scale.x, scale.y, scale.z,
             [(point.x, point.y, point.z) for point in marker.points])
 
 
-def marker_outlines(marker):
+def marker_outlines(marker: Any) -> Tuple[List[Outline], List[Outline]]:
     """Return the outlines (at the robot's height, at any height) of a marker; kinds without a volume have none."""
     place, turn = marker.pose.position, marker.pose.orientation
     centre = np.array((place.x, place.y, place.z))
@@ -65,7 +79,8 @@ def marker_outlines(marker):
     centres = [centre + rotation.dot((point.x, point.y, point.z)) for point in marker.points] \
         if marker.type in (_CUBES, _SPHERES) else [centre]
 
-    def within(low, high):
+    def within(low: float, high: float) -> List[Outline]:
+        found: Sequence[Optional[Outline]]
         if marker.type in (_CUBE, _CUBES):
             found = [box_outline(scale, middle, rotation, low, high, name) for middle in centres]
         elif marker.type in (_SPHERE, _SPHERES):
@@ -82,19 +97,19 @@ def marker_outlines(marker):
     return within(FLOOR, ROBOT_HEIGHT), within(FLOOR, _HIGH)
 
 
-def _numbers(text, count, default):
+def _numbers(text: Optional[str], count: int, default: Sequence[float]) -> List[float]:
     values = [float(word) for word in (text or "").split()]
     return values if len(values) == count else list(default)
 
 
-def _origin(element):
+def _origin(element: ElementTree.Element) -> FloatArray:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
     return matrix_from_rpy(_numbers(origin.get("xyz"), 3, (0, 0, 0)), _numbers(origin.get("rpy"), 3, (0, 0, 0)))
 
 
-def _seen(shape, matrix, name):
+def _seen(shape: ElementTree.Element, matrix: FloatArray, name: str) -> Optional[Outline]:
     """Return the outline of a URDF shape whose frame is at ``matrix``, or None for one that is not drawn."""
     centre, rotation = matrix[:3, 3], matrix[:3, :3]
     limits = (-_HIGH, _HIGH, name)
@@ -108,7 +123,24 @@ def _seen(shape, matrix, name):
     return None
 
 
-def read_robot(text):
+def _name_of(link: ElementTree.Element) -> str:
+    name = link.get("name")
+    if name is None:
+        raise ViewError("robot_description: a <link> has no name; expected a name for each link")
+    return name
+
+
+def _joints(robot: ElementTree.Element) -> Dict[str, Tuple[str, ElementTree.Element]]:
+    """Return {child link: (parent link, joint)} of the joints that name both."""
+    found = {}
+    for joint in robot.findall("joint"):
+        names = [end.get("link") for end in (joint.find("parent"), joint.find("child")) if end is not None]
+        if len(names) == 2 and names[0] is not None and names[1] is not None:
+            found[names[1]] = names[0], joint
+    return found
+
+
+def read_robot(text: str) -> Robot:
     """Return the :class:`Robot` of a URDF; collisions and visuals count, meshes are ignored, joints are at 0.
 
     Raises
@@ -120,26 +152,26 @@ def read_robot(text):
         robot = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise ViewError("robot_description: %s; expected a URDF, after xacro" % error) from error
-    links = {link.get("name"): link for link in robot.findall("link")}
-    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")
-              if joint.find("child") is not None and joint.find("parent") is not None}
+    links = {_name_of(link): link for link in robot.findall("link")}
+    joints = _joints(robot)
     roots = [name for name in links if name not in joints]
     if robot.tag != "robot" or not roots:
         raise ViewError("robot_description: the element is <%s> with %d links; expected a URDF <robot> with a root link"
                         % (robot.tag, len(links)))
-    mounts, footprint = {}, []
+    mounts: Dict[str, FloatArray] = {}
+    footprint: List[Outline] = []
     for name in links:
         matrix, at = np.eye(4), name
         for _ in links:                     # ends also if joints form a loop
             if at not in joints:
                 break
-            matrix, at = _origin(joints[at]).dot(matrix), joints[at].find("parent").get("link")
+            at, joint = joints[at]
+            matrix = _origin(joint).dot(matrix)
         mounts[name] = matrix
     try:
         for name, link in links.items():
             for part in link.findall("collision") + link.findall("visual"):
-                shapes = list(part.find("geometry")) if part.find("geometry") is not None else []
-                outlines = [_seen(shape, mounts[name].dot(_origin(part)), name) for shape in shapes]
+                outlines = [_seen(shape, mounts[name].dot(_origin(part)), name) for shape in part.findall("geometry/*")]
                 footprint += [outline for outline in outlines if outline is not None]
     except ValueError as error:
         raise ViewError("robot_description: %s; expected numbers in origins and shapes" % error) from error

@@ -4,6 +4,7 @@ import logging
 import os
 import re
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from PIL import Image
 from m2wr_view.dumping import make_dump
 from m2wr_view.errors import ViewError
 from m2wr_view.renderer import ROBOT_COLOUR, rgb
+from m2wr_view.ros import image_dump
 from m2wr_view.ros.image_dump import main
 from m2wr_view.run_picture import OBSTACLE_COLOUR, STATE_COLOURS
 
@@ -172,3 +174,24 @@ def test_what_is_left_alone_fills_no_disk(make, caplog):
     assert len(shown) >= 10 and kept.count == 3 and not dump.failed
     assert dump.close().startswith(kept.path) and kept.count == 3
     assert caplog.text.count("the limit (max_pictures") == 1
+
+
+def test_the_last_picture_is_published_too(monkeypatch):
+    published, rospy = [], image_dump.rospy
+    publisher = SimpleNamespace(get_num_connections=lambda: 1, publish=published.append)
+    monkeypatch.setattr(rospy, "Publisher", lambda *_, **__: publisher)
+    monkeypatch.setattr(rospy, "Subscriber", lambda *_, **__: None)
+    monkeypatch.setattr(rospy, "get_param", lambda name, default: default)
+    monkeypatch.setattr(rospy, "signal_shutdown", lambda reason: None)
+    monkeypatch.setattr(image_dump, "note_signals", lambda: [2])
+    monkeypatch.setattr(image_dump, "register", lambda *_, **__: None)
+    node = image_dump.Node(image_dump._parser().parse_args([]))
+    start = node._start
+
+    def start_with_a_robot():
+        started = start()
+        node._dump.scene.place(1.0, (0.0, 0.0, 0.0))
+        return started
+
+    monkeypatch.setattr(node, "_start", start_with_a_robot)
+    assert node.run() == 0 and len(published) == 1 and published[0].header.frame_id == "odom"

@@ -72,7 +72,8 @@ def test_a_robot_is_seen_from_above_and_knows_where_its_laser_is():
     assert robot.root == "base" and robot.mounts["laser"][:3, 3] == pytest.approx([0.5, 0.0, 0.3])
 
 
-@pytest.mark.parametrize("text", ["", "<robot>", "<sdf/>", URDF.replace("1 0.4 0.2", "1 wide 0.2")])
+@pytest.mark.parametrize("text", ["", "<robot>", "<sdf/>", URDF.replace("1 0.4 0.2", "1 wide 0.2"),
+                                  "<robot><link/></robot>"])
 def test_what_is_no_description_is_refused(text):
     with pytest.raises(ViewError, match="robot_description: .*expected"):
         read_robot(text)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draws a robot and its world from above: as a node from topics, or as a command from a bag."""
+from __future__ import annotations
+
 import argparse
 import ctypes
 import gc
@@ -8,6 +10,7 @@ import os
 import sys
 import threading
 import time
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple
 
 import rosgraph
 import roslib.message
@@ -23,6 +26,12 @@ from m2wr_view.renderer import Renderer
 from m2wr_view.scene import TOPICS, Scene
 from m2wr_view.writers import make_writer
 
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+    from m2wr_view.dumping import Dump
+    from m2wr_view.writers import Writer
+
 log = logging.getLogger("rosout.m2wr_view")
 MOST_PICTURES = 500     # about 30 MB of PNG files, four minutes at 2 Hz; bounds the use of disk space
 _REMIND = 5.0           # s of wall time between two reminders of the topics that are waited for
@@ -30,7 +39,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3           # of glibc's mallopt
 _KEPT_FREE, _LARGEST_KEPT = 128 << 20, 32 << 20         # bytes; the largest picture takes 64 MB, one of 800 x 800 3 MB
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="image_dump", description=__doc__ + "  Topics are remapped as usual, also with --bag: odom:=/robot1/odom.")
     parser.add_argument("--bag", help="draw this recorded run; default: draw the topics")
@@ -49,7 +58,7 @@ def _parser():
     return parser
 
 
-def _settle():
+def _settle() -> None:
     """Prepare for drawing: the first picture then takes no longer than the others.
 
     Memory for pixels is allocated and freed several times per picture; page faults would cost more than the drawing,
@@ -67,7 +76,7 @@ def _settle():
     gc.freeze()
 
 
-def _log_to_screen():
+def _log_to_screen() -> None:
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("image_dump: %(message)s"))
     log.addHandler(handler)
@@ -75,7 +84,7 @@ def _log_to_screen():
     log.propagate = False
 
 
-def _writers(paths, rate, speed):
+def _writers(paths: List[str], rate: float, speed: float) -> List[Writer]:
     """Return the writers that could be opened; errors of the others are logged."""
     found = []
     for path in paths:
@@ -88,7 +97,7 @@ def _writers(paths, rate, speed):
     return found
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns 0 if all was written, 1 after an error, 2 for wrong usage."""
     words = rospy.myargv(sys.argv if argv is None else ["image_dump"] + argv)[1:]
     options = _parser().parse_args(words)
@@ -105,8 +114,20 @@ def main(argv=None):
 
 # ---- a bag -------------------------------------------------------------------------------------------------------
 
-def dump_bag(options, mappings=None):
-    """Draw a recorded run; returns the exit code.
+def dump_bag(options: argparse.Namespace, mappings: Optional[Dict[str, str]] = None) -> int:
+    """Draw a recorded run.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Of the command line.
+    mappings : dict of str to str, optional
+        New names of topics, by their names in ``TOPICS``.
+
+    Returns
+    -------
+    int
+        The exit code.
 
     Raises
     ------
@@ -144,12 +165,27 @@ def dump_bag(options, mappings=None):
     return 1 if dump.failed else 0
 
 
-def _clock(options):
+def _clock(options: argparse.Namespace) -> Optional[Callable[[], float]]:
     return time.thread_time if options.times else None
 
 
-def check_topics(path, types, names):
-    """Log which topics a bag lacks; ViewError if it has neither poses of a robot nor a world."""
+def check_topics(path: str, types: Dict[str, str], names: Dict[str, str]) -> None:
+    """Log which topics a bag lacks.
+
+    Parameters
+    ----------
+    path : str
+        The bag.
+    types : dict of str to str
+        Message type by topic of the bag.
+    names : dict of str to str
+        Name in ``TOPICS`` by topic of the bag.
+
+    Raises
+    ------
+    ViewError
+        If it has neither poses of a robot nor a world.
+    """
     for topic, kind in types.items():
         if topic in names and kind != TOPICS[names[topic]][0]:
             log.warning("bag %s: topic %s has the type %s and is left out; expected %s", path, topic, kind,
@@ -167,31 +203,33 @@ def check_topics(path, types, names):
 
 # ---- a node ------------------------------------------------------------------------------------------------------
 
-def _parameter(name, given, default):
+def _parameter(name: str, given: Any, default: Any) -> Any:
     return given if given is not None else rospy.get_param("~" + name, default)
 
 
 class Node:
     """Draws topics until it is stopped; options of the command line take precedence over parameters."""
 
-    def __init__(self, options):
-        self._options, self._lock, self._signals = options, threading.Lock(), []
-        self._dump = self._image = None
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._options, self._lock = options, threading.Lock()
+        self._signals: List[int] = []
+        self._dump: Optional[Dump] = None
+        self._image: Any = None         # rospy.Publisher, after the start
 
-    def run(self):
+    def run(self) -> int:
         """Run; returns the exit code."""
         self._signals = note_signals()
         register("image_dump", self._ending, disable_rostime=True)
         try:
-            paths = self._start()
+            dump, paths = self._start()
         except (ViewError, ValueError, TypeError) as error:
             rospy.logfatal("%s", error)
             rospy.signal_shutdown("a parameter is invalid")
             return 1
-        self._wait()
+        self._wait(dump)
         with self._lock:
-            dump, self._dump = self._dump, None
             written = dump.close()
+            self._dump = None
         if written:
             rospy.loginfo("written: %s", written)
         for line in dump.timing():
@@ -202,10 +240,10 @@ class Node:
         rospy.signal_shutdown("shutdown requested")
         return 1 if failed else 0
 
-    def _ending(self):
+    def _ending(self) -> bool:
         return bool(self._signals) or rospy.core.is_shutdown_requested()
 
-    def _start(self):
+    def _start(self) -> Tuple[Dump, List[str]]:
         options = self._options
         rate = float(_parameter("rate", options.rate, 2.0))
         size = [int(side) for side in _parameter("size", options.size, [800, 800])]
@@ -216,32 +254,34 @@ class Node:
         limit = int(_parameter("max_pictures", options.max_pictures, MOST_PICTURES))
         make_dump(rate, tuple(size), view, [], limit=limit)
         self._image = rospy.Publisher("~image", Image, queue_size=2)
-        self._dump = make_dump(rate, tuple(size), view, _writers(
+        dump = make_dump(rate, tuple(size), view, _writers(
             paths, rate, float(_parameter("speed", None, options.speed))), self._show, _clock(options), limit)
+        self._dump = dump
         for name, (kind, _) in TOPICS.items():
             rospy.Subscriber(name, roslib.message.get_message_class(kind), self._take, name, queue_size=100,
                              tcp_nodelay=True)
-        return paths
+        return dump, paths
 
-    def _take(self, message, name):
+    def _take(self, message: Any, name: str) -> None:
         with self._lock:
             if self._dump is not None:
                 self._dump.take(name, message)
 
-    def _show(self, image, now):
-        if not self._image.get_num_connections():
+    def _show(self, image: Picture, now: float) -> None:
+        dump = self._dump
+        if dump is None or not self._image.get_num_connections():
             return
         message = Image(width=image.width, height=image.height, encoding="rgb8", step=3 * image.width,
                         data=image.tobytes())
-        message.header.stamp, message.header.frame_id = rospy.Time.from_sec(now), self._dump.scene.odom_frame
+        message.header.stamp, message.header.frame_id = rospy.Time.from_sec(now), dump.scene.odom_frame
         self._image.publish(message)
 
-    def _wait(self):
+    def _wait(self, dump: Dump) -> None:
         """Wait for shutdown; until the first picture, log every few seconds what is missing."""
         told = time.monotonic()
         while not self._ending():
             time.sleep(0.05)
-            if not self._dump.count and time.monotonic() - told > _REMIND:
+            if not dump.count and time.monotonic() - told > _REMIND:
                 told = time.monotonic()
                 rospy.loginfo("no picture yet: waiting for %s or %s", rospy.resolve_name("clock"),
                               rospy.resolve_name("odom"))

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Xvfb and rviz as child processes: they end with this process in any case, and report why if they end earlier."""
+from __future__ import annotations
+
 import fcntl
 import glob
 import os
@@ -10,10 +12,14 @@ import signal
 import subprocess
 import tempfile
 import time
+from typing import IO, TYPE_CHECKING, Dict, Optional, Sequence, Tuple
 
 from m2wr_node.tie import tied
 from m2wr_view.errors import ViewError
 from m2wr_view.framebuffer import read_xwd
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 START_PATIENCE = 20.0       # s of wall time for Xvfb to come up
 _STOP_PATIENCE = 2.0        # s of wall time to end on a signal
@@ -25,8 +31,21 @@ _IN_USE = "in_use"          # file in each, locked by its owner
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
 
 
-def find_program(name, package):
-    """Return the path of a program; ViewError saying which package has it if it is not installed."""
+def find_program(name: str, package: str) -> str:
+    """Return the path of a program.
+
+    Parameters
+    ----------
+    name : str
+        Of the program.
+    package : str
+        System package that has it.
+
+    Raises
+    ------
+    ViewError
+        If it is not installed.
+    """
     found = shutil.which(name)
     if found is None:
         raise ViewError("there is no program %s; install it (apt install %s)" % (name, package))
@@ -46,7 +65,8 @@ class Child:
     pass_fds : tuple of int
     """
 
-    def __init__(self, words, log, environment, pass_fds=()):
+    def __init__(self, words: Sequence[str], log: str, environment: Dict[str, str],
+                 pass_fds: Tuple[int, ...] = ()) -> None:
         self._log = log
         with open(log, "wb") as stream:
             self._process = subprocess.Popen(
@@ -54,15 +74,15 @@ class Child:
                 start_new_session=True, pass_fds=pass_fds)
 
     @property
-    def pid(self):
+    def pid(self) -> int:
         """Its process id."""
         return self._process.pid
 
-    def alive(self):
+    def alive(self) -> bool:
         """Whether it still runs."""
         return self._process.poll() is None
 
-    def end(self):
+    def end(self) -> str:
         """Return how it ended, with the last lines of its output."""
         code = self._process.poll()
         how = _KILLED_BY % -code if code is not None and code < 0 else "code %s" % code
@@ -74,7 +94,7 @@ class Child:
             lines = []
         return how + (": " + " / ".join(lines) if lines else "")
 
-    def stop(self):
+    def stop(self) -> None:
         """End it and wait for that."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):      # SIGTERM leaves rviz's name on the master
             if not self.alive():
@@ -86,7 +106,7 @@ class Child:
                 continue
 
 
-def make_folder():
+def make_folder() -> Tuple[str, IO[str]]:
     """Make a folder of our own below that for temporary files, and delete those whose owners were killed.
 
     Returns
@@ -122,16 +142,17 @@ class Xvfb:
         If Xvfb is missing or does not start.
     """
 
-    def __init__(self, size):
+    def __init__(self, size: Tuple[int, int]) -> None:
         program = find_program("Xvfb", "xvfb")
         self._folder, self._lock = make_folder()
-        reader, writer = os.pipe()
+        reader, given = os.pipe()
+        writer: Optional[int] = given       # None once it is closed
         try:
             # Xvfb itself looks for a free number; a number chosen here could be taken a moment later
             self._child = Child([program, "-displayfd", str(writer), "-screen", "0", "%dx%dx24" % size, "-nolisten",
                                  "tcp", "-nocursor", "-fbdir", self._folder], self.path("Xvfb.log"), dict(os.environ),
-                                (writer,))
-            os.close(writer)
+                                (given,))
+            os.close(given)
             writer = None
             self.name = ":" + self._read_number(reader)
         except (OSError, ViewError) as error:
@@ -144,7 +165,7 @@ class Xvfb:
             if writer is not None:
                 os.close(writer)
 
-    def _read_number(self, reader):
+    def _read_number(self, reader: int) -> str:
         """Return the number that Xvfb writes when it is ready to be used."""
         text, deadline = b"", time.monotonic() + START_PATIENCE
         while not text.endswith(b"\n"):
@@ -159,21 +180,21 @@ class Xvfb:
             text += piece
         return text.decode().strip()
 
-    def path(self, name):
+    def path(self, name: str) -> str:
         """Return the path of a file in the display's own folder, which is removed with it."""
         return os.path.join(self._folder, name)
 
-    def alive(self):
+    def alive(self) -> bool:
         """Whether the display is running."""
         return self._child.alive()
 
-    def end(self):
+    def end(self) -> str:
         """Return how Xvfb ended."""
         return self._child.end()
 
-    def picture(self):
+    def picture(self) -> Image.Image:
         """Return what is on the screen, as an RGB picture; ViewError if it cannot be read."""
-        path, data = self.path("Xvfb_screen0"), None
+        path, data = self.path("Xvfb_screen0"), b""
         try:
             for _ in range(_SAME_TRIES):
                 with open(path, "rb") as stream:
@@ -184,17 +205,17 @@ class Xvfb:
             raise ViewError("screen of display %s: %s" % (self.name, error.strerror)) from error
         return read_xwd(data, "of display " + self.name)
 
-    def stop(self):
+    def stop(self) -> None:
         """End the display and remove its folder."""
         self._child.stop()
         self._remove()
 
-    def _remove(self):
+    def _remove(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
         self._lock.close()
 
 
-def start_rviz(display, config_text, node_name):
+def start_rviz(display: Xvfb, config_text: str, node_name: str) -> Child:
     """Start rviz on a virtual display.
 
     Parameters

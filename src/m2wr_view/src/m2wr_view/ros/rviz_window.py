@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """rviz in a window, as a node that never ends a run: a missing display or a crash of rviz is reported."""
+from __future__ import annotations
+
 import os
 import shutil
 import signal
 import subprocess
 import sys
+from typing import Callable, List, Mapping, Optional
 
 from m2wr_node.ros.is_there import who_is_there
 from m2wr_node.tie import tied
@@ -15,13 +18,13 @@ _TRY_DISPLAY = "import ctypes, sys; sys.exit(0 if ctypes.CDLL('libX11.so.6').XOp
 _CURE = "the run continues without a window (virtual_display:=true saves pictures of rviz without a display)"
 
 
-def say(text):
+def say(text: str) -> None:
     """Print a line for the user."""
     sys.stderr.write("rviz: %s\n" % text)
     sys.stderr.flush()
 
 
-def display_problem(environment, run=subprocess.call):
+def display_problem(environment: Mapping[str, str], run: Callable[..., int] = subprocess.call) -> Optional[str]:
     """Return why no window can be opened, or None.
 
     Parameters
@@ -43,14 +46,24 @@ def display_problem(environment, run=subprocess.call):
     return "display %s (DISPLAY) cannot be opened" % name if code == 3 else None
 
 
-def chosen(words, look=who_is_there):
-    """Return words for rviz: of ``--simulation A -d B`` ``-d A`` where something publishes /clock, else ``-d B``."""
+def chosen(words: List[str], look: Callable[[str], Optional[str]] = who_is_there) -> List[str]:
+    """Return the options for rviz.
+
+    Of ``--simulation A -d B`` these are ``-d A`` where something publishes /clock, otherwise ``-d B``.
+
+    Parameters
+    ----------
+    words : list of str
+        Options of this program.
+    look : callable
+        Returns the publisher of a topic, or None.
+    """
     if words[:1] != ["--simulation"] or words[2:3] != ["-d"] or len(words) < 4:
         return words
     return ["-d", words[1] if look("/clock") else words[3]] + words[4:]
 
 
-def main(words=None):
+def main(words: Optional[List[str]] = None) -> int:
     """Entry point; returns 0 also if rviz fails."""
     words = sys.argv[1:] if words is None else words
     if "-h" in words or "--help" in words:
@@ -60,10 +73,10 @@ def main(words=None):
     program = shutil.which("rviz")
     if problem is None and program is None:
         problem = "there is no program rviz (apt install rviz)"
-    if problem is not None:
+    if problem is not None or program is None:
         say("%s; %s" % (problem, _CURE))
         return 0
-    told = []
+    told: List[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):      # roslaunch signals the whole group, rviz too
         signal.signal(number, lambda received, _: told.append(received))
     child = subprocess.Popen(tied([program] + chosen(words)))

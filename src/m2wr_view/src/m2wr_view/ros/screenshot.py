@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Take a picture of rviz on its virtual display, or of a real display."""
+from __future__ import annotations
+
 import argparse
 import os
 import shutil
 import sys
 import threading
+from typing import Any, Callable, List, Mapping, Optional
 
 import rosgraph
 import rospy
-from PIL import features
+from PIL import Image, features
 from std_srvs.srv import Trigger
 
 from m2wr_view.errors import ViewError
@@ -19,7 +22,7 @@ _ANSWER = 45.0              # s; rviz may have to start first
 _NODE = "virtual_display"
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="screenshot", description=__doc__ + "  Calls the service of virtual_display if that runs, else it "
         "captures the display of DISPLAY. Prints the path of the picture.")
@@ -30,7 +33,7 @@ def _parser():
     return parser
 
 
-def find_service(state, wanted=None):
+def find_service(state: List[Any], wanted: Optional[str] = None) -> Optional[str]:
     """Return the name of the service to ask, or None.
 
     Parameters
@@ -56,7 +59,7 @@ def find_service(state, wanted=None):
     return found[0] if found else None
 
 
-def services():
+def services() -> List[Any]:
     """Return the services that the master knows; none if there is no master."""
     try:
         return rosgraph.Master("/screenshot").getSystemState()[2]
@@ -64,11 +67,11 @@ def services():
         return []
 
 
-def ask(name):
+def ask(name: str) -> str:
     """Return the path of the picture that a service has saved; ViewError if it has not."""
-    answer = []
+    answer: List[Any] = []          # the response, or the error
 
-    def call():
+    def call() -> None:
         try:
             rospy.wait_for_service(name, timeout=5.0)
             answer.append(rospy.ServiceProxy(name, Trigger)())
@@ -87,7 +90,7 @@ def ask(name):
     return answer[0].message
 
 
-def grab(display):
+def grab(display: str) -> Image.Image:
     """Return the picture on an X display; ViewError if it cannot be read."""
     if not features.check("xcb"):
         raise ViewError("this Pillow cannot read X displays; expected one with XCB (7.1 or newer)")
@@ -98,8 +101,26 @@ def grab(display):
         raise ViewError("display %s: %s" % (display, error)) from error
 
 
-def take(options, environment, ask_service=ask, known=services):
-    """Return the path of a new picture; ViewError if none can be taken."""
+def take(options: argparse.Namespace, environment: Mapping[str, str], ask_service: Callable[[str], str] = ask,
+         known: Callable[[], List[Any]] = services) -> str:
+    """Return the path of a new picture.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Of the command line.
+    environment : mapping
+        Of the process.
+    ask_service : callable
+        As :func:`ask`.
+    known : callable
+        As :func:`services`.
+
+    Raises
+    ------
+    ViewError
+        If no picture can be taken.
+    """
     name = None if options.display else find_service(known(), options.service)
     if name is not None:
         path = ask_service(name)
@@ -118,7 +139,7 @@ def take(options, environment, ask_service=ask, known=services):
     return path
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; 0 with a picture, 1 without, 2 for wrong usage."""
     options = _parser().parse_args(rospy.myargv(sys.argv if argv is None else ["screenshot"] + argv)[1:])
     try:

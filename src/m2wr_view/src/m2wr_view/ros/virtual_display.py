@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """rviz on a virtual display, with software rendering: saves screenshots periodically and on request."""
+from __future__ import annotations
+
 import logging
 import math
 import threading
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Tuple
 
 import rosgraph
 import rospy
@@ -18,6 +21,9 @@ from m2wr_view.errors import ViewError
 from m2wr_view.ros.processes import Xvfb, start_rviz
 from m2wr_view.rviz_config import VIEWS, for_pictures
 from m2wr_view.screenshots import Screenshots
+
+if TYPE_CHECKING:
+    from m2wr_view.ros.processes import Child
 
 log = logging.getLogger("rosout.m2wr_view")
 
@@ -38,7 +44,7 @@ class DisplayConfig:
     config: str             # rviz configuration file
     out: str                # folder of the pictures; empty: only on request, in the folder screenshots
     period: float           # s between two pictures; 0: no periodic pictures
-    size: tuple             # pixels
+    size: Tuple[int, int]             # pixels
     frame_rate: float       # Hz
     view: str               # one of VIEWS
     follow: str             # frame that the camera keeps above
@@ -46,7 +52,7 @@ class DisplayConfig:
     state_topic: str        # std_msgs/String; empty: no pictures of changes
 
 
-def _number(get, name, default, least, most):
+def _number(get: Callable[[str, Any], Any], name: str, default: float, least: float, most: float) -> float:
     value = get("~" + name, default)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) \
             or not least <= value <= most:
@@ -54,7 +60,7 @@ def _number(get, name, default, least, most):
     return float(value)
 
 
-def read_parameters(get):
+def read_parameters(get: Callable[[str, Any], Any]) -> DisplayConfig:
     """Return a :class:`DisplayConfig`.
 
     Parameters
@@ -86,15 +92,21 @@ def read_parameters(get):
 class VirtualDisplay:
     """The node: a display, rviz on it, pictures of it."""
 
-    def __init__(self):
-        self._signals, self._lock = [], threading.Lock()
-        self._display = self._rviz = self._shots = None
-        self._text, self._restarts, self._born, self._stale = "", 0, 0.0, None
-        self._drawn_from = None         # monotonic time [s] from which rviz shows what there is
+    def __init__(self) -> None:
+        self._signals: List[int] = []
+        self._lock = threading.Lock()
+        self._display: Optional[Xvfb] = None
+        self._rviz: Optional[Child] = None
+        self._shots: Optional[Screenshots] = None
+        self._text, self._restarts, self._born = "", 0, 0.0
+        self._stale: Optional[str] = None       # service of an rviz that was killed
+        self._drawn_from: Optional[float] = None        # monotonic time [s] from which rviz shows what there is
         self._ready = threading.Event()
-        self._states, self._next_period, self._complained = [], None, -math.inf
+        self._states: List[Tuple[float, str]] = []      # monotonic time [s] of the picture, state
+        self._next_period: Optional[float] = None
+        self._complained = -math.inf
 
-    def run(self):
+    def run(self) -> int:
         """Run; returns the exit code: 0 also if there are no pictures, because that must not end a run."""
         self._signals = note_signals()
         register("virtual_display", self._ending, disable_rostime=True)
@@ -105,8 +117,7 @@ class VirtualDisplay:
             rospy.signal_shutdown("a parameter is invalid")
             return 1
         try:
-            self._start()
-            self._loop()
+            self._loop(self._start())
         except (ViewError, OSError) as error:
             rospy.logerr("virtual display: %s. The run continues without pictures of rviz.", error)
         finally:
@@ -116,10 +127,10 @@ class VirtualDisplay:
 
     # ---- beginning and end -----------------------------------------------------------------------------------
 
-    def _ending(self):
+    def _ending(self) -> bool:
         return bool(self._signals) or rospy.core.is_shutdown_requested()
 
-    def _start(self):
+    def _start(self) -> Xvfb:
         config = self._config
         with open(config.config, encoding="utf-8") as stream:
             self._text = for_pictures(stream.read(), config.config, config.size, config.frame_rate, config.view,
@@ -128,27 +139,28 @@ class VirtualDisplay:
             self._shots = Screenshots(config.out)
         except ViewError as error:
             rospy.logerr("virtual display: %s. No pictures are saved; the run continues.", error)
-        self._display = Xvfb(config.size)
-        rospy.loginfo("virtual display: %s, %d x %d; pictures go to %s", self._display.name, config.size[0],
+        self._display = display = Xvfb(config.size)
+        rospy.loginfo("virtual display: %s, %d x %d; pictures go to %s", display.name, config.size[0],
                       config.size[1], config.out)
-        self._start_rviz()
+        self._start_rviz(display)
         if config.state_topic:
             rospy.Subscriber(config.state_topic, String, self._on_state, queue_size=10)
         rospy.Service("~screenshot", Trigger, self._on_request)
+        return display
 
-    def _start_rviz(self):
+    def _start_rviz(self, display: Xvfb) -> None:
         self._ready.clear()
         self._drawn_from, self._born = None, time.monotonic()
         self._stale = self._rviz_service()      # of one that was killed
-        self._rviz = start_rviz(self._display, self._text, rospy.get_name().rsplit("/", 1)[-1] + "_rviz")
+        self._rviz = start_rviz(display, self._text, rospy.get_name().rsplit("/", 1)[-1] + "_rviz")
 
-    def _stop(self):
+    def _stop(self) -> None:
         with self._lock:
             pending = max([at for at, _ in self._states], default=-math.inf)
         if self._ready.is_set():        # a run often ends with a change of state, which rviz has yet to draw
             time.sleep(max(0.0, pending - time.monotonic()))
         with self._lock:
-            if self._ready.is_set() and self._rviz.alive() and self._display.alive():
+            if self._ready.is_set() and all(part is not None and part.alive() for part in (self._rviz, self._display)):
                 self._shoot("end")
             for part in (self._rviz, self._display):
                 if part is not None:
@@ -160,15 +172,15 @@ class VirtualDisplay:
 
     # ---- main loop -------------------------------------------------------------------------------------------
 
-    def _loop(self):
+    def _loop(self, display: Xvfb) -> None:
         told = False
         while not self._ending():
             time.sleep(_LOOP)
             now = time.monotonic()
-            if not self._display.alive():
-                raise ViewError("display %s has ended with %s" % (self._display.name, self._display.end()))
-            if not self._rviz.alive():
-                self._revive()
+            if not display.alive():
+                raise ViewError("display %s has ended with %s" % (display.name, display.end()))
+            if self._rviz is not None and not self._rviz.alive():
+                self._revive(display, self._rviz.end())
             if not self._ready.is_set():
                 self._look_for_rviz(now)
                 if not told and now - self._born > _READY_PATIENCE:
@@ -178,9 +190,8 @@ class VirtualDisplay:
                 continue
             self._take_pictures(now)
 
-    def _revive(self):
-        """Start rviz again; ViewError if it has ended too often."""
-        how = self._rviz.end()
+    def _revive(self, display: Xvfb, how: str) -> None:
+        """Start rviz again after it has ended; ViewError if that happened too often."""
         self._ready.clear()
         if time.monotonic() - self._born > _SOON:
             self._restarts = 0
@@ -189,9 +200,9 @@ class VirtualDisplay:
         self._restarts += 1
         rospy.logwarn("virtual display: rviz ended with %s; starting it again (%d of %d times)", how,
                       self._restarts, _RESTARTS)
-        self._start_rviz()
+        self._start_rviz(display)
 
-    def _look_for_rviz(self, now):
+    def _look_for_rviz(self, now: float) -> None:
         """Find out whether rviz has set up its window and drawn it."""
         if self._drawn_from is None:
             if self._rviz_service() in (None, self._stale):
@@ -206,32 +217,32 @@ class VirtualDisplay:
                     self._shoot("start")
 
     @staticmethod
-    def _rviz_service():
+    def _rviz_service() -> Optional[str]:
         """Return the address of the service that rviz advertises last, or None."""
         try:
             return rosgraph.Master(rospy.get_name()).lookupService(rospy.get_name() + "_rviz/load_config")
         except (rosgraph.MasterException, OSError):
             return None
 
-    def _take_pictures(self, now):
+    def _take_pictures(self, now: float) -> None:
         with self._lock:
             due = [state for at, state in self._states if at <= now]
             self._states = [entry for entry in self._states if entry[0] > now]
             if due:
                 self._shoot(due[-1])
-            if self._config.period and now >= self._next_period:
+            if self._config.period and self._next_period is not None and now >= self._next_period:
                 self._next_period = now + self._config.period
                 self._shoot("period")
 
-    def _on_state(self, message):
+    def _on_state(self, message: String) -> None:
         with self._lock:
             self._states.append((time.monotonic() + _STATE_DELAY, message.data))
 
-    def _on_request(self, _):
+    def _on_request(self, _: Any) -> TriggerResponse:
         if not self._ready.wait(_READY_PATIENCE):
             return TriggerResponse(False, "rviz is not ready")
         with self._lock:
-            if self._display is None:
+            if self._display is None or self._rviz is None:
                 return TriggerResponse(False, "the display is closing")
             if not self._rviz.alive():
                 return TriggerResponse(False, "rviz has just ended")
@@ -240,10 +251,12 @@ class VirtualDisplay:
             path, problem = self._shoot("asked")
         return TriggerResponse(problem is None, path or problem)
 
-    def _shoot(self, why):
+    def _shoot(self, why: str) -> Tuple[Optional[str], Optional[str]]:
         """Save a picture; returns its path and None, or None and what went wrong."""
         if self._shots is None:
             return None, "no folder"
+        if self._display is None:
+            return None, "no display"
         try:
             return self._shots.save(self._display.picture(), why), None
         except ViewError as error:
@@ -253,7 +266,7 @@ class VirtualDisplay:
             return None, str(error)
 
 
-def main():
+def main() -> int:
     """Entry point; returns the exit code."""
     answer_help("virtual_display", "Run rviz on a virtual display and save screenshots.", {
         "config": "rviz configuration file, required", "out": "folder of the pictures (screenshots)",
