@@ -8,9 +8,9 @@ from geometry_msgs.msg import Wrench
 
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
+from m2wr_sim.plugins.rejections import Rejections
 from m2wr_sim.runtime.limits import strongest
 
-_REJECTION_PERIOD_NS = 5000000000       # between two warnings
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -25,7 +25,7 @@ class Force(Plugin):
         self._ctx, self._name = ctx, spec.text("bodyName")
         self._link = ctx.link(self._name)
         self._wrench, self._now_ns = _ZERO, ctx.now_ns
-        self._rejected_ns: Optional[int] = None
+        self._rejections = Rejections(ctx)
         ctx.subscribe(spec.text("topicName"), Wrench, self._store, spec.spec.find("robotNamespace") or "")
 
     def _store(self, message: Wrench) -> None:
@@ -34,10 +34,10 @@ class Force(Plugin):
         limits = strongest(self._ctx.link_record(self._name).inertial, self._ctx.step_ns * 1e-9)
         if all(abs(value) <= limit for vector, limit in zip(wrench, limits) for value in vector):
             self._wrench = wrench
-        elif self._rejected_ns is None or self._now_ns - self._rejected_ns >= _REJECTION_PERIOD_NS:
-            self._rejected_ns = self._now_ns
-            self._ctx.log.warning("%s: wrench %s on %s rejected; expected at most %g N and %g N m; %s stays active",
-                                  self._ctx.model_name, wrench, self._name, *(limits + (self._wrench,)))
+            return
+        self._rejections.warn(
+            self._now_ns, "%s: wrench %s on %s rejected; expected at most %g N and %g N m; %s stays active",
+            self._ctx.model_name, wrench, self._name, *(limits + (self._wrench,)))
 
     def next_before(self, now_ns: int) -> Optional[int]:
         self._now_ns = now_ns
@@ -54,4 +54,5 @@ class Force(Plugin):
         self._wrench = _ZERO
 
     def reset(self, now_ns: int, rewound: bool) -> None:
-        self._wrench, self._now_ns, self._rejected_ns = _ZERO, now_ns, None
+        self._wrench, self._now_ns = _ZERO, now_ns
+        self._rejections.reset()

@@ -9,8 +9,8 @@ from geometry_msgs.msg import Twist
 from m2wr_sim.geometry import Vector
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import PluginContext
+from m2wr_sim.plugins.rejections import Rejections
 
-_REJECTION_PERIOD_NS = 5000000000       # between two warnings
 _REST = (0.0, 0.0, 0.0)
 
 
@@ -32,7 +32,7 @@ class VelocityCommand:
         self._ctx, self._timeout_ns, self._sideways = ctx, timeout_ns, sideways
         self._values, self._now_ns = _REST, ctx.now_ns
         self._since_ns: Optional[int] = ctx.now_ns
-        self._rejected_ns: Optional[int] = None
+        self._rejections = Rejections(ctx)
         ctx.subscribe(topic, Twist, self._store, namespace)
 
     def _store(self, message: Twist) -> None:
@@ -51,11 +51,11 @@ class VelocityCommand:
         values = forward, left, rate
         if all(abs(value) <= FASTEST for value in values):      # false for nan too
             self._values, self._since_ns = values, None     # `look` sets the time
-        elif self._rejected_ns is None or self._now_ns - self._rejected_ns >= _REJECTION_PERIOD_NS:
-            self._rejected_ns = self._now_ns
-            self._ctx.log.warning("%s: refused a velocity command with %s; expected finite numbers of at most %g m/s "
-                                  "and rad/s. The last valid command (%s) stays.", self._ctx.model_name,
-                                  self._text(values), FASTEST, self._text(self._values))
+            return
+        self._rejections.warn(
+            self._now_ns, "%s: refused a velocity command with %s; expected finite numbers of at most %g m/s and "
+            "rad/s. The last valid command (%s) stays.", self._ctx.model_name, self._text(values), FASTEST,
+            self._text(self._values))
 
     def _text(self, values: Vector) -> str:
         """Return a command with the names of its fields, without ``linear.y`` if the drive does not use it."""
@@ -76,4 +76,5 @@ class VelocityCommand:
 
     def reset(self, now_ns: int) -> None:
         """Discard the command."""
-        self._values, self._since_ns, self._now_ns, self._rejected_ns = _REST, now_ns, now_ns, None
+        self._values, self._since_ns, self._now_ns = _REST, now_ns, now_ns
+        self._rejections.reset()
