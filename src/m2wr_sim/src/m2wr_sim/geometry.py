@@ -42,6 +42,12 @@ def normalise_quaternion(quaternion: Sequence[float]) -> Quaternion:
     return (x / norm, y / norm, z / norm, w / norm)
 
 
+def unit_pose(pose: Tuple[Sequence[float], Sequence[float]]) -> Pose:
+    """Return a pose as tuples, with a unit quaternion."""
+    x, y, z = pose[0]
+    return ((x, y, z), normalise_quaternion(pose[1]))
+
+
 def multiply(left: Sequence[float], right: Sequence[float]) -> Quaternion:
     """Return the quaternion product ``left * right``, which rotates by ``right`` first.
 
@@ -140,7 +146,16 @@ def invert(parent_from_child: Tuple[Sequence[float], Sequence[float]]) -> Pose:
 
 
 def cross(left: Sequence[float], right: Sequence[float]) -> Vector:
-    """Return the cross product of two vectors (3,) as a tuple."""
+    """Return the cross product of two vectors.
+
+    Parameters
+    ----------
+    left, right : (3,) sequences of float
+
+    Returns
+    -------
+    tuple of 3 floats
+    """
     return (left[1] * right[2] - left[2] * right[1], left[2] * right[0] - left[0] * right[2],
             left[0] * right[1] - left[1] * right[0])
 

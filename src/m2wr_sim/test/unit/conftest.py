@@ -2,6 +2,7 @@
 """Worlds, robots and simulators for the tests of this folder, all in this process and without a ROS master."""
 import pickle
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,12 +13,13 @@ sys.path.insert(0, str(SOURCE))         # for a plain pytest run; catkin's envir
 
 from builders import at, box, cylinder, ground, one_link, sphere  # noqa: E402, F401
 from m2wr_sim.api.loading import read_robot  # noqa: E402
-from m2wr_sim.model.types import World  # noqa: E402
+from m2wr_sim.model.types import PluginSpec, World  # noqa: E402
 from m2wr_sim.physics import factory  # noqa: E402
 from m2wr_sim.physics.engine import EngineSettings  # noqa: E402
 from m2wr_sim.runtime.ports import LocalPorts  # noqa: E402
 from m2wr_sim.runtime.simulator import SimConfig, Simulator  # noqa: E402
 from m2wr_sim.sensors.ray_scene import RayScene  # noqa: E402
+from trace_plugin import Trace  # noqa: E402
 
 try:
     import numba  # noqa: F401
@@ -154,4 +156,18 @@ def m2wr_rig(make_rig, m2wr):
         rig = make_rig(*models, **options)
         rig.simulator.spawn(robot, pose, namespace=namespace)
         return rig
+    return make
+
+
+@pytest.fixture
+def traced(make_rig, build, monkeypatch):
+    """Return a function that makes a rig with a box whose plugin traces its calls, and the list of them."""
+    def make(fails_in=(), **options):
+        calls = []
+        plugin = type("Trace", (Trace,), {"calls": calls, "fails_in": tuple(fails_in)})
+        monkeypatch.setattr("m2wr_sim.runtime.simulator.find_plugin", {"trace.so": plugin}.get)
+        rig = make_rig(**options)
+        crate = build.box("crate", 0.0, 0.0, 0.25, static=False)
+        rig.simulator.spawn(replace(crate, plugins=(PluginSpec("t", "trace.so", where="here"),)), crate.pose)
+        return rig, calls
     return make

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Live models: their pose, moving and bending them, finding links and frames by name, rows in the scene."""
+"""Live models: their pose, moving and bending them, finding links and frames by name."""
 import math
 from dataclasses import replace
 
@@ -153,34 +153,3 @@ def test_an_unknown_frame_is_named_with_the_models_there_are(world):
     with pytest.raises(NotFoundError) as caught:
         find_frame([], world.engine, "odom")
     assert "\"odom\"" in str(caught.value)
-
-
-# -- the scene ----------------------------------------------------------------------------------------------------
-
-def scene_centres(rig, owner):
-    return [tuple(rig.simulator.scene.spheres[:3, row]) for row in rig.simulator.scene.rows_of(owner)]
-
-
-def test_the_scene_follows_what_moves(make_rig, m2wr, build):
-    rig = make_rig(build.box("post", 5, 0, 0.5))
-    rig.simulator.spawn(m2wr, at(1.0, 2.0, 0.1, math.pi / 2))
-    chassis, caster, laser, left, right = scene_centres(rig, "m2wr")
-    assert chassis == pytest.approx((1.0, 2.0, 0.1)) and caster == pytest.approx((1.0, 2.35, 0.05))
-    assert laser == pytest.approx((1.0, 2.15, 0.15)) and left == pytest.approx((1.2, 1.95, 0.1))
-    assert right == pytest.approx((0.8, 1.95, 0.1))
-    rig.simulator.set_model_state("m2wr", at(-1.0, 0.0, 0.1), (0, 0, 0), (0, 0, 0))
-    rig.simulator.set_model_state("post", at(6.0, 1.0, 0.5), (0, 0, 0), (0, 0, 0))
-    rig.simulator.refresh_scene()
-    assert scene_centres(rig, "m2wr")[0] == pytest.approx((-1.0, 0.0, 0.1))
-    assert scene_centres(rig, "post") == [pytest.approx((6.0, 1.0, 0.5))]
-
-
-def test_the_scene_is_brought_up_to_date_once_an_instant(m2wr_rig):
-    rig = m2wr_rig().run(0.01)
-    rig.simulator.refresh_scene()
-    version = rig.simulator.scene.version
-    rig.simulator.refresh_scene()
-    assert rig.simulator.scene.version == version
-    rig.simulator.reset_world()
-    rig.simulator.refresh_scene()
-    assert rig.simulator.scene.version > version

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Optional, Sequence, Tuple, Type
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Type, TypeVar
 
 from m2wr_sim.api.records import Odometry, Scan
 from m2wr_sim.geometry import Quaternion, Vector
-from m2wr_sim.plugins.base import PluginContext, PluginReader
+from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader
 from m2wr_sim.plugins.diff_drive import DiffDrive
 from m2wr_sim.plugins.laser import Laser
 from m2wr_sim.runtime.ports import Ports
@@ -123,18 +123,19 @@ class DirectLaser(Laser):
             self._make_laser()          # a new laser, because its noise bias depends on the seed
 
 
-_DIRECT = {DiffDrive: DirectDrive, Laser: DirectLaser}
+_Device = TypeVar("_Device", bound=Plugin)
+_DIRECT: Dict[Type[Plugin], Type[Plugin]] = {DiffDrive: DirectDrive, Laser: DirectLaser}
 
 
 class DirectSimulator(Simulator):
     """The simulator with these devices instead of the plugins that use messages."""
 
     @staticmethod
-    def plugin_class(filename: str) -> Optional[Type[Any]]:
+    def plugin_class(filename: str) -> Optional[Type[Plugin]]:
         found = Simulator.plugin_class(filename)
-        return _DIRECT.get(found, found)
+        return found if found is None else _DIRECT.get(found, found)
 
-    def devices(self, name: str, kind: type) -> List[Any]:
+    def devices(self, name: str, kind: Type[_Device]) -> List[_Device]:
         """Return the devices of one kind of a model, in the order of its description.
 
         Parameters

@@ -143,13 +143,17 @@ class PluginContext(abc.ABC):
     sensor: Any = None                  # model.types.Sensor, for sensor plugins
     sensor_link: Any = None             # engine's number of the link that carries the sensor
     sensor_collisions: Tuple[str, ...] = ()     # names of that link's collisions, without model and link
-    step_ns: int = 0
     now_ns: int = 0                     # simulated time at configuration
     physics: Engine
     scene: Any = None                   # what rays can hit
     log: logging.Logger
     wheel_convention: str = "noetic"
     command_timeout_ns: int = 0         # 0: a command stays active until the next one, as in Gazebo
+
+    @property
+    @abc.abstractmethod
+    def step_ns(self) -> int:
+        """The present step size [ns]; a service may change it."""
 
     def log_once(self, level: int, text: str, *values: object) -> None:
         """Log a message about the configuration, unless it was logged for another model of this description.

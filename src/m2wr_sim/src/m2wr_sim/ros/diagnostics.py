@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from m2wr_sim.process_memory import memory_mb
 from m2wr_sim.ros.convert import stamp_of
-from m2wr_sim.runtime.simulator import Simulator
+from m2wr_sim.ros.ports import RosSimulator
 
 _PERIOD = 1.0           # s of wall time
 _SHARE = 0.9            # of a rate; lower rates are reported
@@ -27,13 +27,13 @@ class Diagnostics:
 
     Parameters
     ----------
-    simulator : Simulator
+    simulator : RosSimulator
     factor : float
         Requested real-time factor; 0: as fast as possible.
     lockstep : Lockstep, optional
     """
 
-    def __init__(self, simulator: Simulator, factor: float, lockstep: Any = None) -> None:
+    def __init__(self, simulator: RosSimulator, factor: float, lockstep: Any = None) -> None:
         self._simulator, self._factor, self._lockstep = simulator, factor, lockstep
         self._publisher = simulator.ports.advertise("/diagnostics", DiagnosticArray, 10, "")
         self._last = (time.monotonic(), simulator.now_ns, simulator.steps)

@@ -33,7 +33,7 @@ from m2wr_sim.ros.gazebo_services.spawning import Spawner
 from m2wr_sim.ros.lockstep_ports import LockstepPorts, lockstep_settings
 from m2wr_sim.ros.loop import Loop
 from m2wr_sim.ros.params import NodeConfig, private_parameters, read_config
-from m2wr_sim.ros.ports import RosPorts
+from m2wr_sim.ros.ports import RosPorts, RosSimulator
 from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_sim.ros.world_markers import DescriptionTopic, LatchedPort, WorldMarkers, is_robot
 from m2wr_sim.runtime.ports import LocalPort
@@ -117,7 +117,7 @@ def _step_of(config: NodeConfig, world: World, name: str) -> int:
         return whole_step(default, "the default")
 
 
-def build(config: NodeConfig, folder: str) -> Tuple[Simulator, float, ModelFolders, str]:
+def build(config: NodeConfig, folder: str) -> Tuple[RosSimulator, float, ModelFolders, str]:
     """Make the simulator of a :class:`~m2wr_sim.ros.params.NodeConfig`.
 
     Parameters
@@ -128,7 +128,7 @@ def build(config: NodeConfig, folder: str) -> Tuple[Simulator, float, ModelFolde
 
     Returns
     -------
-    simulator : Simulator
+    simulator : RosSimulator
     factor : float
         Requested real-time factor; 0: as fast as possible.
     folders : ModelFolders
@@ -146,7 +146,7 @@ def build(config: NodeConfig, folder: str) -> Tuple[Simulator, float, ModelFolde
     engine = make_engine(config.engine, settings_from_physics(world.physics, step_ns, config.solver))
     engine.reseed(config.seed)
     ports = LockstepPorts(config.lockstep_tick) if config.lockstep else RosPorts()
-    simulator = Simulator(engine, RayScene(), ports, SimConfig(
+    simulator = RosSimulator(engine, RayScene(), ports, SimConfig(
         seed=config.seed, clock_rate=config.pub_clock_frequency, wheel_convention=config.wheel_convention,
         wheel_conventions=config.wheel_conventions, command_timeout_ns=int(config.command_timeout * 1e9),
         joint_states=config.joint_states, joint_state_rate=config.joint_state_rate, loss_ends=config.loss_ends))
@@ -173,7 +173,9 @@ def run(config: NodeConfig, stopping: Callable[[], bool]) -> None:
     try:
         log.info("loading the compiled kernels (the first start after an installation compiles them, for some seconds)")
         warm_up(config.engine)
-        lockstep = Lockstep(lockstep_settings(config), simulator.ports.topics) if config.lockstep else None
+        lockstep = None
+        if isinstance(simulator.ports, LockstepPorts):
+            lockstep = Lockstep(lockstep_settings(config), simulator.ports.topics)
         loop, api = _network(config, simulator, factor, folders, stopping, lockstep)
         if lockstep is not None:
             lockstep.attach(loop, simulator)
@@ -190,7 +192,7 @@ def run(config: NodeConfig, stopping: Callable[[], bool]) -> None:
         simulator.close()
 
 
-def _network(config: NodeConfig, simulator: Simulator, factor: float, folders: ModelFolders,
+def _network(config: NodeConfig, simulator: RosSimulator, factor: float, folders: ModelFolders,
              stopping: Callable[[], bool], lockstep: Optional[Lockstep]) -> Tuple[Loop, Optional[GazeboApi]]:
     """Return the loop, and the services and topics of the world or None if ``~enable_ros_network`` is false."""
     if not config.enable_ros_network:

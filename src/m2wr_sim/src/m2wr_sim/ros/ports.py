@@ -1,27 +1,46 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Topics, transforms and the clock over rospy."""
+from __future__ import annotations
+
 import logging
 import threading
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple, TypeVar
 
+import genpy
 import rospy
 from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
 from m2wr_node.internals.ros_time import set_ros_time
-from m2wr_node.internals.subscriber_connections import Channels, unregister
+from m2wr_node.internals.subscriber_connections import Channels, Dropped, unregister
 from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.ros.loop import ShuttingDown
 from m2wr_sim.ros.serialise import serialiser_of
 from m2wr_sim.runtime.ports import Ports
+from m2wr_sim.runtime.simulator import SimConfig, Simulator
+
+if TYPE_CHECKING:
+    from m2wr_sim.physics.engine import Engine
+    from m2wr_sim.sensors.ray_scene import RayScene
 
 log = logging.getLogger(__name__)
+
+_Result = TypeVar("_Result")
 
 _BEGIN_PATIENCE = 60.0          # s of wall time for the world to be ready before a plugin's service gives up
 
 
-def scoped(topic, namespace):
-    """Return the name of a topic in a plugin's namespace; rospy resolves and remaps what is left relative."""
+def scoped(topic: str, namespace: str) -> str:
+    """Return the name of a topic in a plugin's namespace; rospy resolves and remaps a relative name.
+
+    Parameters
+    ----------
+    topic : str
+        With a leading slash the namespace has no effect.
+    namespace : str
+        ROS namespace; may be empty.
+    """
     if topic.startswith("/") or not namespace:
         return topic
     parts = [part for part in (namespace + "/" + topic).split("/") if part]
@@ -31,25 +50,25 @@ def scoped(topic, namespace):
 class _Port:
     """One publisher."""
 
-    def __init__(self, channels, topic, message_class):
+    def __init__(self, channels: Channels, topic: str, message_class: type) -> None:
         self._channels = channels
         self._publisher, self.channel = channels.open(topic, message_class)
-        self.wanted = self.channel.connected        # asked before every stretch of steps
-        self.topic = self.channel.topic
+        self.wanted: Callable[[], bool] = self.channel.connected       # called before each sequence of steps
+        self.topic: str = self.channel.topic
 
-    def publish(self, message):
-        """Send a message, or a record that makes one; returns at once whatever the subscribers do."""
+    def publish(self, message: Any) -> None:
+        """Send a message, or a record that makes one; does not wait for subscribers."""
         try:
             self.channel.publish(message)
         except (rospy.ROSException, AttributeError, ValueError):
-            if not rospy.is_shutdown():         # a topic closes under our hands only when the node goes down
+            if not rospy.is_shutdown():         # at a shutdown rospy closes topics that are in use
                 raise
 
-    def latch(self):
-        """Send the last message to later subscribers too; it must not change once it is published."""
+    def latch(self) -> None:
+        """Send the last message to later subscribers too; it must not change after it was published."""
         self.channel.latch()
 
-    def close(self):
+    def close(self) -> None:
         """Stop publishing on the topic."""
         self._channels.close(self._publisher, self.channel)
 
@@ -57,31 +76,31 @@ class _Port:
 class _Subscription:
     """Keeps the newest message until the simulation asks for it."""
 
-    def __init__(self, topic, message_class, callback, mailbox):
+    def __init__(self, topic: str, message_class: type, callback: Callable[[Any], object], mailbox: _Mailbox) -> None:
         self.callback, self._mailbox = callback, mailbox
         self._subscriber = rospy.Subscriber(topic, message_class, self._store, queue_size=1, tcp_nodelay=True)
 
-    def _store(self, message):
+    def _store(self, message: Any) -> None:
         self._mailbox.put(self, message)
 
-    def close(self):
-        """Stop listening; what has not been delivered is dropped."""
+    def close(self) -> None:
+        """Stop listening; a message that was not delivered yet is dropped."""
         unregister(self._subscriber)
         self._mailbox.drop(self)
 
 
 class _Service:
-    """One service; a name that is taken already stays with its owner, as in Gazebo."""
+    """One service; if another one has the name already, it keeps it, as in Gazebo."""
 
-    def __init__(self, name, service_class, handler, ports):
-        self._service = None
+    def __init__(self, name: str, service_class: type, handler: Callable[[Any], Any], ports: RosPorts) -> None:
+        self._service: Optional[rospy.Service] = None
         try:
             self._service = rospy.Service(
                 name, service_class, lambda request: ports.in_simulation(lambda: handler(request)))
         except rospy.service.ServiceException as error:
             log.warning("service %s is not offered once more: %s", name, error)
 
-    def close(self):
+    def close(self) -> None:
         """Withdraw the service."""
         if self._service is not None:
             self._service.shutdown("its plugin ends")
@@ -90,18 +109,19 @@ class _Service:
 class _Mailbox:
     """Newest message per subscription, filled by rospy's threads and emptied by the simulation."""
 
-    def __init__(self):
-        self._lock, self.newest = threading.Lock(), {}
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.newest: Dict[_Subscription, Any] = {}
 
-    def put(self, subscription, message):
+    def put(self, subscription: _Subscription, message: Any) -> None:
         with self._lock:
             self.newest[subscription] = message
 
-    def drop(self, subscription):
+    def drop(self, subscription: _Subscription) -> None:
         with self._lock:
             self.newest.pop(subscription, None)
 
-    def empty(self):
+    def empty(self) -> Dict[_Subscription, Any]:
         if not self.newest:
             return {}
         with self._lock:
@@ -110,41 +130,43 @@ class _Mailbox:
 
 
 class RosPorts(Ports):
-    """Ports of the node it is made in."""
+    """Ports of the node of this process."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._mailbox, self._channels = _Mailbox(), Channels(serialiser_of)
-        self._call, self._answering = None, threading.Event()
+        self._call: Optional[Callable[[Callable[[], Any]], Any]] = None
+        self._answering = threading.Event()
         self._clock = _Port(self._channels, "/clock", Clock)
         self._transforms = _Port(self._channels, "/tf", TFMessage)
-        self._clock_ns, self._stamp = -1, None
+        self._clock_ns = -1
+        self._stamp = genpy.Time()
         self._clock_message = Clock()
         self._transform = TransformStamped()
         self._transform_message = TFMessage([self._transform])
 
-    def advertise(self, topic, message_class, queue_size, namespace):
+    def advertise(self, topic: str, message_class: type, queue_size: int, namespace: str) -> Any:
         return _Port(self._channels, scoped(topic, namespace), message_class)
 
-    def subscribe(self, topic, message_class, callback, namespace):
+    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object], namespace: str) -> Any:
         return _Subscription(scoped(topic, namespace), message_class, callback, self._mailbox)
 
-    def dropped(self):
-        """Return the messages that slow subscribers have lost, a list of ``subscriber_connections.Dropped``."""
+    def dropped(self) -> List[Dropped]:
+        """Return how many messages slow subscribers have lost."""
         return self._channels.dropped()
 
-    def traffic(self):
-        """Return what has been sent, ``{topic: (messages, subscribers)}``."""
+    def traffic(self) -> Dict[str, Tuple[int, int]]:
+        """Return ``{topic: (messages sent, subscribers)}``."""
         return self._channels.traffic()
 
-    def serve(self, name, service_class, handler, namespace):
+    def serve(self, name: str, service_class: type, handler: Callable[[Any], Any], namespace: str) -> _Service:
         return _Service(scoped(name, namespace), service_class, handler, self)
 
-    def answer_through(self, call):
-        """Let services be answered by ``call(function)``, which runs a function in the simulation's thread."""
+    def answer_through(self, call: Callable[[Callable[[], Any]], Any]) -> None:
+        """Answer services by ``call(function)``, which runs a function in the simulation's thread."""
         self._call = call
         self._answering.set()
 
-    def in_simulation(self, function):
+    def in_simulation(self, function: Callable[[], _Result]) -> _Result:
         """Run a function in the simulation's thread; waits while the world is still being built.
 
         Raises
@@ -152,21 +174,22 @@ class RosPorts(Ports):
         rospy.ServiceException
             If the simulation does not begin, or ends.
         """
-        if not self._answering.wait(_BEGIN_PATIENCE):
+        if not self._answering.wait(_BEGIN_PATIENCE) or self._call is None:
             raise rospy.ServiceException("the simulation has not begun within %g s" % _BEGIN_PATIENCE)
         try:
             return self._call(function)
         except ShuttingDown as error:
             raise rospy.ServiceException(str(error)) from error
 
-    def waiting(self):
-        return bool(self._mailbox.newest)           # asked before every stretch of steps
+    def waiting(self) -> bool:
+        return bool(self._mailbox.newest)           # called before each sequence of steps
 
-    def deliver(self):
+    def deliver(self) -> None:
         for subscription, message in self._mailbox.empty().items():
             subscription.callback(message)
 
-    def transform(self, stamp, parent, child, position, orientation):
+    def transform(self, stamp: genpy.Time, parent: str, child: str, position: Sequence[float],
+                  orientation: Sequence[float]) -> None:
         if not self._transforms.channel.impl.connections:
             return
         transform = self._transform
@@ -176,14 +199,22 @@ class RosPorts(Ports):
         turn.x, turn.y, turn.z, turn.w = orientation
         self._transforms.publish(self._transform_message)
 
-    def moment(self, now_ns):
-        """Return the stamp; the clock goes out first, so that no message is stamped later than what clocks show."""
+    def moment(self, now_ns: int) -> genpy.Time:
+        """Return the stamp; the clock is published first, so that no stamp is later than the time that nodes know."""
         if now_ns > self._clock_ns:
             self.clock(now_ns)
         return self._stamp if now_ns == self._clock_ns else stamp_of(now_ns)
 
-    def frame(self, name, namespace):
-        """Apply the ``tf_prefix`` found from the namespace upwards; a leading slash asks for none."""
+    def frame(self, name: str, namespace: str) -> str:
+        """Return a frame name with the ``tf_prefix`` of its namespace.
+
+        Parameters
+        ----------
+        name : str
+            With a leading slash it gets no prefix.
+        namespace : str
+            The parameter is looked up here, then in the parent namespaces.
+        """
         if name.startswith("/"):
             return name[1:]
         parts = [part for part in namespace.split("/") if part]
@@ -194,10 +225,27 @@ class RosPorts(Ports):
                 return prefix + "/" + name if prefix else name
         return name
 
-    def clock(self, now_ns):
+    def clock(self, now_ns: int) -> None:
         """Publish the time and make it this node's own ROS time, without a subscription to itself."""
         self._clock_ns, self._stamp = now_ns, stamp_of(now_ns)
         set_ros_time(self._stamp)
         if self._clock.channel.impl.connections:        # as wanted(), without a call: 0.1 us
             self._clock_message.clock = self._stamp
             self._clock.publish(self._clock_message)
+
+
+class RosSimulator(Simulator):
+    """A simulator with the ports of a node.
+
+    Parameters
+    ----------
+    engine : Engine
+    scene : RayScene
+    ports : RosPorts
+    config : SimConfig
+    """
+
+    ports: RosPorts
+
+    def __init__(self, engine: Engine, scene: RayScene, ports: RosPorts, config: SimConfig) -> None:
+        super().__init__(engine, scene, ports, config)

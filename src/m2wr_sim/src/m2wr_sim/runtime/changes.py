@@ -1,23 +1,33 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Changes to links, joints and the physics of a running world."""
+from __future__ import annotations
+
 import logging
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
 from m2wr_sim.errors import ModelError, ParameterError
-from m2wr_sim.geometry import IDENTITY, compose, cross, normalise_quaternion, rotate, rotate_inverse
-from m2wr_sim.physics.engine import FARTHEST, FASTEST, settings_from_physics
+from m2wr_sim.geometry import IDENTITY, Pose, Vector, compose, cross, rotate, rotate_inverse, unit_pose
+from m2wr_sim.physics.engine import FASTEST, LONGEST_STEP, SHORTEST_STEP, settings_from_physics
 from m2wr_sim.physics.limits import GREATEST_NUMBER
-from m2wr_sim.runtime.limits import GREATEST_GRAVITY, GREATEST_MOTOR, solver_stops
+from m2wr_sim.runtime.limits import GREATEST_GRAVITY, GREATEST_MOTOR, check_pose, check_velocity, solver_stops
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.types import Inertial, Physics
+    from m2wr_sim.runtime.entities import LiveModel
+    from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
 _SOFTNESS = ("cfm", "stop_cfm", "erp", "stop_erp")      # below 0 they make the solver's matrix singular
 
-SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1         # s
+#: Index of an axis -> (fields of its Axis, parameters of its solver).
+Changes = Mapping[int, Tuple[Dict[str, Any], Dict[str, float]]]
 
 
-def set_link_state(simulator, model, name, pose, linear, angular):
+def set_link_state(simulator: Simulator, model: LiveModel, name: str, pose: Pose, linear: Sequence[float],
+                   angular: Sequence[float]) -> None:
     """Set pose and velocity of one link, in the world frame.
 
     Joints are ignored; the solver corrects their errors in the next steps.
@@ -41,17 +51,15 @@ def set_link_state(simulator, model, name, pose, linear, angular):
         If a position or velocity exceeds the limits of the engine.
     """
     where = "%s::%s" % (model.name, name)
-    if not all(abs(value) <= FARTHEST for value in pose[0]):
-        raise ModelError("position %s for \"%s\": expected at most %g m from the origin" % (pose[0], where, FARTHEST))
-    if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
-        raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
-                         % (tuple(linear), tuple(angular), where, FASTEST))
+    check_pose(where, pose)
+    check_velocity(where, linear, angular)
     link = model.handle.links[name]
-    simulator.engine.set_link_pose(link, (tuple(pose[0]), normalise_quaternion(pose[1])))
+    simulator.engine.set_link_pose(link, unit_pose(pose))
     simulator.engine.set_link_velocity(link, linear, angular)
 
 
-def set_link_properties(simulator, model, name, gravity, inertial, solve):
+def set_link_properties(simulator: Simulator, model: LiveModel, name: str, gravity: bool, inertial: Inertial,
+                        solve: bool) -> None:
     """Set gravity switch and Inertial of a link.
 
     Parameters
@@ -82,7 +90,7 @@ def set_link_properties(simulator, model, name, gravity, inertial, solve):
         for record in model.record.links))
 
 
-def set_joint_properties(simulator, model, name, changes):
+def set_joint_properties(simulator: Simulator, model: LiveModel, name: str, changes: Changes) -> None:
     """Change the axes of a joint: all that are given, or none if one is invalid.
 
     Parameters
@@ -117,12 +125,12 @@ def set_joint_properties(simulator, model, name, changes):
             taken[index] = dict(parameters, **solver_stops(where, joint, position, simulator.step_ns * 1e-9, stops))
     for index, parameters in taken.items():
         simulator.engine.change_joint(number, axes[index], parameters, index)
-    second = {"axis2": axes[1]} if 1 in axes else {}
     model.record = replace(model.record, joints=tuple(
-        replace(record, axis=axes[0], **second) if record.name == name else record for record in model.record.joints))
+        replace(record, axis=axes[0], axis2=axes.get(1, record.axis2)) if record.name == name else record
+        for record in model.record.joints))
 
 
-def _check_joint_numbers(where, numbers):
+def _check_joint_numbers(where: str, numbers: Iterable[Tuple[str, float]]) -> None:
     """Raise ModelError if one of some ``(name, value)`` is not finite or exceeds its limit."""
     most = {"rate": FASTEST, "max_force": GREATEST_MOTOR, "lower": math.inf, "upper": math.inf}
     for key, value in numbers:
@@ -135,7 +143,8 @@ def _check_joint_numbers(where, numbers):
             raise ModelError("joint %s: %s is %g; expected at least 0" % (where, key, value))
 
 
-def wrench_as_gazebo(link_pose, frame, point, force, torque):
+def wrench_as_gazebo(link_pose: Pose, frame: Optional[Pose], point: Vector, force: Vector,
+                     torque: Vector) -> Tuple[Vector, Vector]:
     """Return the force and torque that Gazebo applies for a wrench in a reference frame.
 
     Gazebo rotates the wrench into the *link's* frame, and then applies it as if it were in the world frame.  Without a
@@ -157,13 +166,14 @@ def wrench_as_gazebo(link_pose, frame, point, force, torque):
     """
     torque = _sum(torque, cross(point, force))
     if frame is None:
-        return tuple(force), torque
+        return (force[0], force[1], force[2]), torque
     offset = rotate_inverse(link_pose[1], tuple(a - b for a, b in zip(frame[0], link_pose[0])))
     force, torque = (rotate_inverse(link_pose[1], rotate(frame[1], vector)) for vector in (force, torque))
     return force, _sum(torque, cross(offset, force))
 
 
-def wrench_in_world(link_pose, centre, frame, point, force, torque):
+def wrench_in_world(link_pose: Pose, centre: Vector, frame: Optional[Pose], point: Vector, force: Vector,
+                    torque: Vector) -> Tuple[Vector, Vector]:
     """Return the force and the torque about the centre of mass of a link, for a wrench in a reference frame.
 
     Parameters
@@ -189,11 +199,11 @@ def wrench_in_world(link_pose, centre, frame, point, force, torque):
     return force, _sum(torque, cross(tuple(a - b for a, b in zip(acts_at, middle)), force))
 
 
-def _sum(one, two):
-    return tuple(a + b for a, b in zip(one, two))
+def _sum(one: Vector, two: Vector) -> Vector:
+    return (one[0] + two[0], one[1] + two[1], one[2] + two[2])
 
 
-def set_physics(simulator, physics):
+def set_physics(simulator: Simulator, physics: Physics) -> None:
     """Change the physics; the engine uses the same parameters as of a world file.
 
     Parameters

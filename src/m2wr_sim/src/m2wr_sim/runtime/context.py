@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The context of a plugin: its model, the physics, its random numbers, and the ports for topics and services."""
+from __future__ import annotations
+
 import logging
 import zlib
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequence
 
 import numpy as np
 
@@ -10,14 +13,33 @@ from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import compose, cross, invert
 from m2wr_sim.plugins.base import PluginContext
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Quaternion, Vector
+    from m2wr_sim.model.types import Joint, Link, PluginSpec, Sensor
+    from m2wr_sim.physics.engine import LinkState
+    from m2wr_sim.runtime.entities import LiveModel
+    from m2wr_sim.runtime.simulator import Simulator
+
 
 class ModelContext(PluginContext):
-    """The :class:`~m2wr_sim.plugins.base.PluginContext` of one plugin of one model."""
+    """The :class:`~m2wr_sim.plugins.base.PluginContext` of one plugin of one model.
 
-    def __init__(self, simulator, model, spec, sensor=None, sensor_link=None):
+    Parameters
+    ----------
+    simulator : Simulator
+    model : LiveModel
+    spec : PluginSpec
+    sensor : Sensor, optional
+        The sensor to which the plugin belongs.
+    sensor_link : str, optional
+        Name of the link that carries the sensor.
+    """
+
+    def __init__(self, simulator: Simulator, model: LiveModel, spec: PluginSpec, sensor: Optional[Sensor] = None,
+                 sensor_link: Optional[str] = None) -> None:
         self._simulator, self._model, self._spec = simulator, model, spec
         self._ports = simulator.ports
-        self._open = []
+        self._open: List[Any] = []              # ports, subscriptions, services
         self.model_name, self.sensor = spec.scope.rpartition("::")[2] or model.name, sensor
         self.sensor_link = None if sensor_link is None else model.handle.links[sensor_link]
         self._sensor_link_name = sensor_link
@@ -29,20 +51,20 @@ class ModelContext(PluginContext):
         self.wheel_convention = simulator.config.wheel_convention_of(model.name, spec.find("wheelConvention"))
         self.command_timeout_ns = simulator.config.command_timeout_ns
 
-    def log_once(self, level, text, *values):
+    def log_once(self, level: int, text: str, *values: object) -> None:
         self._simulator.config.once_logger.log(level, self._model.name, text, *values)
 
     @property
-    def step_ns(self):
+    def step_ns(self) -> int:
         return self._simulator.step_ns
 
-    def link(self, name):
+    def link(self, name: str) -> int:
         return self._number(self._model.handle.links, "link", name)
 
-    def joint(self, name):
+    def joint(self, name: str) -> int:
         return self._number(self._model.handle.joints, "joint", name)
 
-    def _own(self, table, name):
+    def _own(self, table: Mapping[str, int], name: str) -> str:
         """Return the name of a link or joint in the model; the given name may begin with that of the model.
 
         For a plugin of a nested model, the names of the nested model take precedence.
@@ -51,7 +73,7 @@ class ModelContext(PluginContext):
         plain = name[len(prefix):] if name.startswith(prefix) and name not in table else name
         return scope + "::" + plain if scope and scope + "::" + plain in table else plain
 
-    def _number(self, table, kind, name):
+    def _number(self, table: Mapping[str, int], kind: str, name: str) -> int:
         name = self._own(table, name)
         for lumped, carrier, _ in self._model.record.lumped:
             if kind == "link" and name == lumped:
@@ -63,17 +85,17 @@ class ModelContext(PluginContext):
                               % (self._spec.where, name, kind, self.model_name, ", ".join(sorted(table)) or "none"))
         return table[name]
 
-    def joint_record(self, name):
+    def joint_record(self, name: str) -> Joint:
         self.joint(name)
         name = self._own(self._model.handle.joints, name)
         return next(joint for joint in self._model.record.joints if joint.name == name)
 
-    def joint_position(self, name):
+    def joint_position(self, name: str) -> Vector:
         joint = self.joint_record(name)
         child = next(link for link in self._model.record.links if link.name == joint.child)
         return compose(child.pose, joint.pose)[0]
 
-    def model_state(self):
+    def model_state(self) -> LinkState:
         if not self._spec.scope:
             return self._model.state(self.physics)
         state = self.physics.link_state(self._model.handle.links[self._first.name])
@@ -82,24 +104,24 @@ class ModelContext(PluginContext):
         return state._replace(position=position, orientation=orientation)
 
     @property
-    def _first(self):
+    def _first(self) -> Link:
         """The record of the first link of the plugin's nested model."""
         prefix = self._spec.scope + "::"
         return next(link for link in self._model.record.links if link.name.startswith(prefix))
 
-    def pose_in_model(self, link):
+    def pose_in_model(self, link: int) -> Pose:
         state = self.model_state()
         return compose(invert((state.position, state.orientation)), self.physics.link_pose(link))
 
-    def link_record(self, name):
+    def link_record(self, name: str) -> Link:
         self.link(name)
         name = self._own(self._model.handle.links, name)
         return replace(self._model.link_record(name), inertial=self._model.acting_inertial(name))
 
-    def collision_name(self, name):
+    def collision_name(self, name: str) -> str:
         return "%s::%s::%s" % (self._model.name, self._sensor_link_name, name)
 
-    def set_motion(self, linear, angular):
+    def set_motion(self, linear: Vector, angular: Vector) -> None:
         engine, links = self.physics, self._model.handle.links
         origin = self._model.pose(engine)[0]
         turning = engine.link_state(self._model.root).angular_velocity
@@ -111,40 +133,44 @@ class ModelContext(PluginContext):
                 links[record.name], tuple(a + b for a, b in zip(linear, carried)),
                 tuple(a + b - c for a, b, c in zip(angular, state.angular_velocity, turning)))
 
-    def refresh_scene(self):
+    def refresh_scene(self) -> None:
         self.measurements += 1
         self._simulator.refresh_scene()
 
-    def rng(self, name):
+    def rng(self, name: str) -> np.random.Generator:
         key = "%s/%s/%s" % (self.model_name, self._spec.name, name)
         return np.random.default_rng([self._simulator.config.seed, zlib.crc32(key.encode())])
 
-    def moment(self, now_ns):
+    def moment(self, now_ns: int) -> Any:
         return self._ports.moment(now_ns)
 
-    def frame(self, name, namespace=""):
+    def frame(self, name: str, namespace: str = "") -> str:
         return self._ports.frame(name, namespace)
 
-    def advertise(self, topic, message_class, queue_size=10, namespace=None):
+    def advertise(self, topic: str, message_class: type, queue_size: int = 10, namespace: Optional[str] = None) -> Any:
         port = self._ports.advertise(topic, message_class, queue_size, namespace or "")
         self._open.append(port)
         return port
 
-    def subscribe(self, topic, message_class, callback, namespace=None):
+    def subscribe(self, topic: str, message_class: type, callback: Callable[[Any], object],
+                  namespace: Optional[str] = None) -> None:
         self._open.append(self._ports.subscribe(
-            topic, message_class, lambda message: self._simulator.hand_over(self, callback, message), namespace or ""))
+            topic, message_class, lambda message: self._simulator.plugins.hand_over(self, callback, message),
+            namespace or ""))
 
-    def serve(self, name, service_class, handler, namespace=None):
+    def serve(self, name: str, service_class: type, handler: Callable[[Any], Any],
+              namespace: Optional[str] = None) -> None:
         self._open.append(self._ports.serve(name, service_class, handler, namespace or ""))
 
-    def send_transform(self, stamp, parent, child, position, orientation):
+    def send_transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
+                       orientation: Quaternion) -> None:
         self._ports.transform(stamp, parent, child, position, orientation)
 
-    def topics(self):
+    def topics(self) -> List[str]:
         """Return the names of the topics on which the plugin publishes, as far as the ports have names."""
         return [port.topic for port in self._open if hasattr(port, "topic")]
 
-    def close(self):
+    def close(self) -> None:
         """Close all ports of the plugin."""
         for port in self._open:
             port.close()

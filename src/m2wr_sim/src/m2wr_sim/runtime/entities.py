@@ -1,23 +1,45 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Models in a running world; finds models, links and joints by name."""
+from __future__ import annotations
+
 import math
-from collections import namedtuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_sim.errors import NotFoundError
-from m2wr_sim.geometry import compose, conjugate, invert, multiply, normalise_quaternion, rotate_inverse
+from m2wr_sim.geometry import (
+    Pose,
+    Quaternion,
+    Vector,
+    compose,
+    conjugate,
+    invert,
+    multiply,
+    normalise_quaternion,
+    rotate_inverse,
+)
 
-Relative = namedtuple("Relative", "position orientation linear angular")
-"""Pose and velocity of a model or link relative to a frame."""
+if TYPE_CHECKING:
+    from m2wr_sim.model.types import Inertial, Joint, Link, Model
+    from m2wr_sim.physics.engine import Engine, LinkState, ModelHandle
+    from m2wr_sim.runtime.event_queue import Entry
 
 INERTIAL_FRAMES = ("", "world", "map", "/map")
-
 
 _MOST_NAMES = 8         # in a message
 
 
-def list_names(names):
+class Relative(NamedTuple):
+    """Pose [m] and velocity [m/s, rad/s] of a model or link relative to a frame, in the axes of that frame."""
+
+    position: Vector
+    orientation: Quaternion
+    linear: Vector
+    angular: Vector
+
+
+def list_names(names: Iterable[str]) -> str:
     """Return names for a message; of a long list only the first few."""
     names = list(names)
     if not names:
@@ -27,45 +49,60 @@ def list_names(names):
 
 
 class LiveModel:
-    """A model in the world: its record, the engine's numbers of its parts, its plugins, and its pose after a reset."""
+    """A model in the world.
 
-    def __init__(self, record, handle, pose):
+    Parameters
+    ----------
+    record : Model
+    handle : ModelHandle
+        The engine's numbers of its links and joints.
+    pose : pose
+        Pose of the model frame in the world after a reset.
+
+    Attributes
+    ----------
+    plugins : list of Entry
+        The plugins that were started, also those that were switched off later.
+    kept_inertials : dict
+        Link -> Inertial that the physics uses, if the record has another.
+    """
+
+    def __init__(self, record: Model, handle: ModelHandle, pose: Pose) -> None:
         self.record, self.handle, self.reset_pose = record, handle, pose
-        self.name = handle.name
-        self.plugins = []
-        self.sight = None               # SceneRows of its moving shapes
-        self.kept_inertials = {}        # link -> Inertial that the physics uses, if the record has another
+        self.name: str = handle.name
+        self.plugins: List[Entry] = []
+        self.kept_inertials: Dict[str, Inertial] = {}
         self._root = record.links[0]
         self._root_offset = invert(self._root.pose)
 
     @property
-    def root(self):
+    def root(self) -> int:
         """The engine's number of the first link, which defines pose and velocity of the model."""
         return self.handle.links[self._root.name]
 
-    def link_record(self, name):
+    def link_record(self, name: str) -> Link:
         """Return the record of a link."""
         return next(link for link in self.record.links if link.name == name)
 
-    def acting_inertial(self, name):
+    def acting_inertial(self, name: str) -> Inertial:
         """Return the Inertial of a link that the physics uses."""
         return self.kept_inertials.get(name) or self.link_record(name).inertial
 
-    def joint_record(self, name):
+    def joint_record(self, name: str) -> Joint:
         """Return the record of a joint."""
         return next(joint for joint in self.record.joints if joint.name == name)
 
-    def pose(self, engine):
+    def pose(self, engine: Engine) -> Pose:
         """Return the model frame's ``(position, orientation)`` in the world."""
         return compose(engine.link_pose(self.root), self._root_offset)
 
-    def state(self, engine):
+    def state(self, engine: Engine) -> LinkState:
         """Return the LinkState of the model: the pose of its frame, and the velocities of its root link."""
         state = engine.link_state(self.root)
         position, orientation = compose((state.position, state.orientation), self._root_offset)
         return state._replace(position=position, orientation=orientation)
 
-    def place(self, engine, pose):
+    def place(self, engine: Engine, pose: Pose) -> None:
         """Move the model as a rigid body. Joint positions do not change.
 
         Parameters
@@ -80,7 +117,7 @@ class LiveModel:
             position, orientation = compose(target, compose(now_from_world, engine.link_pose(link)))
             engine.set_link_pose(link, (position, normalise_quaternion(orientation)))
 
-    def restore(self, engine):
+    def restore(self, engine: Engine) -> None:
         """Move all links to the initial configuration at the reset pose."""
         for link in self.record.links:
             position, orientation = compose(self.reset_pose, link.pose)
@@ -88,7 +125,7 @@ class LiveModel:
         for joint in self.handle.joints.values():
             engine.set_joint_angle(joint, 0.0)
 
-    def set_joint_position(self, engine, name, position):
+    def set_joint_position(self, engine: Engine, name: str, position: float) -> None:
         """Set the position of a joint by moving all links beyond it.
 
         Parameters
@@ -114,9 +151,10 @@ class LiveModel:
             engine.set_link_pose(link, compose(world_change, engine.link_pose(link)))
         engine.set_joint_angle(number, position)
 
-    def links_beyond(self, link):
+    def links_beyond(self, link: str) -> List[str]:
         """Return the names of a link and of all its descendants."""
-        found, waiting = [], [link]
+        found: List[str] = []
+        waiting = [link]
         while waiting:
             name = waiting.pop()
             if name not in found:
@@ -124,7 +162,7 @@ class LiveModel:
                 waiting.extend(joint.child for joint in self.record.joints if joint.parent == name)
         return found
 
-    def set_velocity(self, engine, linear, angular):
+    def set_velocity(self, engine: Engine, linear: Sequence[float], angular: Sequence[float]) -> None:
         """Set the same velocities for all links, as Gazebo's set_model_state does.
 
         Parameters
@@ -137,36 +175,7 @@ class LiveModel:
             engine.set_link_velocity(link, linear, angular)
 
 
-class SceneRows:
-    """Rows of the ray scene, and how to update them.
-
-    Parameters
-    ----------
-    parts : list of (int, int, pose)
-        Row, the engine's number of the link, pose of the shape in the link frame.
-    """
-
-    def __init__(self, parts):
-        self.parts = parts
-        self._read = self._move = None
-
-    def refresh(self, engine, scene):
-        """Write the present poses into the scene.
-
-        Parameters
-        ----------
-        engine : Engine
-        scene : RayScene
-        """
-        if self._read is None:
-            poses = np.zeros((len(self.parts), 7))
-            self._read = engine.pose_reader([part[1:] for part in self.parts], poses)
-            self._move = scene.mover(np.array([part[0] for part in self.parts], dtype=np.int64), poses)
-        self._read()
-        self._move()
-
-
-def relative(state, reference):
+def relative(state: LinkState, reference: Optional[LinkState]) -> Relative:
     """Return a state relative to a frame.
 
     Velocities are the difference of the velocities in the world, rotated into the frame.  The rotation rate of the
@@ -192,7 +201,9 @@ def relative(state, reference):
                     rotate_inverse(back, linear), rotate_inverse(back, angular))
 
 
-def _find(models, parts_of, name):
+def _find(models: Iterable[LiveModel], parts_of: Callable[[Model], Sequence[Any]],
+          name: str) -> Optional[Tuple[LiveModel, str]]:
+    """Return the first model with a part of that name, and the part's name in it; None if there is none."""
     for model in models:
         for part in parts_of(model.record):
             if name in (part.name, part.name.rsplit("::", 1)[-1], "%s::%s" % (model.name, part.name)):
@@ -200,7 +211,7 @@ def _find(models, parts_of, name):
     return None
 
 
-def find_link(models, name):
+def find_link(models: Iterable[LiveModel], name: str) -> Optional[Tuple[LiveModel, str]]:
     """Find a link by scoped (``model::link``) or plain name; the first match in load order is used.
 
     Parameters
@@ -216,7 +227,7 @@ def find_link(models, name):
     return _find(models, lambda record: record.links, name)
 
 
-def find_joint(models, name):
+def find_joint(models: Iterable[LiveModel], name: str) -> Optional[Tuple[LiveModel, str]]:
     """Find a joint by scoped or plain name; the first match in load order is used.
 
     Parameters
@@ -232,7 +243,7 @@ def find_joint(models, name):
     return _find(models, lambda record: record.joints, name)
 
 
-def find_frame(models, engine, name):
+def find_frame(models: Iterable[LiveModel], engine: Engine, name: str) -> Optional[LinkState]:
     """Return the state of a reference frame.
 
     Parameters

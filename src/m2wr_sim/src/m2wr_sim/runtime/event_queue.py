@@ -33,6 +33,8 @@ class EventQueue:
         No plugin wants to act before the steps that end up to this time [ns].
     sample_ns : int
         No plugin wants to measure before this time [ns].
+    valid_ns : int
+        In lazy stepping the last answers of the plugins are used up to this time [ns]; 0: all are queried next.
     stale : bool
         Whether :meth:`fill` must be called first, because plugins were added or removed.
     """
@@ -42,7 +44,7 @@ class EventQueue:
         self._before: List[List[Any]] = []
         self._after: List[List[Any]] = []
         self._acting: List[Tuple[Entry, Callable[[int], None]]] = []
-        self.calm_ns, self.sample_ns, self.stale = 0, 0, True
+        self.calm_ns, self.sample_ns, self.valid_ns, self.stale = 0, 0, 0, True
 
     def fill(self, entries: Sequence[Entry]) -> None:
         """Replace the plugins; :meth:`act` must be called with ``query_all`` afterwards."""

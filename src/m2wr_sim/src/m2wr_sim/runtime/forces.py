@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Wrenches on links and efforts on joints for a time, as requested by Gazebo's services."""
+from __future__ import annotations
+
 import logging
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any, Optional, Tuple
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import NEVER, Plugin
 from m2wr_sim.runtime.limits import strongest, strongest_effort
 from m2wr_sim.runtime.schedule import first_step
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.types import Axis
+    from m2wr_sim.plugins.base import PluginContext, PluginReader
+    from m2wr_sim.runtime.entities import LiveModel
+    from m2wr_sim.runtime.simulator import Simulator
 
 log = logging.getLogger(__name__)
 
@@ -22,7 +30,7 @@ class Push:
     world frame), or the effort along the axis of a joint.
     """
 
-    model: Any                      # LiveModel
+    model: LiveModel
     name: str                       # of the link or joint
     part: int
     values: Tuple[float, ...]
@@ -40,11 +48,12 @@ class Forces(Plugin):
     link or joint becomes too fast.
     """
 
-    def __init__(self, simulator):
+    def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
-        self._links, self._joints = [], []
+        self._links: List[Push] = []
+        self._joints: List[Push] = []
 
-    def configure(self, spec, ctx):
+    def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         """Do nothing, because this plugin has no element in a description.
 
         Parameters
@@ -53,7 +62,8 @@ class Forces(Plugin):
         ctx : PluginContext
         """
 
-    def push_link(self, model, name, force, torque, start_ns, duration_ns):
+    def push_link(self, model: LiveModel, name: str, force: Sequence[float], torque: Sequence[float], start_ns: int,
+                  duration_ns: int) -> None:
         """Add a wrench on a link.
 
         Parameters
@@ -79,7 +89,7 @@ class Forces(Plugin):
                              % ((tuple(force), tuple(torque), model.name, name) + limits))
         self._links.append(self._push(model, name, model.handle.links[name], values, start_ns, duration_ns))
 
-    def push_joint(self, model, name, effort, start_ns, duration_ns):
+    def push_joint(self, model: LiveModel, name: str, effort: float, start_ns: int, duration_ns: int) -> None:
         """Add an effort on a joint; no effect on a joint of a static model.
 
         Parameters
@@ -106,22 +116,23 @@ class Forces(Plugin):
                 raise ModelError("effort %g on joint %s::%s; expected at most %g" % (effort, model.name, name, most))
             self._joints.append(self._push(model, name, part, (effort,), start_ns, duration_ns))
 
-    def _step(self):
+    def _step(self) -> float:
         return self._simulator.step_ns * 1e-9
 
-    def _push(self, model, name, part, values, start_ns, duration_ns):
+    def _push(self, model: LiveModel, name: str, part: int, values: Tuple[float, ...], start_ns: int,
+              duration_ns: int) -> Push:
         start_ns = max(start_ns, self._simulator.now_ns)
         return Push(model, name, part, values, start_ns, None if duration_ns < 0 else start_ns + duration_ns)
 
-    def clear_link(self, scoped_name):
+    def clear_link(self, scoped_name: str) -> None:
         """Remove all wrenches on ``model::link``."""
         self._links = [push for push in self._links if "%s::%s" % (push.model.name, push.name) != scoped_name]
 
-    def clear_joint(self, name):
+    def clear_joint(self, name: str) -> None:
         """Remove all efforts on joints of a name."""
         self._joints = [push for push in self._joints if push.name != name]
 
-    def next_before(self, now_ns):
+    def next_before(self, now_ns: int) -> Optional[int]:
         if not (self._links or self._joints):
             return NEVER
         models = self._simulator.models
@@ -132,7 +143,7 @@ class Forces(Plugin):
         return min([max(now_ns + step_ns, first_step(push.start_ns, now_ns, step_ns))
                     for push in self._links + self._joints], default=NEVER)
 
-    def before_step(self, now_ns):
+    def before_step(self, now_ns: int) -> None:
         engine, newest = self._simulator.engine, OrderedDict()
         for push in self._links:
             if self._acts(push, now_ns):
@@ -147,7 +158,7 @@ class Forces(Plugin):
                 if self._slow_enough(push, (rate,)):
                     engine.add_joint_force(push.part, _within_limits(push.values[0], axis, rate))
 
-    def _slow_enough(self, push, speeds):
+    def _slow_enough(self, push: Push, speeds: Sequence[float]) -> bool:
         """Return whether a link or joint is slow enough; if not, end its wrench or effort with a warning."""
         if all(abs(value) <= FASTEST for value in speeds):
             return True
@@ -158,11 +169,11 @@ class Forces(Plugin):
         return False
 
     @staticmethod
-    def _acts(push, now_ns):
+    def _acts(push: Push, now_ns: int) -> bool:
         return push.start_ns <= now_ns and (push.end_ns is None or now_ns <= push.end_ns)
 
 
-def _within_limits(effort, axis, rate):
+def _within_limits(effort: float, axis: Axis, rate: float) -> float:
     """Return an effort clipped to the limit of the joint; 0 if it would increase a velocity beyond the limit."""
     if axis.effort >= 0.0:
         effort = min(axis.effort, max(-axis.effort, effort))

@@ -11,15 +11,60 @@ class Ports(abc.ABC):
 
     @abc.abstractmethod
     def advertise(self, topic: str, message_class: Any, queue_size: int, namespace: str) -> Any:
-        """Return an object with ``publish(message)``, ``wanted()`` and ``close()``."""
+        """Open a topic for publishing.
+
+        Parameters
+        ----------
+        topic : str
+        message_class : type
+        queue_size : int
+            Number of messages to keep for each slow subscriber.
+        namespace : str
+            ROS namespace of the topic; may be empty.
+
+        Returns
+        -------
+        object
+            With ``publish(message)``, ``wanted()``, which returns whether there are subscribers, and ``close()``.
+        """
 
     @abc.abstractmethod
     def subscribe(self, topic: str, message_class: Any, callback: Callable[[Any], None], namespace: str) -> Any:
-        """Register a callback that gets the newest message in :meth:`deliver`; return an object with ``close()``."""
+        """Subscribe to a topic.
+
+        Parameters
+        ----------
+        topic : str
+        message_class : type
+        callback : callable
+            Gets the newest message in :meth:`deliver`.
+        namespace : str
+            ROS namespace of the topic; may be empty.
+
+        Returns
+        -------
+        object
+            With ``close()``.
+        """
 
     @abc.abstractmethod
     def serve(self, name: str, service_class: Any, handler: Callable[[Any], Any], namespace: str) -> Any:
-        """Offer a service; ``handler(request)`` runs in the simulation's thread. Return an object with ``close()``."""
+        """Offer a service.
+
+        Parameters
+        ----------
+        name : str
+        service_class : type
+        handler : callable
+            ``handler(request)`` returns the response; it runs in the simulation's thread.
+        namespace : str
+            ROS namespace of the service; may be empty.
+
+        Returns
+        -------
+        object
+            With ``close()``.
+        """
 
     def waiting(self) -> bool:
         """Return whether there may be a message to deliver."""
@@ -32,7 +77,19 @@ class Ports(abc.ABC):
     @abc.abstractmethod
     def transform(self, stamp: Any, parent: str, child: str, position: Sequence[float],
                   orientation: Sequence[float]) -> None:
-        """Publish one transform."""
+        """Publish one transform.
+
+        Parameters
+        ----------
+        stamp : object
+            As returned by :meth:`moment`.
+        parent, child : str
+            Frame names.
+        position : (3,) sequence of float
+            Origin [m] of the child frame in the parent frame.
+        orientation : (4,) sequence of float
+            Quaternion x y z w of the child frame in the parent frame.
+        """
 
     @abc.abstractmethod
     def moment(self, now_ns: int) -> Any:
@@ -40,7 +97,15 @@ class Ports(abc.ABC):
 
     @abc.abstractmethod
     def frame(self, name: str, namespace: str) -> str:
-        """Return the name of a frame as used in messages."""
+        """Return the name of a frame as used in messages.
+
+        Parameters
+        ----------
+        name : str
+            Name in the description.
+        namespace : str
+            ROS namespace of the plugin; may be empty.
+        """
 
     @abc.abstractmethod
     def clock(self, now_ns: int) -> None:
@@ -106,7 +171,15 @@ class LocalPorts(Ports):
 
     @staticmethod
     def resolve(topic: str, namespace: str) -> str:
-        """Return the absolute name of a topic in a namespace."""
+        """Return the absolute name of a topic.
+
+        Parameters
+        ----------
+        topic : str
+            With a leading slash the namespace has no effect.
+        namespace : str
+            ROS namespace; may be empty.
+        """
         if topic.startswith("/"):
             return topic
         return "/" + "/".join(part for part in (namespace + "/" + topic).split("/") if part)

@@ -166,7 +166,20 @@ class SensorSchedule:
         self._carry_ns = 0
 
     def next_due(self, now_ns: int, step_ns: int) -> int:
-        """Return the time [ns] of the first step after ``now_ns`` at which this is due."""
+        """Return the time of the first step after ``now_ns`` at which this is due.
+
+        Parameters
+        ----------
+        now_ns : int
+            Simulated time [ns].
+        step_ns : int
+            Step size [ns].
+
+        Returns
+        -------
+        int
+            [ns].
+        """
         if self._last_ns is None:
             return now_ns + step_ns
         ahead_ns = self._last_ns + self.period_ns - self._carry_ns - now_ns

@@ -6,83 +6,40 @@ bodies move (clock, odometry, motor targets); they publish the state before the 
 engine steps.  Sensors measure the new state.  Between two such events no plugin reads the state, so the engine makes
 several steps in one call.  With lazy stepping this call is delayed until the state is read.
 """
+from __future__ import annotations
+
 import logging
 from collections import OrderedDict
-from dataclasses import dataclass, field, replace
-from typing import Dict
+from dataclasses import replace
+from typing import TYPE_CHECKING, Dict, List, Mapping, Optional, Sequence, Type
 
-from m2wr_sim.control.diff_drive import CONVENTIONS
-from m2wr_sim.errors import LostError, ModelError, NotFoundError, SimError
-from m2wr_sim.geometry import compose, normalise_quaternion, rotate
-from m2wr_sim.model.types import Physics, Plane, PluginSpec
-from m2wr_sim.physics.engine import FARTHEST, FASTEST
-from m2wr_sim.plugins.base import PluginReader
+from m2wr_sim.errors import LostError, ModelError, NotFoundError
+from m2wr_sim.geometry import compose, rotate, unit_pose
+from m2wr_sim.model.types import Physics
 from m2wr_sim.plugins.registry import find_plugin
-from m2wr_sim.plugins.unsupported import UnsupportedPlugins
-from m2wr_sim.runtime.context import ModelContext
-from m2wr_sim.runtime.entities import LiveModel, SceneRows, find_frame, list_names, relative
-from m2wr_sim.runtime.event_queue import EventQueue
-from m2wr_sim.runtime.once_logger import OnceLogger
-from m2wr_sim.runtime.schedule import first_step, misfit, period_of
+from m2wr_sim.runtime.config import SimConfig
+from m2wr_sim.runtime.entities import LiveModel, find_frame, list_names, relative
+from m2wr_sim.runtime.limits import check_pose, check_velocity
+from m2wr_sim.runtime.plugin_host import PluginHost
+from m2wr_sim.runtime.scene_update import SceneUpdate
+from m2wr_sim.runtime.schedule import first_step, period_of
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.types import Light, Model, ModelStateEntry, World, WorldState
+    from m2wr_sim.physics.engine import ContactEvent, Engine, LinkState
+    from m2wr_sim.plugins.base import Plugin
+    from m2wr_sim.runtime.entities import Relative
+    from m2wr_sim.runtime.event_queue import Entry
+    from m2wr_sim.runtime.ports import Ports
+    from m2wr_sim.sensors.ray_scene import RayScene
+
+__all__ = ["SimConfig", "Simulator"]
 
 log = logging.getLogger(__name__)
 
-_JOINT_STATES = "builtin joint states"
 _CONTACTS_KEPT = 1000
 _HOLD_NS = 50000000             # greatest delay of the engine, and validity of plugins' answers, in lazy stepping
-_RATE_TAGS = ("updaterate", "updateratehz", "update_rate")
-
-
-def _within_reach(name, pose):
-    """Return a pose; ModelError if it is beyond the range of the engine."""
-    if not all(abs(value) <= FARTHEST for value in pose[0]):
-        raise ModelError("position %s for \"%s\": expected at most %g m from the origin" % (pose[0], name, FARTHEST))
-    return pose
-
-
-def _check_speed(name, linear, angular):
-    """Raise ModelError for velocities [m/s, rad/s] beyond the range of the engine."""
-    if not all(abs(value) <= FASTEST for value in tuple(linear) + tuple(angular)):
-        raise ModelError("velocity %s, %s for \"%s\": expected at most %g m/s and rad/s"
-                         % (tuple(linear), tuple(angular), name, FASTEST))
-
-
-@dataclass(frozen=True)
-class SimConfig:
-    """Options of a simulation.
-
-    ``wheel_conventions`` overrides ``wheel_convention`` for models by name; see
-    :func:`m2wr_sim.control.diff_drive.is_swapped`.  ``command_timeout_ns`` stops a robot that has received no command
-    for that time; with 0 the last command stays valid.  ``joint_states`` publishes joint states also for robots without
-    a plugin for them.  A model that leaves the world is removed and logged; with ``loss_ends`` LostError is raised
-    instead.  ``once_logger`` logs each remark on models once.
-    """
-
-    seed: int = 0
-    clock_rate: float = 100.0
-    wheel_convention: str = "noetic"
-    wheel_conventions: Dict[str, str] = field(default_factory=dict)
-    command_timeout_ns: int = 0
-    joint_states: bool = True
-    joint_state_rate: float = 50.0
-    loss_ends: bool = False
-    once_logger: OnceLogger = field(default_factory=OnceLogger, repr=False, compare=False)
-
-    def wheel_convention_of(self, model_name, described=None):
-        """Return the wheel convention of a model: the one for its name, that of its description, or the general one.
-
-        Parameters
-        ----------
-        model_name : str
-        described : str, optional
-            Text of a ``<wheelConvention>`` element; a text that is no convention is ignored.
-
-        Returns
-        -------
-        str
-        """
-        general = described if described in CONVENTIONS else self.wheel_convention
-        return self.wheel_conventions.get(model_name, general)
 
 
 class Simulator:
@@ -97,29 +54,27 @@ class Simulator:
     config : SimConfig
     """
 
-    def __init__(self, engine, scene, ports, config=None):
+    def __init__(self, engine: Engine, scene: RayScene, ports: Ports, config: Optional[SimConfig] = None) -> None:
         self.engine, self.scene, self.ports = engine, scene, ports
         self.config = config or SimConfig()
         self.step_ns = engine.settings.step_ns
         self.now_ns, self.steps = 0, 0
         self.paused = False
-        self.models, self.lights = OrderedDict(), OrderedDict()
+        self.models: Dict[str, LiveModel] = OrderedDict()
+        self.lights: Dict[str, Light] = OrderedDict()
         self.physics = Physics(max_step_size=self.step_ns * 1e-9, gravity=engine.settings.gravity)  # as last asked for
-        self.observers = []             # plugins of the world itself: state publishers and the like
-        self.contacts, self.contact_counts = [], {}
+        self.contacts: List[ContactEvent] = []
+        self.contact_counts: Dict[str, int] = {}
+        self.plugins = PluginHost(self, self._catch_up)
+        self._event_queue = self.plugins.event_queue
+        self._scene_update = SceneUpdate(engine, scene)
         self._clock_period_ns, self._clock_due_ns = period_of(self.config.clock_rate), 0
-        self._active = []               # (plugin, context, label) of all models, in load order
-        self._scene_version = self._moving_sight = None     # the engine's version that the scene shows
-        self._resting_sights = {}       # static link -> SceneRows of its shapes
-        self._event_queue = EventQueue(self._failed, self._catch_up)
-        self._unsupported = UnsupportedPlugins()
-        self._misfits = set()           # logged messages about rates that do not fit into the steps
-        self._lost = []                 # names of models that left the world and are still listed
-        self._pending, self._hold_ns = 0, 0     # steps by which time is ahead of the engine; validity of answers
+        self._lost: List[str] = []      # names of models that left the world and are still listed
+        self._pending = 0               # steps by which time is ahead of the engine
 
     # ---- world -------------------------------------------------------------------------------------------------
 
-    def load_world(self, world):
+    def load_world(self, world: World) -> None:
         """Add every model of a :class:`~m2wr_sim.model.types.World` and apply its stored state.
 
         A model that the engine cannot build is logged and omitted.
@@ -136,11 +91,11 @@ class Simulator:
             except ModelError as error:
                 log.error("%s; model \"%s\" is left out", error, record.name)
         for spec in world.plugins:
-            self._unsupported.report("the world", spec, None)
+            self.plugins.unsupported.report("the world", spec, None)
         if world.state is not None:
             self.apply_state(world.state)
 
-    def apply_state(self, state):
+    def apply_state(self, state: WorldState) -> None:
         """Set time, poses and velocities from the ``<state>`` of a world file; a reset does not restore it."""
         self.now_ns = state.sim_time_ns // self.step_ns * self.step_ns
         for entry in state.models:
@@ -153,24 +108,25 @@ class Simulator:
             except ModelError as error:
                 log.error("the world's <state>: %s; the rest of the state of model \"%s\" is ignored", error,
                           entry.name)
-        self._restart_plugins(rewound=False)
+        self.plugins.restart_all(self.now_ns, rewound=False)
 
-    def _apply_entry(self, model, entry):
+    def _apply_entry(self, model: LiveModel, entry: ModelStateEntry) -> None:
         """Apply the stored state of one model; ModelError if it is beyond the range of the engine."""
         if entry.pose is not None:
-            model.place(self.engine, _within_reach(entry.name, entry.pose))
+            model.place(self.engine, check_pose(entry.name, entry.pose))
         for name, pose, velocity in entry.links:
             link = model.handle.links.get(name)
             if link is None:
                 log.warning("the world's <state> has link \"%s::%s\", which is not in the world", entry.name, name)
                 continue
             if pose is not None:
-                self.engine.set_link_pose(link, _within_reach(entry.name + "::" + name, pose))
+                self.engine.set_link_pose(link, check_pose(entry.name + "::" + name, pose))
             if velocity is not None:
-                _check_speed(entry.name + "::" + name, *velocity)
+                check_velocity(entry.name + "::" + name, *velocity)
                 self.engine.set_link_velocity(link, *velocity)
 
-    def spawn(self, record, pose, name=None, namespace=None):
+    def spawn(self, record: Model, pose: Pose, name: Optional[str] = None,
+              namespace: Optional[str] = None) -> LiveModel:
         """Add a model to the world.
 
         Parameters
@@ -204,118 +160,47 @@ class Simulator:
             self.config.once_logger.log(logging.WARNING, name, "%s: %s", name, note)
         for remark in record.remarks:
             self.config.once_logger.log(logging.INFO, name, "%s: %s", name, remark)
-        pose = _within_reach(name, (tuple(pose[0]), normalise_quaternion(pose[1])))
+        pose = check_pose(name, unit_pose(pose))
         for link in record.links:
             for part in (link,) + link.collisions:
-                _within_reach("%s::%s" % (name, part.name), part.pose)
+                check_pose("%s::%s" % (name, part.name), part.pose)
         handle = self.engine.add_model(record, pose, name)
         model = LiveModel(record, handle, pose)
         self.models[name] = model
         try:
-            self._add_to_scene(model)
-            for spec, sensor, link in self._plugin_specs(record):
-                self._start_plugin(model, spec, sensor, link, namespace)
+            self._scene_update.add(model)
+            self.plugins.start_all(model, namespace)
         except Exception:
             self.delete(name)           # remove the incomplete model
             raise
         return model
 
-    def _plugin_specs(self, record):
-        """Yield ``(spec, sensor, link name)`` of a model's plugins; adds joint states if no plugin publishes them."""
-        for spec in record.plugins:
-            yield spec, None, None
-        for link in record.links:
-            for sensor in link.sensors:
-                for spec in sensor.plugins:
-                    yield spec, sensor, link.name
-        moving = [joint.name for joint in record.joints if joint.kind in ("revolute", "prismatic")]
-        given = any("joint_state" in spec.filename or spec.find("publishWheelJointState") in ("true", "1")
-                    for spec in record.plugins)
-        if self.config.joint_states and record.plugins and moving and not given and not record.static:
-            parameters = (("jointName", ",".join(moving)), ("updateRate", str(self.config.joint_state_rate)))
-            library = "libgazebo_ros_joint_state_publisher.so"
-            yield PluginSpec(_JOINT_STATES, library, parameters, where=_JOINT_STATES), None, None
-
     @staticmethod
-    def plugin_class(filename):
+    def plugin_class(filename: str) -> Optional[Type[Plugin]]:
         """Return the class that implements a plugin library, or None; a subclass may have others."""
         return find_plugin(filename)
 
-    def _start_plugin(self, model, spec, sensor, link, namespace):
-        plugin_class = self.plugin_class(spec.filename)
-        if plugin_class is None:
-            self._unsupported.report(model.name, spec, namespace)
-            return
-        if namespace and spec.find("robotNamespace") is None:
-            spec = replace(spec, parameters=spec.parameters + (("robotNamespace", namespace),))
-        plugin, context, reader = plugin_class(), ModelContext(self, model, spec, sensor, link), PluginReader(spec)
-        label = "%s: plugin %s (%s)" % (model.name, spec.name, spec.filename)
-        try:
-            plugin.configure(reader, context)
-        except SimError as error:
-            context.close()
-            log.error("%s. This plugin will not run.", error)
-            return
-        except Exception:
-            context.close()
-            log.exception("%s failed to start and will not run", label)
-            return
-        self.config.once_logger.log_parameters(model.name, label, reader)
-        self._log_misfits(label, spec, sensor)
-        entry = (plugin, context, label)
-        model.plugins.append(entry)
-        self._active.append(entry)
-        self._event_queue.stale = True
-
-    def _log_misfits(self, label, spec, sensor):
-        """Log the intervals of each rate that does not fit into whole steps, once."""
-        rates = [text for tag, text in spec.parameters if tag.lower() in _RATE_TAGS]
-        for rate in rates + ([] if sensor is None else [sensor.update_rate]):
-            try:
-                message = misfit(float(rate), self.step_ns)
-            except (ValueError, OverflowError):         # not a rate, which the plugin has logged
-                continue
-            if message is not None and message not in self._misfits:
-                self._misfits.add(message)
-                log.info("%s: %s", label, message)
-
-    def delete(self, name):
+    def delete(self, name: str) -> None:
         """Remove a model from the world; its plugins close their topics."""
         model = self._model(name)
         for entry in model.plugins:
-            self._stop_plugin(entry)
+            self.plugins.stop(entry)
         model.plugins = []              # breaks a reference cycle, which the collector does not free if it was frozen
         self.engine.remove_model(model.handle)
         del self.models[name]
         self.contact_counts.pop(name, None)
-        self.scene.remove_owner(name)
-        for link in model.handle.links.values():
-            self._resting_sights.pop(link, None)
-        self._moving_sight = None
+        self._scene_update.remove(model)
 
-    def _stop_plugin(self, entry):
-        """Close a plugin, unless it was closed when it was switched off."""
-        if entry not in self._active:
-            return
-        self._active.remove(entry)
-        self._event_queue.stale = True
-        plugin, context, label = entry
-        try:
-            plugin.close()
-        except Exception:
-            log.exception("%s failed while closing", label)
-        context.close()
-
-    def switched_off(self):
+    def switched_off(self) -> List[str]:
         """Return the labels of plugins that were switched off after an exception."""
-        return [entry[2] for model in self.models.values() for entry in model.plugins if entry not in self._active]
+        return self.plugins.switched_off()
 
-    def _model(self, name):
+    def _model(self, name: str) -> LiveModel:
         if name not in self.models:
             raise NotFoundError("model \"%s\" does not exist; models: %s" % (name, list_names(self.models)))
         return self.models[name]
 
-    def add_observer(self, plugin, label):
+    def add_observer(self, plugin: Plugin, label: str) -> None:
         """Add a plugin of the world, which takes part in every step; it must be configured already.
 
         Parameters
@@ -324,41 +209,20 @@ class Simulator:
         label : str
             Name for messages.
         """
-        self.observers.append((plugin, None, label))
-        self._event_queue.stale = True
+        self.plugins.add_observer(plugin, label)
 
-    # ---- ray scene ---------------------------------------------------------------------------------------------
+    @property
+    def observers(self) -> List[Entry]:
+        """The plugins of the world itself."""
+        return self.plugins.observers
 
-    def _add_to_scene(self, model):
-        moving, resting = [], {}
-        for link, collision, moves in self.engine.collisions(model.handle):
-            pose = compose(self.engine.link_pose(link), collision.pose)
-            row = self.scene.add(collision.geometry, pose, model.name, collision.laser_retro)
-            if moves:
-                moving.append((row, link, collision.pose))
-            elif model.record.static and not isinstance(collision.geometry, Plane):
-                resting.setdefault(link, []).append((row, link, collision.pose))
-        model.sight = SceneRows(moving)
-        self._resting_sights.update((link, SceneRows(parts)) for link, parts in resting.items())
-        self._moving_sight = None
-
-    def refresh_scene(self):
-        """Update the poses in the scene if a link may have moved."""
-        engine, shown = self.engine, self._scene_version
-        if self._moving_sight is None:
-            self._moving_sight = SceneRows([part for model in self.models.values() for part in model.sight.parts])
-        elif shown == engine.version:
-            return
-        for link in engine.placed_since(-1 if shown is None else shown):
-            sight = self._resting_sights.get(link)
-            if sight is not None:
-                sight.refresh(engine, self.scene)
-        self._moving_sight.refresh(engine, self.scene)
-        self._scene_version = engine.version
+    def refresh_scene(self) -> None:
+        """Update the poses in the ray scene if a link may have moved."""
+        self._scene_update.refresh()
 
     # ---- time --------------------------------------------------------------------------------------------------
 
-    def advance(self, until_ns, lazily=False):
+    def advance(self, until_ns: int, lazily: bool = False) -> int:
         """Advance the simulated time to the next event, but not beyond ``until_ns``. Does nothing while paused.
 
         Parameters
@@ -381,18 +245,18 @@ class Simulator:
         if self.paused or until_ns < first_ns:
             return now_ns
         events = self._event_queue
-        query_all = not lazily or first_ns > self._hold_ns or events.stale or self.ports.waiting()
+        query_all = not lazily or first_ns > events.valid_ns or events.stale or self.ports.waiting()
         if query_all:
             if self._pending:
                 self._catch_up()
             self.ports.deliver()
             # without lazy stepping the caller may change the world between this call and the next
-            self._hold_ns = first_ns + _HOLD_NS if lazily else 0
+            events.valid_ns = first_ns + _HOLD_NS if lazily else 0
         if first_ns >= self._clock_due_ns:
             self.ports.clock(first_ns)
             self._clock_due_ns = first_step(first_ns + self._clock_period_ns, first_ns, step_ns)
         if events.stale:
-            events.fill(self._active + self.observers)
+            events.fill(self.plugins.entries())
         if query_all or first_ns > events.calm_ns:
             events.act(now_ns, step_ns, query_all)
         stop_ns = self._clock_due_ns - step_ns          # the least of these; comparisons are faster than min
@@ -402,27 +266,27 @@ class Simulator:
             stop_ns = events.calm_ns
         if events.sample_ns < stop_ns:
             stop_ns = events.sample_ns
-        if lazily and self._hold_ns < stop_ns:
-            stop_ns = self._hold_ns
+        if lazily and events.valid_ns < stop_ns:
+            stop_ns = events.valid_ns
         count = (stop_ns - now_ns) // step_ns if stop_ns > first_ns else 1
         self._pending += count
         self.steps += count
         self.now_ns = now_ns = now_ns + count * step_ns
         if not lazily or now_ns >= events.sample_ns:
             if events.stale:
-                events.fill(self._active + self.observers)
+                events.fill(self.plugins.entries())
             events.measure(now_ns, lazily)
-            if self._hold_ns - now_ns < _HOLD_NS // 2:
-                self._hold_ns = 0           # query all plugins next, which is cheap now that the engine is up to date
+            if events.valid_ns - now_ns < _HOLD_NS // 2:
+                events.valid_ns = 0         # query all plugins next, which is cheap now that the engine is up to date
         return now_ns
 
-    def settle(self):
+    def settle(self) -> None:
         """Let the engine catch up with the simulated time; all plugins are queried before the next step."""
-        self._hold_ns = 0
+        self._event_queue.valid_ns = 0
         self._catch_up()
         self._delete_lost()
 
-    def _catch_up(self):
+    def _catch_up(self) -> None:
         if self._pending:
             pending, self._pending = self._pending, 0
             while pending:
@@ -438,7 +302,7 @@ class Simulator:
             if contacts:
                 self._collect(contacts)
 
-    def _abandon(self, error):
+    def _abandon(self, error: LostError) -> None:
         """Remove models that left the world from physics and scene; their plugins end later.
 
         A plugin may be running now and may still read its model.
@@ -448,49 +312,15 @@ class Simulator:
         for name in error.models:
             model = self.models[name]
             self.engine.abandon_model(model.handle)
-            self.scene.remove_owner(name)
-            model.sight = SceneRows([])
+            self._scene_update.hide(name)
             self._lost.append(name)
-        self._moving_sight = None
 
-    def _delete_lost(self):
+    def _delete_lost(self) -> None:
         """Delete the models that left the world; called while no plugin is running."""
         while self._lost:
             self.delete(self._lost.pop())
 
-    def hand_over(self, context, function, message):
-        """Pass a message to a plugin.
-
-        Parameters
-        ----------
-        context : ModelContext
-            Context of the plugin.
-        function : callable
-            Its callback.
-        message : object
-        """
-        for entry in self._active:
-            if entry[1] is context:
-                self._guarded(entry, function, message)
-                break
-
-    def _guarded(self, entry, function, argument):
-        """Call a plugin; if it raises an exception, it is logged and switched off, and the simulation continues."""
-        try:
-            function(argument)
-        except Exception:
-            self._failed(entry)
-
-    def _failed(self, entry):
-        log.exception("%s failed and is switched off", entry[2])
-        self._event_queue.stale = True
-        self._hold_ns = 0               # query all others
-        if entry in self.observers:
-            self.observers.remove(entry)
-        else:
-            self._stop_plugin(entry)
-
-    def _collect(self, contacts):
+    def _collect(self, contacts: Sequence[ContactEvent]) -> None:
         for contact in contacts:
             for name in {side.split("::")[0] for side in (contact.first, contact.second)}:
                 if name in self.models and not self.models[name].record.static:
@@ -500,11 +330,11 @@ class Simulator:
 
     # ---- state services ----------------------------------------------------------------------------------------
 
-    def frame_state(self, name):
+    def frame_state(self, name: str) -> Optional[LinkState]:
         """Return the LinkState of a reference frame, None for the world; NotFoundError if there is none."""
         return find_frame(self.models.values(), self.engine, name)
 
-    def model_state(self, name, frame=""):
+    def model_state(self, name: str, frame: str = "") -> Relative:
         """Return the state of a model in a reference frame; see :func:`~m2wr_sim.runtime.entities.relative`.
 
         Parameters
@@ -519,7 +349,7 @@ class Simulator:
         """
         return relative(self._model(name).state(self.engine), self.frame_state(frame))
 
-    def pose_in_world(self, pose, frame):
+    def pose_in_world(self, pose: Pose, frame: str) -> Pose:
         """Transform a pose from a reference frame to the world.
 
         Parameters
@@ -533,11 +363,12 @@ class Simulator:
         -------
         pose
         """
-        pose = (tuple(pose[0]), normalise_quaternion(pose[1]))
+        pose = unit_pose(pose)
         reference = self.frame_state(frame)
         return pose if reference is None else compose((reference.position, reference.orientation), pose)
 
-    def set_model_state(self, name, pose, linear, angular, frame=""):
+    def set_model_state(self, name: str, pose: Pose, linear: Sequence[float], angular: Sequence[float],
+                        frame: str = "") -> None:
         """Set the pose of a model and the velocities of all its links.
 
         Parameters
@@ -551,14 +382,14 @@ class Simulator:
             Name of a model or link; empty for the world.
         """
         model = self._model(name)
-        _check_speed(name, linear, angular)
+        check_velocity(name, linear, angular)
         reference = self.frame_state(frame)
         if reference is not None:
             linear, angular = rotate(reference.orientation, linear), rotate(reference.orientation, angular)
-        model.place(self.engine, _within_reach(name, self.pose_in_world(pose, frame)))
+        model.place(self.engine, check_pose(name, self.pose_in_world(pose, frame)))
         model.set_velocity(self.engine, linear, angular)
 
-    def set_joint_positions(self, name, positions):
+    def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> None:
         """Set joint positions of a model.
 
         Parameters
@@ -574,14 +405,14 @@ class Simulator:
 
     # ---- resets ------------------------------------------------------------------------------------------------
 
-    def reset_world(self):
+    def reset_world(self) -> None:
         """Move models to their initial poses, at rest; the time continues, and joints do not move."""
         for model in self.models.values():
             model.place(self.engine, model.reset_pose)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        self._restart_plugins(rewound=False)
+        self.plugins.restart_all(self.now_ns, rewound=False)
 
-    def reset_simulation(self):
+    def reset_simulation(self) -> None:
         """Restart the simulation: time zero, random sequences from the seed, initial poses and joints, at rest."""
         self.now_ns, self.steps = 0, 0
         self._clock_due_ns = 0
@@ -591,16 +422,9 @@ class Simulator:
             model.restore(self.engine)
             model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.contacts, self.contact_counts = [], {}
-        self._restart_plugins(rewound=True)
+        self.plugins.restart_all(self.now_ns, rewound=True)
 
-    def _restart_plugins(self, rewound):
-        for entry in self._active + self.observers:
-            self._guarded(entry, lambda now_ns, plugin=entry[0]: plugin.reset(now_ns, rewound), self.now_ns)
-
-    def close(self):
+    def close(self) -> None:
         """Stop all plugins and free the world."""
-        for entry in list(self._active):
-            self._stop_plugin(entry)
-        self.observers = []
-        self._event_queue.stale = True
+        self.plugins.stop_all()
         self.engine.close()

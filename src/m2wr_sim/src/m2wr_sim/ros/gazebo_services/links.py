@@ -158,12 +158,12 @@ class LinkApi:
                   read_vector(request.wrench.torque))
         if not all_finite(sum(wrench, ())):
             return ApplyBodyWrenchResponse(False, "ApplyBodyWrench: a number is not finite")
-        frame = None if frame is None else (frame.position, frame.orientation)
+        frame_pose = None if frame is None else (frame.position, frame.orientation)
         pose = self._simulator.engine.link_pose(model.handle.links[name])
         if self._as_gazebo:
-            force, torque = wrench_as_gazebo(pose, frame, *wrench)
+            force, torque = wrench_as_gazebo(pose, frame_pose, *wrench)
         else:
-            force, torque = wrench_in_world(pose, model.acting_inertial(name).pose[0], frame, *wrench)
+            force, torque = wrench_in_world(pose, model.acting_inertial(name).pose[0], frame_pose, *wrench)
         try:
             self._forces.push_link(model, name, force, torque, request.start_time.to_nsec(), request.duration.to_nsec())
         except ModelError as error:
