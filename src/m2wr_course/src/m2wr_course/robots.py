@@ -155,7 +155,7 @@ def laser_behind(path: str) -> Iterator[Finding]:
     with Sim(WALL_WORLD, model) as sim:
         sim.step((0.0, 0.0), 1.0)
         sim.measure()
-        lasers = {laser.name: laser.scan for laser in sim.lasers()}
+        lasers = {laser.name: laser.scan for laser in sim.lasers() if laser.scan is not None}
     name = sensors[topics.index(BACK_TOPIC)].name
     scan = lasers[name]
     yield Finding(len(scan.ranges) == BACK_BEAMS, "it has %d beams" % len(scan.ranges),

@@ -47,7 +47,8 @@ class EnvPicture:
     def begin(self, goal: Tuple[float, float]) -> None:
         """Start the images of an episode; ``goal`` is (x, y) in the world [m]."""
         self._renderer = Renderer(SIZE, SIZE)           # a new one, because a renderer caches its scene
-        scene = self._scene = Scene()
+        scene: Any = Scene()                            # m2wr_view has no types for it yet
+        self._scene = scene
         scene.solids.blocking = obstacle_outlines(self._sim.world)
         scene.footprint = self._footprint or scene.footprint
         scene.line = [(float(goal[0]), float(goal[1]))]

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Records that the library returns; they do not change while the simulation continues."""
-from dataclasses import dataclass, field
-from typing import Any, Dict, Optional, Tuple
+from __future__ import annotations
 
-from m2wr_sim.geometry import yaw_of
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Dict, Optional, Tuple
+
+from m2wr_sim.geometry import Quaternion, Vector, yaw_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
 class Odometry:
-    """What a robot's drive says of its motion, as in nav_msgs/Odometry.
+    """Motion of a robot as measured by its drive, as in nav_msgs/Odometry.
 
     Attributes
     ----------
@@ -21,14 +27,14 @@ class Odometry:
     """
 
     time: float
-    position: Tuple[float, float, float]
-    orientation: Tuple[float, float, float, float]
+    position: Vector
+    orientation: Quaternion
     linear_x: float
     linear_y: float
     angular_z: float
 
     @property
-    def pose(self):
+    def pose(self) -> Tuple[float, float, float]:
         """Planar pose: x, y [m], yaw [rad]."""
         return (self.position[0], self.position[1], yaw_of(self.orientation))
 
@@ -42,7 +48,7 @@ class Scan:
     time : float
         Simulated time of the measurement [s].
     ranges, intensities : (beams,) float32
-        [m], +inf where nothing was hit, in the order of ``angles``; laser_retro of what was hit.
+        Range [m], +inf for no hit, and laser_retro of the shape that was hit, in the order of ``angles``.
     angles : (beams of a row,) float64
         Direction of each beam in the laser's frame [rad].
     angle_min, angle_max, angle_increment, range_min, range_max : float
@@ -50,9 +56,9 @@ class Scan:
     """
 
     time: float
-    ranges: Any = field(repr=False)
-    intensities: Any = field(repr=False)
-    angles: Any = field(repr=False)
+    ranges: NDArray[np.float32] = field(repr=False)
+    intensities: NDArray[np.float32] = field(repr=False)
+    angles: NDArray[np.float64] = field(repr=False)
     angle_min: float
     angle_max: float
     angle_increment: float
@@ -71,25 +77,25 @@ class Contact:
     first, second : str
         The two collisions: ``model::link::collision``.
     position : (3,) tuple
-        Where, in the world [m].
+        In the world [m].
     depth : float
-        How deep the two overlapped [m].
+        Penetration depth [m].
     """
 
     time: float
     first: str
     second: str
-    position: Tuple[float, float, float]
+    position: Vector
     depth: float
 
-    def concerns(self, model):
-        """Tell whether one of the two belongs to ``model``."""
+    def concerns(self, model: str) -> bool:
+        """Return whether one of the two collisions belongs to ``model``."""
         return model in (self.first.split("::")[0], self.second.split("::")[0])
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What is known of one robot after a step.
+    """State and measurements of one robot after a step.
 
     Attributes
     ----------
@@ -100,27 +106,27 @@ class Observation:
     scan : Scan or None
         The newest of the robot's first laser; None before the first.
     contacts : tuple of Contact
-        What has begun since the step before.
+        Contacts that began since the previous step.
     """
 
-    position: Tuple[float, float, float]
-    orientation: Tuple[float, float, float, float]
+    position: Vector
+    orientation: Quaternion
     odometry: Optional[Odometry]
     scan: Optional[Scan]
     contacts: Tuple[Contact, ...]
 
     @property
-    def pose(self):
+    def pose(self) -> Tuple[float, float, float]:
         """Planar pose in the world: x, y [m], yaw [rad]."""
         return (self.position[0], self.position[1], yaw_of(self.orientation))
 
 
 @dataclass(frozen=True)
 class StepResult:
-    """What a step or a reset ends with.
+    """Result of a step or a reset.
 
-    With a single robot its observation can be read straight from here: ``result.pose``, ``result.scan`` and so on;
-    with several ``result["name"].pose``.
+    With a single robot its observation can be read directly: ``result.pose``, ``result.scan`` and so on; with several
+    robots ``result["name"].pose``.
 
     Attributes
     ----------
@@ -133,18 +139,41 @@ class StepResult:
     time: float
     robots: Dict[str, Observation]
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Observation:
         return self.robots[name]
 
-    def _only(self):
+    def _only(self) -> Observation:
         if len(self.robots) != 1:
             raise AttributeError("the simulation has %d robots (%s); name one: result[NAME].pose"
                                  % (len(self.robots), ", ".join(self.robots) or "none"))
         return next(iter(self.robots.values()))
 
-    pose = property(lambda self: self._only().pose, doc="Of the only robot, as the following.")
-    position = property(lambda self: self._only().position)
-    orientation = property(lambda self: self._only().orientation)
-    odometry = property(lambda self: self._only().odometry)
-    scan = property(lambda self: self._only().scan)
-    contacts = property(lambda self: self._only().contacts)
+    @property
+    def pose(self) -> Tuple[float, float, float]:
+        """Planar pose of the only robot in the world: x, y [m], yaw [rad]."""
+        return self._only().pose
+
+    @property
+    def position(self) -> Vector:
+        """Position of the only robot in the world [m]."""
+        return self._only().position
+
+    @property
+    def orientation(self) -> Quaternion:
+        """Orientation of the only robot in the world, quaternion x, y, z, w."""
+        return self._only().orientation
+
+    @property
+    def odometry(self) -> Optional[Odometry]:
+        """Newest odometry of the only robot."""
+        return self._only().odometry
+
+    @property
+    def scan(self) -> Optional[Scan]:
+        """Newest scan of the only robot."""
+        return self._only().scan
+
+    @property
+    def contacts(self) -> Tuple[Contact, ...]:
+        """Contacts of the only robot that began since the previous step."""
+        return self._only().contacts

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Many independent worlds of one make, stepped together: arrays in, arrays out."""
+"""Many independent copies of a world, stepped together: arrays in, arrays out."""
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Union
 
 import numpy as np
 
@@ -8,10 +11,19 @@ from m2wr_sim.api.devices import said_once
 from m2wr_sim.api.loading import read_robot, read_world
 from m2wr_sim.api.sim import Sim
 
+if TYPE_CHECKING:
+    import os
+
+    import numpy.typing as npt
+    from numpy.typing import NDArray
+
+    from m2wr_sim.api.records import StepResult
+    from m2wr_sim.model.types import Model, World
+
 
 @dataclass(frozen=True)
 class VectorResult:
-    """What a step or a reset of n worlds ends with; one row a world, NaN for what has not been measured yet.
+    """Result of a step or a reset of n worlds, one row per world; NaN where nothing has been measured yet.
 
     Attributes
     ----------
@@ -22,49 +34,57 @@ class VectorResult:
     odometry : (n, 6) float64
         x, y [m], yaw [rad], linear x, linear y [m/s], angular z [rad/s].
     ranges : (n, beams) float32
-        Of the robot's first laser [m], +inf where nothing was hit.
+        Of the robot's first laser [m], +inf for no hit.
     contacts : (n,) int64
-        Contacts begun since the step before, other than standing on the ground.
+        Number of contacts that began since the previous step, except with the ground.
     """
 
-    time: np.ndarray
-    pose: np.ndarray
-    odometry: np.ndarray
-    ranges: np.ndarray
-    contacts: np.ndarray
+    time: NDArray[np.float64]
+    pose: NDArray[np.float64]
+    odometry: NDArray[np.float64]
+    ranges: NDArray[np.float32]
+    contacts: NDArray[np.int64]
 
 
 class VectorSim:
-    """n worlds with a robot each, which know nothing of one another.
+    """n independent worlds with one robot each.
 
-    World i is seeded with ``seed + i`` and gives, bit for bit, what a :class:`~m2wr_sim.api.sim.Sim` of it gives.
-    The worlds are stepped one after the other: libode cannot step two worlds of a process at once.
+    World i has the seed ``seed + i`` and gives the same results, to the last bit, as a :class:`~m2wr_sim.api.sim.Sim`
+    with that seed.  The worlds are stepped one after the other, because libode cannot step two worlds of a process at
+    once.
 
     Parameters
     ----------
     count : int
-        n.
+        Number of worlds, n.
     world, robot
         As for :class:`~m2wr_sim.api.sim.Sim`; read once.
     pose : array_like
         (3,) for all or (n, 3): x, y [m], yaw [rad].
     seed : int
     sensing : str
-        As for Sim; ``now`` by default, so that every row is as new as the step.
+        As for Sim; ``now`` by default, so that every row is measured at the end of the step.
     **options
         The other options of Sim.
 
     Attributes
     ----------
     sims : tuple of Sim
-        The worlds, for whatever has no method here.
+        The worlds, for everything that has no method here.
+
+    Raises
+    ------
+    ValueError
+        If there is no world, or ``pose`` does not match the number of worlds.
     """
 
-    def __init__(self, count, world="empty", robot="m2wr", pose=(0.0, 0.0, 0.0), seed=0, sensing="now", **options):
+    def __init__(self, count: int, world: Union[World, str, os.PathLike[str]] = "empty",
+                 robot: Union[Model, str, os.PathLike[str]] = "m2wr", pose: npt.ArrayLike = (0.0, 0.0, 0.0),
+                 seed: int = 0, sensing: str = "now", **options: Any) -> None:
         if count < 1:
             raise ValueError("%r worlds; expected at least one" % (count,))
         world, robot, poses = read_world(world), read_robot(robot), _rows("pose", pose, count, 3)
-        sims = []
+        sims: List[Sim] = []
         try:
             for index in range(count):
                 with said_once(index > 0):
@@ -77,16 +97,16 @@ class VectorSim:
         lasers = sims[0].lasers()
         self._beams = lasers[0].count if lasers else 0
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.sims)
 
-    def step(self, commands=None, duration=0.05):
-        """Drive all robots on for a while.
+    def step(self, commands: Optional[npt.ArrayLike] = None, duration: float = 0.05) -> VectorResult:
+        """Drive all robots for some simulated time.
 
         Parameters
         ----------
         commands : (n, 2) or (2,) array_like, optional
-            Linear [m/s] and angular [rad/s] velocity of each robot, or of all; None: the last ones hold.
+            Linear [m/s] and angular [rad/s] velocity of each robot, or of all; None: the last commands stay active.
         duration : float
             Simulated time [s].
 
@@ -105,21 +125,27 @@ class VectorSim:
         rows = _rows("commands", commands, len(self.sims), 2)
         return self._gather([sim.step(row, duration) for sim, row in zip(self.sims, rows)])
 
-    def reset(self, seed=None, poses=None, where=None):
-        """Start over.
+    def reset(self, seed: Optional[int] = None, poses: Optional[npt.ArrayLike] = None,
+              where: Optional[npt.ArrayLike] = None) -> VectorResult:
+        """Restart all worlds, or some of them.
 
         Parameters
         ----------
         seed : int, optional
-            World i gets ``seed + i``; the old seeds where None.
+            World i gets ``seed + i``; None: the old seeds.
         poses : (n, 3) or (3,) array_like, optional
-            New places to start from.
+            New initial poses: x, y [m], yaw [rad].
         where : (n,) bool array_like, optional
-            Which worlds; all where None.  The others stay as they are.
+            Which worlds; None: all.  The others stay as they are.
 
         Returns
         -------
         VectorResult
+
+        Raises
+        ------
+        ValueError
+            If ``poses`` or ``where`` does not match the number of worlds.
         """
         rows = None if poses is None else _rows("poses", poses, len(self.sims), 3)
         chosen = np.ones(len(self.sims), bool) if where is None else np.asarray(where, dtype=bool)
@@ -135,7 +161,7 @@ class VectorSim:
                 results.append(sim.observe())
         return self._gather(results)
 
-    def _gather(self, results):
+    def _gather(self, results: Sequence[StepResult]) -> VectorResult:
         count = len(results)
         odometry = np.full((count, 6), np.nan)
         ranges = np.full((count, self._beams), np.nan, np.float32)
@@ -150,23 +176,24 @@ class VectorSim:
                 ranges[index] = robot.scan.ranges
         return VectorResult(time, pose, odometry, ranges, contacts)
 
-    def close(self):
+    def close(self) -> None:
         """Free all worlds."""
         for sim in self.sims:
             sim.close()
 
-    def __enter__(self):
+    def __enter__(self) -> VectorSim:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
-def _rows(name, values, count, width):
-    values = np.asarray(values, dtype=float)
-    if values.shape == (width,):
-        values = np.broadcast_to(values, (count, width))
-    if values.shape != (count, width):
+def _rows(name: str, values: npt.ArrayLike, count: int, width: int) -> NDArray[np.float64]:
+    """Return values as (count, width), from an array of this shape or one row for all."""
+    rows = np.asarray(values, dtype=float)
+    if rows.shape == (width,):
+        rows = np.broadcast_to(rows, (count, width))
+    if rows.shape != (count, width):
         raise ValueError("%s of shape %s for %d worlds; expected (%d,) or (%d, %d)"
-                         % (name, values.shape, count, width, count, width))
-    return values
+                         % (name, rows.shape, count, width, count, width))
+    return rows
