@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cost of reading files and parameters grows at most linearly; src/m2wr_sim's test_text_cost covers XML.
+"""The cost of reading files and parameters grows at most linearly; src/m2wr_sim's test_behaviour_text_cost covers XML.
 
 Cost is the number of Python calls and the least CPU time of several tries, so that a busy machine changes nothing.
 An input four times as long may cost 2.2 times 2.2 as much; quadratic cost would be sixteen times as much.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The skid steering plugin: wheel speeds, sides, odometry, tf, names, refusals; how it turns is in test_robots."""
+"""The skid steering plugin: wheel speeds, sides, odometry, tf, names, refusals (test_behaviour_robots: rotation)."""
 import logging
 import math
 from dataclasses import replace

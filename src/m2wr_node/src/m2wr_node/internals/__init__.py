@@ -3,6 +3,6 @@
 
 Each file states the need, the versions it was checked against, and what happens where the private part is missing.
 No other code of the workspace uses private parts of rospy; ``test_layers.py`` checks that.
-``test_rospy_internals.py`` fails if rospy changes one of them.  rospy 1.15.15 (Debian 12) and 1.16.0 (Noetic) were
+``test_internals_rospy.py`` fails if rospy changes one of them.  rospy 1.15.15 (Debian 12) and 1.16.0 (Noetic) were
 compared file by file, 13 files: one error text differs.
 """

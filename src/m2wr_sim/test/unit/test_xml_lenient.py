@@ -52,7 +52,7 @@ def test_a_sound_document_is_left_alone():
 
 
 def test_unclosed_comments_stay_as_they_are():
-    """What this costs is measured in test_text_cost."""
+    """What this costs is measured in test_behaviour_text_cost."""
     text = "<sdf>" + "<!-- " * 1000
     assert tidy(text.encode()) == (text.encode(), [])
 
