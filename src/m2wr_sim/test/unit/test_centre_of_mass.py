@@ -13,6 +13,7 @@ from m2wr_sim.model.types import Axis, Box, Collision, Inertial, Joint, Link, Mo
 from m2wr_sim.physics.engine import EngineSettings
 from m2wr_sim.physics.factory import make_engine as engine_of_kind
 from m2wr_sim.runtime import changes
+from test_mesh_kernels import block
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 LOW = (0.0, 0.1, -0.4)
@@ -92,6 +93,18 @@ def test_shapes_stay_on_the_link(worlds):
         engine.set_link_inertial(arm, inertial(LOW))
     for place in places[1:]:
         assert place == pytest.approx(places[0], abs=1e-12)
+
+
+def test_meshes_stay_on_the_link(make_engine, build):
+    crate = build.one_link("crate", block((0.4, 0.4, 0.4)), build.at(z=0.2), static=False)
+    engine = make_engine(1.0, [build.ground(), crate])
+    link = engine.handles[1].links["link"]
+    engine.step(500)
+    before = engine.link_pose(link)
+    engine.set_link_inertial(link, inertial((0.05, 0.0, -0.1)))
+    engine.step(500)                                                    # a mesh that had moved along would fall or tilt
+    for now, then in zip(engine.link_pose(link), before):
+        assert now == pytest.approx(then, abs=1e-4)
 
 
 def test_engines_agree_to_the_bit(build):

@@ -172,6 +172,19 @@ def test_engines_agree_on_floor_and_wall_in_one_mesh(build, m2wr, drive):
     assert contacts and tilt < 5.0 and states[1].position[2] < 0.15 and states[1].position[0] < 1.5
 
 
+def test_engines_agree_on_the_friction_direction_of_a_mesh(build):
+    """The direction of mu rotates with the mesh."""
+    skewed = Surface(mu=1.0, mu2=0.1, fdir1=(1.0, 1.0, 0.0))
+    crate = build.one_link("crate", block(BLOCK), build.at(z=0.06, yaw=0.4), static=False, surface=skewed)
+
+    def push(engine, handle):
+        engine.set_link_velocity(handle.links["link"], (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    results = [tumble(name, build, [build.ground(), crate], 500, push) for name in ("pyode", "auto")]
+    assert results[0] == results[1]
+    assert abs(results[0][0][-1].position[1]) > 0.01                    # it does not slide straight
+
+
 def test_a_world_put_back_repeats_itself(make_engine, build, ground_of):
     models = [ground_of(wave), body(build, "triangles", build.at(0.1, 0.2, 0.4)),
               body(build, "block", build.at(0.15, 0.2, 0.7))]

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from m2wr_sim.geometry import cross, rotate
-from m2wr_sim.model.types import Plane
+from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import pyode_bodies as bodies
 
 
@@ -46,6 +46,6 @@ def _shift_geoms(parts, link):
     wheels = bodies.wheel_poses(SimpleNamespace(links=[entry.spec for entry in parts.links],
                                                 joints=[drive.spec for drive in parts.joints]))
     for geom, collision in link.geoms:
-        if geom.getBody() is not None and not isinstance(collision.geometry, Plane):
+        if not isinstance(collision.geometry, (Plane, Heightmap)):          # those two are on no body
             position = wheels.get((link.spec.name, collision.name), collision.pose)[0]
             geom.setOffsetPosition(tuple(a - b for a, b in zip(position, link.com)))

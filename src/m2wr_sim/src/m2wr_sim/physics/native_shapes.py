@@ -33,6 +33,7 @@ _SIGNATURES = (
     ("dGeomGetBody", _HANDLE, (_HANDLE,)),
     ("dGeomSetBody", None, (_HANDLE, _HANDLE)),
     ("dGeomSetPosition", None, (_HANDLE, _REAL, _REAL, _REAL)),
+    ("dGeomGetQuaternion", None, (_HANDLE, _NUMBERS)),
     ("dGeomSetQuaternion", None, (_HANDLE, _NUMBERS)),
     ("dGeomSetOffsetPosition", None, (_HANDLE, _REAL, _REAL, _REAL)),
     ("dGeomSetOffsetQuaternion", None, (_HANDLE, _NUMBERS)),
@@ -129,6 +130,11 @@ class NativeGeom:
         probe = ode.GeomSphere(None, 1.0)       # the binding does not tell a body's handle, but puts geoms on it
         probe.setBody(body)
         self._library.dGeomSetBody(self._handle, self._library.dGeomGetBody(probe._id()))
+
+    def getQuaternion(self):
+        numbers = (_REAL * 4)()
+        self._library.dGeomGetQuaternion(self._handle, numbers)
+        return tuple(numbers)
 
     def setPosition(self, position):
         self._library.dGeomSetPosition(self._handle, *position)
