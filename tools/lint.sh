@@ -64,10 +64,10 @@ lint_ruff() {
 
 # Sections of docstrings. Not yet: m2wr_gmapping, m2wr_sim, m2wr_tools, dropin/*.
 lint_docstrings() {
-    "$PYTHON" tools/check_docstrings.py src/m2wr_course/src src/m2wr_lockstep/src src/m2wr_node/src src/m2wr_sim/src/m2wr_sim/plugins \
+    "$PYTHON" tools/check_docstrings.py src/m2wr_course/src src/m2wr_lockstep/src src/m2wr_node/src \
+        src/m2wr_sim/src/m2wr_sim/{api,control,model/xml,physics,plugins,ros,runtime,sensors} \
         src/m2wr_gmapping/src/m2wr_gmapping/backend src/m2wr_gmapping/src/m2wr_gmapping/filter \
-        src/m2wr_gmapping/src/m2wr_gmapping/frontend src/m2wr_sim/src/m2wr_sim/model/xml \
-        src/m2wr_sim/src/m2wr_sim/runtime src/m2wr_sim/src/m2wr_sim/api src/m2wr_sim/src/m2wr_sim/ros \
+        src/m2wr_gmapping/src/m2wr_gmapping/frontend \
         src/m2wr_tools/src/m2wr_tools/slam_benchmark src/motion_plan/src src/m2wr_view/src
 }
 

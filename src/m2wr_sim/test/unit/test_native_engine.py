@@ -151,9 +151,9 @@ def test_sleeping_models_are_skipped_until_one_is_near():
     library.dBodyIsEnabled.argtypes = [ctypes.c_void_p]
 
     def apart():
-        words, layout = engine._words, native.layout
+        words, layout = engine._block.words, native.layout
         rows = [int(words[layout.H_SPACES]) + index * layout.SPACE_WORDS for index in range(2)]
-        return [bool(kernels.sleeps_apart(words, engine._values, row)) for row in rows]
+        return [bool(kernels.sleeps_apart(words, engine._block.values, row)) for row in rows]
 
     def asleep():
         return [not bool(library.dBodyIsEnabled(engine._handles[engine._links[link]])) for part in (can, other)
@@ -176,7 +176,7 @@ def test_sleeping_models_are_skipped_until_one_is_near():
 
 def free_flags(engine):
     """Tell of each movable model whether the engine believes that nothing but the ground is near it."""
-    words = engine._words
+    words = engine._block.words
     return [bool(words[int(words[native.layout.H_SPACES]) + index * native.layout.SPACE_WORDS + native.layout.S_FREE])
             for index in range(int(words[native.layout.H_SPACE_COUNT]))]
 

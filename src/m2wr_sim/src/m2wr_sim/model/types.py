@@ -6,7 +6,7 @@ Poses are pairs ``((x, y, z), (x, y, z, w))`` in metres and unit quaternions; se
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Optional, Tuple
+from typing import TYPE_CHECKING, Optional, Tuple, Union
 
 import numpy as np
 
@@ -88,6 +88,10 @@ class Heightmap(_Arrays):
     source: str = ""
 
 
+#: The shape of a collision or a visual.
+Geometry = Union[Box, Sphere, Cylinder, Plane, Mesh, Heightmap]
+
+
 @dataclass(frozen=True)
 class Surface:
     """Contact behaviour of one collision; names and defaults as in SDF."""
@@ -112,7 +116,7 @@ class Collision:
     """A shape that collides and is hit by laser rays; ``pose`` in the link frame."""
 
     name: str
-    geometry: Any
+    geometry: Geometry
     pose: Pose = IDENTITY
     surface: Surface = Surface()
     laser_retro: float = 0.0
@@ -124,7 +128,7 @@ class Visual:
     """A shape for viewers only; ``pose`` in the link frame, ``rgba`` or None, ``material`` script name or None."""
 
     name: str
-    geometry: Any
+    geometry: Geometry
     pose: Pose = IDENTITY
     rgba: Optional[Tuple[float, float, float, float]] = None
     material: Optional[str] = None
@@ -184,7 +188,7 @@ class Sensor:
     ray: Optional[RayScan] = None
     imu_noise: Tuple[Noise, ...] = ()   # empty, or of angular velocity x y z and linear acceleration x y z
     contact_collisions: Tuple[str, ...] = ()    # of a contact sensor: names of collisions of its link
-    plugins: Tuple[Any, ...] = ()   # of PluginSpec
+    plugins: Tuple[PluginSpec, ...] = ()
 
 
 @dataclass(frozen=True)

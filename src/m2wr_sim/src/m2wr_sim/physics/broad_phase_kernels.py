@@ -50,7 +50,15 @@ _set_position = types.ExternalFunction(
 
 @cfunc(types.void(types.voidptr, _handle, _handle), cache=True, error_model="numpy")
 def count_solids(data: Any, one: int, two: int) -> None:
-    """ODE's near callback for the bounds of a body: count the shapes other than the plane."""
+    """ODE's near callback for the bounds of a body: count the shapes other than the plane.
+
+    Parameters
+    ----------
+    data : pointer
+        The block.
+    one, two : int
+        Native handles of two geoms.
+    """
     header = carray(data, (HEADER_WORDS,), np.uint64)
     if one != header[H_PLANE] and two != header[H_PLANE]:
         header[H_FOUND] += np.uint64(1)
@@ -58,7 +66,20 @@ def count_solids(data: Any, one: int, two: int) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def is_free(words: Words, values: Values, row: int) -> bool:
-    """Return whether a model, given by its row among the spaces, can collide with no static shape but the plane."""
+    """Return whether a model can collide with no static shape but the plane.
+
+    Parameters
+    ----------
+    words : (W,) uint64
+    values : (W,) float64
+        The block.
+    row : int
+        Row of the model in ``H_SPACES``.
+
+    Returns
+    -------
+    bool
+    """
     first, count = np.int64(words[row + S_FIRST_BODY]), np.int64(words[row + S_BODY_COUNT])
     bodies, bounds = np.int64(words[H_BODIES]) + first, np.int64(words[H_BOUNDS]) + first * BOUNDS_WORDS
     inside = True
@@ -81,7 +102,20 @@ def is_free(words: Words, values: Values, row: int) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sleeps_apart(words: Words, values: Values, row: int) -> bool:
-    """Return whether the model of a row sleeps and no geom of another model can collide with it."""
+    """Return whether a model sleeps and no geom of another model can collide with it.
+
+    Parameters
+    ----------
+    words : (W,) uint64
+    values : (W,) float64
+        The block.
+    row : int
+        Row of the model in ``H_SPACES``.
+
+    Returns
+    -------
+    bool
+    """
     first, count = np.int64(words[row + S_FIRST_BODY]), np.int64(words[row + S_BODY_COUNT])
     bodies, bounds = np.int64(words[H_BODIES]), np.int64(words[H_BOUNDS])
     for index in range(first, first + count):

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Moves the centre of mass of a link in a running world: the origin of its body, to which geoms and joints refer."""
-from types import SimpleNamespace
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Sequence
 
 from m2wr_sim.geometry import cross, rotate
 from m2wr_sim.model.types import Heightmap, Plane
 from m2wr_sim.physics import pyode_bodies as bodies
+from m2wr_sim.physics.wheels import wheel_poses
+
+if TYPE_CHECKING:
+    from m2wr_sim.physics.parts import LinkBody, ModelParts
 
 
-def move_centre(parts, link, com):
+def move_centre(parts: ModelParts, link: LinkBody, com: Sequence[float]) -> None:
     """Change the centre of mass of a link. Its pose and its motion do not change.
 
     ODE takes the anchors and zero angles of joints from the present poses of the bodies.  Therefore the link and those
@@ -15,7 +21,7 @@ def move_centre(parts, link, com):
 
     Parameters
     ----------
-    parts : object with ``links`` and ``joints``
+    parts : ModelParts
         The link's model.
     link : LinkBody
     com : (3,) of float
@@ -27,9 +33,10 @@ def move_centre(parts, link, com):
     kept = [(entry, entry.body.getPosition(), entry.body.getQuaternion())
             for entry in parts.links if entry.spec.name in names and entry is not link]
     pose = bodies.link_pose(link)
-    shift = rotate(pose[1], tuple(new - old for new, old in zip(com, link.com)))
+    x, y, z = com
+    shift = rotate(pose[1], (x - link.com[0], y - link.com[1], z - link.com[2]))
     linear, angular = link.body.getLinearVel(), link.body.getAngularVel()
-    link.com = tuple(com)
+    link.com = (x, y, z)
     _shift_geoms(parts, link)
     for entry in [link] + [entry for entry, _, _ in kept]:
         bodies.place_body(entry.body, entry.com, entry.pose)
@@ -42,10 +49,9 @@ def move_centre(parts, link, com):
     link.body.setLinearVel(tuple(a + b for a, b in zip(linear, cross(angular, shift))))
 
 
-def _shift_geoms(parts, link):
-    wheels = bodies.wheel_poses(SimpleNamespace(links=[entry.spec for entry in parts.links],
-                                                joints=[drive.spec for drive in parts.joints]))
+def _shift_geoms(parts: ModelParts, link: LinkBody) -> None:
+    wheels = wheel_poses([entry.spec for entry in parts.links], [drive.spec for drive in parts.joints])
     for geom, collision in link.geoms:
         if not isinstance(collision.geometry, (Plane, Heightmap)):          # those two are on no body
-            position = wheels.get((link.spec.name, collision.name), collision.pose)[0]
-            geom.setOffsetPosition(tuple(a - b for a, b in zip(position, link.com)))
+            x, y, z = wheels.get((link.spec.name, collision.name), collision.pose)[0]
+            geom.setOffsetPosition((x - link.com[0], y - link.com[1], z - link.com[2]))

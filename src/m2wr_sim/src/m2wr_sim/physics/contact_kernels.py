@@ -24,14 +24,41 @@ FACES, _SAME_FACE, _SAME_PLANE = 4, 0.8, 0.998          # as in contacts
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rotate(x: float, y: float, z: float, w: float, vx: float, vy: float, vz: float) -> Tuple[float, float, float]:
-    """Rotate a vector by a unit quaternion, with the order of operations of geometry.rotate."""
+    """Rotate a vector by a unit quaternion, with the order of operations of geometry.rotate.
+
+    Parameters
+    ----------
+    x, y, z, w : float
+        Unit quaternion.
+    vx, vy, vz : float
+        Vector.
+
+    Returns
+    -------
+    (float, float, float)
+    """
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
     return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def with_direction(values: Values, first: int, count: int) -> int:
-    """Move the contacts with a valid normal to the front, as contacts.has_direction; return their number."""
+    """Move the contacts with a valid normal to the front, see contacts.has_direction.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    first : int
+        Word of the first contact.
+    count : int
+        Number of contacts.
+
+    Returns
+    -------
+    int
+        Number of contacts that remain, at the front.
+    """
     kept = 0
     for index in range(count):
         at = first + index * CONTACT_WORDS + C_NORMAL
@@ -47,7 +74,17 @@ def with_direction(values: Values, first: int, count: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def merge(values: Values, first: int, count: int) -> None:
-    """Average ``count`` contacts into the first, as contacts.merge does, with the same order of operations."""
+    """Average contacts into the first one, as contacts.merge does, with the same order of operations.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    first : int
+        Word of the first contact.
+    count : int
+        Number of contacts.
+    """
     px = py = pz = nx = ny = nz = depth = 0.0
     deepest = first
     for index in range(count):
@@ -73,7 +110,24 @@ def merge(values: Values, first: int, count: int) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def merge_faces(values: Values, first: int, count: int, limit: int) -> int:
-    """Average contacts with similar normals, as contacts.merge_faces; return how many remain, at the front."""
+    """Average contacts with similar normals, as contacts.merge_faces does.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    first : int
+        Word of the first contact.
+    count : int
+        Number of contacts.
+    limit : int
+        Greatest number of contacts that remain.
+
+    Returns
+    -------
+    int
+        Number of contacts that remain, at the front.
+    """
     place, seeds, sizes = np.full(MAX_FOUND, -1), np.zeros(FACES, np.int64), np.zeros(FACES, np.int64)
     places = 0
     for index in range(count):
@@ -113,7 +167,24 @@ def merge_faces(values: Values, first: int, count: int, limit: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def deepest_faces(values: Values, first: int, count: int, limit: int) -> int:
-    """Select contacts as contacts.deepest_faces; return how many remain, at the front."""
+    """Select contacts as contacts.deepest_faces does.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    first : int
+        Word of the first contact.
+    count : int
+        Number of contacts.
+    limit : int
+        Greatest number of contacts that remain.
+
+    Returns
+    -------
+    int
+        Number of contacts that remain, at the front.
+    """
     words = C_DEPTH + 1 - C_GEOMETRY
     gone, kept, places = np.zeros(MAX_FOUND, np.bool_), np.zeros((FACES, words)), 0
     while places < limit:
@@ -142,7 +213,19 @@ def deepest_faces(values: Values, first: int, count: int, limit: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def spread(values: Values, first: int, count: int, limit: int) -> None:
-    """Move the contacts that contacts.spread selects to the front, in their order."""
+    """Move the contacts that contacts.spread selects to the front, in their order.
+
+    Parameters
+    ----------
+    values : (W,) float64
+        The block.
+    first : int
+        Word of the first contact.
+    count : int
+        Number of contacts.
+    limit : int
+        Greatest number of contacts that remain.
+    """
     chosen = np.zeros(MAX_FOUND, np.bool_)
     nearest = np.full(MAX_FOUND, math.inf)
     last = 0

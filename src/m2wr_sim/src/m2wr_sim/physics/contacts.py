@@ -115,7 +115,18 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
     elif stiffer > 1.0:
         soft_cfm = settings.cfm / stiffer
         mode |= MODE_SOFT_CFM
-    limit = min(settings.max_contacts, max(1, first.max_contacts), max(1, second.max_contacts))
+    limit, merging = _reduction(first, second, wheel, settings.max_contacts)
+    along, along_second = _friction_direction(one.fdir1, two.fdir1)
+    if any(along):
+        mode |= MODE_FDIR1 | MODE_MU2
+    ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
+    return PairSurface(mode, mu, mu2, slip1, slip2, bounce, min(one.restitution_threshold, two.restitution_threshold),
+                       soft_erp, soft_cfm, limit, merging, ground, along, along_second)
+
+
+def _reduction(first: Collision, second: Collision, wheel: bool, most: int) -> Tuple[int, int]:
+    """Return the greatest number of contacts of a pair, and how they are merged; ``wheel``: whether one is a wheel."""
+    limit = min(most, max(1, first.max_contacts), max(1, second.max_contacts))
     shapes, merging = (first.geometry, second.geometry), MERGE_ALL if wheel else 0
     if any(isinstance(shape, (Mesh, Heightmap)) for shape in shapes):
         limit = min(limit, MESH_CONTACTS)
@@ -125,12 +136,7 @@ def pair_surface(first: Collision, second: Collision, first_is_wheel: bool, seco
             merging = MERGE_FACES
     if any(isinstance(shape, Box) for shape in shapes):
         limit = min(limit, BOX_CONTACTS)
-    along, along_second = _friction_direction(one.fdir1, two.fdir1)
-    if any(along):
-        mode |= MODE_FDIR1 | MODE_MU2
-    ground = not both_move and (isinstance(first.geometry, Plane) or isinstance(second.geometry, Plane))
-    return PairSurface(mode, mu, mu2, slip1, slip2, bounce, min(one.restitution_threshold, two.restitution_threshold),
-                       soft_erp, soft_cfm, limit, merging, ground, along, along_second)
+    return limit, merging
 
 
 def _friction_direction(one: Sequence[float], two: Sequence[float]) -> Tuple[Tuple[float, ...], bool]:

@@ -8,9 +8,20 @@ limits from the computed forces, until limits and forces agree.
 
 Only islands with such a contact are solved again, each until it agrees; all others are disabled meanwhile.
 """
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Callable, Dict, List, Optional, Set, Tuple
+
 import ode
 
 from m2wr_sim.physics.contacts import AGREED, MODE_APPROX1, next_limit
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Vector
+    from m2wr_sim.physics.contacts import PairSurface
+
+    #: Names of the two collisions, sorted, and the number of the contact.
+    Key = Tuple[str, str, int]
 
 UNKNOWN = -1.0          # N; stands for a normal force that is not computed yet
 
@@ -20,33 +31,50 @@ class Memory:
 
     __slots__ = ("step", "forces")
 
-    def __init__(self, step=0, forces=None):
-        self.step, self.forces = step, forces or {}
+    def __init__(self, step: int = 0, forces: Optional[Dict[Key, float]] = None) -> None:
+        self.step = step
+        self.forces: Dict[Key, float] = forces or {}
 
 
 class Grip:
     """One contact of a step: its parameters, and the normal force [N] that limits its friction.
 
-    ``model`` is one of its moving models.  ``key`` identifies the contact in later steps: the names of the two
-    collisions, and the number of the contact.
+    Parameters
+    ----------
+    joint : ode.ContactJoint
+    contact : ode.Contact
+    one, two : ode.Body or None
+        Bodies of the two geoms.
+    surface : PairSurface
+    mode : int
+        Mode flags of the contact.
+    normal : (3,) of float
+        Unit vector in the world.
+    model : str
+        Name of one of its moving models.
+    coupled : bool
+        Whether its normal force depends on friction.
+    key : (str, str, int)
+        Identifies the contact in later steps: names of the two collisions, number of the contact.
     """
 
     __slots__ = ("joint", "contact", "one", "two", "surface", "mode", "normal", "force", "model", "coupled", "key",
                  "island")
 
-    def __init__(self, joint, contact, one, two, surface, mode, normal, model, coupled, key):
+    def __init__(self, joint: ode.ContactJoint, contact: ode.Contact, one: Optional[ode.Body], two: Optional[ode.Body],
+                 surface: PairSurface, mode: int, normal: Vector, model: str, coupled: bool, key: Key) -> None:
         self.joint, self.contact, self.one, self.two = joint, contact, one, two
         self.surface, self.mode, self.normal, self.force = surface, mode, normal, UNKNOWN
-        self.model, self.coupled, self.key, self.island = model, coupled, key, None
+        self.model, self.coupled, self.key, self.island = model, coupled, key, model
 
-    def normal_force(self):
+    def normal_force(self) -> float:
         """Return the normal force [N] from the last solution; 0 between sleeping bodies, which are not solved."""
         if not any(body is not None and body.isEnabled() for body in (self.one, self.two)):
             return 0.0
         force, normal = self.joint.getFeedback()[0], self.normal
         return abs(force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2])
 
-    def replace(self, world, group):
+    def replace(self, world: ode.World, group: ode.JointGroup) -> None:
         """Replace the contact joint by one with friction limited by :attr:`force`.
 
         The old joint stays in the group, detached.
@@ -71,19 +99,21 @@ class Grip:
 class _State:
     """State of a body before a solution, to restore it."""
 
-    def __init__(self, body):
+    def __init__(self, body: ode.Body) -> None:
         self._body = body
         self._kept = ((body.setPosition, body.getPosition()), (body.setQuaternion, body.getQuaternion()),
                       (body.setLinearVel, body.getLinearVel()), (body.setAngularVel, body.getAngularVel()),
                       (body.setForce, body.getForce()), (body.setTorque, body.getTorque()))
 
-    def restore(self):
+    def restore(self) -> None:
         """Restore the state."""
         for put, value in self._kept:
             put(value)
 
 
-def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
+def solve_coupled(world: ode.World, group: ode.JointGroup, grips: List[Grip], models: Dict[str, List[ode.Body]],
+                  stands_for: Callable[[str], str], dt: float, solves: int,
+                  forces: Dict[Key, float]) -> Dict[Key, float]:
     """Make one step; islands with a coupled contact are solved repeatedly until limits and forces agree.
 
     Parameters
@@ -120,7 +150,7 @@ def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
             grip.force = forces[grip.key]
             grip.replace(world, group)
     states = {name: [_State(body) for body in bodies] for name, bodies in models.items() if stands_for(name) in again}
-    frozen = []
+    frozen: List[ode.Body] = []
     for solve in range(solves):
         world.step(dt)
         again = _disagreeing([grip for grip in grips if grip.island in again])
@@ -131,10 +161,7 @@ def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
                 for state in states[name]:
                     state.restore()
             else:
-                for body in bodies:
-                    if body.isEnabled():
-                        body.disable()          # libode does not solve sleeping bodies
-                        frozen.append(body)
+                frozen += _disable(bodies)
         for grip in grips:
             if grip.island in again:
                 grip.replace(world, group)
@@ -146,9 +173,18 @@ def solve_coupled(world, group, grips, models, stands_for, dt, solves, forces):
     return {grip.key: grip.force for grip in grips}
 
 
-def _disagreeing(grips):
+def _disable(bodies: List[ode.Body]) -> List[ode.Body]:
+    """Disable bodies, which libode then does not solve; return those that were enabled."""
+    awake = [body for body in bodies if body.isEnabled()]
+    for body in awake:
+        body.disable()
+    return awake
+
+
+def _disagreeing(grips: List[Grip]) -> Set[str]:
     """Compute the limits from the normal forces; return the islands whose limits have changed."""
-    change, greatest = {}, {}
+    change: Dict[str, float] = {}
+    greatest: Dict[str, float] = {}
     for grip in grips:
         felt, used, island = grip.normal_force(), grip.force, grip.island
         grip.force = next_limit(used, felt)

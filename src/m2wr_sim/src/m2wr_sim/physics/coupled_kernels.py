@@ -106,7 +106,20 @@ _world_step = types.ExternalFunction("dWorldStep", types.int32(_handle, types.fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def stands_for(words: Words, model: int) -> Any:
-    """Return the row of the model that represents the island of a model in this step."""
+    """Return the row of the model that represents the island of a model in this step.
+
+    Parameters
+    ----------
+    words : (W,) uint64
+        The block.
+    model : int
+        Number of the model, counted in ``H_SPACES``.
+
+    Returns
+    -------
+    int
+        A row of ``H_ISLANDS``.
+    """
     row = np.int64(words[H_ISLANDS] + model * np.uint64(ISLAND_WORDS))
     if words[row + X_STEP] != words[H_STEPS]:
         words[row + X_STEP], words[row + X_FOR] = words[H_STEPS], np.uint64(row)
@@ -119,7 +132,16 @@ def stands_for(words: Words, model: int) -> Any:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def restart_countdown(words: Words, values: Values, number: int) -> None:
-    """Restart the idle time of a body that was woken; ``number`` counts from 1, and 0 means none."""
+    """Restart the idle time of a body that was woken.
+
+    Parameters
+    ----------
+    words : (W,) uint64
+    values : (W,) float64
+        The block.
+    number : int
+        Number of the body, counted from 1 in ``H_IDLERS``; 0 means none.
+    """
     if number != 0:
         row = np.int64(words[H_IDLERS]) + (np.int64(number) - 1) * IDLE_WORDS
         values[row + I_STEPS], values[row + I_TIME] = _STEPS, _TIME
@@ -127,7 +149,16 @@ def restart_countdown(words: Words, values: Values, number: int) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def count_down(words: Words, values: Values, dt: float) -> None:
-    """Count a step for the bodies that may sleep, as idle.count_down does."""
+    """Count a step for the bodies that may sleep, as idle.count_down does.
+
+    Parameters
+    ----------
+    words : (W,) uint64
+    values : (W,) float64
+        The block.
+    dt : float
+        Step size [s].
+    """
     for index in range(np.int64(words[H_IDLER_COUNT])):
         row = np.int64(words[H_IDLERS]) + index * IDLE_WORDS
         body = words[row + I_BODY]
@@ -193,7 +224,7 @@ def _recall(words: Words, values: Values) -> None:
     """Set the normal forces of contacts in coupled islands from the last step; new contacts have none."""
     count, seen = np.int64(words[H_FORMER_COUNT]), 0
     if words[H_FORMER_STEP] + np.uint64(1) != words[H_STEPS]:
-        count = 0
+        count = np.int64(0)
     for index in range(np.int64(words[H_KEPT])):
         grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
         if words[np.int64(words[grip + J_ISLAND]) + X_AGAIN] == 0:
@@ -297,16 +328,27 @@ def _take_back(words: Words, values: Values) -> None:
                 _restore_state(words, values, index)
             elif _is_enabled(body):
                 words[np.int64(words[H_STATES]) + index * STATE_WORDS + T_FROZEN] = np.uint64(1)
-                _disable(body)                          # libode leaves out what sleeps
-    for index in range(np.int64(words[H_KEPT])):
-        grip = np.int64(words[H_GRIPS]) + index * GRIP_WORDS
+                _disable(body)                          # libode does not solve sleeping bodies
+    for contact in range(np.int64(words[H_KEPT])):
+        grip = np.int64(words[H_GRIPS]) + contact * GRIP_WORDS
         if words[np.int64(words[grip + J_ISLAND]) + X_AGAIN] == AGAIN:
-            _replace(words, values, index)
+            _replace(words, values, contact)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def solve_coupled(words: Words, values: Values, world: int, dt: float) -> None:
-    """Solve a step until limits of friction and normal forces agree, as coupled_friction.solve_coupled does."""
+    """Solve a step until limits of friction and normal forces agree, as coupled_friction.solve_coupled does.
+
+    Parameters
+    ----------
+    words : (W,) uint64
+    values : (W,) float64
+        The block.
+    world : int
+        Native handle of the world.
+    dt : float
+        Step size [s].
+    """
     _gather(words, values)
     _recall(words, values)
     solves = np.int64(words[H_SOLVES])

@@ -10,8 +10,11 @@ reference in one step.  With stiffness k, damping d, step size h and deflection 
 d v.  This is a motor with target rate -x k / (h k + d) and compliance 1 / (h k + d).  It is stable for any stiffness,
 but damps fast oscillations.
 """
+from __future__ import annotations
+
 import itertools
 import math
+from typing import TYPE_CHECKING, Dict, List, Optional, Tuple
 
 import numpy as np
 import ode
@@ -19,13 +22,20 @@ import ode
 from m2wr_sim.geometry import compose, matrix_from_quaternion, rotate, rotate_inverse
 from m2wr_sim.physics.pyode_bodies import PARAM_CFM, PARAM_FMAX, PARAM_VEL
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Vector
+    from m2wr_sim.model.types import Inertial, Link
+    from m2wr_sim.physics.parts import JointDrive, LinkBody, ModelParts
+
 STABLE = 1.0                # greatest relative change of rate, or deflection, by an explicit force in one step
 _STRONGEST = 1e6            # times the bound by STABLE: with more damping a joint does not move, within rounding
 _LEAST = 1e-12              # N m s/rad; less has no effect, and its inverse may overflow
 _WEAKEST_MOTION = 1e-9      # 1/kg or 1/(kg m^2); mobility of a body that practically does not move
 
 
-def slow_down(joints, links):
+def slow_down(joints: List[JointDrive], links: List[LinkBody]) -> None:
     """Apply explicit damping and springs to joints, update implicit springs, and reduce velocities of damped links.
 
     Parameters
@@ -54,6 +64,17 @@ def slow_down(joints, links):
 class Damper:
     """The solver's damper on one axis of a joint: a motor of libode between the joint's two bodies.
 
+    Parameters
+    ----------
+    world : ode.World
+    drive : JointDrive
+    bodies : (ode.Body, ode.Body)
+        Of the child and the parent.
+    axis : (3,) of float
+        In the world.
+    held_by : int
+        Body with which the axis rotates: 1, the child; 2, the parent; 0, the world.
+
     Attributes
     ----------
     number : int
@@ -62,7 +83,8 @@ class Damper:
 
     _numbers = itertools.count()
 
-    def __init__(self, world, drive, bodies, axis, held_by):
+    def __init__(self, world: ode.World, drive: JointDrive, bodies: Tuple[ode.Body, ode.Body], axis: Vector,
+                 held_by: int) -> None:
         self.number = next(self._numbers)
         self._motor = (ode.LMotor if drive.spec.kind == "prismatic" else ode.AMotor)(world)
         self._motor.attach(*bodies)
@@ -72,21 +94,21 @@ class Damper:
         self._motor.setAxis(0, held_by, axis)
         self._motor.setParam(PARAM_FMAX, math.inf)
 
-    def set(self, damping):
+    def set(self, damping: float) -> None:
         """Set the damping [N m s/rad or N s/m]."""
         self._motor.setParam(PARAM_CFM, 1.0 / damping)
         self.steer(0.0)
 
-    def steer(self, rate):
+    def steer(self, rate: float) -> None:
         """Set the target rate [rad/s or m/s]; for a spring, before every step."""
         self._motor.setParam(PARAM_VEL, rate)
 
-    def remove(self):
+    def remove(self) -> None:
         """Detach the damper."""
         self._motor.attach(None, None)
 
 
-def mobilities(drive, links):
+def mobilities(drive: JointDrive, links: Dict[str, LinkBody]) -> List[float]:
     """Return the mobilities of child and parent of a joint along its one axis [1/kg or 1/(kg m^2)].
 
     Links connected by further joints are not included.  0 for the world, and for static or kinematic links.
@@ -118,13 +140,13 @@ def mobilities(drive, links):
     return found
 
 
-def _arm(child, parent, axis):
+def _arm(child: Link, parent: Link, axis: Vector) -> float:
     """Return the lever arm [m] of a force along a slider, which libode applies in the middle between its links."""
-    apart = np.subtract(*(compose(link.pose, link.inertial.pose)[0] for link in (child, parent)))
+    apart = np.subtract(compose(child.pose, child.inertial.pose)[0], compose(parent.pose, parent.inertial.pose)[0])
     return 0.5 * float(np.linalg.norm(np.cross(apart, axis)) / np.linalg.norm(axis))
 
 
-def _angular_mobility(inertial, axis=None):
+def _angular_mobility(inertial: Inertial, axis: Optional[NDArray[np.float64]] = None) -> float:
     """Return the angular acceleration about an axis of the link, by default that of least inertia, per torque."""
     xx, xy, xz, yy, yz, zz = inertial.inertia
     tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
@@ -134,7 +156,7 @@ def _angular_mobility(inertial, axis=None):
     return float(along @ np.linalg.solve(tensor, along))
 
 
-def settle(world, parts, dt):
+def settle(world: ode.World, parts: ModelParts, dt: float) -> None:
     """Choose explicit or implicit damping and springs for each joint of a model.
 
     For explicit forces this sets ``drive.damping`` and ``drive.stiffness``.  For implicit ones it sets
@@ -147,7 +169,7 @@ def settle(world, parts, dt):
     Parameters
     ----------
     world : ode.World
-    parts : object with ``links`` and ``joints``
+    parts : ModelParts
     dt : float
         Step [s].
     """
@@ -177,13 +199,13 @@ def settle(world, parts, dt):
         _fit(world, drive, links, wanted)
 
 
-def _settle_universal(world, drive, links):
+def _settle_universal(world: ode.World, drive: JointDrive, links: Dict[str, LinkBody]) -> None:
     """Damp both axes of a universal joint through the solver."""
     _fit(world, drive, links, {index: min(abs(axis.damping), 1.0 / _WEAKEST_MOTION)
                                for index, axis in enumerate(drive.spec.axes()) if abs(axis.damping) > _LEAST})
 
 
-def _fit(world, drive, links, wanted):
+def _fit(world: ode.World, drive: JointDrive, links: Dict[str, LinkBody], wanted: Dict[int, float]) -> None:
     """Give a joint dampers of the given strengths, by axis, and remove all others."""
     for index in [index for index in drive.dampers if index not in wanted]:
         drive.dampers.pop(index).remove()

@@ -93,7 +93,6 @@ class Engine(abc.ABC):
     """
 
     settings: EngineSettings
-    solver_messages = 0
     placements = 0
     version = 0
     iterative_above = ITERATIVE_ABOVE
@@ -362,6 +361,11 @@ class Engine(abc.ABC):
             [N] and [N m] about the centre of mass of the link, in the world frame, including the joint's motor; zeros
             before the first step.
         """
+
+    @property
+    @abc.abstractmethod
+    def solver_messages(self) -> int:
+        """Number of messages of ODE's solver in this process; a constant stream means an ill-conditioned world."""
 
     @abc.abstractmethod
     def configure(self, settings: EngineSettings) -> None:

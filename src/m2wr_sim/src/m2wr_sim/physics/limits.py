@@ -1,23 +1,27 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What ODE can take of a model, checked before anything of it is built: ODE answers some numbers by ending the process.
+"""Checks models before they are built, because ODE aborts the process for some values.
 
-ODE was compiled with assertions.  These are the ones that numbers can reach, and what keeps models away from them:
+ODE was compiled with assertions.  These are the assertions that values can violate, and the limits that prevent it:
 
 =============================  =====================================================================================
-``dMassCheck``                 An inertia whose Cholesky factor fails to rounding: principal moments within SPREAD.
-``bSafeNormalize4Fault``       A turn that is no number: the solver has divided by 0, or a sum is beyond 1e308.  Masses,
-                               inertias and arms are bounded on their own and by the LEVERAGE a body gives what pushes
-                               it, so that the solver's matrix stays regular with the softness (CFM) that is added.
-``bSafeNormalize3Fault``       A direction without length: a joint's axis, what two parallel axes span, or the edge of
-                               a shape thinner than ``LEAST_SIZE`` of physics/engine.py.
-``d[i] != 0``                  The same, in the solver's factor.  Where it takes a row away, the direct solver adds
-                               1 to numbers as large as a body's mobility squared, and beyond DIRECT the 1 is lost: such
-                               a body is left to the iterative solver, which factors nothing.  Softness over the step
-                               adds to the mobility, and is held below SOFTEST.
-``aabbBound < dMaxIntExact``   A place beyond 2^31 cells of the hash space: ``TOO_FAR`` of physics/engine.py.
+``dMassCheck``                 Rounding makes the Cholesky factor of an inertia fail.  Principal moments are limited
+                               to a ratio of SPREAD.
+``bSafeNormalize4Fault``       A rotation is NaN: the solver has divided by 0, or a sum is beyond 1e308.  Masses,
+                               inertias and lever arms are limited, each one and in combination (LEVERAGE), so that
+                               the solver's matrix stays regular with the softness (CFM) that is added.
+``bSafeNormalize3Fault``       A direction has length 0: the axis of a joint, the normal of two parallel axes, or the
+                               edge of a shape thinner than ``LEAST_SIZE`` of physics/engine.py.
+``d[i] != 0``                  The same, in the factor of the solver's matrix.  If the direct solver removes a row, it
+                               adds 1 to numbers as large as the square of a body's mobility, and above DIRECT the 1 is
+                               lost to rounding.  Such a body is solved iteratively, which needs no factor.  Softness
+                               divided by the step adds to the mobility, and is limited to SOFTEST.
+``aabbBound < dMaxIntExact``   A position beyond 2^31 cells of the hash space: ``TOO_FAR`` of physics/engine.py.
 =============================  =====================================================================================
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -25,6 +29,12 @@ from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import compose, matrix_from_quaternion
 from m2wr_sim.model.types import Box, Cylinder, Sphere
 from m2wr_sim.physics.engine import FARTHEST, LEAST_INERTIA, LEAST_MASS, SHORTEST_STEP
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Vector
+    from m2wr_sim.model.types import Geometry, Inertial, Joint, Link, Model
 
 HEAVIEST, GREATEST_INERTIA = 1e9, 1e9       # kg, kg m^2
 FARTHEST_CENTRE = 100.0                     # m, of the centre of mass from its link's frame
@@ -38,14 +48,14 @@ GREATEST_NUMBER = 1e16                      # of friction, stops and softness of
 GREATEST_STIFFNESS = 1e300                  # of dampers and springs, which are solved implicitly: any is stable
 
 
-def check_model(model, name):
-    """Raise ModelError where a movable model has numbers that ODE cannot take.
+def check_model(model: Model, name: str) -> None:
+    """Raise ModelError if a movable model has values that ODE cannot use.
 
     Parameters
     ----------
     model : m2wr_sim.model.types.Model
     name : str
-        Under which it comes into the world, for messages.
+        Its name in the world, for messages.
     """
     if model.static:
         return
@@ -59,26 +69,38 @@ def check_model(model, name):
         check_leverage(link, anchors.get(link.name, ()), where)
 
 
-def _anchors(model):
-    """Return ``{link: [point, ...]}``: where joints hold the links of a model, each in its link's frame [m]."""
+def _anchors(model: Model) -> Dict[str, List[Vector]]:
+    """Return ``{link: [anchor, ...]}``: the anchors of the joints of each link, in the frame of the link [m]."""
     links = {link.name: link for link in model.links}
-    anchors = {}
+    anchors: Dict[str, List[Vector]] = {}
     for joint in model.joints:
         child = links.get(joint.child)
         if child is not None:
             anchors.setdefault(joint.child, []).append(joint.pose[0])
             if joint.parent in links:
-                there = compose(child.pose, joint.pose)[0]
-                parent = links[joint.parent]
-                anchors.setdefault(joint.parent, []).append(tuple(a - b for a, b in zip(there, parent.pose[0])))
+                there, origin = compose(child.pose, joint.pose)[0], links[joint.parent].pose[0]
+                anchors.setdefault(joint.parent, []).append(
+                    (there[0] - origin[0], there[1] - origin[1], there[2] - origin[2]))
     return anchors
 
 
-def check_inertial(inertial, where):
-    """Raise ModelError for a mass, an inertia or a centre of mass that are not those of a body ODE can move."""
+def check_inertial(inertial: Inertial, where: str) -> None:
+    """Check mass, inertia and centre of mass of a link.
+
+    Parameters
+    ----------
+    inertial : m2wr_sim.model.types.Inertial
+    where : str
+        ``model::link``, for messages.
+
+    Raises
+    ------
+    ModelError
+        If they are not those of a physical body, or beyond the limits of ODE.
+    """
     ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
-    moments = np.linalg.eigvalsh(tensor) if np.all(np.isfinite(tensor)) else (-math.inf,)
+    moments = np.linalg.eigvalsh(tensor) if np.all(np.isfinite(tensor)) else np.array((-math.inf,))
     if not 0.0 < inertial.mass < math.inf or not moments[0] > 0.0:
         raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
                          "positive definite inertia" % (where, inertial.mass, list(inertial.inertia)))
@@ -96,7 +118,7 @@ def check_inertial(inertial, where):
             where, tuple(inertial.pose[0]), FARTHEST_CENTRE))
 
 
-def _check_joint(joint, where):
+def _check_joint(joint: Joint, where: str) -> None:
     if not all(abs(value) <= FARTHEST for value in joint.pose[0]):
         raise ModelError("joint %s: anchor at %s in the child link; expected at most %g m" % (
             where, tuple(joint.pose[0]), FARTHEST))
@@ -118,22 +140,27 @@ def _check_joint(joint, where):
                 where, tuple(joint.axes()[0].xyz), tuple(joint.axes()[1].xyz)))
 
 
-def _check_numbers(where, numbers, greatest=GREATEST_NUMBER):
+def _check_numbers(where: str, numbers: Iterable[Tuple[str, float]], greatest: float = GREATEST_NUMBER) -> None:
     for name, value in numbers:
         if not abs(value) <= greatest:
             raise ModelError("%s: %s %g; expected a number of at most %g" % (where, name, value, greatest))
 
 
-def check_leverage(link, anchors, where):
-    """Raise ModelError where something can push a link with an arm that its inertia does not match.
+def check_leverage(link: Link, anchors: Sequence[Sequence[float]], where: str) -> None:
+    """Check the lever arms of contacts and joints of a link against its inertia.
 
     Parameters
     ----------
     link : m2wr_sim.model.types.Link
     anchors : list of (3,) of float
-        Where joints hold it, in its frame [m].
+        Anchors of its joints, in its frame [m].
     where : str
-        Its name, for the message.
+        ``model::link``, for the message.
+
+    Raises
+    ------
+    ModelError
+        If the mobility of a point at which a force may act is above :data:`LEVERAGE`.
     """
     centre = link.inertial.pose[0]
     arm = max([_reach(link)] + [math.dist(centre, anchor) for anchor in anchors])
@@ -143,8 +170,8 @@ def check_leverage(link, anchors, where):
                              where, link.inertial.mass, _least_moment(link.inertial), arm, LEVERAGE))
 
 
-def too_mobile(links):
-    """Return the name of a link whose contacts only the iterative solver can take, and why; None where there is none.
+def too_mobile(links: Iterable[Link]) -> Optional[Tuple[str, str]]:
+    """Return the name of a link whose contacts need the iterative solver, and the reason; None if there is none.
 
     Parameters
     ----------
@@ -160,25 +187,26 @@ def too_mobile(links):
     return None
 
 
-def _reach(link):
+def _reach(link: Link) -> float:
     """Return the greatest distance of a contact of a link from its centre of mass [m]."""
     centre = link.inertial.pose[0]
     return max([math.dist(centre, collision.pose[0]) + _radius(collision.geometry) for collision in link.collisions],
                default=0.0)
 
 
-def _least_moment(inertial):
+def _least_moment(inertial: Inertial) -> float:
+    """Return the least principal moment of inertia [kg m^2]."""
     ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
     return float(np.linalg.eigvalsh(np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))[0])
 
 
-def _mobility(inertial, arm):
+def _mobility(inertial: Inertial, arm: float) -> float:
     """Return the greatest mobility [1/kg] of a point of a body at a distance [m] from its centre of mass."""
     return 1.0 / inertial.mass + arm * arm / _least_moment(inertial)
 
 
-def _radius(geometry):
-    """Return how far a shape reaches from its middle [m]; 0 for planes, which never move."""
+def _radius(geometry: Geometry) -> float:
+    """Return the greatest distance of a point of a shape from its origin [m]; 0 for planes, which never move."""
     if isinstance(geometry, Box):
         return 0.5 * math.sqrt(sum(size * size for size in geometry.size))
     if isinstance(geometry, Sphere):
@@ -189,8 +217,8 @@ def _radius(geometry):
     return 0.0 if vertices is None or not len(vertices) else float(np.max(np.linalg.norm(vertices, axis=1)))
 
 
-def turned_tensor(inertial):
+def link_tensor(inertial: Inertial) -> NDArray[np.float64]:
     """Return the inertia (3, 3) of an Inertial in link axes, about the centre of mass [kg m^2]."""
     ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-    turn = matrix_from_quaternion(inertial.pose[1])
-    return turn @ np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float) @ turn.T
+    rotation = matrix_from_quaternion(inertial.pose[1])
+    return rotation @ np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float) @ rotation.T

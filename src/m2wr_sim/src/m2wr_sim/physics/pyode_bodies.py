@@ -1,106 +1,88 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Build ODE bodies, geoms and joints from model records, through the Python binding.
+"""Builds ODE bodies, geoms and joints from model records, through the Python binding.
 
-A body's origin must be its centre of mass, a link's frame is where the model says: bodies keep their link's axes and
-only the origin is shifted, by ``com`` (in link axes); geoms carry the same shift.
+The origin of an ODE body must be its centre of mass.  Therefore a body has the axes of its link's frame, and its origin
+is shifted by ``com`` (in the link frame).  Geoms have the opposite shift.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Optional, Sequence, Tuple
 
 import ode
 
 from m2wr_sim.errors import ModelError
-from m2wr_sim.geometry import IDENTITY, compose, multiply, rotate, rotate_inverse
-from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Sphere
+from m2wr_sim.geometry import IDENTITY, compose, rotate
+from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Plane, Sphere
 from m2wr_sim.physics.contacts import MODE_FDIR1, along_surface
 from m2wr_sim.physics.engine import FARTHEST, LEAST_SIZE
-from m2wr_sim.physics.idle import Countdown
-from m2wr_sim.physics.limits import SOFTEST, check_inertial, turned_tensor
+from m2wr_sim.physics.limits import SOFTEST, check_inertial, link_tensor
 from m2wr_sim.physics.native_shapes import height_geom, mesh_geom
+from m2wr_sim.physics.parts import JointDrive
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Quaternion
+    from m2wr_sim.model.types import Axis, Collision, Inertial, Joint, Link
+    from m2wr_sim.physics.contacts import PairSurface
+    from m2wr_sim.physics.native_shapes import Geom
+    from m2wr_sim.physics.parts import LinkBody, ModelParts
 
 CATEGORY_STATIC, CATEGORY_MOVING = 1, 2
 COLLIDE_EVERYTHING = 0x7fffffff
 
-# Joint parameters of ODE 0.16 by number: the binding's own constants are those of an older library and do nothing.
+# Joint parameters of ODE 0.16 by number: the constants of the binding are those of an older library, without effect.
 PARAM_LO_STOP, PARAM_HI_STOP, PARAM_VEL, PARAM_FMAX, PARAM_CFM = 0, 1, 2, 5, 8
 PARAM_STOP_ERP, PARAM_STOP_CFM, PARAM_GROUP_2 = 9, 10, 0x100
 PARAMETERS = {"lower": PARAM_LO_STOP, "upper": PARAM_HI_STOP, "rate": PARAM_VEL, "max_force": PARAM_FMAX,
               "fudge_factor": 6, "cfm": PARAM_CFM, "stop_erp": PARAM_STOP_ERP, "stop_cfm": PARAM_STOP_CFM, "erp": 13}
 
-_WHEEL_ALIGNMENT = math.cos(math.radians(2.0))
-_WHEEL_SNAP = math.cos(math.radians(0.1))
 
-
-class ModelParts:
-    """Everything the engine owns for one model."""
-
-    def __init__(self, name, static):
-        self.name, self.static = name, static
-        self.space = None
-        self.links, self.joints, self.geoms = [], [], []
-        self.self_colliding, self.sleeps, self.stiffer = False, False, 1.0
-        self.too_mobile = None      # what limits.too_mobile tells of its links
-
-
-class Shape:
-    """What the contact callback needs to know of a geom."""
-
-    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown")
-
-    def __init__(self, name, collision, wheel, model, link, body, stiffer, countdown):
-        self.name, self.collision, self.wheel = name, collision, wheel
-        self.model, self.link, self.body = model, link, body
-        self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
-        self.countdown, self.restless = countdown, body is not None and countdown is None
-
-
-class LinkBody:
-    """One link in the engine: its body (None where static), geoms, and the shift between link and body frame.
-
-    ``countdown`` is there where the body may sleep.
-    """
-
-    __slots__ = ("name", "spec", "body", "com", "pose", "geoms", "countdown")
-
-    def __init__(self, name, spec, body, com, pose, sleeps=False):
-        self.name, self.spec, self.body, self.com, self.pose = name, spec, body, com, pose
-        self.countdown = Countdown() if sleeps and body is not None else None
-        self.geoms = []                     # (geom, Collision)
-
-
-class JointDrive:
-    """One joint in the engine, with its count of full turns and how it is damped and pulled: see dampers.settle."""
-
-    __slots__ = ("name", "spec", "joint", "hinge", "angle", "damping", "stiffness", "pull", "dampers")
-
-    def __init__(self, name, spec, joint, hinge):
-        self.name, self.spec, self.joint, self.hinge, self.angle = name, spec, joint, hinge, 0.0
-        self.damping = self.stiffness = self.pull = 0.0
-        self.dampers = {}
-
-
-def ode_quaternion(quaternion):
+def ode_quaternion(quaternion: Sequence[float]) -> Quaternion:
     """Reorder ``(x, y, z, w)`` to ODE's ``(w, x, y, z)``."""
     return (quaternion[3], quaternion[0], quaternion[1], quaternion[2])
 
 
-def make_mass(inertial, name):
+def make_mass(inertial: Inertial, name: str) -> ode.Mass:
     """Return ODE's mass of an Inertial, in link axes about the centre of mass.
+
+    Parameters
+    ----------
+    inertial : m2wr_sim.model.types.Inertial
+    name : str
+        Name of the link, for messages.
+
+    Returns
+    -------
+    ode.Mass
 
     Raises
     ------
     ModelError
-        If mass or inertia are not those of a physical body, or more or less than ODE takes.
+        If mass or inertia are not those of a physical body, or beyond the limits of ODE.
     """
     check_inertial(inertial, name)
-    tensor = turned_tensor(inertial)
+    tensor = link_tensor(inertial)
     mass = ode.Mass()
     mass.setParameters(inertial.mass, 0.0, 0.0, 0.0, tensor[0, 0], tensor[1, 1], tensor[2, 2],
                        tensor[0, 1], tensor[0, 2], tensor[1, 2])
     return mass
 
 
-def make_body(world, link, name, pose):
-    """Create the body of a movable link whose frame stands at ``pose`` in the world.
+def make_body(world: ode.World, link: Link, name: str, pose: Pose) -> ode.Body:
+    """Create the body of a movable link.
+
+    Parameters
+    ----------
+    world : ode.World
+    link : m2wr_sim.model.types.Link
+    name : str
+        ``model::link``, for messages.
+    pose : pose
+        Of the link frame in the world.
+
+    Returns
+    -------
+    ode.Body
 
     Raises
     ------
@@ -117,23 +99,46 @@ def make_body(world, link, name, pose):
     return body
 
 
-def place_body(body, com, pose):
-    """Put a body so that its link frame stands at ``pose``."""
+def place_body(body: ode.Body, com: Sequence[float], pose: Pose) -> None:
+    """Move a body so that its link frame has a given pose.
+
+    Parameters
+    ----------
+    body : ode.Body
+    com : (3,) sequence of float
+        Centre of mass in the link frame [m].
+    pose : pose
+        Of the link frame in the world.
+    """
     position, orientation = pose
     shift = rotate(orientation, com)
     body.setPosition((position[0] + shift[0], position[1] + shift[1], position[2] + shift[2]))
     body.setQuaternion(ode_quaternion(orientation))
 
 
-def make_geom(collision, space, where):
-    """Create the geom of one collision; planes are made by :func:`make_plane`.
+def make_geom(collision: Collision, space: ode.SpaceBase, where: str) -> Geom:
+    """Create the geom of a collision; planes are made by :func:`make_plane`.
+
+    Parameters
+    ----------
+    collision : m2wr_sim.model.types.Collision
+    space : ode.SpaceBase
+        Space that gets the geom.
+    where : str
+        ``model::link::collision``, for messages.
+
+    Returns
+    -------
+    ode.GeomObject or NativeGeom
 
     Raises
     ------
     ModelError
-        If the geometry is of no kind this engine knows, or smaller or larger than its numbers carry.
+        If the kind of the geometry is not supported, or its size is out of range.
     """
     geometry = collision.geometry
+    sizes: Sequence[float]
+    arguments: Tuple[Any, ...]
     if isinstance(geometry, Mesh):
         return mesh_geom(geometry, space, where)
     if isinstance(geometry, Heightmap):
@@ -155,37 +160,88 @@ def make_geom(collision, space, where):
     return geom(space, *arguments)
 
 
-def make_plane(collision, link_pose, space):
-    """Create the geom of a plane: normal in world axes whatever the pose, through the collision's world height.
+def make_plane(collision: Collision, plane: Plane, link_pose: Pose, space: ode.SpaceBase) -> ode.GeomPlane:
+    """Create the geom of a plane, through the height of the collision.
 
-    That is what Gazebo does with planes; moving the model later does not move them either.
+    As in Gazebo, the normal is in world axes for any pose, and moving the model later does not move the plane.
+
+    Parameters
+    ----------
+    collision : m2wr_sim.model.types.Collision
+    plane : m2wr_sim.model.types.Plane
+        Its geometry.
+    link_pose : pose
+        Of the link frame in the world.
+    space : ode.SpaceBase
+        Space that gets the geom.
+
+    Returns
+    -------
+    ode.GeomPlane
+
+    Raises
+    ------
+    ModelError
+        If the normal is zero.
     """
-    nx, ny, nz = collision.geometry.normal
+    nx, ny, nz = plane.normal
     norm = math.sqrt(nx * nx + ny * ny + nz * nz)
     if not norm > 0.0:
-        raise ModelError("collision %s: plane normal %s has no direction" % (collision.name, collision.geometry.normal))
+        raise ModelError("collision %s: plane normal %s has no direction" % (collision.name, plane.normal))
     height = compose(link_pose, collision.pose)[0][2]
     return ode.GeomPlane(space, (nx / norm, ny / norm, nz / norm), nz / norm * height)
 
 
-def attach_geom(geom, body, com, pose):
-    """Fix a geom to a body, ``pose`` being its pose in the link frame."""
+def attach_geom(geom: Geom, body: ode.Body, com: Sequence[float], pose: Pose) -> None:
+    """Attach a geom to a body.
+
+    Parameters
+    ----------
+    geom : ode.GeomObject or NativeGeom
+    body : ode.Body
+    com : (3,) sequence of float
+        Centre of mass in the link frame [m].
+    pose : pose
+        Of the geom in the link frame.
+    """
     position, orientation = pose
     geom.setBody(body)
     geom.setOffsetPosition((position[0] - com[0], position[1] - com[1], position[2] - com[2]))
     geom.setOffsetQuaternion(ode_quaternion(orientation))
 
 
-def place_geom(geom, link_pose, pose):
-    """Put the geom of a static link."""
+def place_geom(geom: Geom, link_pose: Pose, pose: Pose) -> None:
+    """Move the geom of a static link.
+
+    Parameters
+    ----------
+    geom : ode.GeomObject or NativeGeom
+    link_pose : pose
+        Of the link frame in the world.
+    pose : pose
+        Of the collision in the link frame.
+    """
     position, orientation = compose(link_pose, pose)
     position, orientation = compose((position, orientation), getattr(geom, "frame", IDENTITY))
     geom.setPosition(position)
     geom.setQuaternion(ode_quaternion(orientation))
 
 
-def direct_friction(contact, surface, geom):
-    """Give a contact the direction of mu that turns with ``geom``; returns the mode, without it where it means nothing.
+def direct_friction(contact: ode.Contact, surface: PairSurface, geom: Geom) -> int:
+    """Set the direction of mu of a contact, which rotates with one of the shapes.
+
+    Parameters
+    ----------
+    contact : ode.Contact
+    surface : PairSurface
+        With a direction ``along``.
+    geom : ode.GeomObject or NativeGeom
+        The shape in whose frame ``along`` is.
+
+    Returns
+    -------
+    int
+        Mode of the contact; without ``MODE_FDIR1`` if the direction is nearly normal to the surface.
     """
     w, x, y, z = geom.getQuaternion()
     along = along_surface(rotate((x, y, z, w), surface.along), contact.getContactGeomParams()[1])
@@ -195,10 +251,29 @@ def direct_friction(contact, surface, geom):
     return surface.mode
 
 
-def make_joint(world, spec, name, parent, child):
-    """Create a joint between two :class:`LinkBody` (``parent`` may be None: the world); returns a JointDrive.
+def make_joint(world: ode.World, spec: Joint, name: str, parent: Optional[LinkBody], child: LinkBody) -> JointDrive:
+    """Create a joint between two links.
 
-    Gazebo attaches the child as the first body, so positions and rates are those of the child relative to the parent.
+    As in Gazebo, the child is the first body: positions and rates are those of the child relative to the parent.
+
+    Parameters
+    ----------
+    world : ode.World
+    spec : m2wr_sim.model.types.Joint
+    name : str
+        ``model::joint``.
+    parent : LinkBody or None
+        None for the world.
+    child : LinkBody
+
+    Returns
+    -------
+    JointDrive
+
+    Raises
+    ------
+    ModelError
+        If the type of the joint is not supported.
     """
     first, second = child.body, parent.body if parent is not None else ode.environment
     kinds = {"revolute": ode.HingeJoint, "prismatic": ode.SliderJoint, "fixed": ode.FixedJoint, "ball": ode.BallJoint,
@@ -213,8 +288,15 @@ def make_joint(world, spec, name, parent, child):
     return JointDrive(name, spec, joint, spec.kind == "revolute")
 
 
-def anchor_joint(joint, spec, child):
-    """Set where a joint is and what it counts from, from its links as they stand: as in the model, unturned."""
+def anchor_joint(joint: ode.Joint, spec: Joint, child: LinkBody) -> None:
+    """Set anchor, axes and zero position of a joint from the present poses of its links, which are the initial ones.
+
+    Parameters
+    ----------
+    joint : ode.Joint
+    spec : m2wr_sim.model.types.Joint
+    child : LinkBody
+    """
     anchor, orientation = compose(link_pose(child), spec.pose)
     axis = rotate(orientation, spec.axis.xyz)
     if spec.kind == "fixed":
@@ -233,17 +315,29 @@ def anchor_joint(joint, spec, child):
 
 
 def bounded_softness(cfm: float) -> float:
-    """Return a softness (CFM) [s/kg] that the direct solver can take; beyond, a stop already holds nothing."""
+    """Limit a softness (CFM) [s/kg] to what the direct solver can use; at the limit a stop has no effect anyway."""
     return min(max(cfm, 0.0), SOFTEST)
 
 
-def axis_group(kind, index):
-    """Return what libode adds to the numbers of the parameters of a joint's axis."""
+def axis_group(kind: str, index: int) -> int:
+    """Return the offset of libode's parameter numbers for an axis of a joint.
+
+    Parameters
+    ----------
+    kind : str
+        Type of the joint.
+    index : int
+        Index of the axis.
+
+    Returns
+    -------
+    int
+    """
     return PARAM_GROUP_2 if kind == "universal" and index == 0 else 0
 
 
-def _set_up_axis(joint, kind, axis, group):
-    """Set stops and friction; ODE knows no stops beyond half a turn for what turns, wider ones are left out."""
+def _set_up_axis(joint: ode.Joint, kind: str, axis: Axis, group: int) -> None:
+    """Set stops and friction. Stops of a rotation beyond half a turn are omitted, as ODE does not have them."""
     bound = 1e15 if kind == "prismatic" else math.pi
     if axis.lower > -bound:
         joint.setParam(group + PARAM_LO_STOP, axis.lower)
@@ -259,8 +353,8 @@ def _set_up_axis(joint, kind, axis, group):
         joint.setParam(group + PARAM_FMAX, axis.friction)
 
 
-def link_pose(link):
-    """Return ``(position, orientation)`` of a link frame in the world."""
+def link_pose(link: LinkBody) -> Pose:
+    """Return the pose of a link frame in the world."""
     if link.body is None:
         return link.pose
     w, x, y, z = link.body.getQuaternion()
@@ -270,59 +364,20 @@ def link_pose(link):
     return ((px - shift[0], py - shift[1], pz - shift[2]), orientation)
 
 
-def wheel_poses(model):
-    """Find the cylinders that are wheels: those whose link hangs on a hinge along the cylinder's axis.
-
-    Model files round a quarter turn to 1.5707 and the like; a wheel that wobbles by so little steers the robot by
-    millimetres on a few metres.  Within :data:`_WHEEL_SNAP` of the hinge's axis a wheel is set exactly onto it.
-
-    Returns
-    -------
-    dict
-        ``{(link name, collision name): pose of the cylinder in the link frame}``
-    """
-    wheels = {}
-    links = {link.name: link for link in model.links}
-    for joint in model.joints:
-        if joint.kind != "revolute" or joint.child not in links:
-            continue
-        axis = rotate(joint.pose[1], joint.axis.xyz)
-        norm = math.sqrt(sum(value * value for value in axis))
-        for collision in links[joint.child].collisions:
-            if not isinstance(collision.geometry, Cylinder) or norm == 0.0:
-                continue
-            position, orientation = collision.pose
-            along = rotate_inverse(orientation, tuple(value / norm for value in axis))
-            if abs(along[2]) >= _WHEEL_SNAP:
-                sign = math.copysign(1.0, along[2])
-                # shortest turn that takes the cylinder's z axis to `along`; first order is exact enough here
-                orientation = _unit(multiply(orientation, (-0.5 * sign * along[1], 0.5 * sign * along[0], 0.0, 1.0)))
-            if abs(along[2]) >= _WHEEL_ALIGNMENT:
-                wheels[joint.child, collision.name] = (position, orientation)
-    return wheels
-
-
-def initial_link_pose(model_pose, link):
-    """Return the world pose of a link in the model's initial configuration."""
-    position, orientation = compose(model_pose, link.pose)
-    return (position, _unit(orientation))
-
-
-def _unit(quaternion):
-    norm = math.sqrt(sum(value * value for value in quaternion))
-    return tuple(value / norm for value in quaternion)
-
-
-def describe_loss(step, dt, parts, link):
+def describe_loss(step: int, dt: float, parts: ModelParts, link: LinkBody) -> str:
     """Return a message about a body that left the world: time, state, and commands of its motors.
 
     Parameters
     ----------
     step, dt : int, float
         Number of the step, its length [s].
-    parts : object with ``joints``
+    parts : ModelParts
         The model of the body.
     link : LinkBody
+
+    Returns
+    -------
+    str
     """
     motors = ["%s %g with up to %g" % (drive.spec.name, drive.joint.getParam(PARAM_VEL),
                                        drive.joint.getParam(PARAM_FMAX))

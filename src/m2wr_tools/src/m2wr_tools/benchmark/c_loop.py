@@ -16,7 +16,8 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.geometry import compose, matrix_from_quaternion, rotate
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 from m2wr_sim.physics.contacts import pair_surface
-from m2wr_sim.physics.pyode_bodies import initial_link_pose, ode_quaternion, wheel_poses
+from m2wr_sim.physics.pyode_bodies import ode_quaternion
+from m2wr_sim.physics.wheels import initial_link_pose, wheel_poses
 
 _NAMES = {Box: "box", Cylinder: "cylinder", Sphere: "sphere"}
 
@@ -98,7 +99,7 @@ def _static_lines(model, classes):
 
 
 def _robot_lines(model, pose, rates, force, classes):
-    wheels, order = wheel_poses(model), [link.name for link in model.links]
+    wheels, order = wheel_poses(model.links, model.joints), [link.name for link in model.links]
     yield "robot"
     poses = {link.name: initial_link_pose(pose, link) for link in model.links}
     for link in model.links:

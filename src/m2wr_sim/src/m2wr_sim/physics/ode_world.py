@@ -1,0 +1,459 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The ODE world of an engine: builds models in it, and reads and changes the state of links and joints.
+
+The classes derived from it make the steps.  Two rules are necessary.  Python frees an object of the binding with its
+last reference, so lists hold every geom and joint.  No object of the binding refers to the engine, because the cycle
+collector would free the world before its bodies and crash the interpreter.
+"""
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Callable, Dict, FrozenSet, Iterable, List, Optional, Sequence, Tuple, TypeVar, Union
+
+import ode
+
+from m2wr_sim.errors import LostError, ModelError
+from m2wr_sim.geometry import cross, rotate
+from m2wr_sim.model.types import Heightmap, Plane
+from m2wr_sim.physics import dampers, native_ode
+from m2wr_sim.physics import pyode_bodies as bodies
+from m2wr_sim.physics.centre_of_mass import move_centre
+from m2wr_sim.physics.contact_watch import ContactWatch
+from m2wr_sim.physics.contacts import load_class
+from m2wr_sim.physics.coupled_friction import Memory
+from m2wr_sim.physics.engine import TOO_FAR, TOO_FAST, ContactEvent, Engine, EngineSettings, LinkState, ModelHandle
+from m2wr_sim.physics.islands import Islands
+from m2wr_sim.physics.limits import check_leverage, check_model, too_mobile
+from m2wr_sim.physics.native_shapes import enter_space, leave_space
+from m2wr_sim.physics.parts import JointDrive, LinkBody, ModelParts, Shape
+from m2wr_sim.physics.step_layout import KEPT_PER_GEOM, LEAST_KEPT
+from m2wr_sim.physics.wheels import initial_link_pose, wheel_poses
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.types import Axis, Collision, Inertial, Model
+    from m2wr_sim.physics.native_shapes import Geom
+
+    #: Names of two collisions in contact, sorted.
+    Names = Tuple[str, str]
+
+log = logging.getLogger(__name__)
+
+_Entry = TypeVar("_Entry")
+_QUADTREE_EXTENT, _QUADTREE_DEPTH = 100.0, 6      # m half width; leaves of about 3 m; geoms outside still collide
+
+
+class OdeWorld(Engine):
+    """What the engines have in common. See :class:`~m2wr_sim.physics.engine.Engine`."""
+
+    def __init__(self, settings: EngineSettings) -> None:
+        self._world = ode.World()
+        self._world.setAutoDisableFlag(False)       # see idle
+        extent = _QUADTREE_EXTENT
+        self._static_space = ode.QuadTreeSpace((0.0, 0.0, 0.0), (extent, extent, extent), _QUADTREE_DEPTH)
+        self._moving_space = ode.HashSpace()
+        self._parts: Dict[str, ModelParts] = {}
+        self._links: Dict[int, LinkBody] = {}
+        self._joints: Dict[int, JointDrive] = {}
+        self._placed: Dict[int, int] = {}           # static link -> version of the engine when it was moved last
+        self._next_id = 0
+        self._shapes: Dict[Geom, Shape] = {}
+        self._moving: List[ModelParts] = []         # those with bodies, in load order
+        self._damped_joints: List[JointDrive] = []
+        self._damped_links: List[LinkBody] = []
+        self._hinges: List[JointDrive] = []
+        self._idlers: List[LinkBody] = []
+        self._steps = 0
+        self._pairs_before: Dict[Names, Tuple[Vector, float]] = {}      # in contact in the last step: position, depth
+        self._contact_events: List[ContactEvent] = []
+        self._watches: List[ContactWatch] = []
+        self._watched: FrozenSet[str] = frozenset()
+        self._felt_since: Dict[int, int] = {}       # joint -> number of the step before its first measurement
+        self._memory = Memory()
+        self._islands = Islands()
+        self._iterative = False         # whether all steps are solved iteratively
+        self._messages = native_ode.MessageCounter()
+        OdeWorld.configure(self, settings)
+
+    # ---- building -----------------------------------------------------------------------------------------------
+
+    def add_model(self, model: Model, pose: Pose, name: Optional[str] = None) -> ModelHandle:
+        name = name or model.name
+        check_model(model, name)
+        native_ode.note_model(name)
+        parts = ModelParts(name, model.static)
+        try:
+            self._build(parts, model, pose)
+        except Exception:
+            self._release(parts)
+            raise
+        self._parts[name] = parts
+        handle = ModelHandle(name, {}, {})
+        for link in parts.links:
+            handle.links[link.spec.name] = self._register(self._links, link)
+        for drive in parts.joints:
+            handle.joints[drive.spec.name] = self._register(self._joints, drive)
+        self._note_mobility(parts)
+        if not parts.static:
+            self._moving.append(parts)
+        self._refresh_lists()
+        return handle
+
+    def _register(self, table: Dict[int, _Entry], entry: _Entry) -> int:
+        self._next_id += 1
+        table[self._next_id] = entry
+        return self._next_id
+
+    def _build(self, parts: ModelParts, model: Model, pose: Pose) -> None:
+        parts.stiffer = load_class(sum(link.inertial.mass for link in model.links))
+        wheels = wheel_poses(model.links, model.joints)
+        parts.sleeps = model.allow_auto_disable and not (model.joints or any(link.sensors for link in model.links))
+        if not parts.static:
+            parts.space = ode.SimpleSpace(self._moving_space)
+        by_name = {}
+        for spec in model.links:
+            full_name = "%s::%s" % (parts.name, spec.name)
+            at = initial_link_pose(pose, spec)
+            body = None if parts.static else bodies.make_body(self._world, spec, full_name, at)
+            link = LinkBody(full_name, spec, body, spec.inertial.pose[0], at, parts.sleeps)
+            parts.links.append(link)
+            by_name[spec.name] = link
+            parts.self_colliding = parts.self_colliding or spec.self_collide
+            for collision in spec.collisions:
+                self._add_geom(parts, link, collision, wheels.get((spec.name, collision.name)))
+        for joint in model.joints:
+            full_name = "%s::%s" % (parts.name, joint.name)
+            ends = [joint.child] if joint.parent == "world" else [joint.parent, joint.child]
+            for end in ends:
+                if end not in by_name:
+                    raise ModelError("joint %s connects link %s, which %s does not have (it has %s)"
+                                     % (full_name, end, parts.name, ", ".join(by_name)))
+            if parts.static:
+                continue
+            parent = None if joint.parent == "world" else by_name[joint.parent]
+            parts.joints.append(bodies.make_joint(self._world, joint, full_name, parent, by_name[joint.child]))
+
+    def _add_geom(self, parts: ModelParts, link: LinkBody, collision: Collision, wheel_pose: Optional[Pose]) -> None:
+        where = "%s::%s" % (link.name, collision.name)
+        grounded = parts.space is None or isinstance(collision.geometry, Heightmap)     # an empty space is falsy
+        space = self._static_space if grounded else parts.space
+        if isinstance(collision.geometry, Plane):
+            geom: Geom = bodies.make_plane(collision, collision.geometry, link.pose, self._static_space)
+            body = None
+        else:
+            geom = bodies.make_geom(collision, space, where)
+            body = None if grounded else link.body
+            if body is not None:
+                bodies.attach_geom(geom, body, link.com, wheel_pose or collision.pose)
+            else:
+                bodies.place_geom(geom, link.pose, collision.pose)
+        geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
+        geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
+        self._shapes[geom] = Shape(where, collision, wheel_pose is not None, parts.name, link.name, body,
+                                   parts.stiffer, link.countdown)
+        link.geoms.append((geom, collision))
+        parts.geoms.append(geom)
+
+    def abandon_model(self, handle: ModelHandle) -> None:
+        parts = self._parts.pop(handle.name)
+        self._moving.remove(parts)
+        for number in handle.joints.values():
+            drive = self._joints[number]
+            drive.hinge, drive.spec = False, replace(drive.spec, kind="fixed")
+            drive.damping = drive.stiffness = drive.pull = 0.0
+        self._release(parts)
+        self._refresh_lists()
+        self._wake()
+        self.version += 1
+
+    def remove_model(self, handle: ModelHandle) -> None:
+        parts = self._parts.pop(handle.name, None)
+        if parts in self._moving:
+            self._moving.remove(parts)
+        for table, ids in ((self._links, handle.links), (self._joints, handle.joints)):
+            for number in ids.values():
+                table.pop(number, None)
+                self._placed.pop(number, None)
+        if parts is not None:           # else it was abandoned before
+            self._release(parts)
+        self._refresh_lists()
+        self._wake()
+
+    def _wake(self) -> None:
+        """Wake every sleeping body: its support may have been removed, which ODE does not notice."""
+        for parts in self._moving:
+            for link in parts.links:
+                self._enable(link)
+
+    def _enable(self, link: Union[LinkBody, Shape]) -> None:
+        """Wake a body, if it sleeps, and restart its idle time."""
+        link.body.enable()
+        if link.countdown is not None:
+            link.countdown.restart()
+
+    def _release(self, parts: ModelParts) -> None:
+        """Free a model's ODE objects: joints, then geoms, then bodies."""
+        for drive in parts.joints:
+            for damper in drive.dampers.values():
+                damper.remove()
+            drive.joint.attach(None, None)
+        parts.joints = []
+        for geom in parts.geoms:
+            leave_space(geom, parts.space if self._shapes[geom].moves else self._static_space)
+            del self._shapes[geom]
+        names = tuple(link.name + "::" for link in parts.links)
+        for pair in [pair for pair in self._pairs_before if any(side.startswith(names) for side in pair)]:
+            del self._pairs_before[pair]
+        for link in parts.links:
+            link.geoms, link.body = [], None
+        parts.geoms = []
+        if parts.space is not None:
+            self._moving_space.remove(parts.space)
+            parts.space = None
+
+    def _refresh_lists(self) -> None:
+        """Collect the objects that are processed in every step."""
+        self._hinges = [drive for drive in self._joints.values() if drive.hinge]
+        self._idlers = [link for link in self._links.values() if link.body is not None and link.countdown is not None]
+        self._settle_damping()
+        self._iterative = self.settings.solver == "quick" or any(parts.too_mobile for parts in self._moving)
+        self._damped_links = [link for link in self._links.values() if link.body is not None
+                              and (link.spec.linear_damping or link.spec.angular_damping)]
+
+    def _note_mobility(self, parts: ModelParts) -> None:
+        """Check whether the direct solver can handle a model; if not, all steps are solved iteratively."""
+        parts.too_mobile = None if parts.static else too_mobile(link.spec for link in parts.links)
+        if parts.too_mobile and self.settings.solver != "quick":
+            log.warning("%s::%s: %s. While it is in the world, every step is solved iteratively, which is less exact",
+                        parts.name, *parts.too_mobile)
+
+    def _settle_damping(self) -> None:
+        """Choose how joints are damped, which depends on the step size."""
+        for parts in self._moving:
+            dampers.settle(self._world, parts, self._dt)
+        self._damped_joints = [drive for drive in self._joints.values()
+                               if drive.damping or drive.stiffness or drive.pull]
+
+    # ---- for steps ----------------------------------------------------------------------------------------------
+
+    def _lost(self, left: int) -> LostError:
+        """Return an error that names all models with a body that is not finite, too far or too fast."""
+        found: Dict[str, str] = {}
+        for parts in self._moving:
+            for link in parts.links:
+                body = link.body
+                if parts.name not in found and not (
+                        sum(map(abs, body.getLinearVel() + body.getAngularVel())) < TOO_FAST
+                        and sum(map(abs, body.getPosition())) < TOO_FAR):
+                    found[parts.name] = bodies.describe_loss(self._steps, self._dt, parts, link)
+        return LostError("; ".join(found.values()), found, left)
+
+    def _most_kept(self) -> int:
+        """Return the greatest number of contacts of a step that is solved more than once."""
+        return max(LEAST_KEPT, KEPT_PER_GEOM * sum(len(self._bodies_geoms(parts)) for parts in self._moving))
+
+    def _warn_of_island(self, names: Callable[[], List[str]], contacts: int) -> None:
+        """Log a warning about a large island, and call ``between``."""
+        self._islands.warn(self._steps, self._dt, names, contacts, self.settings.iterations)
+        if self.between is not None:
+            self.between()
+
+    def _bodies_geoms(self, parts: ModelParts) -> List[Geom]:
+        """Return the geoms in the space of a model; planes, for instance, are not in it."""
+        return [geom for geom in parts.geoms if self._shapes[geom].moves]
+
+    # ---- state --------------------------------------------------------------------------------------------------
+
+    def link_pose(self, link: int) -> Pose:
+        return bodies.link_pose(self._links[link])
+
+    def link_state(self, link: int) -> LinkState:
+        entry = self._links[link]
+        if entry.body is None:
+            return LinkState(entry.pose[0], entry.pose[1], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        position, orientation = bodies.link_pose(entry)
+        angular, linear = entry.body.getAngularVel(), entry.body.getLinearVel()
+        arm = cross(angular, rotate(orientation, entry.com))
+        return LinkState(position, orientation, (linear[0] - arm[0], linear[1] - arm[1], linear[2] - arm[2]), angular)
+
+    def set_link_pose(self, link: int, pose: Pose) -> None:
+        entry = self._links[link]
+        self._wake()
+        self.placements += 1
+        self.version += 1
+        if entry.body is not None:
+            bodies.place_body(entry.body, entry.com, pose)
+            return
+        entry.pose = pose
+        self._placed.pop(link, None)            # so that the latest are last
+        self._placed[link] = self.version
+        for geom, collision in entry.geoms:
+            if not isinstance(collision.geometry, Plane):
+                bodies.place_geom(geom, pose, collision.pose)
+
+    def placed_since(self, version: int) -> List[int]:
+        return list(itertools.takewhile(lambda link: self._placed[link] > version, reversed(self._placed)))
+
+    def set_link_velocity(self, link: int, linear: Sequence[float], angular: Sequence[float]) -> None:
+        if not math.isfinite(sum(linear) + sum(angular)):       # ODE would abort the process
+            raise ModelError("velocity %s m/s, %s rad/s of %s; expected finite numbers" % (
+                tuple(linear), tuple(angular), self._links[link].name))
+        body = self._links[link].body
+        if body is not None:
+            body.setLinearVel(tuple(linear))
+            body.setAngularVel(tuple(angular))
+            self._enable(self._links[link])
+
+    def joint_angle(self, joint: int) -> float:
+        drive = self._joints[joint]
+        if drive.hinge:
+            return drive.angle
+        return drive.joint.getPosition() if drive.spec.kind == "prismatic" else 0.0
+
+    def joint_rate(self, joint: int) -> float:
+        drive = self._joints[joint]
+        if drive.hinge:
+            return drive.joint.getAngleRate()
+        return drive.joint.getPositionRate() if drive.spec.kind == "prismatic" else 0.0
+
+    def set_joint_motor(self, joint: int, rate: float, max_force: float) -> None:
+        drive = self._joints[joint].joint
+        drive.setParam(bodies.PARAM_VEL, rate)
+        drive.setParam(bodies.PARAM_FMAX, max_force)
+
+    def set_joint_motor_force(self, joint: int, max_force: float) -> None:
+        self._joints[joint].joint.setParam(bodies.PARAM_FMAX, max_force)
+
+    def add_link_force(self, link: int, force: Sequence[float], torque: Sequence[float]) -> None:
+        body = self._links[link].body
+        if body is not None:
+            self._enable(self._links[link])
+            body.addForce(tuple(force))
+            body.addTorque(tuple(torque))
+
+    def add_joint_force(self, joint: int, force: float) -> None:
+        drive = self._joints[joint]
+        if drive.hinge:
+            drive.joint.addTorque(force)
+        elif drive.spec.kind == "prismatic":
+            drive.joint.addForce(force)
+        for number in (0, 1):
+            body = drive.joint.getBody(number)
+            if body is not None:
+                body.enable()
+
+    def set_link_gravity(self, link: int, acts: bool) -> None:
+        body = self._links[link].body
+        if body is not None:
+            body.setGravityMode(bool(acts))
+            self._enable(self._links[link])
+
+    def set_link_inertial(self, link: int, inertial: Inertial) -> None:
+        entry = self._links[link]
+        if entry.body is not None:
+            mass = bodies.make_mass(inertial, entry.name)
+            check_leverage(replace(entry.spec, inertial=inertial), (), entry.name)
+            parts = next(parts for parts in self._moving if entry in parts.links)
+            if tuple(inertial.pose[0]) != tuple(entry.com):
+                move_centre(parts, entry, inertial.pose[0])
+            entry.body.setMass(mass)
+            if entry.spec.kinematic:
+                entry.body.setKinematic()       # setMass has made it dynamic
+            entry.spec = replace(entry.spec, inertial=inertial)
+            self._note_mobility(parts)
+            self._refresh_lists()
+            self._wake()
+
+    def change_joint(self, joint: int, axis: Axis, parameters: Dict[str, float], index: int = 0) -> None:
+        drive = self._joints[joint]
+        drive.spec = replace(drive.spec, axis2=axis) if index else replace(drive.spec, axis=axis)
+        for name, value in parameters.items():
+            if name in ("cfm", "stop_cfm"):
+                value = bodies.bounded_softness(value)
+            drive.joint.setParam(bodies.axis_group(drive.spec.kind, index) + bodies.PARAMETERS[name], value)
+        self._refresh_lists()
+        self._wake()
+
+    def set_joint_angle(self, joint: int, angle: float) -> None:
+        self._joints[joint].angle = angle
+
+    def collisions(self, handle: ModelHandle) -> List[Tuple[int, Collision, bool]]:
+        return [(number, collision, self._shapes[geom].moves)
+                for number in handle.links.values() for geom, collision in self._links[number].geoms]
+
+    def watch_contacts(self, names: Iterable[str]) -> ContactWatch:
+        watch = ContactWatch(names)
+        self._watches.append(watch)
+        self._watched = self._watched | watch.names
+        return watch
+
+    def end_watch(self, watch: ContactWatch) -> None:
+        self._watches.remove(watch)
+        self._watched = frozenset().union(*(other.names for other in self._watches))
+
+    def feel_joint(self, joint: int) -> None:
+        drive = self._joints[joint]
+        if drive.joint.getFeedback() is None:
+            drive.joint.setFeedback(True)
+            self._felt_since[joint] = self._steps
+
+    def joint_wrench(self, joint: int) -> Tuple[Vector, Vector]:
+        # before the first step the values of the binding are undefined; nothing acts on an abandoned joint
+        if self._felt_since[joint] == self._steps or self._joints[joint].joint.getBody(0) is None:
+            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        return self._joints[joint].joint.getFeedback()[:2]
+
+    def drain_contact_events(self) -> List[ContactEvent]:
+        events, self._contact_events = self._contact_events, []
+        return events
+
+    @property
+    def solver_messages(self) -> int:
+        return self._messages.count
+
+    def configure(self, settings: EngineSettings) -> None:
+        self.settings = settings
+        self._dt = settings.step_ns * 1e-9
+        world = self._world
+        world.setGravity(settings.gravity)
+        world.setERP(settings.erp)
+        world.setCFM(settings.cfm)
+        world.setContactSurfaceLayer(settings.surface_layer)
+        world.setContactMaxCorrectingVel(settings.max_correcting_velocity)
+        world.setQuickStepNumIterations(settings.iterations)
+        self._settle_damping()
+        self._wake()
+
+    def reseed(self, seed: int) -> None:
+        native_ode.seed_random(seed)
+
+    def forget(self) -> None:
+        self._steps, self._memory = 0, Memory()
+        self._felt_since = dict.fromkeys(self._felt_since, 0)
+        self._pairs_before, self._contact_events = {}, []
+        for watch in self._watches:
+            watch.drain()
+        for parts in self._moving:
+            if not self._bodies_geoms(parts):
+                continue        # removing and adding an empty space would make libode abort the process
+            # a space moves the geoms that moved last to the front, which changes the order of contacts: restore it
+            self._moving_space.remove(parts.space)
+            self._moving_space.add(parts.space)
+            for geom in self._bodies_geoms(parts):
+                leave_space(geom, parts.space)
+                enter_space(geom, parts.space)
+        self._wake()
+
+    def close(self) -> None:
+        self.between = None
+        for parts in list(self._parts.values()):
+            self._release(parts)
+        self._parts.clear()
+        self._moving = []
+        self._links.clear()
+        self._joints.clear()
+        self._refresh_lists()
+        self._static_space = self._moving_space = self._world = None

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Records of what the engines keep for each model: its links, joints and geoms in ODE."""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Dict, List, Optional, Tuple
+
+from m2wr_sim.physics.idle import Countdown
+
+if TYPE_CHECKING:
+    import ode
+
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.types import Collision, Joint, Link
+    from m2wr_sim.physics.dampers import Damper
+    from m2wr_sim.physics.native_shapes import Geom
+
+
+class ModelParts:
+    """The objects of the engine for one model.
+
+    Parameters
+    ----------
+    name : str
+        Name in the world.
+    static : bool
+        Whether the model is static; then it has no bodies, joints and space.
+    """
+
+    def __init__(self, name: str, static: bool) -> None:
+        self.name, self.static = name, static
+        self.space: ode.SimpleSpace = None      # of the geoms on bodies; None if the model is static
+        self.links: List[LinkBody] = []
+        self.joints: List[JointDrive] = []
+        self.geoms: List[Geom] = []
+        self.self_colliding, self.sleeps, self.stiffer = False, False, 1.0
+        self.too_mobile: Optional[Tuple[str, str]] = None       # result of limits.too_mobile
+
+
+class Shape:
+    """Data of a geom for the contact callback.
+
+    Parameters
+    ----------
+    name : str
+        ``model::link::collision``.
+    collision : m2wr_sim.model.types.Collision
+    wheel : bool
+        Whether it is the cylinder of a wheel, see :mod:`m2wr_sim.physics.wheels`.
+    model, link : str
+        Names of its model, and ``model::link``.
+    body : ode.Body or None
+        None if it is static.
+    stiffer : float
+        See :func:`m2wr_sim.physics.contacts.load_class`.
+    countdown : Countdown or None
+        None if the body never sleeps.
+    """
+
+    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown")
+
+    def __init__(self, name: str, collision: Collision, wheel: bool, model: str, link: str, body: Optional[ode.Body],
+                 stiffer: float, countdown: Optional[Countdown]) -> None:
+        self.name, self.collision, self.wheel = name, collision, wheel
+        self.model, self.link = model, link
+        self.body: ode.Body = body              # as in LinkBody
+        self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
+        self.countdown, self.restless = countdown, body is not None and countdown is None
+
+
+class LinkBody:
+    """A link in the engine: body, geoms, and the shift between link frame and body.
+
+    Parameters
+    ----------
+    name : str
+        ``model::link``.
+    spec : m2wr_sim.model.types.Link
+    body : ode.Body or None
+        None if the link is static.
+    com : (3,) of float
+        Centre of mass in the link frame [m].
+    pose : pose
+        Of the link frame in the world: the initial one, and of a static link the present one.
+    sleeps : bool
+        Whether the body may sleep; it has a ``countdown`` then.
+    """
+
+    __slots__ = ("name", "spec", "body", "com", "pose", "geoms", "countdown")
+
+    def __init__(self, name: str, spec: Link, body: Optional[ode.Body], com: Vector, pose: Pose,
+                 sleeps: bool = False) -> None:
+        self.name, self.spec, self.com, self.pose = name, spec, com, pose
+        self.body: ode.Body = body              # not Optional: most code handles only links of movable models
+        self.countdown = Countdown() if sleeps and body is not None else None
+        self.geoms: List[Tuple[Geom, Collision]] = []
+
+
+class JointDrive:
+    """A joint in the engine: its angle with full rotations, and its damping, see :mod:`m2wr_sim.physics.dampers`.
+
+    Parameters
+    ----------
+    name : str
+        ``model::joint``.
+    spec : m2wr_sim.model.types.Joint
+    joint : ode.Joint
+    hinge : bool
+        Whether it is a revolute joint.
+    """
+
+    __slots__ = ("name", "spec", "joint", "hinge", "angle", "damping", "stiffness", "pull", "dampers")
+
+    def __init__(self, name: str, spec: Joint, joint: ode.Joint, hinge: bool) -> None:
+        self.name, self.spec, self.joint, self.hinge, self.angle = name, spec, joint, hinge, 0.0
+        self.damping = self.stiffness = self.pull = 0.0
+        self.dampers: Dict[int, Damper] = {}        # by index of the axis
