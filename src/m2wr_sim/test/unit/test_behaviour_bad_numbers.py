@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Numbers that make no sense: refused with their limits, or taken in a defined way; never a state that is no number."""
+"""Invalid numbers are refused with their limits or handled in a defined way; no state becomes nan or infinite."""
 import logging
 import math
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What programs written for Gazebo stumble over unless it is as there; most points stand beside their module."""
+"""Behaviour on which programs for Gazebo depend; most of it is tested with its module."""
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""However something is moved, physics, lasers, published states, pictures and the comparison of maps agree on where.
+"""After any kind of motion, physics, lasers, published states, pictures and map comparison agree on all poses.
 
-What libode itself holds is the truth; everything else is compared with that.
+Everything is compared with the poses that libode stores.
 """
 from dataclasses import replace
 

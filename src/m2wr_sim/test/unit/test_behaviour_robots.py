@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Robots as others build them: balls, cylinders and boxes as wheels and feet, other drives, SDF with plugins."""
+"""Robots of other forms: balls, cylinders and boxes as wheels and feet, other drives, SDF with plugins."""
 import math
 from pathlib import Path
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The same requests at the same simulated times: what is said does not depend on how time is asked to pass.
+"""The same requests at the same simulated times give the same messages, however simulated time is advanced.
 
-Sequences of requests are drawn from a seed and carried out step by step, in stretches, lazily, now so and now so, and
-through the node's loop.
+Random sequences of requests are carried out step by step, in several steps at a time, with lazy stepping, in a random
+mixture of these, and through the node's loop.
 """
 import io
 import random

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cost of reading a text grows linearly with its length: no short text stops the clock.
+"""The cost of reading a text grows linearly with its length: no short text can block the simulation.
 
-Cost is what Python executes, counted, plus the least CPU time of several tries for what runs in C.
+Cost is the least CPU time of several runs.
 """
 import struct
 import time

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The arithmetic of a differential drive: sides, rim speeds, the acceleration ramp, encoder odometry."""
+"""The equations of a differential drive: sides, rim speeds, the acceleration ramp, encoder odometry."""
 import math
 
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The launch files, loaded as roslaunch loads them but with no master and nothing started."""
+"""The launch files, loaded as roslaunch loads them, but without a master; nothing is started."""
 import glob
 import os
 import xml.etree.ElementTree as ElementTree

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The tables in docs/reference say what the code says."""
+"""The tables in docs/reference agree with the code."""
 import os
 import re
 

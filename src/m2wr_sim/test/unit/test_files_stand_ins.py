@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stand-ins for models of Gazebo's database: each has outer size, place and mass of the original, and is told of."""
+"""Stand-ins for models of Gazebo's database: each has size, position and mass of the original, and is logged."""
 import logging
 import math
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The worlds that come with the package: everything loads, lies where it should, and leaves the ways free."""
+"""The worlds of this package: everything loads, has its position, and the routes between obstacles are free."""
 import math
 from pathlib import Path
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every number of every service at the ends of its type: an answer, and a simulation that continues, all finite."""
+"""Extreme numbers in every field of every service: an answer, and a simulation that stays finite and continues."""
 import math
 from types import SimpleNamespace
 

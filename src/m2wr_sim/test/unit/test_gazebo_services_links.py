@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The services about links, called without a network: texts, frames, Gazebo's faults and the right thing."""
+"""The services about links, called without a network: texts, frames, Gazebo's faults and correct physics."""
 import math
 
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The dynamic parameters: Gazebo's names, kinds and ranges, and the way to the physics and back."""
+"""The dynamic parameters: Gazebo's names, types and ranges, and how they change the physics."""
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What every registered plugin must do: start, keep its rate, reset, let go, and name what it does not read."""
+"""What every registered plugin must do: start, keep its rate, reset, close, and report unsupported elements."""
 import logging
 import re
 from dataclasses import replace
@@ -11,7 +11,7 @@ from conftest import at
 from m2wr_sim.model.types import PluginSpec
 from m2wr_sim.plugins.base import Plugin, PluginReader
 from m2wr_sim.plugins.registry import PLUGINS, find_plugin
-from m2wr_sim.runtime import simulator
+from m2wr_sim.runtime import plugin_host
 
 RATE = 20.0
 HERE = ("updateRate", str(RATE))
@@ -83,7 +83,7 @@ def test_registry_rejects_other_names(name):
 
 def test_reference_lists_tags_and_defaults(make, library, monkeypatch):
     readers = []
-    monkeypatch.setattr(simulator, "PluginReader", lambda spec: readers.append(PluginReader(spec)) or readers[-1])
+    monkeypatch.setattr(plugin_host, "PluginReader", lambda spec: readers.append(PluginReader(spec)) or readers[-1])
     make(library)
     page = (Path(__file__).resolve().parents[4] / "docs" / "reference" / "plugins.md").read_text(encoding="utf-8")
     row, = [line.split(" | ")[1] for line in page.splitlines()

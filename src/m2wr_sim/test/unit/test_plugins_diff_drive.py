@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The differential drive plugin in a running simulation: topics, gate times, odometry, sides, refusals, resets."""
+"""The differential drive plugin in a simulation: topics, update times, odometry, sides, rejections, resets."""
 import logging
 import math
 from dataclasses import replace

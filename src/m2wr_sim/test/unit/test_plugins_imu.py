@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Both inertial units, against closed forms: at rest, in a circle, while speeding up, in free fall."""
+"""Both IMU plugins, compared with closed forms: at rest, on a circle, accelerating, in free fall."""
 import math
 from dataclasses import replace
 

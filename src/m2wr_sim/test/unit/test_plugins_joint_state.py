@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Joint states: those a plugin tag asks for, and those of robots whose description asks for none."""
+"""Joint states: of the joints that a plugin names, and of robots without a plugin for them."""
 from dataclasses import replace
 
 import pytest

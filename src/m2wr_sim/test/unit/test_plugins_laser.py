@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The laser plugin in a running simulation: when it measures, what it says, where it says it."""
+"""The laser plugin in a simulation: when it measures, and content, frame and topic of its messages."""
 import copy
 import math
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plugins of models inside models work on those, by the names that they know; names may be given with the model's."""
+"""Plugins of nested models find links and joints by local names, also with the model's name in front."""
 import pytest
 from geometry_msgs.msg import Twist
 

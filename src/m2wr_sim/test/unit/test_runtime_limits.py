@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a world survives: closed forms of the limits, and that no finite request of a service tears it apart."""
+"""Limits of forces and joint parameters: closed forms; no finite request of a service makes the simulation diverge."""
 import math
 
 import pytest

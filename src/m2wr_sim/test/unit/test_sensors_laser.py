@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The laser: what a scan of known worlds reads, to Gazebo's rules."""
+"""The laser sensor: ranges and intensities in known worlds, by Gazebo's rules."""
 import math
 
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time that passes before the bodies move: what is published is the same, and who looks finds everything in place."""
+"""Lazy stepping: the same is published, and whatever reads the state finds it up to date."""
 import pytest
 
 from conftest import at

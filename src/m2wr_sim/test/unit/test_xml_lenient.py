@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Documents that Gazebo's parser takes although they break rules of XML."""
+"""Documents that break rules of XML but that Gazebo's parser accepts."""
 import logging
 
 import pytest

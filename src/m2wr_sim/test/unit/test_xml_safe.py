@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parsing of foreign XML: what is refused, and how errors name the place."""
+"""Parsing of untrusted XML: what is refused, and where errors say that it is."""
 import time
 
 import pytest

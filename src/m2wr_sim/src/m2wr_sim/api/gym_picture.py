@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Tuple
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
@@ -29,6 +29,8 @@ SIZE = 800              # pixels, width and height
 class EnvPicture:
     """Draws one robot in its world from above: obstacles of the world file, trail, scan and goal.
 
+    Call :meth:`begin` first.
+
     Parameters
     ----------
     sim : m2wr_sim.api.sim.Sim
@@ -38,8 +40,6 @@ class EnvPicture:
 
     def __init__(self, sim: Sim, name: str) -> None:
         self._sim, self._name = sim, name
-        self._renderer: Any = None
-        self._scene: Any = None
         self._record = sim.simulator.models[name].record
         self._footprint = obstacle_outlines(World(models=(replace(self._record, pose=IDENTITY, static=True),)),
                                             -math.inf, math.inf)
@@ -47,8 +47,7 @@ class EnvPicture:
     def begin(self, goal: Tuple[float, float]) -> None:
         """Start the images of an episode; ``goal`` is (x, y) in the world [m]."""
         self._renderer = Renderer(SIZE, SIZE)           # a new one, because a renderer caches its scene
-        scene: Any = Scene()                            # m2wr_view has no types for it yet
-        self._scene = scene
+        scene = self._scene = Scene()
         scene.solids.blocking = obstacle_outlines(self._sim.world)
         scene.footprint = self._footprint or scene.footprint
         scene.line = [(float(goal[0]), float(goal[1]))]
