@@ -11,13 +11,13 @@ from gazebo_msgs import srv
 from gazebo_msgs.msg import ODEJointProperties
 from m2wr_sim.errors import ModelError
 from m2wr_sim.model.types import Axis, Box, Collision, Inertial, Joint, Link, Model
-from m2wr_sim.physics.engine import FASTEST
+from m2wr_sim.physics.engine import FARTHEST, FASTEST
 from m2wr_sim.ros.gazebo_services.joints import JointApi
 from m2wr_sim.ros.gazebo_services.links import LinkApi
 from m2wr_sim.ros.gazebo_services.physics import PhysicsApi
 from m2wr_sim.runtime.entities import LiveModel
 from m2wr_sim.runtime.forces import Forces
-from m2wr_sim.runtime.limits import solver_stops, strongest, strongest_effort
+from m2wr_sim.runtime.limits import check_pose, check_velocity, solver_stops, strongest, strongest_effort
 
 STEP = 0.001
 HUGE = (1e300, -1e300, 1e12, -1e7)
@@ -58,6 +58,26 @@ def survives(rig, seconds=0.3):
             assert max(map(abs, state.linear_velocity + state.angular_velocity)) < 1e6
     assert rig.simulator.observers == observers
     return True
+
+
+@pytest.mark.parametrize("value", [FARTHEST, -FARTHEST, 0.0])
+def test_positions_up_to_the_limit_are_accepted(value):
+    pose = at(value, 0.0, value)
+    assert check_pose("robot", pose) is pose
+
+
+@pytest.mark.parametrize("value", [1.01 * FARTHEST, -1e300, math.inf, math.nan])
+def test_positions_beyond_the_limit_are_refused(value):
+    with pytest.raises(ModelError, match="for \"robot\": expected at most 1e\\+06 m from the origin"):
+        check_pose("robot", at(0.0, value))
+
+
+@pytest.mark.parametrize("value", [1.01 * FASTEST, -math.inf, math.nan])
+def test_velocities_beyond_the_limit_are_refused(value):
+    check_velocity("robot", (FASTEST, 0.0, 0.0), (0.0, 0.0, -FASTEST))
+    for linear, angular in (((value, 0.0, 0.0), (0.0,) * 3), ((0.0,) * 3, (0.0, value, 0.0))):
+        with pytest.raises(ModelError, match="for \"robot\": expected at most 10000 m/s and rad/s"):
+            check_velocity("robot", linear, angular)
 
 
 def test_force_and_torque_to_the_greatest_speed_in_one_step():

@@ -2,9 +2,7 @@
 """A robot's drive and lasers with records instead of messages; timing and arithmetic are those of the plugins."""
 from __future__ import annotations
 
-import logging
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Type, TypeVar
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple, Type, TypeVar
 
 from m2wr_sim.api.records import Odometry, Scan
 from m2wr_sim.geometry import Quaternion, Vector
@@ -192,16 +190,3 @@ class SilentPorts(Ports):
 
     def clock(self, now_ns: int) -> None:
         pass
-
-
-@contextmanager
-def said_once(quiet: bool) -> Iterator[None]:
-    """Suppress warnings of the simulator inside the block if ``quiet``: they were logged for the same record before."""
-    logger = logging.getLogger("m2wr_sim")
-    level = logger.level
-    if quiet:
-        logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

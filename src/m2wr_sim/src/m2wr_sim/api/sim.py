@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import numpy as np
 
-from m2wr_sim.api.devices import SENSING, DirectDrive, DirectLaser, DirectSimulator, SilentPorts, said_once
+from m2wr_sim.api.devices import SENSING, DirectDrive, DirectLaser, DirectSimulator, SilentPorts
 from m2wr_sim.api.loading import read_robot, read_world
 from m2wr_sim.api.records import Contact, Observation, StepResult
 from m2wr_sim.control.diff_drive import CONVENTIONS
@@ -20,7 +20,7 @@ from m2wr_sim.physics.engine import settings_from_physics, whole_step
 from m2wr_sim.physics.factory import make_engine
 from m2wr_sim.runtime.entities import list_names
 from m2wr_sim.runtime.limits import check_pose
-from m2wr_sim.runtime.once_logger import OnceLogger
+from m2wr_sim.runtime.once_logger import OnceLogger, suppress_warnings
 from m2wr_sim.runtime.simulator import SimConfig
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.ray_scene import RayScene
@@ -178,7 +178,7 @@ class Sim:
             If it cannot be read or built, or the name is taken.
         """
         record = read_robot(robot)
-        with said_once(record in self._spawned):
+        with suppress_warnings(record in self._spawned):
             model = self.simulator.spawn(record, compose(_full_pose(pose), record.pose), name)
         self._spawned.append(record)
         drives = self.simulator.devices(model.name, DirectDrive)

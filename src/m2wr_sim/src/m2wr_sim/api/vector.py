@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Union
 
 import numpy as np
 
-from m2wr_sim.api.devices import said_once
 from m2wr_sim.api.loading import read_robot, read_world
 from m2wr_sim.api.sim import Sim
+from m2wr_sim.runtime.once_logger import suppress_warnings
 
 if TYPE_CHECKING:
     import os
@@ -87,7 +87,7 @@ class VectorSim:
         sims: List[Sim] = []
         try:
             for index in range(count):
-                with said_once(index > 0):
+                with suppress_warnings(index > 0):
                     sims.append(Sim(world, robot, tuple(poses[index]), seed + index, sensing, **options))
         except Exception:
             for sim in sims:

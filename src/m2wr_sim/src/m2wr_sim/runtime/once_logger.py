@@ -7,7 +7,8 @@ make a robot drive inaccurately.  Elements that Gazebo also ignores are logged a
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Set
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Iterator, Set
 
 if TYPE_CHECKING:
     from m2wr_sim.plugins.base import PluginReader
@@ -63,3 +64,15 @@ class OnceLogger:
         if reader.unread():             # Gazebo ignores them too
             self.log(logging.INFO, name, "%s: unsupported elements ignored: %s", label,
                      ", ".join("<%s>" % tag for tag in reader.unread()))
+
+
+@contextmanager
+def suppress_warnings(suppress: bool) -> Iterator[None]:
+    """Suppress warnings of this package inside the block, if ``suppress``: for a record whose warnings were logged."""
+    level = _log.level
+    if suppress:
+        _log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        _log.setLevel(level)

@@ -12,7 +12,6 @@ import rospkg
 import rospy
 
 from gazebo_msgs.srv import SpawnModelResponse
-from m2wr_sim.api.devices import said_once
 from m2wr_sim.control.diff_drive import CONVENTIONS
 from m2wr_sim.errors import ModelError, NotFoundError, SimError
 from m2wr_sim.geometry import compose
@@ -22,6 +21,7 @@ from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.model.xml.lenient import root_tag, without_comments
 from m2wr_sim.physics import native_shapes
 from m2wr_sim.ros.convert import all_finite, read_pose
+from m2wr_sim.runtime.once_logger import suppress_warnings
 from m2wr_sim.runtime.simulator import Simulator
 from m2wr_sim.sensors.mesh_tree import tree_of
 
@@ -253,7 +253,7 @@ class Spawner:
         try:
             convention = self._simulator.config.wheel_convention_of(request.model_name)
             record_before, convention_before = self._logged
-            with said_once(record is record_before and convention == convention_before):   # an equal robot
+            with suppress_warnings(record is record_before and convention == convention_before):  # an equal robot
                 self._put(record, pose, request)
             self._logged = (record, convention)
         except SimError as error:
