@@ -83,7 +83,7 @@ lint_catkin() {
 
 lint_structure() {
     "$PYTHON" -m pytest -q -p no:cacheprovider test/unit/test_layers.py test/unit/test_python_floor.py \
-        test/unit/test_registered.py
+        test/unit/test_registered.py test/unit/test_names_of_tests.py
 }
 
 [ $# -gt 0 ] || set -- catkin flake8 ruff docstrings mypy licence xml shell structure
