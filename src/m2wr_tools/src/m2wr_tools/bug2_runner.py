@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bug 2 against the simulator in one process: the state machines of motion_plan, turn by turn as their nodes take them.
+"""Bug 2 and the simulator in one process: the state machines of motion_plan in the same periods as their nodes.
 
-The nodes are three (bug2, wall_follower, go_to_point), each with a loop of 20 Hz.  Here their turns fall on the same
-instant: first what the sensors have sent is taken in, then Bug 2 decides and switches the behaviours, then the one that
-is on commands the robot.  Numbers that go through 32-bit message fields are rounded as there.
+The three nodes (bug2, wall_follower, go_to_point) have loops of 20 Hz.  Here their periods begin at the same time: the
+sensor data are processed, then Bug 2 decides and switches the behaviours, then the active behaviour commands the robot.
+Numbers that pass 32-bit message fields are rounded in the same way.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass, field
-from typing import Any, Tuple
+from typing import TYPE_CHECKING, Any, List, Optional, Tuple
 
 import numpy as np
 
@@ -20,9 +22,14 @@ from motion_plan.surroundings import Surroundings
 from motion_plan.wall_follower import WallFollower
 from motion_plan.wall_guard import WallGuard
 
+if TYPE_CHECKING:
+    from m2wr_sim.api.records import Odometry, Scan
+    from m2wr_tools.array_types import FloatArray
+    from motion_plan.planar_types import Point, Pose, Regions
+
 #: Period of the nodes' loops [s].
 TURN = 0.05
-#: A run that is not over by then [simulated s] ends as ``time_out``.
+#: A run that takes longer [simulated s] ends as ``time_out``.
 LIMIT = 900.0
 _COMMAND_TIMEOUT = 1.0          # s, as in bug2.launch
 TIME_OUT = "time_out"
@@ -47,13 +54,13 @@ class Bug2Run:
     outcome : str
         ``goal_reached``, ``goal_unreachable`` or ``time_out``.
     reason : str
-        The words of Bug 2 for it.
+        The reason that Bug 2 gives.
     time : float
         Simulated time at the end [s].
     states : tuple of Change
         Every state entered, the first one included.
     path : (N, 4) float64
-        Time [s] and true pose x, y [m], yaw [rad] at each turn.
+        Time [s] and true pose x, y [m], yaw [rad] at each period.
     contacts : tuple of Contact
         Contacts of the robot, other than with the ground.
     start, goal : (float, float)
@@ -64,28 +71,28 @@ class Bug2Run:
     reason: str
     time: float
     states: Tuple[Change, ...]
-    path: Any = field(repr=False)
+    path: FloatArray = field(repr=False)
     contacts: Tuple[Contact, ...]
     start: Tuple[float, float]
     goal: Tuple[float, float]
 
     @property
-    def reached(self):
+    def reached(self) -> bool:
         """Whether the robot has reached the goal without a contact."""
         return self.outcome == State.GOAL_REACHED.value and not self.contacts
 
     @property
-    def path_length(self):
+    def path_length(self) -> float:
         """Length of the path [m]."""
         return float(np.hypot(np.diff(self.path[:, 1]), np.diff(self.path[:, 2])).sum())
 
-    def points(self, state):
-        """Return the (x, y) at which a state was entered, by its name: the hit points for ``wall_following``."""
+    def points(self, state: str) -> List[Point]:
+        """Return the points (x, y) [m] at which a state was entered: the hit points for ``wall_following``."""
         return [change.pose[:2] for change in self.states if change.state == state]
 
 
 class Bug2Driver:
-    """The three nodes' state machines, their switches and what they remember of their sensors.
+    """The state machines of the three nodes, their switches and their sensor data.
 
     Parameters
     ----------
@@ -101,29 +108,35 @@ class Bug2Driver:
     Raises
     ------
     ValueError
-        If start, goal or rule are not usable, or the robot has no laser that measures by itself.
+        If start, goal or rule are not valid, or the robot has no laser that measures by itself.
     """
 
-    def __init__(self, sim, robot, start, goal, leave_rule="complete"):
+    def __init__(self, sim: Sim, robot: str, start: Point, goal: Point, leave_rule: str = "complete") -> None:
         self.bug = Bug2(start, goal, leave_rule)
-        self.states = []
+        self.states: List[Change] = []
         self._sim, self._drive, lasers = sim, sim.drive(robot), sim.lasers(robot)
         if not lasers or not lasers[0].enabled:
             raise ValueError("\"%s\" has no laser that measures by itself; Bug 2 needs one (sensing=\"due\")" % robot)
         self._go_to_point, self._wall_follower = GoToPoint(goal), WallFollower()
         self._guard = None if leave_rule == "report" else WallGuard()
         self._reader, self._surroundings, self._history = RegionReader(), Surroundings(), PoseHistory()
-        self._pose = self._speed = self._regions = self._scan_time = None
+        self._pose: Optional[Pose] = None
+        self._speed: Optional[Tuple[float, float]] = None
+        self._regions: Optional[Regions] = None
+        self._scan_time: Optional[float] = None
         self._going = self._following = False
         self._drive.callbacks.append(self._on_odometry)
         lasers[0].callbacks.append(self._on_scan)
         self._laser = lasers[0]
 
-    def _on_odometry(self, odometry):
-        self._pose, self._speed = odometry.pose, (odometry.linear_x, odometry.angular_z)
-        self._history.add(odometry.time, self._pose)
+    def _on_odometry(self, odometry: Odometry) -> None:
+        pose = odometry.pose
+        self._pose, self._speed = pose, (odometry.linear_x, odometry.angular_z)
+        self._history.add(odometry.time, pose)
 
-    def _on_scan(self, scan):
+    def _on_scan(self, scan: Optional[Scan]) -> None:
+        if scan is None:
+            return
         angle_min, angle_max, increment = (float(np.float32(value)) for value in (
             scan.angle_min, scan.angle_max, scan.angle_increment))
         regions = self._reader.read(scan.ranges, angle_min, angle_max, increment)
@@ -133,17 +146,17 @@ class Bug2Driver:
             self._surroundings.update(scan.ranges, angle_min, increment, pose)
         self._wall_follower.take_action(regions)
 
-    def turn(self):
-        """Take one turn of all three loops at the present time; returns whether the run is over."""
-        if self._pose is None or self._regions is None:
+    def turn(self) -> bool:
+        """Process one period of all three loops at the present time; return whether the run has ended."""
+        if self._pose is None or self._speed is None or self._regions is None or self._scan_time is None:
             return False
         now, bug = self._sim.time, self.bug
         if not self.states:
-            self._enter(now)                    # as the node does before its loop
+            self._enter(now, self._pose)        # as the node does before its loop
         before = bug.state
         bug.update(now, self._pose, self._regions, self._surroundings, self._speed, now - self._scan_time)
         if bug.state is not before:
-            self._enter(now)
+            self._enter(now, self._pose)
         if self._following:
             command = self._wall_follower.update()
             if self._guard is not None:
@@ -153,10 +166,10 @@ class Bug2Driver:
             self._drive.command(*self._go_to_point.update(self._pose))
         return bug.finished
 
-    def _enter(self, now):
-        """Note the new state and switch the behaviours; one that is switched off stops the robot."""
+    def _enter(self, now: float, pose: Pose) -> None:
+        """Record the new state and switch the behaviours; one that is switched off stops the robot."""
         state = self.bug.state
-        self.states.append(Change(now, state.value, self.bug.reason, self._pose))
+        self.states.append(Change(now, state.value, self.bug.reason, pose))
         following = state is State.WALL_FOLLOWING
         going = state in (State.GO_TO_POINT, State.GOAL_REACHED)
         if going and not self._going:
@@ -167,14 +180,15 @@ class Bug2Driver:
             self._drive.command(0.0, 0.0)
         self._going, self._following = going, following
 
-    def close(self):
-        """Listen to the sensors no more."""
+    def close(self) -> None:
+        """Stop using the sensors."""
         self._drive.callbacks.remove(self._on_odometry)
         self._laser.callbacks.remove(self._on_scan)
 
 
-def run_bug2(world="world02", start=(0.0, 8.0), goal=(0.0, -4.0), yaw=0.0, seed=0, robot="m2wr", leave_rule="complete",
-             phase=0.0, limit=LIMIT, **options):
+def run_bug2(world: Any = "world02", start: Point = (0.0, 8.0), goal: Point = (0.0, -4.0), yaw: float = 0.0,
+             seed: int = 0, robot: Any = "m2wr", leave_rule: str = "complete", phase: float = 0.0, limit: float = LIMIT,
+             **options: Any) -> Bug2Run:
     """Drive Bug 2 from start to goal; by default the experiment of ``bug2.launch``.
 
     Parameters
@@ -188,7 +202,7 @@ def run_bug2(world="world02", start=(0.0, 8.0), goal=(0.0, -4.0), yaw=0.0, seed=
     leave_rule : str
         See :class:`Bug2Driver`.
     phase : float
-        When the turns fall, counted from multiples of 50 ms [s]: nodes start at any time.
+        Begin of the periods after multiples of 50 ms [s]: nodes start at any time.
     limit : float
         Simulated time after which to give up [s].
     **options
@@ -201,7 +215,7 @@ def run_bug2(world="world02", start=(0.0, 8.0), goal=(0.0, -4.0), yaw=0.0, seed=
     Raises
     ------
     ValueError
-        If start, goal, rule or phase are not usable.
+        If start, goal, rule or phase are not valid.
     WorldError, ModelError
         If the world or the robot cannot be used.
     """
@@ -210,7 +224,9 @@ def run_bug2(world="world02", start=(0.0, 8.0), goal=(0.0, -4.0), yaw=0.0, seed=
     options.setdefault("command_timeout", _COMMAND_TIMEOUT)
     with Sim(world, robot, (start[0], start[1], yaw), seed, **options) as sim:
         driver = Bug2Driver(sim, sim.robots[0], start, goal, leave_rule)
-        contacts, path, over = [], [], False
+        contacts: List[Contact] = []
+        path: List[Tuple[float, ...]] = []
+        over = False
         now = sim.step(None, phase) if phase >= sim.step_size else sim.observe()
         while not over and now.time < limit:
             contacts += now.contacts
@@ -221,5 +237,5 @@ def run_bug2(world="world02", start=(0.0, 8.0), goal=(0.0, -4.0), yaw=0.0, seed=
         path.append((now.time,) + now.pose)
         outcome = driver.bug.state.value if driver.bug.finished else TIME_OUT
         reason = driver.bug.reason if driver.bug.finished else "not over after %g s" % now.time
-        return Bug2Run(outcome, reason, now.time, tuple(driver.states), np.array(path), tuple(contacts), tuple(start),
-                       tuple(goal))
+        return Bug2Run(outcome, reason, now.time, tuple(driver.states), np.array(path), tuple(contacts),
+                       (start[0], start[1]), (goal[0], goal[1]))

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The commands pause, unpause, step and speed of a running simulation. Exit code 0 or 1; 2 for invalid options."""
+from __future__ import annotations
+
 import argparse
 import math
 import sys
-from typing import Any, List, Optional
+from typing import Any, List, Optional, Union
 
 from m2wr_sim.errors import SimError
 from m2wr_tools.service_client import CallError, Connection, no_master, without_remappings
@@ -97,9 +99,22 @@ def make_parser(command: str) -> argparse.ArgumentParser:
 
 
 def main(command: str, argv: Optional[List[str]] = None) -> int:
-    """Entry point of a command; returns the exit code."""
+    """Run a command.
+
+    Parameters
+    ----------
+    command : str
+        One of ``COMMANDS``.
+    argv : list of str, optional
+        Command line, the program's name first; default: that of this process.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     given = make_parser(command).parse_args(without_remappings(sys.argv if argv is None else argv)[1:])
-    problem = no_master()
+    problem: Union[str, SimError, None] = no_master()
     try:
         if problem is None:
             COMMANDS[command][0](given)

@@ -473,6 +473,10 @@ def test_fast_time_ages_stamps_faster():
     assert not faults(frames.check(make_graph(), make_seen(edges=edges, clock=(0.0, 50.0))))
 
 
+def test_links_without_a_name_are_ignored():
+    assert frames.links_of('<robot name="r"><link/><link name="base"/></robot>') == ["base"]
+
+
 def test_a_ring_of_frames_ends():
     edges = {("a", "b"): frames.Edge({"/n"}, None, True), ("b", "a"): frames.Edge({"/n"}, None, True)}
     frames.check(make_graph(), make_seen(edges=edges))

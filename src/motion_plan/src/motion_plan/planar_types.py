@@ -2,7 +2,7 @@
 """Names of the types that the behaviours share. Plain Python and numpy, no ROS types."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Dict, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Sequence, Tuple, Union
 
 #: x, y [m] in the odometry frame.
 Point = Tuple[float, float]
@@ -18,5 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     FloatArray = NDArray[np.float64]
+    #: Ranges [m] of a scan: of a message, or an array (n,).
+    Readings = Union[Sequence[float], NDArray[np.floating[Any]]]
     IndexArray = NDArray[np.int64]
     BoolArray = NDArray[np.bool_]

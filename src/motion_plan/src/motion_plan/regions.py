@@ -15,7 +15,7 @@ from motion_plan.angles import wrap_angle
 from motion_plan.planar_types import Regions
 
 if TYPE_CHECKING:
-    from motion_plan.planar_types import IndexArray
+    from motion_plan.planar_types import IndexArray, Readings
 
 #: Sector names in the order of the beams, which run counter-clockwise.
 SECTOR_NAMES = ('right', 'fright', 'front', 'fleft', 'left')
@@ -109,7 +109,7 @@ class RegionReader:
         self._beams: List[IndexArray] = []
         self._notices: List[str] = []
 
-    def read(self, ranges: Sequence[float], angle_min: float, angle_max: float, angle_increment: float) -> Regions:
+    def read(self, ranges: Readings, angle_min: float, angle_max: float, angle_increment: float) -> Regions:
         """Return the least range of every sector.
 
         Parameters

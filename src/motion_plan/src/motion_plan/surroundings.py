@@ -8,7 +8,7 @@ passes through them. No planning here: only the store and its two queries.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Optional, Tuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from motion_plan.planar_types import Point, Pose
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from motion_plan.planar_types import BoolArray, FloatArray, IndexArray
+    from motion_plan.planar_types import BoolArray, FloatArray, IndexArray, Readings
 
 #: Points farther than this from the robot are forgotten [m].
 FORGET_DISTANCE = 3.0
@@ -62,7 +62,7 @@ class Surroundings:
         self.points = np.empty((0, 2))
         self._pose = None
 
-    def update(self, ranges: Sequence[float], angle_min: float, angle_increment: float, pose: Pose,
+    def update(self, ranges: Readings, angle_min: float, angle_increment: float, pose: Pose,
                range_min: float = 0.10) -> None:
         """Add one scan.
 

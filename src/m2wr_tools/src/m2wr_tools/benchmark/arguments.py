@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The command line of ``benchmark``; what measures is imported after it has been read."""
+from __future__ import annotations
+
 import argparse
 import sys
+from typing import Callable
 
 from m2wr_sim.engine_names import ENGINES
 from m2wr_tools.benchmark import reference
@@ -12,8 +15,8 @@ _PURPOSE = "How fast the simulation runs here, one case or a table of them."
 _LONGEST_STEP = 0.02            # s
 
 
-def _whole(least):
-    def read(text):
+def _whole(least: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
         value = int(text)
         if value < least:
             raise argparse.ArgumentTypeError("%s: expected a whole number of at least %d" % (text, least))
@@ -21,8 +24,8 @@ def _whole(least):
     return read
 
 
-def _seconds(least, most):
-    def read(text):
+def _seconds(least: float, most: float) -> Callable[[str], float]:
+    def read(text: str) -> float:
         value = float(text)
         if not least < value <= most:
             raise argparse.ArgumentTypeError("%s: expected seconds above %g and up to %g" % (text, least, most))
@@ -30,7 +33,7 @@ def _seconds(least, most):
     return read
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Return the command line's parser."""
     made = argparse.ArgumentParser(prog="benchmark", description=_PURPOSE)
     made.add_argument("--world", help="world file or name of a world; default: a walled square with obstacles")
@@ -61,7 +64,7 @@ def parser():
     return made
 
 
-def main():
+def main() -> int:
     """Entry point of the executable; returns the exit code."""
     options = parser().parse_args(sys.argv[1:])
     from m2wr_tools.benchmark.command import perform  # slow to import, and not needed for --help

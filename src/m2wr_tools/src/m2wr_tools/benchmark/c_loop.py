@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The same stepping loop written in C, compiled on the spot: the yardstick for the compiled Python loop.
+"""The same stepping loop in C, compiled when it is needed: the reference for the speed of the compiled Python loop.
 
-It is no part of the simulator and not built with it; it needs a C compiler and libode's headers.  The world is handed
-over as text, in the order in which the engine builds it, so both loops step the same world to the same bits.
+It is not a part of the simulator and not built with it; it needs a C compiler and libode's headers.  The program reads
+the world as text, in the order in which the engine builds it, so both loops give the same result to the bit.
 """
+from __future__ import annotations
+
 import os
 import shutil
 import subprocess
 import tempfile
+from typing import TYPE_CHECKING, Dict, Iterable, Iterator, List, Tuple, Union
 
 import numpy as np
 import rospkg
@@ -19,6 +22,11 @@ from m2wr_sim.physics.contacts import pair_surface
 from m2wr_sim.physics.pyode_bodies import ode_quaternion
 from m2wr_sim.physics.wheels import initial_link_pose, wheel_poses
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.types import Collision, Model, World
+    from m2wr_sim.physics.engine import EngineSettings
+
 _NAMES = {Box: "box", Cylinder: "cylinder", Sphere: "sphere"}
 
 
@@ -26,18 +34,30 @@ class CompilerMissing(SimError):
     """The loop in C cannot be compiled here."""
 
 
-def source():
+def source() -> str:
     """Return the path of the loop's C source."""
     return os.path.join(rospkg.RosPack().get_path("m2wr_tools"), "bench", "step_loop.c")
 
 
-def compile_loop(source, folder):
-    """Compile ``source`` into ``folder`` and return the program's path.
+def compile_loop(source: str, folder: str) -> str:
+    """Compile the loop.
+
+    Parameters
+    ----------
+    source : str
+        Path of the C source.
+    folder : str
+        Where to write the program.
+
+    Returns
+    -------
+    str
+        Path of the program.
 
     Raises
     ------
     CompilerMissing
-        If there is no compiler, or it does not take the source (mostly: libode's headers are not installed).
+        If there is no compiler, or it fails, mostly because libode's headers are not installed.
     """
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
@@ -55,12 +75,13 @@ def compile_loop(source, folder):
 
 
 class _Classes:
-    """Numbers collisions by what contacts they make."""
+    """Gives collisions with the same kinds of contacts the same number."""
 
-    def __init__(self):
-        self._numbers, self.members = {}, []
+    def __init__(self) -> None:
+        self._numbers: Dict[Tuple[object, ...], int] = {}
+        self.members: List[Tuple[Collision, bool, bool]] = []
 
-    def number(self, collision, wheel, moves):
+    def number(self, collision: Collision, wheel: bool, moves: bool) -> int:
         key = (collision.surface, type(collision.geometry), collision.max_contacts, wheel, moves)
         if key not in self._numbers:
             self._numbers[key] = len(self.members)
@@ -68,11 +89,11 @@ class _Classes:
         return self._numbers[key]
 
 
-def _line(*items):
+def _line(*items: Union[str, float]) -> str:
     return " ".join(item if isinstance(item, str) else "%.17g" % item for item in items)
 
 
-def _shape(collision, number, pose):
+def _shape(collision: Collision, number: int, pose: Pose) -> str:
     geometry = collision.geometry
     if isinstance(geometry, Box):
         sizes = tuple(geometry.size)
@@ -85,7 +106,7 @@ def _shape(collision, number, pose):
     return _line(_NAMES[type(geometry)], number, *(tuple(pose[0]) + ode_quaternion(pose[1]) + sizes))
 
 
-def _static_lines(model, classes):
+def _static_lines(model: Model, classes: _Classes) -> Iterator[str]:
     for link in model.links:
         link_pose = initial_link_pose(model.pose, link)
         for collision in link.collisions:
@@ -98,7 +119,7 @@ def _static_lines(model, classes):
                 yield _shape(collision, number, pose)
 
 
-def _robot_lines(model, pose, rates, force, classes):
+def _robot_lines(model: Model, pose: Pose, rates: Dict[str, float], force: float, classes: _Classes) -> Iterator[str]:
     wheels, order = wheel_poses(model.links, model.joints), [link.name for link in model.links]
     yield "robot"
     poses = {link.name: initial_link_pose(pose, link) for link in model.links}
@@ -115,14 +136,15 @@ def _robot_lines(model, pose, rates, force, classes):
             wheel = wheels.get((link.name, collision.name))
             offset, twist = wheel or collision.pose
             number = classes.number(collision, wheel is not None, True)
-            yield _shape(collision, number, (tuple(offset[axis] - com[axis] for axis in range(3)), twist))
+            yield _shape(collision, number, ((offset[0] - com[0], offset[1] - com[1], offset[2] - com[2]), twist))
     for joint in model.joints:
         anchor, orientation = compose(poses[joint.child], joint.pose)
         yield _line("hinge", order.index(joint.child), order.index(joint.parent), *anchor,
                     *rotate(orientation, joint.axis.xyz), rates[joint.name], force)
 
 
-def world_text(world, robot, places, rates, force, settings, runs, steps):
+def world_text(world: World, robot: Model, places: Iterable[Vector], rates: Dict[str, float], force: float,
+               settings: EngineSettings, runs: int, steps: int) -> str:
     """Return the input of the program.
 
     Parameters
@@ -132,22 +154,23 @@ def world_text(world, robot, places, rates, force, settings, runs, steps):
     robot : Model
         Links and hinges, without damping, limits or friction in the joints; surfaces rigid and without slip.
     places : list of (x, y, z)
-        Where its copies stand, heading +x.
+        Positions of its copies [m], heading +x.
     rates : dict
         Rate of each joint's motor [rad/s].
     force : float
-        Greatest torque of the motors [N m].
+        Maximum torque of the motors [N m].
     settings : EngineSettings
-        The program solves every step once, whatever ``friction_solves`` says.
+        The program solves every step once; ``friction_solves`` has no effect.
     runs, steps : int
         Number of timed runs and steps in each.
 
     Raises
     ------
     SimError
-        If something in the world is of a kind the program does not know.
+        If the world has something that the program does not support.
     """
-    classes, lines = _Classes(), []
+    classes = _Classes()
+    lines: List[str] = []
     for model in world.models:
         if not model.static:
             raise SimError("the loop in C knows static worlds only; model \"%s\" can move" % model.name)
@@ -168,8 +191,20 @@ def world_text(world, robot, places, rates, force, settings, runs, steps):
     return "\n".join([head] + pairs + lines) + "\n"
 
 
-def run_loop(program, text):
-    """Run the program; returns the µs of processor time per step of each run and the first body's final position.
+def run_loop(program: str, text: str) -> Tuple[List[float], Tuple[float, ...]]:
+    """Run the program.
+
+    Parameters
+    ----------
+    program : str
+        Its path.
+    text : str
+        Its input, from :func:`world_text`.
+
+    Returns
+    -------
+    list of float, (float, float, float)
+        Processor time of a step in each run [us]; final position of the first body [m].
 
     Raises
     ------
@@ -184,6 +219,6 @@ def run_loop(program, text):
     return [1e-3 * float(line) for line in times], tuple(float.fromhex(word) for word in last.split()[1:4])
 
 
-def temporary_folder():
-    """Return a folder for the program; use it as a context manager."""
+def temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    """Return a folder for the program, as a context manager."""
     return tempfile.TemporaryDirectory(prefix="m2wr_sim_benchmark_")

@@ -1,29 +1,37 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The work of the command ``benchmark``: how fast the simulation runs here, one case or a table of them."""
+"""Implementation of the command ``benchmark``: measures the speed of the simulation in one case or in all."""
+from __future__ import annotations
+
 import json
 import os
 import statistics
 import sys
 import tempfile
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, TextIO
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.sdf.loader import load_world
+from m2wr_sim.model.types import World
 from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_tools.benchmark import c_loop, hardware, in_process, others, reference, table
 from m2wr_tools.benchmark.arguments import parser
 from m2wr_tools.runs.experiment import free_port
 
+if TYPE_CHECKING:
+    import argparse
+
+
 _C_STEPS = 20000                # robot steps in a run
 
 
 class Progress:
-    """Says how far a long measurement is, on a terminal only."""
+    """Prints the progress of a long measurement, on a terminal only."""
 
-    def __init__(self, name, stream=None):
+    def __init__(self, name: str, stream: Optional[TextIO] = None) -> None:
         self._name, self._stream = name, stream or sys.stderr
-        self._shown = None
+        self._shown: Optional[int] = None
 
-    def __call__(self, share):
+    def __call__(self, share: float) -> None:
         percent = int(100.0 * share)
         if self._stream.isatty() and percent != self._shown:
             self._shown = percent
@@ -31,24 +39,40 @@ class Progress:
             self._stream.flush()
 
 
-def world_text_or_path(options, folder):
-    """Return what the simulation is to load: the path of the world asked for, or the text of the default one."""
+def world_text_or_path(options: argparse.Namespace, folder: str) -> str:
+    """Return the world to load: the path of the requested world, or the text of the default one.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The parsed command line.
+    folder : str
+        Of the package m2wr_sim.
+    """
     if options.world:
         return find_world(options.world, os.path.join(folder, "worlds"))
     return reference.world_sdf(options.obstacles, options.robots)
 
 
-def _load(options, folder):
+def _load(options: argparse.Namespace, folder: str) -> World:
     folders = model_folders(folder)
     return load_world(world_text_or_path(options, folder), resolve_model=folders)
 
 
-def _case(options, world):
+def _case(options: argparse.Namespace, world: World) -> in_process.Case:
     return in_process.Case(world, options.robots, options.step, options.beams, options.duration, options.engine)
 
 
-def measure_node(options, folder):
-    """Measure the whole node; see :class:`~m2wr_tools.benchmark.whole_node.WholeNode`."""
+def measure_node(options: argparse.Namespace, folder: str) -> Dict[str, Any]:
+    """Return the figures of the whole node; see :class:`~m2wr_tools.benchmark.whole_node.WholeNode`.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The parsed command line.
+    folder : str
+        Of the package m2wr_sim.
+    """
     from m2wr_tools.benchmark.whole_node import WholeNode  # needs ROS, the rest does not
     found = world_text_or_path(options, folder)
     with tempfile.TemporaryDirectory(prefix="m2wr_sim_benchmark_") as scratch:
@@ -57,7 +81,7 @@ def measure_node(options, folder):
             with open(path, "w") as stream:
                 stream.write(found)
             found = path
-        with WholeNode(found, _case(options, None), options.clients, options.factor, free_port()) as node:
+        with WholeNode(found, _case(options, World()), options.clients, options.factor, free_port()) as node:
             if options.soak:
                 return node.soak(options.soak, Progress("node"))
             result = node.measure(options.duration, Progress("node"))
@@ -67,15 +91,28 @@ def measure_node(options, folder):
     return result
 
 
-def _arguments(options):
+def _arguments(options: argparse.Namespace) -> List[str]:
     """Return the command line of the same case without ROS."""
     arguments = ["--world", options.world] if options.world else ["--obstacles", str(options.obstacles)]
     return arguments + ["--robots", str(options.robots), "--step", repr(options.step), "--beams", str(options.beams),
                         "--duration", repr(min(options.duration, 20.0)), "--engine", options.engine]
 
 
-def compare_with_c(options, folder):
-    """Time the engine's loop and the loop in C in turns; returns medians [µs per step] and their ratio."""
+def compare_with_c(options: argparse.Namespace, folder: str) -> Dict[str, Any]:
+    """Return the medians of alternating runs of the engine's loop and the loop in C [us per step], and their ratio.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The parsed command line.
+    folder : str
+        Of the package m2wr_sim.
+
+    Raises
+    ------
+    SimError
+        If the loops differ in their results, or the loop in C cannot be compiled.
+    """
     world, robot = _load(options, folder), in_process.robot_model(options.beams)
     steps = max(100, _C_STEPS // options.robots)
     pairs, progress = [], Progress("comparison")
@@ -98,8 +135,8 @@ def compare_with_c(options, folder):
             "steps": steps, "repeats": options.repeats}
 
 
-def compare_with_other(options):
-    """Time physics and scans in turns with another simulator, each run in a process of its own; returns medians."""
+def compare_with_other(options: argparse.Namespace) -> Dict[str, Any]:
+    """Return the medians of alternating runs with another simulator; each run is a process of its own."""
     arguments, pairs, progress = _arguments(options), [], Progress("comparison")
     for repeat in range(options.repeats):
         pairs.append([table.run_case(arguments + extra) for extra in ([], ["--simulator", options.compare])])
@@ -110,8 +147,16 @@ def compare_with_other(options):
             "speed": pairs[0][1]["speed"], "turn_rate": pairs[0][1]["turn_rate"], "repeats": options.repeats}
 
 
-def run(options, folder):
-    """Measure what the options ask for; returns a dictionary of figures."""
+def run(options: argparse.Namespace, folder: str) -> Dict[str, Any]:
+    """Return the figures of the requested measurement, by name.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The parsed command line.
+    folder : str
+        Of the package m2wr_sim.
+    """
     if options.compare == "c":
         return compare_with_c(options, folder)
     if options.compare:
@@ -123,13 +168,13 @@ def run(options, folder):
     return in_process.measure(_case(options, _load(options, folder)), Progress("physics and scans"))
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code."""
     return perform(parser().parse_args(sys.argv[1:] if argv is None else argv))
 
 
-def perform(options):
-    """Measure what the options ask for and print it; returns the exit code."""
+def perform(options: argparse.Namespace) -> int:
+    """Do the requested measurement and print it; return the exit code."""
     try:
         if options.table:
             sys.stdout.write(table.make(options.repeats, Progress("table")))

@@ -1,19 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Physics and scans without ROS: how long a simulated second takes, and what the time goes into."""
+"""Physics and scans without ROS: measures the time for a simulated second and its parts."""
+from __future__ import annotations
+
 import contextlib
 import gc
 import logging
 import statistics
 import time
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 
 from m2wr_sim.control.diff_drive import wheel_speeds
+from m2wr_sim.errors import SimError
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.sdf.loader import load_sdf_models
 from m2wr_sim.physics.engine import settings_from_physics
 from m2wr_sim.physics.factory import make_engine
+from m2wr_sim.physics.native_engine import NativeEngine
 from m2wr_sim.plugins.base import Plugin
 from m2wr_sim.process_memory import memory_mb
 from m2wr_sim.runtime.ports import LocalPorts
@@ -23,17 +28,23 @@ from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_tools.benchmark import reference
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Vector
+    from m2wr_sim.model.types import Model, Sensor, World
+    from m2wr_sim.physics.engine import EngineSettings
+    from m2wr_tools.array_types import Float32Array
+
 FORCE = 5.0                     # N m
 _CLOCK_RATE = 1.0               # Hz; without a subscriber
-_PARTS = 10                     # a run is timed in so many parts
+_PARTS = 10                     # number of parts of a run that are timed
 _SETTLING_NS = 500000000
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is measured; ``world`` is a :class:`~m2wr_sim.model.types.World`, times in seconds."""
+    """A case to measure; times in seconds."""
 
-    world: object
+    world: World
     robots: int = 1
     step: float = 0.001
     beams: int = 720
@@ -41,40 +52,40 @@ class Case:
     engine: str = "auto"
 
     @property
-    def step_ns(self):
+    def step_ns(self) -> int:
         """The step in whole nanoseconds."""
         return int(round(self.step * 1e9))
 
 
-def robot_model(beams):
+def robot_model(beams: int) -> Model:
     """Return the record of the reference robot."""
     return load_sdf_models(reference.robot_sdf(beams))[0]
 
 
-def motor_rates():
-    """Return the rate of each wheel [rad/s] for the circle."""
+def motor_rates() -> Dict[str, float]:
+    """Return the rotation rate of each wheel [rad/s] for the circle."""
     left, right = wheel_speeds(reference.LINEAR, reference.ANGULAR, reference.TRACK, False)
     return {"left": left / reference.WHEEL_RADIUS, "right": right / reference.WHEEL_RADIUS}
 
 
-def reading_cost():
-    """Return the processor time [s] that passes between two readings of the clock with nothing in between."""
+def reading_cost() -> float:
+    """Return the processor time [s] between two successive readings of the clock."""
     readings = [time.process_time() for _ in range(201)]
     return statistics.median(later - earlier for earlier, later in zip(readings, readings[1:]))
 
 
 class Stopwatch:
-    """Adds up the processor time spent in a function of ``owner``, by standing in for it.
+    """Sums up the processor time spent in a method of ``owner``, which it replaces.
 
-    What reading the clock costs, a twentieth of a scan, is taken off.
+    The time for reading the clock, a twentieth of a scan, is subtracted.
     """
 
-    def __init__(self, owner, name):
+    def __init__(self, owner: object, name: str) -> None:
         self.seconds, self.calls, self._cost = 0.0, 0, reading_cost()
         self._owner, self._name, self._function = owner, name, getattr(owner, name)
         setattr(owner, name, self._timed)
 
-    def _timed(self, *arguments):
+    def _timed(self, *arguments: Any) -> Any:
         start = time.process_time()
         try:
             return self._function(*arguments)
@@ -82,29 +93,31 @@ class Stopwatch:
             self.seconds += time.process_time() - start - self._cost
             self.calls += 1
 
-    def remove(self):
-        """Give the function its place back."""
+    def remove(self) -> None:
+        """Restore the method."""
         delattr(self._owner, self._name)
 
 
 class _Scanner(Plugin):
-    """One robot's scanner: casts rays at its rate and keeps the last scan."""
+    """One robot's laser: casts rays at its rate and stores the last scan."""
 
-    def __init__(self, simulator, model, sensor, seed):
+    def __init__(self, simulator: Simulator, model: Any, sensor: Sensor, seed: int) -> None:
         self._simulator = simulator
+        if sensor.ray is None:
+            raise SimError("sensor \"%s\" of the robot has no rays" % sensor.name)
         self.laser = LaserSensor(sensor.ray, np.random.default_rng(seed))
         link = model.handle.links[model.record.links[0].name]
         self._look = simulator.engine.pose_reader([(link, sensor.pose)], self.laser.pose)
         self._schedule = SensorSchedule(sensor.update_rate)
-        self.ranges = None
+        self.ranges: Optional[Float32Array] = None
 
-    def configure(self, spec, ctx):
-        """Nothing to configure: this plugin stands for no tag."""
+    def configure(self, spec: Any, ctx: Any) -> None:
+        """Do nothing: there is no tag for this plugin."""
 
-    def next_after(self, now_ns):
+    def next_after(self, now_ns: int) -> Optional[int]:
         return self._schedule.next_due(now_ns, self._simulator.step_ns)
 
-    def after_step(self, now_ns):
+    def after_step(self, now_ns: int) -> None:
         if self._schedule.due(now_ns):
             simulator = self._simulator
             simulator.refresh_scene()
@@ -112,13 +125,14 @@ class _Scanner(Plugin):
             self.ranges = self.laser.cast(simulator.scene)[0]
 
 
-def build(case):
-    """Return a simulator with the robots driving, and their scanners; no plugin of the robots runs."""
+def build(case: Case) -> Tuple[Simulator, List[_Scanner]]:
+    """Return a simulator with driving robots, and their lasers; no plugin of the robots runs."""
     engine = make_engine(case.engine, settings_from_physics(case.world.physics, case.step_ns))
     engine.reseed(0)
     simulator = Simulator(engine, RayScene(), LocalPorts(), SimConfig(clock_rate=_CLOCK_RATE, joint_states=False))
     simulator.load_world(case.world)
-    record, scanners = robot_model(case.beams), []
+    record = robot_model(case.beams)
+    scanners: List[_Scanner] = []
     sensor = record.links[0].sensors[0]
     chassis = replace(record.links[0], sensors=(replace(sensor, plugins=()),))
     record = replace(record, links=(chassis,) + record.links[1:], plugins=())
@@ -131,8 +145,17 @@ def build(case):
     return simulator, scanners
 
 
-def time_engine(case, steps, bounds=True):
-    """Time the engine alone, as the loop in C is timed; without ``bounds`` it does just what that loop does.
+def time_engine(case: Case, steps: int, bounds: bool = True) -> Tuple[float, Vector, EngineSettings]:
+    """Measure the engine alone, as the loop in C is measured.
+
+    Parameters
+    ----------
+    case : Case
+        The case; its world is loaded.
+    steps : int
+        Number of steps.
+    bounds : bool
+        Whether to use broad-phase bounds, which the loop in C does not have.
 
     Returns
     -------
@@ -141,7 +164,8 @@ def time_engine(case, steps, bounds=True):
     """
     settings = settings_from_physics(case.world.physics, case.step_ns)
     engine, record = make_engine(case.engine, settings), robot_model(case.beams)
-    engine.broad_phase_bounds = bounds
+    if isinstance(engine, NativeEngine):
+        engine.broad_phase_bounds = bounds
     try:
         for model in case.world.models:
             engine.add_model(model, model.pose)
@@ -150,7 +174,7 @@ def time_engine(case, steps, bounds=True):
             handles.append(engine.add_model(record, (place, (0.0, 0.0, 0.0, 1.0)), "robot%d" % index))
             for joint, rate in motor_rates().items():
                 engine.set_joint_motor(handles[-1].joints[joint], rate, FORCE)
-        engine.step(1)                          # lays out what the loop works on
+        engine.step(1)                          # prepares the arrays of the loop
         start = time.process_time()
         engine.step(steps - 1)
         seconds = time.process_time() - start
@@ -162,8 +186,8 @@ def time_engine(case, steps, bounds=True):
 
 
 @contextlib.contextmanager
-def _quiet():
-    """Keep back what is said of a world while it is loaded: it is of no interest here."""
+def _quiet() -> Iterator[None]:
+    """Suppress the warnings while a world is loaded."""
     logger = logging.getLogger("m2wr_sim")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -173,26 +197,34 @@ def _quiet():
         logger.setLevel(level)
 
 
-def run_until(simulator, until_ns):
-    """Advance as far as whole steps go."""
+def run_until(simulator: Simulator, until_ns: int) -> None:
+    """Advance the simulation by whole steps.
+
+    Parameters
+    ----------
+    simulator : m2wr_sim.runtime.simulator.Simulator
+        Not paused.
+    until_ns : int
+        Simulated time not to be exceeded [ns].
+    """
     while simulator.now_ns + simulator.step_ns <= until_ns:
         simulator.advance(until_ns)
 
 
-def measure(case, progress=lambda share: None):
+def measure(case: Case, progress: Callable[[float], object] = lambda share: None) -> Dict[str, Any]:
     """Measure a case.
 
     Parameters
     ----------
     case : Case
     progress : callable
-        Told the share done, 0 to 1, now and then.
+        Called with the completed share, 0 to 1.
 
     Returns
     -------
     dict
-        ``factor``: simulated seconds per second of processor time, median of the parts; ``wall_factor``: the same by
-        the clock on the wall; ``step_us``, ``scan_us``: one physics step (all robots) and one scan (one robot);
+        ``factor``: simulated seconds per second of processor time, median of the parts; ``wall_factor``: the same for
+        wall time; ``step_us``, ``scan_us``: one physics step (all robots) and one scan (one robot);
         ``physics_share``, ``scan_share``: of the time; ``messages``: of the solver; ``contacts``; ``memory_mb``: peak
         of the process.
     """
@@ -222,8 +254,8 @@ def measure(case, progress=lambda share: None):
         simulator.close()
 
 
-def _split(simulator, scanners, span_ns):
-    """Run on with stop watches on the engine and the rays; returns what each took."""
+def _split(simulator: Simulator, scanners: List[_Scanner], span_ns: int) -> Dict[str, Any]:
+    """Continue with stopwatches on the engine and the rays; return the time for each."""
     physics = Stopwatch(simulator.engine, "step")
     rays = [Stopwatch(scanner.laser, "cast") for scanner in scanners]
     steps, start = simulator.steps, time.process_time()

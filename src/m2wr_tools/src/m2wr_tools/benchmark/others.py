@@ -1,19 +1,27 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The reference case in other simulators: the same obstacles, robot, command and scans, driven at their best.
+"""The reference case in other simulators: the same obstacles, robot, command and scans, with their fastest calls.
 
-``mujoco`` and ``pybullet`` are no dependencies of this package; install them from PyPI to compare.  The
-scene is taken from the records that this simulator loads, so that all have the same obstacles.  MuJoCo
-comes twice: with its own settings, and with an implicit integrator and fewer iterations.  All cast a scan's rays in one
-call and add the same noise.  How the robot moved is handed back: a fast simulation of another motion is none.
+``mujoco`` and ``pybullet`` are not dependencies of this package; install them from PyPI to compare.  The scene comes
+from the records that this simulator loads, so that all have the same obstacles.  MuJoCo is measured twice: with its
+default settings, and with an implicit integrator and fewer iterations.  All cast the rays of a scan in one call and add
+the same noise.  The motion of the robot is reported too, to show whether it follows the command.
 """
+from __future__ import annotations
+
 import math
 import time
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Protocol, Tuple, Union
 
 import numpy as np
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.types import Box, Cylinder
 from m2wr_tools.benchmark import in_process, reference
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Vector
+    from m2wr_sim.model.types import World
+    from m2wr_tools.array_types import BoolArray, FloatArray
 
 _NOISE = 0.01               # m
 _SENSOR = (0.27, 0.0, 0.02)     # in the chassis frame
@@ -24,14 +32,14 @@ _BOX_INERTIA, _WHEEL_INERTIA = (0.0395, 0.1062, 0.1417), (0.000527, 0.000527, 0.
 _GAIN = 10.0                # N m s: holds a wheel's rate as a motor with a torque limit does
 
 
-def _import(name):
+def _import(name: str) -> Any:
     try:
         return __import__(name)
     except ImportError:
         raise SimError("the comparison needs the Python module %s: pip install %s" % (name, name)) from None
 
 
-def _shapes(world):
+def _shapes(world: World) -> Iterator[Tuple[Union[Box, Cylinder], Vector, float]]:
     """Yield ``(shape, position, yaw)`` of the obstacles of a world of upright boxes and cylinders."""
     for model in world.models:
         for link in model.links:
@@ -42,26 +50,50 @@ def _shapes(world):
 
 
 class _Rays:
-    """The fan of a scanner, as unit vectors in the chassis frame, with noise on what it hits."""
+    """The rays of a laser, as unit vectors in the chassis frame, with noise on hits."""
 
-    def __init__(self, beams, seed):
+    def __init__(self, beams: int, seed: int) -> None:
         angles = np.linspace(-0.5 * math.pi, 0.5 * math.pi, beams)
         self.directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)
         self._rng = np.random.default_rng(seed)
 
-    def finish(self, ranges, hit):
-        """Return the scan [m]: noise on hits, infinity elsewhere."""
+    def finish(self, ranges: FloatArray, hit: BoolArray) -> FloatArray:
+        """Return the scan [m]: noise on hits, infinity for other rays.
+
+        Parameters
+        ----------
+        ranges : (beams,) float64
+            Distances [m].
+        hit : (beams,) bool
+            Whether the ray hits something.
+        """
         return np.where(hit, ranges + _NOISE * self._rng.standard_normal(len(ranges)), np.inf)
 
 
-class MujocoCase:
-    """MuJoCo; ``tuned`` tells whether its settings are made for this case."""
+class OtherCase(Protocol):
+    """The reference case in another simulator."""
 
-    def __init__(self, case, tuned):
+    def run(self, steps: int) -> None:
+        """Advance by some steps."""
+
+    def scan(self, index: int) -> FloatArray:
+        """Return one robot's ranges (beams,) [m]."""
+
+    def pose(self) -> Tuple[float, float, float]:
+        """Return x, y [m] and heading [rad] of the first robot."""
+
+    def close(self) -> None:
+        """Free the simulation."""
+
+
+class MujocoCase:
+    """MuJoCo; ``tuned``: with settings for this case instead of its defaults."""
+
+    def __init__(self, case: in_process.Case, tuned: bool) -> None:
         self._mujoco = _import("mujoco")
         self.model = self._mujoco.MjModel.from_xml_string(self._mjcf(case, tuned))
         self.data = self._mujoco.MjData(self.model)
-        self._mujoco.mj_forward(self.model, self.data)          # so that poses are known before the first step
+        self._mujoco.mj_forward(self.model, self.data)          # calculates the poses before the first step
         rates = in_process.motor_rates()
         self.data.ctrl[:] = [rates["left"], rates["right"]] * case.robots
         self._bodies = [self.model.body("robot%d" % index).id for index in range(case.robots)]
@@ -70,7 +102,7 @@ class MujocoCase:
         self._ids = np.zeros(case.beams, dtype=np.int32)
 
     @staticmethod
-    def _mjcf(case, tuned):
+    def _mjcf(case: in_process.Case, tuned: bool) -> str:
         option = '<option timestep="%r" gravity="0 0 -9.8"%s/>' % (
             case.step, ' integrator="implicitfast" iterations="10" ls_iterations="6"' if tuned else "")
         rows = ['<mujoco>%s<worldbody><geom type="plane" size="0 0 1" contype="1" conaffinity="1"/>' % option]
@@ -99,11 +131,11 @@ class MujocoCase:
             rows.append("</body>")
         return "".join(rows) + "</worldbody><actuator>%s</actuator></mujoco>" % "".join(motors)
 
-    def run(self, steps):
+    def run(self, steps: int) -> None:
         """Advance."""
         self._mujoco.mj_step(self.model, self.data, nstep=steps)
 
-    def scan(self, index):
+    def scan(self, index: int) -> FloatArray:
         """Return one robot's ranges [m]."""
         body, fan = self._bodies[index], self._fans[index]
         turn = self.data.xmat[body].reshape(3, 3)
@@ -113,20 +145,20 @@ class MujocoCase:
                                  self._distances, len(directions), reference.RANGE_MAX)
         return fan.finish(self._distances, (self._ids >= 0) & (self._distances < reference.RANGE_MAX))
 
-    def pose(self):
+    def pose(self) -> Tuple[float, float, float]:
         """Return x, y [m] and heading [rad] of the first robot."""
         body = self._bodies[0]
         turn = self.data.xmat[body].reshape(3, 3)
         return float(self.data.xpos[body][0]), float(self.data.xpos[body][1]), math.atan2(turn[1, 0], turn[0, 0])
 
-    def close(self):
-        """Nothing to free."""
+    def close(self) -> None:
+        """Do nothing: there is nothing to free."""
 
 
 class BulletCase:
     """PyBullet, without a window."""
 
-    def __init__(self, case):
+    def __init__(self, case: in_process.Case) -> None:
         self._b = b = _import("pybullet")
         self._client = b.connect(b.DIRECT)
         b.setGravity(0, 0, -9.8)
@@ -141,7 +173,7 @@ class BulletCase:
         self._robots = [self._robot(place) for place in reference.robot_places(case.robots)]
         self._fans = [_Rays(case.beams, index) for index in range(case.robots)]
 
-    def _robot(self, place):
+    def _robot(self, place: Vector) -> int:
         b = self._b
         box = b.createCollisionShape(b.GEOM_BOX, halfExtents=[0.25, 0.15, 0.035])
         wheel = b.createCollisionShape(b.GEOM_CYLINDER, radius=reference.WHEEL_RADIUS, height=0.04)
@@ -163,13 +195,13 @@ class BulletCase:
             b.changeDynamics(robot, link, lateralFriction=0.0)
         return robot
 
-    def run(self, steps):
+    def run(self, steps: int) -> None:
         """Advance."""
         step = self._b.stepSimulation
         for _ in range(steps):
             step()
 
-    def scan(self, index):
+    def scan(self, index: int) -> FloatArray:
         """Return one robot's ranges [m]."""
         b, fan = self._b, self._fans[index]
         position, orientation = b.getBasePositionAndOrientation(self._robots[index])
@@ -180,24 +212,25 @@ class BulletCase:
         shares = np.array([row[2] for row in found])
         return fan.finish(_RANGE_MIN + shares * (reference.RANGE_MAX - _RANGE_MIN), shares < 1.0)
 
-    def pose(self):
+    def pose(self) -> Tuple[float, float, float]:
         """Return x, y [m] and heading [rad] of the first robot."""
         position, orientation = self._b.getBasePositionAndOrientation(self._robots[0])
         return position[0], position[1], self._b.getEulerFromQuaternion(orientation)[2]
 
-    def close(self):
+    def close(self) -> None:
         """Free the world."""
         self._b.disconnect(self._client)
 
 
-MAKERS = {
+MAKERS: Dict[str, Callable[[in_process.Case], OtherCase]] = {
     "mujoco": lambda case: MujocoCase(case, False),
     "mujoco-tuned": lambda case: MujocoCase(case, True),
     "pybullet": BulletCase,
 }
 
 
-def measure(name, case, progress=lambda share: None):
+def measure(name: str, case: in_process.Case,
+            progress: Callable[[float], object] = lambda share: None) -> Dict[str, Any]:
     """Run the reference case in another simulator.
 
     Parameters
@@ -205,12 +238,14 @@ def measure(name, case, progress=lambda share: None):
     name : str
         One of :data:`MAKERS`.
     case : m2wr_tools.benchmark.in_process.Case
+    progress : callable
+        Called with the completed share, 0 to 1.
 
     Returns
     -------
     dict
-        ``factor``: simulated seconds per second of processor time; ``speed``, ``turn_rate``: what the first robot did
-        [m/s, rad/s], from where it was from scan to scan.
+        ``factor``: simulated seconds per second of processor time; ``speed``, ``turn_rate``: motion of the first robot
+        [m/s, rad/s], from its poses at the scans.
 
     Raises
     ------
@@ -221,16 +256,16 @@ def measure(name, case, progress=lambda share: None):
     try:
         per_scan = max(1, int(round(1.0 / (reference.SCAN_RATE * case.step))))
         other.run(int(_SETTLING / case.step))
-        track, scans = [other.pose()], max(2, int(case.duration / (per_scan * case.step)))
+        poses, scans = [other.pose()], max(2, int(case.duration / (per_scan * case.step)))
         start = time.process_time()
         for count in range(scans):
             other.run(per_scan)
             for robot in range(case.robots):
                 other.scan(robot)
-            track.append(other.pose())
+            poses.append(other.pose())
             progress((count + 1) / scans)
         seconds = time.process_time() - start
-        simulated, track = scans * per_scan * case.step, np.array(track)
+        simulated, track = scans * per_scan * case.step, np.array(poses)
         turned = np.abs(np.diff(np.unwrap(track[:, 2]))).sum()
         path = np.hypot(*np.diff(track[:, :2], axis=0).T).sum()
         return {"factor": simulated / seconds, "speed": float(path / simulated),

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time a scan: ``python3 -m m2wr_tools.benchmark.rays`` prints microseconds and the ratio to the plain method.
+"""Measure a scan: ``python3 -m m2wr_tools.benchmark.rays`` prints microseconds and the ratio to the plain method.
 
-The plain method casts every beam against every obstacle, with the same arithmetic for one ray.  Worlds are a walled
-square of 24 m with boxes and cylinders, and larger ones with the same look, boxes of triangles, and heightmaps; the
-robot stands level, or tilted by 2 degrees, and the median over many places is given.
+The plain method casts every beam against every obstacle, with the same arithmetic for one ray.  The worlds are a walled
+square of 24 m with boxes and cylinders, larger squares of the same density, boxes of triangles, and heightmaps.  The
+robot is level, or tilted by 2 degrees; the result is the median over many places.
 """
+from __future__ import annotations
+
 import math
 import random
 import sys
 import timeit
+from functools import partial
+from typing import TYPE_CHECKING, Callable, List, Optional, Union
 
 import numpy as np
 
@@ -17,6 +21,9 @@ from m2wr_sim.model.types import Box, Cylinder, Heightmap, Mesh, Noise, Plane, R
 from m2wr_sim.sensors import ray_kernels as kernels
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.ray_scene import RayScene
+
+if TYPE_CHECKING:
+    from m2wr_tools.array_types import FloatArray
 
 SCAN = RayScan(samples=720, min_angle=-0.5 * math.pi, max_angle=0.5 * math.pi, range_min=0.1, range_max=10.0,
                noise=Noise(kind="gaussian", stddev=0.01))
@@ -30,8 +37,20 @@ _BOX_FACES = np.array(((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0
                        (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)), np.int32)
 
 
-def make_scene(obstacles, side, pillar=None, seed=1):
-    """Return a walled square of ``side`` metres on a ground plane, with boxes and cylinders, or thin pillars only."""
+def make_scene(obstacles: int, side: float, pillar: Optional[float] = None, seed: int = 1) -> RayScene:
+    """Return a walled square on a ground plane, with boxes and cylinders, or thin pillars only.
+
+    Parameters
+    ----------
+    obstacles : int
+        Number of obstacles, the four walls included.
+    side : float
+        Length of a side of the square [m].
+    pillar : float, optional
+        Radius of the pillars [m].
+    seed : int
+        Of the random places and sizes.
+    """
     draw, scene = random.Random(seed), RayScene(obstacles + 1)
     scene.add(Plane(), ((0.0, 0.0, 0.0), UPRIGHT), "ground")
     half = 0.5 * side
@@ -41,6 +60,7 @@ def make_scene(obstacles, side, pillar=None, seed=1):
     for k in range(obstacles - 4):
         place = (draw.uniform(-half, half), draw.uniform(-half, half), 0.5)
         yaw = quaternion_from_rpy(0.0, 0.0, draw.uniform(-math.pi, math.pi))
+        shape: Union[Box, Cylinder]
         if pillar is not None:
             shape = Cylinder(pillar, 1.0)
         elif k % 2:
@@ -51,8 +71,16 @@ def make_scene(obstacles, side, pillar=None, seed=1):
     return scene
 
 
-def make_house(boxes, seed=1):
-    """Return one mesh of so many boxes in a square of 24 m, as a building's walls come in one file."""
+def make_house(boxes: int, seed: int = 1) -> RayScene:
+    """Return one mesh of boxes in a square of 24 m, like a building with all walls in one file.
+
+    Parameters
+    ----------
+    boxes : int
+        Number of boxes.
+    seed : int
+        Of the random places and sizes.
+    """
     draw, corners, faces = random.Random(seed), [], []
     for index in range(boxes):
         yaw = draw.choice((0.0, 0.5 * math.pi, draw.uniform(-math.pi, math.pi)))
@@ -66,8 +94,8 @@ def make_house(boxes, seed=1):
     return scene
 
 
-def make_hills(samples):
-    """Return a heightmap of 24 m, up to 1.1 m high, that beams at half a metre meet again and again."""
+def make_hills(samples: int) -> RayScene:
+    """Return a heightmap of 24 m, up to 1.1 m high, that beams at half a metre hit often."""
     ticks = np.linspace(-12.0, 12.0, samples)
     heights = 0.5 + 0.6 * np.sin(0.9 * ticks)[None, :] * np.cos(0.7 * ticks)[:, None]
     scene = RayScene()
@@ -76,8 +104,16 @@ def make_hills(samples):
 
 
 @kernels.kernel
-def cast_all(ranges, beams, frame, spheres, shapes):
-    """Every beam of a single row against every obstacle."""
+def cast_all(ranges: FloatArray, beams: FloatArray, frame: FloatArray, spheres: FloatArray, shapes: FloatArray) -> None:
+    """Cast each beam of a single row against each obstacle.
+
+    Parameters
+    ----------
+    ranges : (n,) float64
+        Result [m].
+    beams, frame, spheres, shapes : float64 arrays
+        As for :func:`m2wr_sim.sensors.ray_kernels.cast_rays`.
+    """
     sensor = kernels.rotation(frame[3], frame[4], frame[5], frame[6])
     nearest = frame[kernels.RANGE_MIN]
     ranges[:] = frame[kernels.RANGE_MAX]
@@ -98,15 +134,37 @@ def cast_all(ranges, beams, frame, spheres, shapes):
             ranges[i] = min(ranges[i], t)
 
 
-def median_time(function, repeats):
-    """Return the median time of one call in microseconds."""
+def median_time(function: Callable[[], object], repeats: int) -> float:
+    """Return the median time of one call [us].
+
+    Parameters
+    ----------
+    function : callable
+        Without arguments.
+    repeats : int
+        Number of measurements of 5 calls.
+    """
     function()
     times = sorted(timeit.repeat(function, number=5, repeat=repeats))
     return times[len(times) // 2] / 5 * 1e6
 
 
-def measure(scene, side, tilt, places=15, seed=2):
-    """Return median microseconds of the whole scan, of its kernel and of the plain kernel."""
+def measure(scene: RayScene, side: float, tilt: float, places: int = 15, seed: int = 2) -> List[float]:
+    """Return the median times [us] of the whole scan, of its kernel and of the plain kernel.
+
+    Parameters
+    ----------
+    scene : m2wr_sim.sensors.ray_scene.RayScene
+        The world.
+    side : float
+        Length of a side of the square [m].
+    tilt : float
+        Roll and pitch of the robot [rad].
+    places : int
+        Number of random places of the robot.
+    seed : int
+        Of the random places and sizes.
+    """
     draw, times = random.Random(seed), []
     sensor = LaserSensor(SCAN, np.random.default_rng(seed))
     frame, distances = sensor._frame, sensor._distances
@@ -114,7 +172,7 @@ def measure(scene, side, tilt, places=15, seed=2):
         reach = 0.5 * side - 1.0
         pose = ((draw.uniform(-reach, reach), draw.uniform(-reach, reach), 0.5),
                 quaternion_from_rpy(tilt, tilt, draw.uniform(-math.pi, math.pi)))
-        whole = median_time(lambda pose=pose: sensor.cast(scene, pose), 41)
+        whole = median_time(partial(sensor.cast, scene, pose), 41)
         kernel = median_time(lambda: kernels.cast_rays(distances, sensor._no_hits, sensor._beams, sensor._rows, frame,
                                                        scene.spheres, scene.shapes, sensor._order), 41)
         plain = median_time(lambda: cast_all(distances, sensor._beams, frame, scene.spheres, scene.shapes), 1)
@@ -122,14 +180,28 @@ def measure(scene, side, tilt, places=15, seed=2):
     return [sorted(column)[places // 2] for column in zip(*times)]
 
 
-def measure_whole(scene, tilt, side=24.0, places=15, seed=2):
-    """Return median microseconds of the whole scan."""
+def measure_whole(scene: RayScene, tilt: float, side: float = 24.0, places: int = 15, seed: int = 2) -> float:
+    """Return the median time of the whole scan [us].
+
+    Parameters
+    ----------
+    scene : m2wr_sim.sensors.ray_scene.RayScene
+        The world.
+    tilt : float
+        Roll and pitch of the robot [rad].
+    side : float
+        Length of a side of the square [m].
+    places : int
+        Number of random places of the robot.
+    seed : int
+        Of the random places and sizes.
+    """
     draw, times = random.Random(seed), []
     sensor, reach = LaserSensor(SCAN, np.random.default_rng(seed)), 0.5 * side - 1.0
     for _ in range(places):
         pose = ((draw.uniform(-reach, reach), draw.uniform(-reach, reach), 0.5),
                 quaternion_from_rpy(tilt, tilt, draw.uniform(-math.pi, math.pi)))
-        times.append(median_time(lambda pose=pose: sensor.cast(scene, pose), 11))
+        times.append(median_time(partial(sensor.cast, scene, pose), 11))
     return sorted(times)[places // 2]
 
 
@@ -137,7 +209,7 @@ MESHES = (("60 boxes in one mesh", make_house, 60), ("300 boxes in one mesh", ma
           ("hills of 129 x 129", make_hills, 129), ("hills of 513 x 513", make_hills, 513))
 
 
-def main():
+def main() -> None:
     """Print the table."""
     if not kernels.HAVE_NUMBA:
         sys.exit("bench: numba is not installed, there is no fast kernel to time")

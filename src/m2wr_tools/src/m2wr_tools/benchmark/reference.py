@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The world and the robot that speed is measured with, as SDF text.
+"""The world and the robot of the benchmark, as SDF text.
 
 A walled square with boxes and cylinders, by default 60 obstacles in 24 m; a robot of 5.4 kg with two wheels, two
-frictionless casters and a scanner of half a turn, that drives a circle.  More obstacles come with more room; many
-robots stand in a block and each has space for its circle.
+frictionless casters and a laser of 180 degrees, that drives a circle.  The square is larger for more obstacles; many
+robots are in a block with space for the circle of each.
 """
+from __future__ import annotations
+
 import math
 import random
+from typing import List, Sequence, Tuple
 
 LINEAR, ANGULAR = 0.5, 1.0                  # m/s, rad/s: a circle of half a metre
 WHEEL_RADIUS, TRACK = 0.1, 0.3              # m
@@ -37,8 +40,8 @@ _DRIVE = """
   </plugin>"""
 
 
-def robot_sdf(beams=720):
-    """Return the robot as an SDF document with its plugins; the scanner is in front, low enough to see other robots."""
+def robot_sdf(beams: int = 720) -> str:
+    """Return the robot as an SDF document with its plugins; the laser is in front, low enough to hit other robots."""
     scan = ('<sensor name="laser" type="ray"><pose>0.27 0 0.02 0 0 0</pose><update_rate>%g</update_rate><ray><scan>'
             "<horizontal><samples>%d</samples><min_angle>%r</min_angle><max_angle>%r</max_angle></horizontal></scan>"
             "<range><min>0.1</min><max>%g</max></range>"
@@ -61,8 +64,8 @@ def robot_sdf(beams=720):
             % (chassis, wheels, _DRIVE % (TRACK, 2.0 * WHEEL_RADIUS)))
 
 
-def robot_places(robots):
-    """Return where robots start, ``[(x, y, z), ...]``: heading +x, with room for a circle to their left."""
+def robot_places(robots: int) -> List[Tuple[float, float, float]]:
+    """Return the start positions ``[(x, y, z), ...]`` [m]: heading +x, with space for a circle on the left."""
     columns = math.ceil(math.sqrt(robots))
     rows = -(-robots // columns)
     return [((index % columns - 0.5 * (columns - 1)) * _SPACING,
@@ -70,19 +73,27 @@ def robot_places(robots):
             for index in range(robots)]
 
 
-def side_of(obstacles, robots):
-    """Return the edge length [m] of a square for so many obstacles and robots, at the density of the reference."""
+def side_of(obstacles: int, robots: int) -> float:
+    """Return the side [m] of a square for some obstacles and robots, at the density of the reference.
+
+    Parameters
+    ----------
+    obstacles : int
+        Their number, the four walls included.
+    robots : int
+        Their number.
+    """
     block = math.ceil(math.sqrt(robots)) * _SPACING
     return max(SIDE * math.sqrt(max(obstacles, 1) / OBSTACLES), block + 6.0)
 
 
-def _model(name, pose, geometry):
+def _model(name: str, pose: Tuple[float, float, float, float], geometry: str) -> str:
     return ('<model name="%s"><static>true</static><pose>%r %r %r 0 0 %r</pose><link name="link">'
             '<collision name="shape"><geometry>%s</geometry></collision></link></model>'
             % ((name,) + pose + (geometry,)))
 
 
-def world_sdf(obstacles=OBSTACLES, robots=1, seed=1):
+def world_sdf(obstacles: int = OBSTACLES, robots: int = 1, seed: int = 1) -> str:
     """Return the world as an SDF document, without the robots.
 
     Parameters
@@ -90,7 +101,7 @@ def world_sdf(obstacles=OBSTACLES, robots=1, seed=1):
     obstacles : int
         How many, the four walls included.
     robots : int
-        Room for so many is left free; see :func:`robot_places`.
+        Their number; their places are left free, see :func:`robot_places`.
     seed : int
         Of the places and sizes.
 
@@ -119,7 +130,8 @@ def world_sdf(obstacles=OBSTACLES, robots=1, seed=1):
             "</collision></link></model>%s</world></sdf>" % (side, side, "".join(models)))
 
 
-def _free_place(draw, half, centres, radius):
+def _free_place(draw: random.Random, half: float, centres: Sequence[Tuple[float, float]],
+                radius: float) -> Tuple[float, float]:
     reach = (radius + _CLEARANCE) ** 2
     for _ in range(_TRIES):
         x, y = draw.uniform(-half, half), draw.uniform(-half, half)

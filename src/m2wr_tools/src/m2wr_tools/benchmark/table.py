@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The tables of docs/explanation/performance.md, and the plain lines for one case."""
+from __future__ import annotations
+
 import importlib.util
 import json
 import statistics
 import subprocess
 import sys
+from typing import Any, Callable, Dict, Iterable, List, Tuple
 
 from m2wr_sim.errors import SimError
 from m2wr_tools.benchmark import hardware, others
@@ -34,7 +37,8 @@ _MEANINGS = (
     ("turn_rate", "turn rate that the other reaches, 1.0 asked [rad/s]", "%.3f"),
 )
 
-CASES = (
+#: Name of a case -> its options.
+CASES: Tuple[Tuple[str, Tuple[str, ...]], ...] = (
     ("1 robot, 1 ms", ("--duration", "20")),
     ("1 robot, 5 ms", ("--step", "0.005", "--duration", "60")),
     ("1 robot, 1 ms, 2000 obstacles", ("--obstacles", "2000", "--duration", "20")),
@@ -48,22 +52,28 @@ CASES = (
     ("node, 5 ms, one subscriber on every topic", ("--clients", "1", "--step", "0.005", "--duration", "100")),
     ("node at real-time factor 1, one subscriber", ("--clients", "1", "--factor", "1", "--duration", "10")),
 )
-COMPARISONS = (("1 robot, 1 ms", ()), ("1 robot, 5 ms", ("--step", "0.005")),
-               ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005")))
-OTHERS = (("1 robot, 1 ms", ("--duration", "10")), ("1 robot, 5 ms", ("--step", "0.005", "--duration", "20")),
-          ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005", "--duration", "1")))
+COMPARISONS: Tuple[Tuple[str, Tuple[str, ...]], ...] = (
+    ("1 robot, 1 ms", ()),
+    ("1 robot, 5 ms", ("--step", "0.005")),
+    ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005")),
+)
+OTHERS: Tuple[Tuple[str, Tuple[str, ...]], ...] = (
+    ("1 robot, 1 ms", ("--duration", "10")),
+    ("1 robot, 5 ms", ("--step", "0.005", "--duration", "20")),
+    ("50 robots, 5 ms", ("--robots", "50", "--step", "0.005", "--duration", "1")),
+)
 
 
-def lines(result):
-    """Return the figures of one case as text, a line each."""
+def lines(result: Dict[str, Any]) -> str:
+    """Return the figures of one case as text, one in each line."""
     rows = [(meaning, form % result[key]) for key, meaning, form in _MEANINGS if result.get(key) is not None]
     width, by_minute = max(len(meaning) for meaning, _ in rows), result.get("memory_by_minute_mb", ())
     rows += [("memory after minute %d [MB]" % minute, "%.2f" % memory) for minute, memory in enumerate(by_minute)]
     return "".join("%-*s  %s\n" % (width, meaning, value) for meaning, value in rows)
 
 
-def run_case(arguments):
-    """Measure one case in a process of its own, so that none sees another's memory or caches."""
+def run_case(arguments: Iterable[str]) -> Dict[str, Any]:
+    """Measure one case in a process of its own, so that memory and caches are not shared with other cases."""
     command = [sys.executable, "-m", "m2wr_tools.benchmark.command", "--json"] + list(arguments)
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
     if done.returncode:
@@ -71,13 +81,13 @@ def run_case(arguments):
     return json.loads(done.stdout.splitlines()[-1])["result"]
 
 
-def _cell(results, key, form):
+def _cell(results: List[Dict[str, Any]], key: str, form: str) -> str:
     values = [result[key] for result in results if result.get(key) is not None]
     return form % statistics.median(values) if values else ""
 
 
-def _other_simulators(repeats):
-    """Return the lines of the table that compares with other simulators: those of them that are installed."""
+def _other_simulators(repeats: int) -> List[str]:
+    """Return the lines of the table that compares with the other simulators that are installed."""
     rows = []
     for simulator in sorted(others.MAKERS):
         if importlib.util.find_spec(simulator.split("-")[0]) is None:
@@ -93,15 +103,22 @@ def _other_simulators(repeats):
             "| --- | --- | --- | --- | --- |"] + rows
 
 
-def make(repeats, progress):
-    """Measure every case ``repeats`` times, in turns, and return the table as Markdown with the machine's description.
+def make(repeats: int, progress: Callable[[float], object]) -> str:
+    """Return the table of all cases as Markdown, with the description of the machine.
+
+    Parameters
+    ----------
+    repeats : int
+        Number of measurements of each case; the cases alternate.
+    progress : callable
+        Called with the completed share, 0 to 1.
 
     Raises
     ------
     SimError
         If a case cannot be measured.
     """
-    found = {name: [] for name, _ in CASES}
+    found: Dict[str, List[Dict[str, Any]]] = {name: [] for name, _ in CASES}
     for repeat in range(repeats):
         for index, (name, arguments) in enumerate(CASES):
             found[name].append(run_case(arguments))

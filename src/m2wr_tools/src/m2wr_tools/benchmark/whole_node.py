@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The simulation node as a whole: a master of its own, the node, and one listening process or none."""
+"""Measures the whole simulation node: a master of its own, the node, and one subscribing process or none."""
+from __future__ import annotations
+
 import json
 import os
 import queue
@@ -8,6 +10,7 @@ import sys
 import tempfile
 import threading
 import time
+from typing import IO, TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,7 +22,10 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.process_memory import memory_mb
 from m2wr_tools.benchmark import reference
 
-_PATIENCE = 60.0            # s to wait for anything the node is to do
+if TYPE_CHECKING:
+    from m2wr_tools.benchmark.in_process import Case
+
+_PATIENCE = 60.0            # s to wait for an action of the node
 _NODE = "import sys; from m2wr_sim.ros.node import main; sys.exit(main())"
 _TICKS = os.sysconf("SC_CLK_TCK")
 _POLL = 0.25                # s between two looks at the simulated time
@@ -27,20 +33,33 @@ _SOAK_POLL = 0.05           # s; at full speed a minute is over in about one
 
 
 class _Lines:
-    """The lines a process writes, read in a thread so that waiting for one can have an end."""
+    """The lines that a process writes, read in a thread so that waiting for one has a time limit."""
 
-    def __init__(self, stream):
-        self._lines = queue.Queue()
+    def __init__(self, stream: IO[str]) -> None:
+        self._lines: queue.Queue[Optional[List[str]]] = queue.Queue()
         self._thread = threading.Thread(target=self._read, args=(stream,), daemon=True)
         self._thread.start()
 
-    def _read(self, stream):
+    def _read(self, stream: IO[str]) -> None:
         for line in stream:
             self._lines.put(line.split(None, 1))
         self._lines.put(None)
 
-    def wait_for(self, word, what):
-        """Return the rest of the next line that begins with ``word``; others are passed over."""
+    def wait_for(self, word: str, what: str) -> str:
+        """Return the rest of the next line that begins with a word; others are skipped.
+
+        Parameters
+        ----------
+        word : str
+            First word of the line.
+        what : str
+            What is waited for, for the message.
+
+        Raises
+        ------
+        SimError
+            If it does not come in time, or the process has ended.
+        """
         deadline = time.monotonic() + _PATIENCE
         while True:
             try:
@@ -53,7 +72,44 @@ class _Lines:
                 return found[1].strip() if len(found) > 1 else ""
 
 
-def _processor_seconds(pid):
+class _Listener:
+    """The process that subscribes to topics and counts their messages."""
+
+    def __init__(self, topics: List[str]) -> None:
+        self.process = subprocess.Popen([sys.executable, "-m", "m2wr_tools.benchmark.client"] + topics,
+                                        stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
+        assert self.process.stdin is not None and self.process.stdout is not None       # PIPE
+        self._input, self._lines = self.process.stdin, _Lines(self.process.stdout)
+
+    def wait_until_subscribed(self) -> None:
+        """Wait for the subscriptions; SimError if they take too long."""
+        self._lines.wait_for("ready", "its subscriptions")
+
+    def first_scan(self) -> float:
+        """Wait for the first scan of any robot; return its monotonic time [s]."""
+        while True:
+            topic, when = self._lines.wait_for("first", "the first scan").split()
+            if topic.endswith("/scan"):
+                return float(when)
+
+    def counts(self) -> Dict[str, List[int]]:
+        """Return number and size [bytes] of the messages received so far, by topic."""
+        self._input.write("\n")
+        self._input.flush()
+        found: Dict[str, List[int]] = json.loads(self._lines.wait_for("counts", "its counts"))
+        return found
+
+
+class _Sample(NamedTuple):
+    """Simulated, processor and wall time [s], and the counts of the listener."""
+
+    simulated: float
+    processor: float
+    wall: float
+    counts: Dict[str, List[int]]
+
+
+def _processor_seconds(pid: int) -> float:
     with open("/proc/%d/stat" % pid) as stream:
         fields = stream.read().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS
@@ -71,21 +127,24 @@ class WholeNode:
     clients : int
         0: no subscriber; 1: one process listens to every topic of the robots, to /clock and to /tf.
     factor : float
-        Real-time factor asked for; 0: as fast as it can.
+        Requested real-time factor; 0: as fast as possible.
     port : int
         For the master.
     """
 
-    def __init__(self, world, case, clients, factor, port):
+    def __init__(self, world: str, case: Case, clients: int, factor: float, port: int) -> None:
         self._case, self._clients, self._port = case, clients, port
         self._folder = tempfile.TemporaryDirectory(prefix="m2wr_sim_benchmark_")
         self._log_path = os.path.join(self._folder.name, "node.log")
         self._arguments = ["__name:=gazebo", "_world:=" + world, "_step:=%r" % case.step,
                            "_engine:=" + case.engine, "_real_time_factor:=%r" % factor]
-        self._master = self._node = self._client = self._lines = None
-        self._publishers, self.startup = [], None
+        self._master: Optional[Master] = None
+        self._node: Optional[subprocess.Popen[bytes]] = None
+        self._listener: Optional[_Listener] = None
+        self._publishers: List[rospy.Publisher] = []
+        self.startup: Optional[float] = None    # from the start of the process to the first scan [s]
 
-    def __enter__(self):
+    def __enter__(self) -> WholeNode:
         try:
             self._start()
         except SimError as error:
@@ -97,10 +156,10 @@ class WholeNode:
             raise
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _start(self):
+    def _start(self) -> None:
         os.environ["ROS_MASTER_URI"] = "http://127.0.0.1:%d" % self._port
         os.environ["ROS_HOSTNAME"] = "127.0.0.1"
         os.environ.pop("ROS_IP", None)
@@ -111,21 +170,16 @@ class WholeNode:
         if self._clients:
             topics = ["/clock", "/tf"] + ["/robot%d/%s" % (index, name) for index in range(self._case.robots)
                                           for name in ("scan", "odom", "joint_states")]
-            self._client = subprocess.Popen([sys.executable, "-m", "m2wr_tools.benchmark.client"] + topics,
-                                            stdin=subprocess.PIPE, stdout=subprocess.PIPE, universal_newlines=True)
-            self._lines = _Lines(self._client.stdout)
-            self._lines.wait_for("ready", "its subscriptions")
+            self._listener = _Listener(topics)
+            self._listener.wait_until_subscribed()
         with open(self._log_path, "w") as log:
             began = time.monotonic()
             self._node = subprocess.Popen([sys.executable, "-c", _NODE] + self._arguments, stdout=log, stderr=log)
         self._spawn()
-        if self._clients:
-            topic, when = "", ""
-            while not topic.endswith("/scan"):
-                topic, when = self._lines.wait_for("first", "the first scan").split()
-            self.startup = float(when) - began
+        if self._listener is not None:
+            self.startup = self._listener.first_scan() - began
 
-    def _service(self, name, kind):
+    def _service(self, name: str, kind: Any) -> Any:
         deadline = time.monotonic() + _PATIENCE
         while True:
             try:
@@ -136,7 +190,7 @@ class WholeNode:
                 if time.monotonic() > deadline:
                     raise SimError("waited %g s for the service %s" % (_PATIENCE, name)) from None
 
-    def _spawn(self):
+    def _spawn(self) -> None:
         spawn = self._service("/gazebo/spawn_sdf_model", SpawnModel)
         text = reference.robot_sdf(self._case.beams)
         command = Twist()
@@ -152,59 +206,77 @@ class WholeNode:
             self._publishers.append(publisher)
         self._world_properties = self._service("/gazebo/get_world_properties", GetWorldProperties)
 
-    def _check(self):
+    def _check(self) -> int:
+        """Return the process id of the node; SimError if it does not run."""
+        if self._node is None:
+            raise SimError("the node has not been started")
         if self._node.poll() is not None:
             raise SimError("the node ended with code %d" % self._node.returncode)
+        return self._node.pid
 
-    def _log(self):
+    def _log(self) -> str:
         """Return the last lines of the node."""
         if not os.path.exists(self._log_path):
             return "nothing"
         with open(self._log_path) as stream:
             return " | ".join(line.strip() for line in stream.readlines()[-5:]) or "nothing"
 
-    def _counts(self):
-        if self._client is None:
-            return {}
-        self._client.stdin.write("\n")
-        self._client.stdin.flush()
-        return json.loads(self._lines.wait_for("counts", "its counts"))
+    def _sample(self) -> _Sample:
+        """Return the present times and counts."""
+        pid = self._check()
+        return _Sample(self._world_properties().sim_time, _processor_seconds(pid), time.monotonic(),
+                       {} if self._listener is None else self._listener.counts())
 
-    def _sample(self):
-        """Return simulated, processor and wall seconds, and what has been received, now."""
-        self._check()
-        return (self._world_properties().sim_time, _processor_seconds(self._node.pid), time.monotonic(), self._counts())
+    def measure(self, duration: float, progress: Callable[[float], object] = lambda share: None) -> Dict[str, Any]:
+        """Run for some simulated time and return figures as :func:`in_process.measure` does.
 
-    def measure(self, duration, progress=lambda share: None):
-        """Let ``duration`` simulated seconds pass and return figures as :func:`in_process.measure` does.
+        Instead of its parts: ``startup_s`` from the start of the process to the first scan (with a subscriber),
+        ``messages_per_s`` of simulated time, ``delivered``: messages received in this time, ``load``: processor time
+        per wall time; ``memory_mb`` is the node's peak, ``growth_mb`` its growth.
 
-        In place of its parts: ``startup_s`` from the start of the process to the first scan (with a listener),
-        ``messages_per_s`` of simulated time, ``delivered``: messages received in the span, ``load``: processor time
-        per wall time; ``memory_mb`` is the node's peak, ``growth_mb`` what it grew by in the span.
+        Parameters
+        ----------
+        duration : float
+            Simulated time [s].
+        progress : callable
+            Called with the completed share, 0 to 1.
+
+        Returns
+        -------
+        dict
+            The figures by name.
         """
-        settled = self._sample()[0] + 1.0
+        pid, settled = self._check(), self._sample().simulated + 1.0
         while self._world_properties().sim_time < settled:
             self._check()
             time.sleep(_POLL)
-        memory, start = memory_mb("VmRSS", self._node.pid), self._sample()
+        memory, start = memory_mb("VmRSS", pid), self._sample()
         while True:
             time.sleep(_POLL)
             self._check()
-            done = (self._world_properties().sim_time - start[0]) / duration
+            done = (self._world_properties().sim_time - start.simulated) / duration
             progress(min(1.0, done))
             if done >= 1.0:
                 break
         end = self._sample()
-        seconds, processor, wall = (end[index] - start[index] for index in range(3))
-        received = {topic: end[3][topic][0] - start[3][topic][0] for topic in end[3]}
+        seconds, processor, wall = (end.simulated - start.simulated, end.processor - start.processor,
+                                    end.wall - start.wall)
+        received = {topic: end.counts[topic][0] - start.counts[topic][0] for topic in end.counts}
         return {"factor": seconds / processor, "wall_factor": seconds / wall, "load": processor / wall,
                 "startup_s": self.startup, "delivered": sum(received.values()), "received": received,
                 "messages_per_s": sum(received.values()) / seconds,
-                "growth_mb": memory_mb("VmRSS", self._node.pid) - memory,
-                "memory_mb": memory_mb("VmHWM", self._node.pid), "messages": self._solver_messages()}
+                "growth_mb": memory_mb("VmRSS", pid) - memory,
+                "memory_mb": memory_mb("VmHWM", pid), "messages": self._solver_messages()}
 
-    def soak(self, minutes, progress=lambda share: None):
-        """Let so many simulated minutes pass and look at the node's memory after each.
+    def soak(self, minutes: int, progress: Callable[[float], object] = lambda share: None) -> Dict[str, Any]:
+        """Run for some simulated minutes and record the node's memory after each.
+
+        Parameters
+        ----------
+        minutes : int
+            Simulated time [min].
+        progress : callable
+            Called with the completed share, 0 to 1.
 
         Returns
         -------
@@ -212,25 +284,26 @@ class WholeNode:
             ``memory_by_minute_mb``: resident memory at the start and after each minute; ``late_growth_mb``: how far it
             rose above what it was after the first minute, at most.
         """
-        begun, memory = self._world_properties().sim_time, []
+        begun = self._world_properties().sim_time
+        memory: List[float] = []
         while True:
-            self._check()
+            pid = self._check()
             passed = (self._world_properties().sim_time - begun) / 60.0
             while len(memory) <= min(passed, minutes):
-                memory.append(memory_mb("VmRSS", self._node.pid))
+                memory.append(memory_mb("VmRSS", pid))
             progress(min(1.0, passed / minutes))
             if len(memory) > minutes:
                 return {"memory_by_minute_mb": memory, "late_growth_mb": max(memory[1:]) - memory[1],
-                        "memory_mb": memory_mb("VmHWM", self._node.pid), "startup_s": self.startup}
+                        "memory_mb": memory_mb("VmHWM", pid), "startup_s": self.startup}
             time.sleep(_SOAK_POLL)
 
-    def _solver_messages(self):
+    def _solver_messages(self) -> int:
         status = rospy.wait_for_message("/diagnostics", DiagnosticArray, timeout=_PATIENCE).status[0]
         return int({value.key: value.value for value in status.values}["solver messages"])
 
-    def close(self):
+    def close(self) -> None:
         """End the node, the listener and the master."""
-        for process in (self._client, self._node):
+        for process in (None if self._listener is None else self._listener.process, self._node):
             if process is not None and process.poll() is None:
                 process.terminate()
                 try:

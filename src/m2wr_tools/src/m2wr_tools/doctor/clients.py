@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Is there what programs written for Gazebo expect of a full desktop installation of ROS?  The list is a file."""
+"""Checks for what programs written for Gazebo expect of a full desktop installation of ROS.  The list is a file."""
+from __future__ import annotations
+
 import os
 import sysconfig
-from collections import namedtuple
+from typing import TYPE_CHECKING, Iterable, List, NamedTuple
 
 from m2wr_tools.doctor.finding import ok, warning
+
+if TYPE_CHECKING:
+    from m2wr_tools.doctor.finding import Finding
+    from m2wr_tools.doctor.installation import PackageList
+    from m2wr_tools.doctor.machine import Machine
 
 _AREA = "installation"
 LIST = "config/client_packages.txt"             # below the folder of m2wr_sim
@@ -12,11 +19,17 @@ _NOETIC = "/opt/ros/noetic"
 _KINDS = {"module": 1, "node": 1, "program": 1, "cmake": 0, "package": 0}     # and how many names follow
 _PYTHON = "python"
 
-Entry = namedtuple("Entry", "debian ros kind name")
-"""One line of the list; ``ros`` is empty for what is no ROS package, ``name`` for kinds that have none."""
+
+class Entry(NamedTuple):
+    """One line of the list; ``ros`` is empty for what is no ROS package, ``name`` for kinds that have none."""
+
+    debian: str
+    ros: str
+    kind: str
+    name: str
 
 
-def parse(lines):
+def parse(lines: Iterable[str]) -> List[Entry]:
     """Return the Entries of the list's lines; ValueError names one that cannot be read."""
     found = []
     for number, line in enumerate(lines, 1):
@@ -30,9 +43,17 @@ def parse(lines):
     return found
 
 
-def check(machine, packages):
-    """Return the findings on every entry of the list; what is missing is told together, with one command."""
-    folder = packages.find("m2wr_sim")
+def check(machine: Machine, packages: PackageList) -> List[Finding]:
+    """Return the findings on every entry of the list; missing entries are one finding with one command.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine to look at.
+    packages : PackageList
+        Its ROS packages.
+    """
+    folder = packages.find("m2wr_sim") or ""
     try:
         entries = parse(machine.lines(os.path.join(folder, LIST)))
     except (OSError, ValueError) as error:
@@ -50,7 +71,7 @@ def check(machine, packages):
                         len(entries))]
 
 
-def _is_there(machine, packages, entry):
+def _is_there(machine: Machine, packages: PackageList, entry: Entry) -> bool:
     prefixes = [prefix for prefix in machine.environ.get("CMAKE_PREFIX_PATH", "").split(":") if prefix]
     prefixes += [_NOETIC, "/usr"]
     if entry.kind == "module":
@@ -69,12 +90,12 @@ def _is_there(machine, packages, entry):
                for prefix in prefixes for place in places)
 
 
-def _describe(entry):
+def _describe(entry: Entry) -> str:
     return {"module": "Python module %s" % entry.name, "program": entry.name, "package": "package %s" % entry.ros,
             "node": "%s/%s" % (entry.ros, entry.name), "cmake": "C++ of %s" % entry.ros}[entry.kind]
 
 
-def _install(machine, entries):
+def _install(machine: Machine, entries: List[Entry]) -> str:
     noetic = machine.exists(os.path.join(_NOETIC, "setup.bash"))
     names = {"ros-noetic-" + entry.ros.replace("_", "-") if noetic and entry.ros else entry.debian for entry in entries}
     return "make setup, or: sudo apt install %s" % " ".join(sorted(names))

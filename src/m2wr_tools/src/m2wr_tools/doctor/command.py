@@ -1,20 +1,35 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The doctor command.  Exit code 0: all is well, 1: warnings, 2: problems."""
+"""The command ``doctor``.  Exit code 0: no fault, 1: warnings, 2: problems."""
+from __future__ import annotations
+
 import argparse
 import json
 import logging
 import sys
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence
 
 from m2wr_tools.doctor import environment, frames, graph, installation
 from m2wr_tools.doctor.finding import LEVELS, OK, warning, worst
 from m2wr_tools.doctor.machine import Machine
 
+if TYPE_CHECKING:
+    from m2wr_tools.doctor.finding import Finding
+    from m2wr_tools.doctor.graph import Graph
+
 _SIGNS = {OK: "ok     ", "warning": "warning", "problem": "PROBLEM"}
 _NETWORK = 3.0              # s for any connection
 
 
-def examine(machine, live=True):
-    """Return all findings on a machine and, if ``live``, on what runs under its master."""
+def examine(machine: Machine, live: bool = True) -> List[Finding]:
+    """Return all findings.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine to look at.
+    live : bool
+        Whether to look at the nodes of its master too.
+    """
     found = []
     for name, check in (("installation", installation.check), ("environment", environment.check_environment),
                         ("display", environment.check_display)):
@@ -28,8 +43,8 @@ def examine(machine, live=True):
     return found
 
 
-def _guarded(area, check, *arguments):
-    """Return what a check finds; one that fails itself must not keep the others from being made."""
+def _guarded(area: str, check: Callable[..., List[Finding]], *arguments: Any) -> List[Finding]:
+    """Return the findings of a check; one that raises an error does not stop the others."""
     try:
         return check(*arguments)
     except Exception as error:
@@ -37,7 +52,7 @@ def _guarded(area, check, *arguments):
                         "what it would have looked at is not known")]
 
 
-def _listen(state):
+def _listen(state: Graph) -> List[Finding]:
     listener = frames.Listener(state)
     try:
         return frames.check(state, listener.listen())
@@ -45,8 +60,16 @@ def _listen(state):
         listener.close()
 
 
-def format_findings(found, quiet=False):
-    """Return the lines for the screen; the last one counts all findings, also those that ``quiet`` leaves out."""
+def format_findings(found: Sequence[Finding], quiet: bool = False) -> str:
+    """Return the lines for the screen; the last one counts all findings.
+
+    Parameters
+    ----------
+    found : sequence of Finding
+        In the order of their areas.
+    quiet : bool
+        Leave out findings without a fault.
+    """
     lines, area = [], None
     for entry in found:
         if quiet and entry.level == OK:
@@ -62,8 +85,21 @@ def format_findings(found, quiet=False):
     return "\n".join(lines)
 
 
-def main(argv=None, machine=None):
-    """Entry point; returns the exit code."""
+def main(argv: Optional[List[str]] = None, machine: Optional[Machine] = None) -> int:
+    """Run the command.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        Arguments; default: those of this process.
+    machine : Machine, optional
+        The machine to look at; default: this one.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     parser = argparse.ArgumentParser(prog="doctor", description="Check installation, environment, display, master, "
                                      "topics and frames, and say what to do. Exit code 0: all is well; 1: warnings; 2: "
                                      "problems.")

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Environment variables, names and addresses, space on disk; display, graphics and film."""
+from __future__ import annotations
+
 import os
 import re
+from typing import TYPE_CHECKING, List, Mapping, Optional, Tuple
 from urllib.parse import urlparse
 
 from m2wr_tools.doctor.finding import ok, problem, warning
+
+if TYPE_CHECKING:
+    from m2wr_tools.doctor.finding import Finding
+    from m2wr_tools.doctor.machine import Machine
 
 _ENVIRONMENT, _DISPLAY = "environment", "display"
 _MASTER = "http://localhost:11311"
@@ -15,7 +22,7 @@ _X_PORT = 6000
 _LOOPBACK = ("127.", "::1")
 
 
-def master_address(environ):
+def master_address(environ: Mapping[str, str]) -> Optional[Tuple[str, int]]:
     """Return host and port of ROS_MASTER_URI, or None if it is no such address."""
     try:
         address = urlparse(environ.get("ROS_MASTER_URI") or _MASTER)
@@ -26,12 +33,12 @@ def master_address(environ):
     return None
 
 
-def check_environment(machine):
+def check_environment(machine: Machine) -> List[Finding]:
     """Return the findings on ROS's variables and on the disk."""
     return _master_name(machine) + _own_name(machine) + _disk(machine)
 
 
-def _master_name(machine):
+def _master_name(machine: Machine) -> List[Finding]:
     address = master_address(machine.environ)
     value = machine.environ.get("ROS_MASTER_URI")
     if address is None:
@@ -43,8 +50,8 @@ def _master_name(machine):
     return [ok(_ENVIRONMENT, "ROS_MASTER_URI: %s", value or _MASTER + " (not set, the default)")]
 
 
-def _own_name(machine):
-    """Check the name under which other nodes call this machine's nodes back."""
+def _own_name(machine: Machine) -> List[Finding]:
+    """Check the name under which other nodes connect to those of this machine."""
     environ = machine.environ
     variable = next((name for name in ("ROS_HOSTNAME", "ROS_IP") if environ.get(name)), None)
     host = environ[variable] if variable else machine.host_name()
@@ -67,15 +74,15 @@ def _own_name(machine):
     return found
 
 
-def _master_elsewhere(machine):
+def _master_elsewhere(machine: Machine) -> Optional[str]:
     """Return the host of ROS_MASTER_URI if it is another machine, or None."""
     master = master_address(machine.environ)
     addresses = machine.addresses(master[0]) if master else []
-    return master[0] if addresses and not any(machine.is_local(address) for address in addresses) else None
+    return master[0] if master and addresses and not any(machine.is_local(address) for address in addresses) else None
 
 
-def _open(machine):
-    """Tell that nodes listen at every address, where no variable says otherwise."""
+def _open(machine: Machine) -> List[Finding]:
+    """Report that nodes listen at every address if no variable limits them."""
     elsewhere = _master_elsewhere(machine)
     if elsewhere:
         return [ok(_ENVIRONMENT, "nodes are open to other machines, for the master is on %s", elsewhere)]
@@ -85,7 +92,7 @@ def _open(machine):
                     "ROS_IP=127.0.0.1")]
 
 
-def _disk(machine):
+def _disk(machine: Machine) -> List[Finding]:
     home = machine.environ.get("ROS_HOME") or os.path.join(machine.environ.get("HOME", "/"), ".ros")
     places = (("logs (ROS_LOG_DIR)", machine.environ.get("ROS_LOG_DIR") or os.path.join(home, "log"), problem,
                "export ROS_LOG_DIR=/tmp/roslog, or mend the rights of that folder"),
@@ -106,7 +113,7 @@ def _disk(machine):
     return found
 
 
-def check_display(machine):
+def check_display(machine: Machine) -> List[Finding]:
     """Return the findings on the display, rviz and films."""
     found = _screen(machine)
     if not machine.which("Xvfb"):
@@ -117,7 +124,7 @@ def check_display(machine):
     return found
 
 
-def _screen(machine):
+def _screen(machine: Machine) -> List[Finding]:
     name = machine.environ.get("DISPLAY", "")
     if not name:
         return [ok(_DISPLAY, "no DISPLAY: launch files leave rviz out; pictures:=true draws without a display")]
@@ -134,7 +141,7 @@ def _screen(machine):
     return [ok(_DISPLAY, "DISPLAY %s answers", name)] + _graphics(machine)
 
 
-def _graphics(machine):
+def _graphics(machine: Machine) -> List[Finding]:
     if not machine.which("glxinfo"):
         return []       # nothing to ask with; rviz says itself what is wrong
     code, text = machine.run(["glxinfo", "-B"])

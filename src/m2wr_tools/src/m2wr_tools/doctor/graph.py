@@ -1,32 +1,50 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What runs: the master, its nodes, time, and who speaks to whom."""
+"""Checks what runs: the master, its nodes, time, and the publishers and subscribers of commands."""
+from __future__ import annotations
+
 import socket
 import xmlrpc.client
-from collections import namedtuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, NamedTuple, Optional
 from urllib.parse import urlparse
 
 from m2wr_tools.doctor.environment import master_address
 from m2wr_tools.doctor.finding import ok, problem, some, warning
 
+if TYPE_CHECKING:
+    from m2wr_tools.doctor.finding import Finding
+    from m2wr_tools.doctor.machine import Machine
+
 _MASTER, _TOPICS = "master", "topics"
 _PATIENCE = 1.0             # s for a node to answer
 _TURNS = {"/go_to_point", "/wall_follower"}     # take turns on /cmd_vel by their switches
 
-Graph = namedtuple("Graph", "publishers subscribers services types nodes silent sim_time")
-"""``publishers``, ``subscribers``, ``services``: {name: [nodes]}; ``types``: {topic: type}; ``nodes``: {name: address};
-``silent``: names of nodes that do not answer; ``sim_time``: value of /use_sim_time, None where it is not set."""
+
+class Graph(NamedTuple):
+    """The nodes of a master and their connections.
+
+    ``publishers``, ``subscribers``, ``services``: {name: [nodes]}; ``types``: {topic: type}; ``nodes``: {name:
+    address}; ``silent``: names of nodes that do not answer; ``sim_time``: value of /use_sim_time, None if not set.
+    """
+
+    publishers: Dict[str, List[str]]
+    subscribers: Dict[str, List[str]]
+    services: Dict[str, List[str]]
+    types: Dict[str, str]
+    nodes: Dict[str, str]
+    silent: List[str]
+    sim_time: Optional[bool]
 
 
 class _Quick(xmlrpc.client.Transport):
-    """Gives up soon."""
+    """Waits a short time only."""
 
-    def make_connection(self, host):
+    def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
         connection.timeout = _PATIENCE
         return connection
 
 
-def _ask(address, method, *arguments):
+def _ask(address: str, method: str, *arguments: object) -> Any:
     """Return the answer of a master or node; OSError if there is none."""
     proxy = xmlrpc.client.ServerProxy(address, transport=_Quick())
     try:
@@ -40,7 +58,7 @@ def _ask(address, method, *arguments):
     return answer
 
 
-def read_graph(environ):
+def read_graph(environ: Mapping[str, str]) -> Optional[Graph]:
     """Return the Graph of the master that ROS_MASTER_URI names, or None if there is no master.
 
     No node is made for it, so it also works where a node would hang.
@@ -69,12 +87,20 @@ def read_graph(environ):
     return Graph(publishers, subscribers, services, types, nodes, silent, sim_time)
 
 
-def check_master(machine, graph):
-    """Return the findings on the master, its nodes and time; ``graph`` is None where there is no master."""
+def check_master(machine: Machine, graph: Optional[Graph]) -> List[Finding]:
+    """Return the findings on the master, its nodes and time.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine to look at.
+    graph : Graph or None
+        None if there is no master.
+    """
     address = master_address(machine.environ)
     if graph is None:
         if address is None:
-            return []           # said of the environment
+            return []           # reported by the check of the environment
         if machine.accepts(*address):
             return [problem(_MASTER, "something that is no ROS master answers at %s:%d" % address,
                             "choose another port: export ROS_MASTER_URI=http://localhost:11312")]
@@ -94,13 +120,13 @@ def check_master(machine, graph):
     return found + _reachable(machine, graph) + _time(graph)
 
 
-def _reachable(machine, graph):
-    """Tell which nodes of this machine take connections from others although ROS is bound to the loopback address."""
+def _reachable(machine: Machine, graph: Graph) -> List[Finding]:
+    """Report the nodes that accept connections from other machines although ROS is bound to the loopback address."""
     environ = machine.environ
     host = environ.get("ROS_HOSTNAME") or environ.get("ROS_IP")
     addresses = machine.addresses(host) if host else []
     if not addresses or not all(address.startswith(("127.", "::1")) for address in addresses):
-        return []               # said of the environment, or wanted
+        return []               # reported by the check of the environment, or wanted
     ports = machine.open_to_all()
     names = [name for name, address in graph.nodes.items() if urlparse(address).port in ports
              and any(machine.is_local(place) for place in machine.addresses(urlparse(address).hostname or ""))]
@@ -110,7 +136,7 @@ def _reachable(machine, graph):
                "yours, close it with a firewall", some(names))]
 
 
-def _time(graph):
+def _time(graph: Graph) -> List[Finding]:
     clocks = graph.publishers.get("/clock", [])
     alive = [name for name in clocks if name not in graph.silent]
     if len(alive) > 1:
@@ -127,8 +153,8 @@ def _time(graph):
     return [ok(_MASTER, "time: %s", "/clock of %s" % alive[0] if alive else "the wall clock")]
 
 
-def check_topics(graph):
-    """Return the findings on who commands whom."""
+def check_topics(graph: Graph) -> List[Finding]:
+    """Return the findings on publishers and subscribers of commands."""
     found = []
     commands = [topic for topic, kind in graph.types.items() if kind == "geometry_msgs/Twist"
                 and topic.rsplit("/", 1)[-1].startswith("cmd_vel")]
@@ -146,7 +172,7 @@ def check_topics(graph):
     return found
 
 
-def _other_robots(graph, topic):
+def _other_robots(graph: Graph, topic: str) -> str:
     others = [name for name, kind in graph.types.items() if kind == "geometry_msgs/Twist" and name != topic
               and graph.subscribers.get(name)]
     if others:
@@ -154,6 +180,6 @@ def _other_robots(graph, topic):
     return "spawn a robot: roslaunch m2wr_description spawn.launch"
 
 
-def time_limit(seconds):
-    """Let no connection of this process wait longer than that."""
+def time_limit(seconds: float) -> None:
+    """Set the longest time that a connection of this process waits."""
     socket.setdefaulttimeout(seconds)

@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Are the programs, Python modules and packages there, and are they the right ones?"""
+"""Checks whether the right programs, Python modules and packages are installed."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Dict, List, Optional
 import os
 
 from m2wr_tools.doctor import clients
 from m2wr_tools.doctor.finding import ok, problem, some, warning
+
+if TYPE_CHECKING:
+    from m2wr_tools.doctor.finding import Finding
+    from m2wr_tools.doctor.machine import Machine
 
 _AREA = "installation"
 PACKAGES = ("gazebo_msgs", "m2wr_description", "m2wr_gmapping", "m2wr_lockstep", "m2wr_node", "m2wr_sim",
@@ -20,8 +27,16 @@ _DEEPEST = 4        # folders of a workspace between its root and a package
 _SOURCE = "source devel/setup.bash of the workspace in this shell (and in ~/.bashrc)"
 
 
-def check(machine, packages=None):
-    """Return the findings; ``packages`` is a PackageList, by default that of this machine."""
+def check(machine: Machine, packages: Optional[PackageList] = None) -> List[Finding]:
+    """Return the findings on the installation.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine to look at.
+    packages : PackageList, optional
+        Default: that of this machine.
+    """
     packages = packages or PackageList(machine)
     found = [_python(machine)]
     found += _foreign_python(machine)
@@ -35,64 +50,66 @@ def check(machine, packages=None):
 
 
 class PackageList:
-    """Where packages lie, as rospack finds them."""
+    """Folders of packages, as rospack finds them."""
 
-    def __init__(self, machine):
+    def __init__(self, machine: Machine) -> None:
         self._machine, self.fault = machine, ""
-        self._places, self._copies, self._roots = {}, None, []
+        self._places: Dict[str, str] = {}
+        self._copies: Optional[Dict[str, List[str]]] = None
+        self._roots: List[str] = []
         try:
             import rospkg
             self._roots = rospkg.get_ros_paths(env=machine.environ)      # with the system's
             found = rospkg.RosPack(self._roots)
             self._places = {name: found.get_path(name) for name in found.list()}
-        except Exception as error:      # a missing module, an unreadable folder: what is wrong is said by the checks
+        except Exception as error:      # a missing module, an unreadable folder: the checks report it
             self.fault = "%s: %s" % (type(error).__name__, error)
 
-    def roots(self):
+    def roots(self) -> List[str]:
         """Return the folders in which packages are looked for."""
         return list(self._roots)
 
-    def find(self, name):
+    def find(self, name: str) -> Optional[str]:
         """Return the folder of a package, or None."""
         return self._places.get(name)
 
-    def copies(self, name):
+    def copies(self, name: str) -> List[str]:
         """Return the folders of all packages of a name that lie below ROS_PACKAGE_PATH."""
         if self._copies is None:
             self._copies = {}
             for root in self.roots():
-                self._walk(root, 1 if root.startswith(("/usr", "/opt")) else _DEEPEST)
+                self._walk(root, 1 if root.startswith(("/usr", "/opt")) else _DEEPEST, self._copies)
         return self._copies.get(name, [])
 
-    def sourced(self, name):
+    def sourced(self, name: str) -> Optional[str]:
         """Return the folder of a package in the first sourced workspace that has it; None if none has it."""
         for prefix in self._machine.environ.get("CMAKE_PREFIX_PATH", "").split(":"):
             try:
                 with open(os.path.join(prefix, ".catkin")) as stream:
                     sources = [entry for entry in stream.read().split(";") if entry]
             except OSError:
-                continue                # no workspace of catkin's
+                continue                # not a catkin workspace
             for folder in self.copies(name):
                 if any(folder == top or folder.startswith(top + os.sep)
                        for top in map(os.path.realpath, sources or [os.path.join(prefix, "share")])):
                     return folder
         return None
 
-    def _walk(self, folder, depth):
+    def _walk(self, folder: str, depth: int, copies: Dict[str, List[str]]) -> None:
         try:
             entries = sorted(os.listdir(folder))
         except OSError:
             return
         if "package.xml" in entries:
-            known = self._copies.setdefault(os.path.basename(folder), [])
+            known = copies.setdefault(os.path.basename(folder), [])
             if os.path.realpath(folder) not in known:
                 known.append(os.path.realpath(folder))
         elif depth and not {"CATKIN_IGNORE", "AMENT_IGNORE"} & set(entries):
             for entry in entries:
                 if not entry.startswith(".") and os.path.isdir(os.path.join(folder, entry)):
-                    self._walk(os.path.join(folder, entry), depth - 1)
+                    self._walk(os.path.join(folder, entry), depth - 1, copies)
 
-    def executables(self, name):
+    def executables(self, name: str) -> List[str]:
         """Return the paths of a package's executables, as rosrun would find them."""
         found = []
         for prefix in self._machine.environ.get("CMAKE_PREFIX_PATH", "").split(":"):
@@ -102,15 +119,15 @@ class PackageList:
         return found
 
 
-def _python(machine):
+def _python(machine: Machine) -> Finding:
     text = "Python %s (%s)" % (".".join(map(str, machine.version)), machine.python)
     if machine.version < (3, 8):
         return problem(_AREA, text + " is too old", "use Python 3.8 or later: that of Debian 12 or Ubuntu 20.04")
     return ok(_AREA, text)
 
 
-def _foreign_python(machine):
-    """Check what others would start: scripts that begin with ``env python3``, and what PYTHONPATH brings in."""
+def _foreign_python(machine: Machine) -> List[Finding]:
+    """Check the Python that other scripts would use: ``env python3`` and PYTHONPATH."""
     found = []
     for name in ("python3", "python"):
         first = machine.which(name)
@@ -131,7 +148,7 @@ def _foreign_python(machine):
     return found
 
 
-def _modules(machine):
+def _modules(machine: Machine) -> List[Finding]:
     found = []
     for name, package in NEEDED.items():
         if not machine.has_module(name):
@@ -142,17 +159,17 @@ def _modules(machine):
     return found or [ok(_AREA, "%d Python modules are there", len(NEEDED) + len(WANTED))]
 
 
-def _get(package):
+def _get(package: str) -> str:
     return "sudo apt install %s" % package if package else _SOURCE + "; if it is missing then: make setup"
 
 
-def _programs(machine):
+def _programs(machine: Machine) -> List[Finding]:
     found = [problem(_AREA, "%s is not on PATH" % name, "sudo apt install %s" % package)
              for name, package in PROGRAMS.items() if not machine.which(name)]
     return found or [ok(_AREA, "%s are on PATH", some(PROGRAMS))]
 
 
-def _workspace(machine, packages):
+def _workspace(machine: Machine, packages: PackageList) -> List[Finding]:
     if packages.fault:
         return [problem(_AREA, "packages cannot be listed: %s" % packages.fault, "sudo apt install python3-rospkg")]
     missing = [name for name in PACKAGES if not packages.find(name)]
@@ -168,19 +185,19 @@ def _workspace(machine, packages):
     for name in PACKAGES:
         copies = packages.copies(name)
         sourced = packages.sourced(name)
-        if sourced and packages.find(name) and sourced != os.path.realpath(packages.find(name)):
+        used = packages.find(name)
+        if sourced and used and sourced != os.path.realpath(used):
             found.append(problem(
                 _AREA, "there are two packages %s: ROS_PACKAGE_PATH finds %s first, the sourced workspaces have %s; "
                 "roslaunch ends with \"multiple files named\" where both have a file of one name" % (
-                    name, packages.find(name), sourced),
+                    name, used, sourced),
                 "give yours another name (in package.xml, and where it is used); or build it with catkin in a "
                 "workspace of its own with this one sourced, and source that one's devel/setup.bash, instead of "
                 "setting ROS_PACKAGE_PATH"))
         elif len(copies) > 1:
             found.append(warning(
                 _AREA, "package %s is there %d times; %s is used, %s is shadowed" % (
-                    name, len(copies), packages.find(name),
-                    some(path for path in copies if path != os.path.realpath(packages.find(name) or ""))),
+                    name, len(copies), used, some(path for path in copies if path != os.path.realpath(used or ""))),
                 "source one workspace only, in a new shell, or delete the other copy"))
     for name, level in (("robot_state_publisher", problem), ("xacro", problem), ("rviz", warning)):
         if not packages.find(name):
@@ -189,7 +206,7 @@ def _workspace(machine, packages):
     return found or [ok(_AREA, "the workspace is sourced: %s", packages.find("m2wr_sim"))]
 
 
-def _executables(machine, packages):
+def _executables(machine: Machine, packages: PackageList) -> List[Finding]:
     """Check what rosrun needs: the executable bit, and line ends that the kernel understands."""
     found, count = [], 0
     for name in PACKAGES:
@@ -209,12 +226,12 @@ def _executables(machine, packages):
     return found or [ok(_AREA, "%d executables are there", count)]
 
 
-def _kernels(machine, packages):
+def _kernels(machine: Machine, packages: PackageList) -> Finding:
     """Check that compiled kernels are kept, so that not every start compiles."""
     if not machine.has_module("numba"):
         return ok(_AREA, "no numba, so there is nothing to compile")
     import m2wr_sim
-    folder = packages.find("m2wr_sim")
+    folder = packages.find("m2wr_sim") or ""
     kept = [path for place in m2wr_sim.__path__ for path in machine.below(place) if path.endswith(".nbi")]
     if not kept and machine.writable(folder):
         return warning(_AREA, "no compiled kernels yet: the first start takes up to a minute",

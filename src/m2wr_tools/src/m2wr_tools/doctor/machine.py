@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The machine as the checks see it; tests put another one in its place."""
+"""The machine as the checks see it; tests replace it."""
+from __future__ import annotations
+
 import importlib.util
 import os
 import shutil
@@ -7,6 +9,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from typing import List, Optional, Set, Tuple
 
 _LISTENS = "0A"             # state TCP_LISTEN of Linux, as /proc/net/tcp writes it
 
@@ -23,27 +26,40 @@ class Machine:
     version : tuple of int
         Its version.
     folder : str
-        Where the user stands.
+        The current folder.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.environ = dict(os.environ)
         self.python, self.version = sys.executable, tuple(sys.version_info[:3])
         self.folder = os.getcwd()
 
-    def which(self, program):
+    def which(self, program: str) -> Optional[str]:
         """Return the path of a program on PATH, or None."""
         return shutil.which(program, path=self.environ.get("PATH"))
 
-    def has_module(self, name):
-        """Tell whether a Python module can be found; it is not imported."""
+    def has_module(self, name: str) -> bool:
+        """Return whether a Python module can be found; it is not imported."""
         try:
             return importlib.util.find_spec(name) is not None
         except (ImportError, ValueError):
             return False
 
-    def run(self, arguments, patience=10.0):
-        """Run a program; returns its exit code (None: it cannot be run, or takes too long) and what it says."""
+    def run(self, arguments: List[str], patience: float = 10.0) -> Tuple[Optional[int], str]:
+        """Run a program.
+
+        Parameters
+        ----------
+        arguments : list of str
+            The command.
+        patience : float
+            Time limit [s of wall time].
+
+        Returns
+        -------
+        (int or None, str)
+            Its exit code, None if it cannot be run or takes too long, and its output.
+        """
         try:
             done = subprocess.run(arguments, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                   env=self.environ, timeout=patience)
@@ -51,15 +67,15 @@ class Machine:
             return None, str(error)
         return done.returncode, done.stdout.decode(errors="replace")
 
-    def exists(self, path):
-        """Tell whether there is a file or folder."""
+    def exists(self, path: str) -> bool:
+        """Return whether there is a file or folder."""
         return os.path.exists(path)
 
-    def executable(self, path):
-        """Tell whether a file may be executed."""
+    def executable(self, path: str) -> bool:
+        """Return whether a file may be executed."""
         return os.access(path, os.X_OK)
 
-    def first_line(self, path):
+    def first_line(self, path: str) -> bytes:
         """Return the first line of a file with its line end, as bytes; empty if it cannot be read."""
         try:
             with open(path, "rb") as stream:
@@ -67,14 +83,14 @@ class Machine:
         except OSError:
             return b""
 
-    def lines(self, path):
+    def lines(self, path: str) -> List[str]:
         """Return the lines of a text file; OSError if it cannot be read."""
         with open(path) as stream:
             return stream.readlines()
 
-    def open_to_all(self):
-        """Return the ports at which this machine's processes take TCP connections from any address."""
-        found = set()
+    def open_to_all(self) -> Set[int]:
+        """Return the ports at which this machine's processes accept TCP connections from any address."""
+        found: Set[int] = set()
         for path, everywhere in (("/proc/net/tcp", "0" * 8), ("/proc/net/tcp6", "0" * 32)):
             try:
                 rows = self.lines(path)[1:]
@@ -87,12 +103,12 @@ class Machine:
                     found.add(int(port, 16))
         return found
 
-    def below(self, folder):
+    def below(self, folder: str) -> List[str]:
         """Return the paths of all files below a folder."""
         return [os.path.join(where, name) for where, _, names in os.walk(folder) for name in names]
 
-    def writable(self, folder):
-        """Tell whether a file can be made in a folder, which itself may still have to be made."""
+    def writable(self, folder: str) -> bool:
+        """Return whether a file can be made in a folder, which may not exist yet."""
         while folder and not os.path.isdir(folder):
             if os.path.exists(folder) or os.path.dirname(folder) == folder:
                 return False
@@ -103,8 +119,8 @@ class Machine:
         except OSError:
             return False
 
-    def free_bytes(self, folder):
-        """Return the free space where a folder lies or would lie; None if that cannot be told."""
+    def free_bytes(self, folder: str) -> Optional[int]:
+        """Return the free space on the disk of a folder, which may not exist yet; None if it is not known."""
         while folder and not os.path.isdir(folder) and os.path.dirname(folder) != folder:
             folder = os.path.dirname(folder)
         try:
@@ -112,18 +128,18 @@ class Machine:
         except OSError:
             return None
 
-    def host_name(self):
+    def host_name(self) -> str:
         """Return the name of this machine."""
         return socket.gethostname()
 
-    def addresses(self, host):
+    def addresses(self, host: str) -> List[str]:
         """Return the addresses of a host name; none if it cannot be resolved."""
         try:
             return sorted({entry[4][0] for entry in socket.getaddrinfo(host, None, 0, socket.SOCK_STREAM)})
         except (OSError, UnicodeError):
             return []
 
-    def is_local(self, address):
+    def is_local(self, address: str) -> bool:
         """Tell whether an address is one of this machine's."""
         family = socket.AF_INET6 if ":" in address else socket.AF_INET
         try:
@@ -133,15 +149,25 @@ class Machine:
         except OSError:
             return False
 
-    def accepts(self, host, port, patience=2.0):
-        """Return whether a server accepts connections there."""
+    def accepts(self, host: str, port: int, patience: float = 2.0) -> bool:
+        """Return whether a server accepts connections there.
+
+        Parameters
+        ----------
+        host : str
+            Name or address.
+        port : int
+            TCP port.
+        patience : float
+            Time limit [s of wall time].
+        """
         try:
             socket.create_connection((host, port), patience).close()
             return True
         except (OSError, OverflowError, UnicodeError):
             return False
 
-    def accepts_unix(self, path):
+    def accepts_unix(self, path: str) -> bool:
         """Return whether a server accepts connections at a Unix socket, in the file system or abstract."""
         for name in (path, "\0" + path):
             try:

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How well an occupancy grid agrees with the world it was made in."""
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -9,6 +12,13 @@ from m2wr_sim.errors import WorldError
 from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_tools.robot_height import LASER_HEIGHT
 from m2wr_view.outlines import convex_hull
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from m2wr_sim.model.types import World
+    from m2wr_tools.array_types import BoolArray, FloatArray, Uint8Array
+    from m2wr_view.outlines import Outline
 
 SLICE = 1e-6                # thickness of the slice of the world that the laser sees [m]
 STEP = 0.1                  # of a cell, between two points of a wall
@@ -19,7 +29,7 @@ INSIDE, WALL, OUTSIDE = 2, 1, 0
 
 @dataclass(frozen=True)
 class Agreement:
-    """A map against its world.
+    """Comparison of a map with its world.
 
     Attributes
     ----------
@@ -28,7 +38,7 @@ class Agreement:
     on_walls : float
         Share of them within one cell of a true wall.
     doubled : int
-        Of the others, those that have free cells on both sides, as the second drawing of a wall has.
+        Of the others, those with free cells on both sides, as of a wall that was drawn twice.
     farthest : float
         Largest distance of an occupied cell from the nearest true wall [m].
     free : int
@@ -48,8 +58,8 @@ class Agreement:
     found: float
 
 
-def _segments(outline):
-    """Corners (M, 2) of the border of an outline, closed; discs and rounded corners as polygons."""
+def _segments(outline: Outline) -> FloatArray:
+    """Return the corners (M, 2) of the border of an outline, closed; discs and rounded corners as polygons."""
     vertices, radius = outline.vertices, outline.radius
     if radius <= 0.0:
         return vertices
@@ -58,8 +68,8 @@ def _segments(outline):
     return convex_hull(points)
 
 
-def _inside(points, corners, depth=0.0):
-    """Whether points (N, 2) lie deeper than that [m] in a convex polygon, corners counter-clockwise."""
+def _inside(points: FloatArray, corners: FloatArray, depth: float = 0.0) -> BoolArray:
+    """Return whether points (N, 2) are deeper than ``depth`` [m] in a convex polygon; corners counter-clockwise."""
     if len(corners) < 3:
         return np.zeros(len(points), bool)
     inside = np.ones(len(points), bool)
@@ -70,7 +80,7 @@ def _inside(points, corners, depth=0.0):
 
 
 class Truth:
-    """What a world is like at the height of the laser, in some frame.
+    """A world at the height of the laser, in the frame of a map.
 
     Parameters
     ----------
@@ -86,16 +96,17 @@ class Truth:
         If the world has no obstacle there: nothing could be compared.
     """
 
-    def __init__(self, world, height=LASER_HEIGHT, frame=(0.0, 0.0, 0.0)):
+    def __init__(self, world: World, height: float = LASER_HEIGHT, frame: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         outlines = obstacle_outlines(world, height - 0.5 * SLICE, height + 0.5 * SLICE)
         if not outlines:
             raise WorldError("the world has nothing at the height of the laser, %.2f m; expected walls" % height)
         cosine, sine = math.cos(frame[2]), math.sin(frame[2])
         turn = np.array([[cosine, -sine], [sine, cosine]])          # points as rows: world to frame
         self._corners = [(_segments(outline) - np.asarray(frame[:2], float)) @ turn for outline in outlines]
-        self._step = self._points = None        # of the surfaces found last
+        self._step: Optional[float] = None      # of the surfaces found last
+        self._points = np.zeros((0, 2))
 
-    def drawn(self, shape, resolution, origin):
+    def drawn(self, shape: Tuple[int, ...], resolution: float, origin: FloatArray) -> Uint8Array:
         """Return the truth (H, W) on a grid: INSIDE an obstacle, WALL where a surface that can be seen crosses the
         cell, OUTSIDE.
 
@@ -116,8 +127,8 @@ class Truth:
         grid[cells[seen, 1], cells[seen, 0]] = WALL
         return grid
 
-    def _surfaces(self, step):
-        """Return points (N, 2) a ``step`` [m] apart along all borders but where they lie within another obstacle."""
+    def _surfaces(self, step: float) -> FloatArray:
+        """Return points (N, 2), a ``step`` [m] apart, along all borders, without those inside another obstacle."""
         if step != self._step:              # one map is like the other: most of the time goes into this
             found = []
             for index, corners in enumerate(self._corners):
@@ -133,7 +144,7 @@ class Truth:
         return self._points
 
     @staticmethod
-    def _border(corners, step):
+    def _border(corners: FloatArray, step: float) -> FloatArray:
         parts = []
         for one, two in zip(corners, np.roll(corners, -1, axis=0)):
             count = max(1, int(math.ceil(float(np.hypot(*(two - one))) / step)))
@@ -141,7 +152,7 @@ class Truth:
         return np.concatenate(parts)
 
     @staticmethod
-    def _fill(grid, corners, resolution, origin):
+    def _fill(grid: Uint8Array, corners: FloatArray, resolution: float, origin: FloatArray) -> None:
         low = np.floor((corners.min(axis=0) - origin) / resolution).astype(int)
         high = np.ceil((corners.max(axis=0) - origin) / resolution).astype(int) + 1
         low, high = np.maximum(low, 0), np.minimum(high, grid.shape[::-1])
@@ -153,7 +164,7 @@ class Truth:
         part = grid[low[1]:high[1], low[0]:high[0]]
         part[inside] = INSIDE
 
-    def distances(self, points):
+    def distances(self, points: FloatArray) -> FloatArray:
         """Return the distances (N,) [m] of points to the nearest border of an obstacle."""
         nearest = np.full(len(points), math.inf)
         for corners in self._corners:
@@ -164,8 +175,16 @@ class Truth:
         return nearest
 
 
-def widened(mask, cells=NEIGHBOURHOOD):
-    """Return a mask with all neighbours of its cells, corners included."""
+def widened(mask: BoolArray, cells: int = NEIGHBOURHOOD) -> BoolArray:
+    """Return a mask dilated by some cells, also diagonally.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        Cells.
+    cells : int
+        Number of cells.
+    """
     out = mask.copy()
     for _ in range(cells):
         wide = out.copy()
@@ -177,12 +196,12 @@ def widened(mask, cells=NEIGHBOURHOOD):
     return out
 
 
-def _between_free(occupied, free):
-    """Occupied cells with free ones within two cells on opposite sides, along an axis or a diagonal."""
+def _between_free(occupied: BoolArray, free: BoolArray) -> BoolArray:
+    """Return the occupied cells with free ones within two cells on opposite sides, along an axis or a diagonal."""
     padded = np.pad(free, 2)
     rows, columns = occupied.shape
 
-    def at(dy, dx):
+    def at(dy: int, dx: int) -> BoolArray:
         return padded[2 + dy:2 + dy + rows, 2 + dx:2 + dx + columns]
 
     found = np.zeros_like(occupied)
@@ -191,13 +210,15 @@ def _between_free(occupied, free):
     return occupied & found
 
 
-def compare(data, resolution, origin, truth):
+def compare(data: ArrayLike, resolution: float, origin: FloatArray, truth: Truth) -> Agreement:
     """Return the :class:`Agreement` of a map.
 
     Parameters
     ----------
     data : (H, W) int8
         -1 unknown, 0 free, 100 occupied, lowest row first.
+    resolution : float
+        Side of a cell [m].
     origin : (2,) float
         Middle of cell (0, 0) in the frame of the truth [m].
     truth : Truth
@@ -218,7 +239,7 @@ def compare(data, resolution, origin, truth):
         found=float((visible & widened(occupied)).sum()) / max(int(visible.sum()), 1))
 
 
-def format_agreement(found):
+def format_agreement(found: Agreement) -> str:
     """Return the agreement as one line of text."""
     return ("%d wall cells, %.2f %% within one cell of a true wall (farthest %.3f m, doubled %d); %d free cells, "
             "%.2f %% truly free; %.1f %% of the walls beside them are drawn" % (
@@ -226,10 +247,21 @@ def format_agreement(found):
                 100.0 * found.truly_free, 100.0 * found.found))
 
 
-def picture(data, resolution, origin, truth):
+def picture(data: ArrayLike, resolution: float, origin: FloatArray, truth: Truth) -> Uint8Array:
     """Return the map over the truth as colours (H, W, 3) uint8, top row first, cut to what is known.
 
     Grey: unknown; white: free; black: a wall where one is; red: a wall where none is; blue: a true wall not drawn.
+
+    Parameters
+    ----------
+    data : (H, W) int8
+        -1 unknown, 0 free, 100 occupied, lowest row first.
+    resolution : float
+        Side of a cell [m].
+    origin : (2,) float
+        Middle of cell (0, 0) in the frame of the truth [m].
+    truth : Truth
+        The world in the frame of the map.
     """
     data = np.asarray(data)
     drawn = truth.drawn(data.shape, resolution, origin)

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The command line of ``compare_map``; what compares is imported after it has been read."""
+from __future__ import annotations
+
 import argparse
 import math
 import sys
+from typing import List, Optional
 
 import rosgraph
 
@@ -11,7 +14,7 @@ from m2wr_tools.robot_height import LASER_HEIGHT
 _PURPOSE = "Compares maps with the world they were made in: a saved one, or all that come on the topic map."
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code: 0, 1 where something cannot be read, 3 below ``--least``."""
     parser = argparse.ArgumentParser(prog="compare_map", description=_PURPOSE)
     add = parser.add_argument

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compares maps with the world they were made in: a saved one, or all that come on the topic ``map``."""
+"""Compares maps with the world they were made in: a saved one, or all that are received on the topic ``map``."""
+from __future__ import annotations
+
 import os
 import sys
 import threading
+from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -18,11 +21,18 @@ from m2wr_sim.ros.shared_files import find_world, model_folders, package_folder
 from m2wr_tools.map_comparison.agreement import SLICE, Truth, compare, format_agreement, picture
 from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values
 
+if TYPE_CHECKING:
+    import argparse
+
+    from m2wr_sim.model.types import World
+    from m2wr_tools.array_types import FloatArray, Int8Array
+    from m2wr_view.outlines import Outline
+
 SCALE = 3           # pixels a cell
 LOOK = 0.5          # between two looks at whether ROS has ended [s], wall
 
 
-def read_saved(path):
+def read_saved(path: str) -> Tuple[Int8Array, float, FloatArray]:
     """Return data (H, W) int8, resolution and origin (2,) of a map_saver YAML file; raises WorldError."""
     try:
         values = read_values(path)
@@ -35,46 +45,89 @@ def read_saved(path):
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 
 
-def read_world(world):
+def read_world(world: str) -> World:
     """Return the World of a world file or name; raises WorldError."""
     share = package_folder()
     return load_world(find_world(world, os.path.join(share, "worlds")),
                       resolve_model=model_folders(share))
 
 
-def read_truth(world, height, frame=(0.0, 0.0, 0.0)):
-    """Return the Truth of a world file or name in a frame of that pose (3,) in the world; raises WorldError."""
+def read_truth(world: str, height: float, frame: Sequence[float] = (0.0, 0.0, 0.0)) -> Truth:
+    """Return a world at the height of the laser, in the frame of a map.
+
+    Parameters
+    ----------
+    world : str
+        World file, or the name of a world.
+    height : float
+        Of the laser above the floor [m].
+    frame : (3,) float
+        Pose of the map's frame in the world [m, rad].
+
+    Raises
+    ------
+    WorldError
+        If the world cannot be read or has nothing at that height.
+    """
     return Truth(read_world(world), height, frame)
 
 
-def read_outlines(world, height):
-    """Return the outlines of all that a laser at a height [m] meets in a world; raises WorldError."""
+def read_outlines(world: str, height: float) -> List[Outline]:
+    """Return the outlines of all that a laser hits in a world.
+
+    Parameters
+    ----------
+    world : str
+        World file, or the name of a world.
+    height : float
+        Of the laser above the floor [m].
+
+    Raises
+    ------
+    WorldError
+        If the world cannot be read.
+    """
     return obstacle_outlines(read_world(world), height - 0.5 * SLICE, height + 0.5 * SLICE)
 
 
-def save_picture(path, data, resolution, origin, truth):
-    """Draw the map over the truth into a file."""
+def save_picture(path: str, data: Int8Array, resolution: float, origin: FloatArray, truth: Truth) -> None:
+    """Draw a map over the truth into a file.
+
+    Parameters
+    ----------
+    path : str
+        File to write or read.
+    data : (H, W) int8
+        -1 unknown, 0 free, 100 occupied, lowest row first.
+    resolution : float
+        Side of a cell [m].
+    origin : (2,) float
+        Middle of cell (0, 0) in the frame of the map [m].
+    truth : Truth
+        The world in the frame of the map.
+    """
     Image.fromarray(np.ascontiguousarray(picture(data, resolution, origin, truth).repeat(SCALE, 0).repeat(SCALE, 1))
                     ).save(path)
 
 
 class LiveComparison:
-    """Compares the newest map whenever one comes, and says how it was at the end."""
+    """Compares each received map with its world, and prints the last result at the end."""
 
-    def __init__(self, truth):
-        self._truth, self._newest, self._news = truth, None, threading.Event()
-        self._line = None
+    def __init__(self, truth: Truth) -> None:
+        self._truth, self._news = truth, threading.Event()
+        self._newest: Optional[OccupancyGrid] = None
+        self._line: Optional[str] = None
         at_shutdown(self._news.set)
         rospy.Subscriber("map", OccupancyGrid, self._take, queue_size=1)
 
-    def _take(self, message):
+    def _take(self, message: OccupancyGrid) -> None:
         self._newest = message
         self._news.set()
 
-    def run(self):
+    def run(self) -> int:
         """Compare until ROS ends; returns the exit code."""
         while not rospy.is_shutdown():
-            self._news.wait(LOOK)           # what on_shutdown calls comes before is_shutdown() says so
+            self._news.wait(LOOK)           # shutdown hooks run before is_shutdown() returns True
             self._news.clear()
             message, self._newest = self._newest, None
             if message is not None:
@@ -87,7 +140,7 @@ class LiveComparison:
         return 0
 
 
-def perform(options):
+def perform(options: argparse.Namespace) -> int:
     """Compare what the options name; returns 0, 1 where something cannot be read, 3 below ``--least``."""
     try:
         truth = read_truth(options.world, options.height, options.offset)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The command line of ``plot_map``; what draws is imported after it has been read."""
+from __future__ import annotations
+
 import argparse
 
 from m2wr_tools.robot_height import LASER_HEIGHT
@@ -7,7 +9,7 @@ from m2wr_tools.robot_height import LASER_HEIGHT
 _PURPOSE = "Draws a saved map over the world it was made in, with the way that was driven."
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """Return the command line's parser."""
     made = argparse.ArgumentParser(prog="plot_map", description=_PURPOSE)
     add = made.add_argument
@@ -25,7 +27,7 @@ def parser():
     return made
 
 
-def main():
+def main() -> int:
     """Entry point of the executable; returns the exit code."""
     options = parser().parse_args()
     from m2wr_tools.map_figure.command import perform  # slow to import, and not needed for --help

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draws a saved map over the world it was made in, with the way that was driven."""
+"""Draws a saved map over the world it was made in, with the path of the robot."""
+from __future__ import annotations
+
 import os
 import sys
+from typing import TYPE_CHECKING, List, Optional
 
 from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
 from m2wr_tools.map_figure.arguments import parser
@@ -11,8 +14,13 @@ from m2wr_tools.slam_benchmark.trajectory_errors import trajectory
 from m2wr_view.errors import ViewError
 from m2wr_view.run_series import read_world
 
+if TYPE_CHECKING:
+    import argparse
 
-def read_outlines(world, height):
+    from m2wr_view.outlines import Outline
+
+
+def read_outlines(world: str, height: float) -> List[Outline]:
     """Return the outlines of a world's obstacles.
 
     Parameters
@@ -20,7 +28,7 @@ def read_outlines(world, height):
     world : str
         A bag, a world file, or the name of a world.
     height : float
-        At which a world file is cut [m]; of a bag all that stops a robot is taken.
+        At which a world file is cut [m]; from a bag, all obstacles of a robot are taken.
 
     Raises
     ------
@@ -40,19 +48,19 @@ def read_outlines(world, height):
         raise FigureError(str(error)) from error
 
 
-def _title(options):
+def _title(options: argparse.Namespace) -> str:
     """Return the title of the figure: the one that was asked for, or the names of map and world."""
     if options.title is not None:
         return options.title
     return " over ".join(os.path.basename(name) for name in (options.map, options.world) if name)
 
 
-def main(arguments=None):
+def main(arguments: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code."""
     return perform(parser().parse_args(arguments))
 
 
-def perform(options):
+def perform(options: argparse.Namespace) -> int:
     """Draw what the options ask for; returns the exit code."""
     out = options.out or os.path.splitext(options.map)[0] + "_plot.png"
     try:

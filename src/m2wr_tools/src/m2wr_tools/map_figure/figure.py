@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map over the world it was made in, with the way that was driven."""
+"""A map over the world it was made in, with the path of the robot."""
+from __future__ import annotations
+
 import math
 import os
+from typing import TYPE_CHECKING, Any, Dict, List, Sequence, Tuple, Union
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -12,12 +15,20 @@ from matplotlib.patches import Circle, Patch, Polygon
 from m2wr_gmapping.se2 import compose
 from m2wr_view.outlines import convex_hull
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from numpy.typing import NDArray
+
+    from m2wr_gmapping.io.saved_map_reader import SavedMap
+    from m2wr_tools.array_types import FloatArray
+    from m2wr_view.outlines import Outline
+
 DOTS_PER_INCH = 100
 WIDTH = 10.0                # [inch]
 MARGIN = 1.0                # around what is known [m]
 RIM_POINTS = 60             # of a rounded outline that is no disc
 UNKNOWN_COLOUR, MAP_COLOURS = "#DDDDDD", ("#FFFFFF", "#000000")     # free, occupied
-# of Okabe and Ito, told apart also by those who do not see red or green
+# of Okabe and Ito, which colour-blind readers can distinguish
 WORLD_COLOUR, WAY_COLOURS = "#8FCBF0", ("#D55E00", "#009E73", "#CC79A7", "#E69F00")
 ENDINGS = (".png", ".svg", ".pdf")
 
@@ -26,14 +37,14 @@ class FigureError(ValueError):
     """A picture cannot be drawn or written; says why."""
 
 
-def _placed(points, offset):
+def _placed(points: FloatArray, offset: Sequence[float]) -> FloatArray:
     """Return points (N, 2) of the map frame in the world."""
     return compose(np.asarray(offset, float), np.column_stack([points, np.zeros(len(points))]))[:, :2]
 
 
-def _patch(outline):
+def _patch(outline: Outline) -> Union[Circle, Polygon]:
     # the edge, a line of no particular width in metres, only closes the gaps between adjacent shapes
-    style = dict(facecolor=WORLD_COLOUR, edgecolor=WORLD_COLOUR, linewidth=0.3, zorder=1)
+    style: Dict[str, Any] = dict(facecolor=WORLD_COLOUR, edgecolor=WORLD_COLOUR, linewidth=0.3, zorder=1)
     if len(outline.vertices) == 1:
         return Circle(tuple(outline.vertices[0]), outline.radius, **style)
     corners = outline.vertices
@@ -44,18 +55,19 @@ def _patch(outline):
     return Polygon(corners, closed=True, **style)
 
 
-def _bounds(saved, ways):
-    """Lowest and highest x, y in the map frame of what is known (2, 2)."""
+def _bounds(saved: SavedMap, ways: Sequence[Tuple[str, FloatArray]]) -> FloatArray:
+    """Return the lowest and highest x, y (2, 2) of the known cells and the paths, in the map frame."""
     rows, columns = np.nonzero(saved.data >= 0)
     points = [np.stack([columns, rows], -1) * saved.resolution + saved.origin] if len(rows) else []
     points += [way[:, :2] for _, way in ways if len(way)]
     if not points:
         raise FigureError("map {}: nothing is known in it and there is no way to draw".format(saved.name))
-    points = np.concatenate(points)
-    return np.stack([points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN])
+    known = np.concatenate(points)
+    return np.stack([known.min(axis=0) - MARGIN, known.max(axis=0) + MARGIN])
 
 
-def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
+def map_figure(saved: SavedMap, outlines: Sequence[Outline] = (), ways: Sequence[Tuple[str, FloatArray]] = (),
+               offset: Sequence[float] = (0.0, 0.0, 0.0), title: str = "") -> Figure:
     """Return the picture as a matplotlib Figure with one Axes in metres of the world.
 
     The obstacles of the world are areas of one colour; the free and the occupied cells of the map cover them.  So no
@@ -70,6 +82,8 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
         Names and poses, in the map frame.
     offset : (3,) float
         Pose of the map frame in the world [m, rad].
+    title : str
+        Of the figure.
 
     Raises
     ------
@@ -93,9 +107,10 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
     axes.pcolormesh(*_edges(edge, rows, columns, saved.resolution, offset, low, high),
                     _cut(saved, edge, low, high), cmap=ListedColormap(MAP_COLOURS), vmin=0, vmax=1, zorder=2,
                     rasterized=True)
-    handles = [Patch(facecolor=MAP_COLOURS[1], label="occupied in the map"),
-               Patch(facecolor=MAP_COLOURS[0], edgecolor="#808080", linewidth=0.5, label="free in the map"),
-               Patch(facecolor=UNKNOWN_COLOUR, label="unknown")]
+    handles: List[Artist] = [
+        Patch(facecolor=MAP_COLOURS[1], label="occupied in the map"),
+        Patch(facecolor=MAP_COLOURS[0], edgecolor="#808080", linewidth=0.5, label="free in the map"),
+        Patch(facecolor=UNKNOWN_COLOUR, label="unknown")]
     handles += [Patch(facecolor=WORLD_COLOUR, label="obstacle of the world")] if len(outlines) else []
     for index, (name, way) in enumerate(ways):
         points = _placed(way[:, :2], offset)
@@ -113,27 +128,28 @@ def map_figure(saved, outlines=(), ways=(), offset=(0.0, 0.0, 0.0), title=""):
     return figure
 
 
-def _range(edge, count, resolution, low, high):
-    """First and last (exclusive) cell along one axis that lies between two places."""
+def _range(edge: float, count: int, resolution: float, low: float, high: float) -> Tuple[int, int]:
+    """Return the first and last (exclusive) cell along one axis between two positions."""
     first = int(np.clip(math.floor((low - edge) / resolution), 0, count))
     last = int(np.clip(math.ceil((high - edge) / resolution), first, count))
     return first, last
 
 
-def _window(saved, edge, low, high):
+def _window(saved: SavedMap, edge: FloatArray, low: FloatArray, high: FloatArray) -> Tuple[int, int, int, int]:
     (left, right), (bottom, top) = (_range(edge[k], saved.data.shape[1 - k], saved.resolution, low[k], high[k])
                                     for k in (0, 1))
     return left, right, bottom, top
 
 
-def _cut(saved, edge, low, high):
+def _cut(saved: SavedMap, edge: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[Any]:
     """Return the cells between two places as numbers of colours; unknown ones are masked."""
     left, right, bottom, top = _window(saved, edge, low, high)
     part = saved.data[bottom:top, left:right]
     return np.ma.masked_array(part == 100, part < 0).astype(int)
 
 
-def _edges(edge, rows, columns, resolution, offset, low, high):
+def _edges(edge: FloatArray, rows: int, columns: int, resolution: float, offset: Sequence[float], low: FloatArray,
+           high: FloatArray) -> Tuple[FloatArray, FloatArray]:
     """Return x and y (h + 1, w + 1) of the corners of the cells between two places, in the world."""
     left, right = _range(edge[0], columns, resolution, low[0], high[0])
     bottom, top = _range(edge[1], rows, resolution, low[1], high[1])
@@ -143,8 +159,15 @@ def _edges(edge, rows, columns, resolution, offset, low, high):
     return points[:, 0].reshape(x.shape), points[:, 1].reshape(y.shape)
 
 
-def write(figure, path):
-    """Write a picture; the ending of the path says which kind.
+def write(figure: Figure, path: str) -> None:
+    """Write a picture; the ending of the path gives its format.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The picture.
+    path : str
+        File to write.
 
     Raises
     ------

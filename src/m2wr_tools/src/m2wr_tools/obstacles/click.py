@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Obstacles by click: a point published by rviz's tool "Publish Point" becomes an obstacle, or ends one."""
+"""Obstacles by click: a point published by rviz's tool "Publish Point" adds or deletes an obstacle."""
+from __future__ import annotations
+
 import math
 import queue
 import time
 from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -20,9 +23,9 @@ from m2wr_tools.obstacles.obstacle import KINDS, Obstacle, read_colour
 from m2wr_tools.obstacles.world import World, outline_of, overlapped_robots, robot_footprint
 from m2wr_view.outlines import point_distances
 
-_NEAR = 0.02            # m; a click on the side of an obstacle lies just outside of it as often as inside
+_NEAR = 0.02            # m; a click on the side of an obstacle may be just outside of it
 _TF_PATIENCE = 2.0      # s of wall time for a transform
-_DEFAULT = {"box": [0.5, 0.5, 0.5], "cylinder": [0.25, 0.5], "sphere": [0.25]}
+_DEFAULT: Dict[str, List[float]] = {"box": [0.5, 0.5, 0.5], "cylinder": [0.25, 0.5], "sphere": [0.25]}
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class ClickConfig:
     namespace: str
 
 
-def read_parameters(get):
+def read_parameters(get: Callable[[str, Any], Any]) -> ClickConfig:
     """Return a :class:`ClickConfig`.
 
     Parameters
@@ -75,15 +78,16 @@ class ClickObstacles:
     world : World
     """
 
-    def __init__(self, config, world):
+    def __init__(self, config: ClickConfig, world: World) -> None:
         self._config, self._world = config, world
-        self._clicks, self._transforms = queue.Queue(), None
+        self._clicks: queue.Queue[Optional[PointStamped]] = queue.Queue()
+        self._transforms: Optional[TransformBuffer] = None
 
-    def click(self, message):
+    def click(self, message: PointStamped) -> None:
         """Take a geometry_msgs/PointStamped; answered by :meth:`run`."""
         self._clicks.put(message)
 
-    def run(self):
+    def run(self) -> None:
         """Answer clicks until ROS ends."""
         at_shutdown(lambda: self._clicks.put(None))
         while True:
@@ -95,8 +99,8 @@ class ClickObstacles:
             except SimError as error:
                 rospy.logwarn("click_obstacles: %s", error)
 
-    def answer(self, message):
-        """Add or delete an obstacle at a click; SimError if that cannot be."""
+    def answer(self, message: PointStamped) -> None:
+        """Add or delete an obstacle at a click; SimError if that is not possible."""
         x, y, z = self._point_in_world(message)
         if not all(math.isfinite(value) for value in (x, y, z)):
             raise ParameterError("a click at (%s, %s, %s) is refused: expected finite numbers" % (x, y, z))
@@ -116,28 +120,34 @@ class ClickObstacles:
         rospy.loginfo("click_obstacles: %s at (%.2f, %.2f); a click on it %s", name, x, y,
                       "deletes it" if self._config.delete_on_click else "adds another one")
 
-    def hit(self, x, y):
-        """Return the name of the obstacle of add_obstacle or of a click that covers a point, or None."""
+    def hit(self, x: float, y: float) -> Optional[str]:
+        """Return the name of the obstacle of add_obstacle or of a click that covers a point, or None.
+
+        Parameters
+        ----------
+        x, y : float
+            Point in world [m].
+        """
         for name, (kind, size, pose) in sorted(self._world.obstacles().items()):
             if point_distances(np.array([[x, y]]), outline_of(kind, size, pose))[0] <= _NEAR:
                 return name
         return None
 
-    def _point_in_world(self, message):
+    def _point_in_world(self, message: PointStamped) -> Tuple[float, float, float]:
         point = (message.point.x, message.point.y, message.point.z)
         frame = message.header.frame_id.strip("/")
         if frame in ("", "world", self._config.frame):
             return point
-        if self._transforms is None:        # transforms cost time; most clicks need none
-            self._transforms = TransformBuffer()
-            tf2_ros.TransformListener(self._transforms)
         transform = self._lookup(frame).transform
         q, shift = transform.rotation, transform.translation
         turned = rotate((q.x, q.y, q.z, q.w), point)
         return turned[0] + shift.x, turned[1] + shift.y, turned[2] + shift.z
 
-    def _lookup(self, frame):
-        """Return the newest transform into the world's frame, waited for in wall time: the simulation may be paused."""
+    def _lookup(self, frame: str) -> Any:
+        """Return the newest transform into the world's frame; waits in wall time, as the simulation may be paused."""
+        if self._transforms is None:        # a listener costs CPU time; most clicks need none
+            self._transforms = TransformBuffer()
+            tf2_ros.TransformListener(self._transforms)
         deadline = time.monotonic() + _TF_PATIENCE
         while True:
             try:
@@ -150,7 +160,7 @@ class ClickObstacles:
             time.sleep(0.05)
 
 
-def main():
+def main() -> int:
     """Entry point; returns the exit code."""
     answer_help("click_obstacles", "Add and delete obstacles by clicks in rviz, with its tool \"Publish Point\".", {
         "shape": "one of %s (box)" % ", ".join(sorted(KINDS)), "size": "list of numbers, by shape [m]",

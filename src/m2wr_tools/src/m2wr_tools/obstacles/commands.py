@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The commands add_obstacle, move_obstacle, delete_obstacle and list_obstacles.  Exit code 0 or 1; 2 on misuse."""
+from __future__ import annotations
+
 import argparse
 import sys
+from typing import TYPE_CHECKING, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 from m2wr_sim.angles import quaternion_from_rpy, yaw_of
 from m2wr_sim.command_line import without_exponent
@@ -9,17 +12,24 @@ from m2wr_sim.errors import SimError
 from m2wr_tools.obstacles.obstacle import COLOURS, KINDS, Obstacle, draw, read_colour, wall
 from m2wr_tools.service_client import no_master, without_remappings
 
-_DEFAULT_SIZES = {"box": (0.5, 0.5, 0.5), "cylinder": (0.25, 0.5), "sphere": (0.25,)}
+if TYPE_CHECKING:
+    import numpy as np
+
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_tools.obstacles.world import World
+    from m2wr_view.outlines import Outline
+
+_DEFAULT_SIZES: Dict[str, Tuple[float, ...]] = {"box": (0.5, 0.5, 0.5), "cylinder": (0.25, 0.5), "sphere": (0.25,)}
 
 
-def _parser(name, text):
+def _parser(name: str, text: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=name, description=text)
     parser.add_argument("--gazebo-namespace", default="/gazebo", metavar="NS",
                         help="where the services are (%(default)s)")
     return parser
 
 
-def make_add_parser():
+def make_add_parser() -> argparse.ArgumentParser:
     """Return the parser of add_obstacle."""
     parser = _parser("add_obstacle", "Put an obstacle into a running simulation. Heights count from the underside: 0 "
                                      "stands on the floor.")
@@ -45,8 +55,8 @@ def make_add_parser():
     return parser
 
 
-def _check_add(parser, given):
-    """End the program with code 2 where options do not go together."""
+def _check_add(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
+    """Exit with code 2 if options contradict each other."""
     if given.kind == "wall":
         if not (given.start and given.end) or given.at or given.near or given.yaw is not None:
             parser.error("a wall goes from one point to another: --from X Y --to X Y, without --at, --near and --yaw")
@@ -72,8 +82,21 @@ def _check_add(parser, given):
         parser.error("random draws size and colour as well: leave out --size and --colour")
 
 
-def read_obstacle(given, generator):
-    """Return the obstacle that the command line describes; ModelError if there cannot be one."""
+def read_obstacle(given: argparse.Namespace, generator: np.random.Generator) -> Obstacle:
+    """Return the obstacle that the command line describes.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+        The parsed command line.
+    generator : numpy.random.Generator
+        For a random obstacle.
+
+    Raises
+    ------
+    ModelError
+        If there is no such obstacle.
+    """
     colour = read_colour(given.colour) if given.colour else COLOURS["orange"]
     if given.kind == "random":
         drawn = draw(generator)
@@ -84,15 +107,16 @@ def read_obstacle(given, generator):
     return Obstacle(given.kind, tuple(given.size or _DEFAULT_SIZES[given.kind]), given.mass, colour)
 
 
-def _describe(name, kind, size, place, yaw):
-    """Return a line on an obstacle; nothing is at -0.00."""
-    numbers = tuple(round(value, 2) + 0.0 for value in tuple(place) + (yaw,))
+def _describe(name: str, kind: str, size: Sequence[float], place: Vector, yaw: float) -> str:
+    """Return a line about an obstacle, without -0.00."""
+    x, y, z, heading = (round(value, 2) + 0.0 for value in tuple(place) + (yaw,))
     return "%s: %s of %s m at (%.2f, %.2f, %.2f), heading %.2f rad" % (
-        (name, kind, " x ".join("%g" % value for value in size)) + numbers)
+        name, kind, " x ".join("%g" % value for value in size), x, y, z, heading)
 
 
-def _say_added(name, obstacle, place, yaw, robots, footprint):
-    """Tell what has been added, and on stderr if it stands in a robot."""
+def _say_added(name: str, obstacle: Obstacle, place: Vector, yaw: float, robots: Mapping[str, Pose],
+               footprint: Sequence[Outline]) -> None:
+    """Print the added obstacle, and a warning if it overlaps a robot."""
     print("%s, %s" % (_describe(name, obstacle.kind, obstacle.size, place, yaw),
                       "fixed" if obstacle.mass is None else "%g kg" % obstacle.mass))
     from m2wr_tools.obstacles.world import outline_of, overlapped_robots
@@ -102,23 +126,37 @@ def _say_added(name, obstacle, place, yaw, robots, footprint):
                          "move_obstacle %s --at X Y\" puts it elsewhere\n" % (name, robot, name))
 
 
-def add_obstacle(given, world):
-    """Do what add_obstacle's command line says."""
+def add_obstacle(given: argparse.Namespace, world: World) -> None:
+    """Run the command add_obstacle.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+        The parsed command line.
+    world : World
+        The simulation.
+
+    Raises
+    ------
+    ObstacleError
+        If the robot of ``--near`` does not exist or the simulation refuses.
+    """
+    import numpy as np
+
     from m2wr_tools.obstacles.world import ObstacleError, Places, robot_footprint, some_of
-    generator = None
-    if given.near is not None or given.kind == "random":
-        import numpy as np
-        generator = np.random.default_rng(given.seed)
-    first = read_obstacle(given, generator)     # a bad size is refused before anything is asked of the simulation
+    generator = np.random.default_rng(given.seed)
+    first = read_obstacle(given, generator)     # a bad size is refused before any call of the simulation
     robots, footprint = world.robots(), robot_footprint()
     if given.near is None:
         if given.kind == "wall":
             _, (x, y), yaw = wall(given.start, given.end)
-            place = (x, y, 0.0)
+            place = x, y, 0.0
         else:
-            place, yaw = tuple((given.at + [0.0])[:3]), given.yaw or 0.0
+            (x, y, z), yaw = (given.at + [0.0])[:3], given.yaw or 0.0
+            place = x, y, z
         name = world.add(first, place, yaw, given.name)
-        return _say_added(name, first, place, yaw, robots, footprint)
+        _say_added(name, first, place, yaw, robots, footprint)
+        return
     if given.near not in world.names():
         raise ObstacleError("there is no model \"%s\"; in the world are %s" % (given.near, some_of(world.names())))
     start_to_listen()
@@ -130,11 +168,10 @@ def add_obstacle(given, world):
         if not name or given.count > 1:
             name = world.free_name(world.names(), name or "obstacle")
         _say_added(world.add(obstacle, (x, y, 0.0), yaw, name), obstacle, (x, y, 0.0), yaw, {}, footprint)
-    return None
 
 
-def start_to_listen():
-    """Register a node, unless this process is one: the world's markers need it; the services alone do not."""
+def start_to_listen() -> None:
+    """Register a node, unless this process is one; the world's markers need it, services do not."""
     import rospy
 
     from m2wr_node.ros.starting import start_node
@@ -144,7 +181,7 @@ def start_to_listen():
     rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused
 
 
-def make_move_parser():
+def make_move_parser() -> argparse.ArgumentParser:
     """Return the parser of move_obstacle."""
     parser = _parser("move_obstacle", "Put a model of a running simulation somewhere else, at rest.")
     parser.add_argument("name", help="name of the model")
@@ -153,15 +190,24 @@ def make_move_parser():
     return parser
 
 
-def move_obstacle(given, world):
-    """Do what move_obstacle's command line says."""
-    world.move(given.name, tuple((given.at + [None])[:3]), given.yaw)
+def move_obstacle(given: argparse.Namespace, world: World) -> None:
+    """Run the command move_obstacle.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+        The parsed command line.
+    world : World
+        The simulation.
+    """
+    x, y, z = (given.at + [None])[:3]
+    world.move(given.name, (x, y, z), given.yaw)
     position, attitude = world.pose(given.name)
     numbers = tuple(round(value, 2) + 0.0 for value in tuple(position) + (yaw_of(attitude),))
     print("%s is at (%.2f, %.2f, %.2f), heading %.2f rad" % ((given.name,) + numbers))
 
 
-def make_delete_parser():
+def make_delete_parser() -> argparse.ArgumentParser:
     """Return the parser of delete_obstacle."""
     parser = _parser("delete_obstacle", "Take models out of a running simulation; robots stay.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="names of models")
@@ -169,8 +215,16 @@ def make_delete_parser():
     return parser
 
 
-def delete_obstacle(given, world):
-    """Do what delete_obstacle's command line says."""
+def delete_obstacle(given: argparse.Namespace, world: World) -> None:
+    """Run the command delete_obstacle.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+        The parsed command line.
+    world : World
+        The simulation.
+    """
     names = sorted(world.obstacles()) if given.all else given.names
     for name in names:
         world.delete(name)
@@ -179,13 +233,21 @@ def delete_obstacle(given, world):
         print("no obstacles have been added")
 
 
-def make_list_parser():
+def make_list_parser() -> argparse.ArgumentParser:
     """Return the parser of list_obstacles."""
     return _parser("list_obstacles", "List the obstacles that add_obstacle and clicks have put into a simulation.")
 
 
-def list_obstacles(_, world):
-    """Print a line for each obstacle."""
+def list_obstacles(_: argparse.Namespace, world: World) -> None:
+    """Run the command list_obstacles: print a line for each obstacle.
+
+    Parameters
+    ----------
+    _ : argparse.Namespace
+        The parsed command line.
+    world : World
+        The simulation.
+    """
     found = world.obstacles()
     for name, (kind, size, (position, attitude)) in sorted(found.items()):
         print(_describe(name, kind, size, position, yaw_of(attitude)))
@@ -193,28 +255,40 @@ def list_obstacles(_, world):
         print("no obstacles have been added")
 
 
-def _check_move(parser, given):
+def _check_move(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
     if len(given.at) not in (2, 3):
         parser.error("--at takes X Y or X Y Z")
 
 
-def _check_delete(parser, given):
+def _check_delete(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
     if given.all == bool(given.names):
         parser.error("expected either names or --all")
 
 
-def _check_nothing(parser, given):
+def _check_nothing(parser: argparse.ArgumentParser, given: argparse.Namespace) -> None:
     """Accept everything."""
 
 
-COMMANDS = {"add_obstacle": (make_add_parser, _check_add, add_obstacle),
-            "move_obstacle": (make_move_parser, _check_move, move_obstacle),
-            "delete_obstacle": (make_delete_parser, _check_delete, delete_obstacle),
-            "list_obstacles": (make_list_parser, _check_nothing, list_obstacles)}
+#: Name of a command -> its parser, its check of the options, and its function.
+COMMANDS: Dict[str, Tuple[Callable[[], argparse.ArgumentParser],
+                          Callable[[argparse.ArgumentParser, argparse.Namespace], None],
+                          Callable[[argparse.Namespace, World], None]]] = {
+    "add_obstacle": (make_add_parser, _check_add, add_obstacle),
+    "move_obstacle": (make_move_parser, _check_move, move_obstacle),
+    "delete_obstacle": (make_delete_parser, _check_delete, delete_obstacle),
+    "list_obstacles": (make_list_parser, _check_nothing, list_obstacles)}
 
 
-def parse(command, words):
-    """Return the parsed command line of one of ``COMMANDS``; misuse ends the program with code 2."""
+def parse(command: str, words: Sequence[str]) -> argparse.Namespace:
+    """Return the parsed command line; wrong usage ends the program with code 2.
+
+    Parameters
+    ----------
+    command : str
+        One of ``COMMANDS``.
+    words : sequence of str
+        Its arguments.
+    """
     make_parser, check, _ = COMMANDS[command]
     parser = make_parser()
     given = parser.parse_args([without_exponent(word) for word in words])
@@ -222,10 +296,23 @@ def parse(command, words):
     return given
 
 
-def main(command, argv=None):
-    """Entry point of a command; returns the exit code."""
+def main(command: str, argv: Optional[List[str]] = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    command : str
+        One of ``COMMANDS``.
+    argv : list of str, optional
+        Command line, the program's name first; default: that of this process.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     given = parse(command, without_remappings(sys.argv if argv is None else argv)[1:])
-    problem = no_master()
+    problem: Union[str, SimError, None] = no_master()
     if problem is None:
         from m2wr_tools.obstacles.world import World
         try:

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Simple bodies to put in a robot's way: boxes, cylinders, spheres and walls, as SDF.
+"""Simple obstacles as SDF: boxes, cylinders, spheres and walls.
 
-The origin of such a model lies in the middle of its underside, so height 0 stands it on the floor.  The name of its one
-link says shape and size, which a program that only has Gazebo's services can read again.
+The origin of such a model is the middle of its underside; at height 0 it is on the floor.  The name of its only link
+contains shape and size, so that a program can read them through Gazebo's services.
 """
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import Any, Optional, Protocol, Sequence, Tuple
 
 from m2wr_sim.errors import ModelError
 
@@ -53,9 +55,9 @@ class Obstacle:
     kind : str
         A key of ``KINDS``.
     size : tuple of float
-        What ``KINDS`` says [m].
+        Dimensions listed in ``KINDS`` [m].
     mass : float or None
-        [kg]; None for one that nothing can move.
+        [kg]; None: static.
     colour : (float, float, float)
         Red, green, blue, 0 to 1.
 
@@ -70,7 +72,7 @@ class Obstacle:
     mass: Optional[float] = None
     colour: Tuple[float, float, float] = COLOURS["orange"]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         names = KINDS.get(self.kind)
         if names is None:
             raise ModelError("obstacle \"%s\" is not known; expected one of %s" % (self.kind, ", ".join(sorted(KINDS))))
@@ -86,29 +88,29 @@ class Obstacle:
                 self.kind, self.mass, HEAVIEST))
 
     @property
-    def height(self):
+    def height(self) -> float:
         """Height of the top above the underside [m]."""
         return 2.0 * self.size[0] if self.kind == "sphere" else self.size[-1]
 
     @property
-    def reach(self):
+    def reach(self) -> float:
         """Radius of the circle around it, seen from above [m]."""
         return 0.5 * math.hypot(self.size[0], self.size[1]) if self.kind == "box" else self.size[0]
 
     @property
-    def link(self):
-        """Name of its link, from which :func:`read_link` makes shape and size again."""
+    def link(self) -> str:
+        """Name of its link; :func:`read_link` gets shape and size from it."""
         return _LINK + "_".join([self.kind] + ["%.6g" % value for value in self.size])
 
-    def sdf(self, name):
+    def sdf(self, name: str) -> str:
         """Return its description under a name that needs no escapes in XML."""
         mass = 1.0 if self.mass is None else self.mass
         return _SDF.format(name=name, static=str(self.mass is None).lower(), link=self.link, middle=0.5 * self.height,
                            mass=mass, inertia=self._inertia(mass), geometry=self._geometry(),
                            colour="%.3f %.3f %.3f 1" % self.colour)
 
-    def _inertia(self, mass):
-        """Return the moments about the middle of a body of even density [kg m^2]."""
+    def _inertia(self, mass: float) -> Tuple[float, float, float]:
+        """Return the principal moments of inertia of a body of uniform density [kg m^2]."""
         if self.kind == "box":
             x, y, z = (value * value for value in self.size)
             return mass * (y + z) / 12.0, mass * (x + z) / 12.0, mass * (x + y) / 12.0
@@ -118,7 +120,7 @@ class Obstacle:
         across = mass * (3.0 * radius + self.size[1] ** 2) / 12.0
         return across, across, 0.5 * mass * radius
 
-    def _geometry(self):
+    def _geometry(self) -> str:
         if self.kind == "box":
             return "<box><size>%r %r %r</size></box>" % self.size
         if self.kind == "sphere":
@@ -126,8 +128,28 @@ class Obstacle:
         return "<cylinder><radius>%r</radius><length>%r</length></cylinder>" % self.size
 
 
-def read_link(name):
-    """Return ``(kind, size)`` of an obstacle from the name of its link, or None if it is none of this module's."""
+class RandomNumbers(Protocol):
+    """The methods of ``numpy.random.Generator`` that are used here; numpy is not imported, to start quickly."""
+
+    def integers(self, low: int) -> Any:
+        """Return a whole number of at least 0 and less than ``low``."""
+
+    def uniform(self, low: Sequence[float], high: Sequence[float]) -> Any:
+        """Return numbers between ``low`` and ``high``.
+
+        Parameters
+        ----------
+        low, high : sequence of float
+            Limits.
+
+        Returns
+        -------
+        array of float64
+        """
+
+
+def read_link(name: str) -> Optional[Tuple[str, Tuple[float, ...]]]:
+    """Return ``(kind, size)`` of an obstacle from the name of its link; None if it is not a name of this module."""
     if not name.startswith(_LINK):
         return None
     kind, *numbers = name[len(_LINK):].split("_")
@@ -138,7 +160,8 @@ def read_link(name):
     return found.kind, found.size
 
 
-def wall(start, end, thickness=0.1, height=0.6):
+def wall(start: Sequence[float], end: Sequence[float], thickness: float = 0.1,
+         height: float = 0.6) -> Tuple[Tuple[float, float, float], Tuple[float, float], float]:
     """Return the size of the box that is a wall between two points, its middle and its heading.
 
     Parameters
@@ -158,19 +181,20 @@ def wall(start, end, thickness=0.1, height=0.6):
             (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), math.atan2(across, along))
 
 
-def read_colour(text):
+def read_colour(text: str) -> Tuple[float, float, float]:
     """Return (red, green, blue), 0 to 1, of a name of ``COLOURS`` or ``#rrggbb``; ModelError for anything else."""
     if text in COLOURS:
         return COLOURS[text]
     if len(text) == 7 and text[0] == "#":
         try:
-            return tuple(int(text[place:place + 2], 16) / 255.0 for place in (1, 3, 5))
+            red, green, blue = (int(text[place:place + 2], 16) / 255.0 for place in (1, 3, 5))
+            return red, green, blue
         except ValueError:
-            pass        # said below
+            pass        # reported below
     raise ModelError("colour \"%s\" is not known; expected #rrggbb or one of %s" % (text, ", ".join(sorted(COLOURS))))
 
 
-def draw(generator):
+def draw(generator: RandomNumbers) -> Obstacle:
     """Return a random obstacle of a size that a robot has to drive around; ``generator`` is numpy's."""
     kind = sorted(KINDS)[int(generator.integers(len(KINDS)))]
     width, depth, height = (round(float(value), 2) for value in generator.uniform((0.2, 0.2, 0.3), (0.6, 0.6, 0.8)))

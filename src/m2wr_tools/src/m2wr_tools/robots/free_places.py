@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Finds free places for many robots in a world, apart from each other and connected by free space.
+"""Finds free places for many robots in a world, at a distance from each other and connected by free space.
 
-Seen from above: every collision shape that reaches into the height of a robot is taken for the convex outline of its
-shadow, a robot for a disc.  The floor plane is no obstacle.  The search walks from the wanted centre over free cells,
-so robots that start inside walls stay inside them.
+The search is in the plane: a collision shape between the heights of the floor and the robot counts as the convex hull
+of its projection, a robot as a disc.  The floor plane is no obstacle.  The search spreads from the wanted centre over
+free cells, so robots do not start on the other side of a wall around it.
 """
+from __future__ import annotations
+
 import itertools
 import math
 from collections import deque
+from typing import TYPE_CHECKING, Deque, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -16,20 +19,27 @@ from m2wr_sim.geometry import rotate
 from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.types import World
+    from m2wr_tools.array_types import BoolArray, FloatArray
+
 LAYOUTS = ("grid", "circle", "random")
 _CELL = 0.25                # m, of the map of free places
 _LOW, _HIGH = 0.005, 0.5    # m: a shape that ends below or begins above is driven over or under
-_WIDEST = 100.0             # m from the centre: farther than that no place is looked for
+_WIDEST = 100.0             # m from the centre: limit of the search
 _RIM_POINTS = 16            # of the outline of a round shape, drawn around it
 
 
-def find_places(world, count, layout="grid", centre=(0.0, 0.0), spacing=1.2, radius=0.45, yaw=0.0, seed=0):
+def find_places(world: World, count: int, layout: str = "grid", centre: Sequence[float] = (0.0, 0.0),
+                spacing: float = 1.2, radius: float = 0.45, yaw: float = 0.0,
+                seed: int = 0) -> List[Tuple[float, float, float]]:
     """Find places for robots.
 
     Parameters
     ----------
     world : World
-        With everything that is in the way, in its initial state.
+        With all obstacles, in its initial state.
     count : int
         Number of robots.
     layout : str
@@ -70,7 +80,6 @@ def find_places(world, count, layout="grid", centre=(0.0, 0.0), spacing=1.2, rad
     outlines = [outline for outline in _outlines(world) if outline is not None]
     generator = np.random.default_rng(seed)
     reach = 2.0 * spacing * (math.sqrt(count) + 2.0)
-    places = []
     while True:
         free = _Free(outlines, centre, min(reach, _WIDEST), radius)
         places = _choose(free, count, layout, centre, spacing, yaw, generator)
@@ -83,8 +92,10 @@ def find_places(world, count, layout="grid", centre=(0.0, 0.0), spacing=1.2, rad
         reach *= 2.0
 
 
-def _choose(free, count, layout, centre, spacing, yaw, generator):
+def _choose(free: _Free, count: int, layout: str, centre: Sequence[float], spacing: float, yaw: float,
+            generator: np.random.Generator) -> List[Tuple[float, float, float]]:
     """Return up to ``count`` places out of the free ones."""
+    wanted: Iterable[Tuple[float, float, float]]
     if layout == "grid":
         steps = range(-int(free.reach / spacing), int(free.reach / spacing) + 1)
         lattice = sorted(itertools.product(steps, steps), key=lambda cell: (cell[0] ** 2 + cell[1] ** 2, cell))
@@ -93,7 +104,7 @@ def _choose(free, count, layout, centre, spacing, yaw, generator):
         wanted = _rings(centre, spacing, count, free.reach)
     else:
         wanted = _anywhere(free, spacing, count, generator)
-    places = []
+    places: List[Tuple[float, float, float]] = []
     for place in wanted:
         if free.at(place[0], place[1]) and all(math.hypot(place[0] - other[0], place[1] - other[1]) >= spacing - 1e-9
                                                for other in places):
@@ -103,8 +114,8 @@ def _choose(free, count, layout, centre, spacing, yaw, generator):
     return places
 
 
-def _rings(centre, spacing, count, reach):
-    """Yield places on a ring wide enough for all, then on those around and inside it, for what found no room."""
+def _rings(centre: Sequence[float], spacing: float, count: int, reach: float) -> Iterator[Tuple[float, float, float]]:
+    """Yield places on a ring wide enough for all, then on the rings outside and inside it."""
     first = 0.0 if count == 1 else max(0.5 * spacing / math.sin(math.pi / count), spacing)
     rings = [first + spacing * k for k in range(max(1, int((reach - first) / spacing) + 1))]
     for ring in rings + [first - spacing * k for k in range(1, int(first / spacing) + 1)]:
@@ -114,8 +125,9 @@ def _rings(centre, spacing, count, reach):
             yield centre[0] + ring * math.cos(angle), centre[1] + ring * math.sin(angle), angle
 
 
-def _anywhere(free, spacing, count, generator):
-    """Yield free cells in random order, moved by a part of a cell, from an area that holds some more than needed."""
+def _anywhere(free: _Free, spacing: float, count: int,
+              generator: np.random.Generator) -> Iterator[Tuple[float, float, float]]:
+    """Yield free cells in random order, moved by a part of a cell, from an area that has more places than needed."""
     cells = free.cells()
     near = cells[np.argsort(np.hypot(cells[:, 0] - free.centre[0], cells[:, 1] - free.centre[1]), kind="stable")]
     enough = int(4.0 * count * (spacing / _CELL) ** 2)
@@ -130,11 +142,11 @@ class _Free:
     ``closed`` tells that walls end the free area before ``reach`` does.
     """
 
-    def __init__(self, outlines, centre, reach, radius):
+    def __init__(self, outlines: Iterable[FloatArray], centre: Sequence[float], reach: float, radius: float) -> None:
         self.centre, self.reach, self._radius = centre, reach, radius
         self._side = 2 * int(math.ceil(reach / _CELL)) + 1
         self._origin = (centre[0] - _CELL * (self._side // 2), centre[1] - _CELL * (self._side // 2))
-        self._near = []
+        self._near: List[FloatArray] = []
         blocked = np.zeros((self._side, self._side), bool)
         axis = _CELL * np.arange(self._side)
         for outline in outlines:
@@ -147,8 +159,8 @@ class _Free:
                 blocked[window] |= _distance(outline, x[:, None], y[None, :]) < radius
         self._reachable, self.closed = _flood(blocked)
 
-    def at(self, x, y):
-        """Tell whether a disc at x, y is free, and its cell within reach."""
+    def at(self, x: float, y: float) -> bool:
+        """Return whether a disc at x, y is free, and its cell reachable."""
         i = int(round((x - self._origin[0]) / _CELL))
         j = int(round((y - self._origin[1]) / _CELL))
         if not (0 <= i < self._side and 0 <= j < self._side):
@@ -157,12 +169,12 @@ class _Free:
         return bool(around.any()) and all(
             float(_distance(outline, np.array(x), np.array(y))) >= self._radius for outline in self._near)
 
-    def cells(self):
-        """Return the (n, 2) centres of the cells within reach [m]."""
+    def cells(self) -> FloatArray:
+        """Return the (n, 2) centres of the reachable cells [m]."""
         return np.argwhere(self._reachable) * _CELL + np.array(self._origin)
 
 
-def _flood(blocked):
+def _flood(blocked: BoolArray) -> Tuple[BoolArray, bool]:
     """Return the free cells that are connected to the free one nearest to the middle, and whether they end inside."""
     side = blocked.shape[0]
     free = np.argwhere(~blocked)
@@ -172,7 +184,8 @@ def _flood(blocked):
     middle = side // 2
     start = tuple(free[np.argmin(((free - middle) ** 2).sum(axis=1))])
     reachable[start] = True
-    waiting, closed = deque([start]), True
+    waiting: Deque[Tuple[int, ...]] = deque([start])
+    closed = True
     while waiting:
         i, j = waiting.popleft()
         closed = closed and 0 < i < side - 1 and 0 < j < side - 1
@@ -185,14 +198,14 @@ def _flood(blocked):
 
 # ---- outlines --------------------------------------------------------------------------------------------------
 
-def _outlines(world):
-    """Yield the outlines, (n, 2) corners counter-clockwise, of everything a robot could run into."""
+def _outlines(world: World) -> Iterator[Optional[FloatArray]]:
+    """Yield the outlines, (n, 2) corners counter-clockwise, of all obstacles of a robot."""
     for _, collision, pose in placed_collisions(world):
         yield _outline(collision.geometry, pose)
 
 
-def _outline(geometry, pose):
-    """Return the outline of a shape, or None where robots do not meet it."""
+def _outline(geometry: object, pose: Pose) -> Optional[FloatArray]:
+    """Return the outline of a shape, or None if robots cannot collide with it."""
     position, orientation = pose
     if isinstance(geometry, Plane):
         return None
@@ -208,8 +221,8 @@ def _outline(geometry, pose):
     return None if high < _LOW or low > _HIGH else _hull(points[:, :2])
 
 
-def _corners(geometry):
-    """Return points whose hull holds a shape, in its own frame; None for a shape that has no such points."""
+def _corners(geometry: object) -> Optional[FloatArray]:
+    """Return points (n, 3) whose hull contains a shape, in its own frame; None for a shape without such points."""
     if isinstance(geometry, Box):
         return np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * np.array(geometry.size)
     if isinstance(geometry, Cylinder):
@@ -219,21 +232,21 @@ def _corners(geometry):
     return None if vertices is None else np.reshape(np.asarray(vertices, dtype=float), (-1, 3))
 
 
-def _rim(position, radius):
+def _rim(position: Sequence[float], radius: float) -> FloatArray:
     """Return the corners of a polygon around a circle."""
     angles = 2.0 * math.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
     wide = radius / math.cos(math.pi / _RIM_POINTS)
     return np.column_stack((position[0] + wide * np.cos(angles), position[1] + wide * np.sin(angles)))
 
 
-def _hull(points):
+def _hull(points: FloatArray) -> FloatArray:
     """Return the convex hull of (n, 2) points, counter-clockwise (Andrew's monotone chain)."""
     ordered = sorted(set(map(tuple, np.round(points, 9))))
     if len(ordered) < 3:
         return np.array(ordered)
 
-    def half(sequence):
-        chain = []
+    def half(sequence: Iterable[Tuple[float, ...]]) -> List[Tuple[float, ...]]:
+        chain: List[Tuple[float, ...]] = []
         for point in sequence:
             while len(chain) > 1 and ((chain[-1][0] - chain[-2][0]) * (point[1] - chain[-2][1])
                                       - (chain[-1][1] - chain[-2][1]) * (point[0] - chain[-2][0])) <= 0.0:
@@ -244,9 +257,10 @@ def _hull(points):
     return np.array(half(ordered) + half(reversed(ordered)))
 
 
-def _distance(outline, x, y):
+def _distance(outline: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the distance [m] of points to a convex outline, 0 inside; ``x`` and ``y`` are broadcast."""
-    least, inside = np.inf, True
+    least: Union[float, FloatArray] = np.inf
+    inside: Union[bool, BoolArray] = True
     for (ax, ay), (bx, by) in zip(outline, np.roll(outline, -1, axis=0)):
         dx, dy = bx - ax, by - ay
         length = dx * dx + dy * dy

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Puts a robot where rviz's tool "2D Pose Estimate" points: at the same height, upright, at rest.
 
-It also says so when the tool "2D Nav Goal" is used and no node drives to goals.
+It also warns if the tool "2D Nav Goal" is used and no node drives to goals.
 """
+from __future__ import annotations
+
 import argparse
 import math
 import sys
+from typing import Any, Callable, List, Optional, Sequence, Tuple
 
 import rosgraph
 import rospy
@@ -20,8 +23,18 @@ _TOPIC, _GOALS = "initialpose", "move_base_simple/goal"
 _SERVICE_PATIENCE = 5.0     # s of wall time
 
 
-def placed(model, pose, height):
-    """Return the ModelState of a model at (x, y, yaw) in world, upright and at rest."""
+def placed(model: str, pose: Sequence[float], height: float) -> ModelState:
+    """Return the ModelState of a model, upright and at rest.
+
+    Parameters
+    ----------
+    model : str
+        Its name.
+    pose : (3,) floats
+        x, y [m] and yaw [rad] in world.
+    height : float
+        z in world [m].
+    """
     state = ModelState(model_name=model, reference_frame="world")
     state.pose.position.x, state.pose.position.y, state.pose.position.z = pose[0], pose[1], height
     state.pose.orientation.z, state.pose.orientation.w = math.sin(pose[2] / 2.0), math.cos(pose[2] / 2.0)
@@ -41,12 +54,14 @@ class PlaceRobot:
         As :func:`motion_plan.ros_poses.look_up`.
     """
 
-    def __init__(self, model, frame, get_state, set_state, **transform):
+    def __init__(self, model: str, frame: str, get_state: Callable[[str, str], Any],
+                 set_state: Callable[[ModelState], Any],
+                 **transform: Callable[[str, str], Tuple[float, float, float]]) -> None:
         self._model, self._frame, self._transform = model, frame, transform
         self._get_state, self._set_state = get_state, set_state
 
-    def take(self, message):
-        """Place the robot; says what it has done, or why not."""
+    def take(self, message: PoseWithCovarianceStamped) -> None:
+        """Place the robot, and log the result."""
         try:
             pose = planar_in(self._frame, message.header.frame_id, message.pose.pose, **self._transform)
             now = self._get_state(self._model, "")
@@ -62,13 +77,31 @@ class PlaceRobot:
         rospy.loginfo("place_robot: model \"%s\" is at (%.2f, %.2f), heading %.2f rad", self._model, *pose)
 
 
-def others_at(topic, own, subscriptions):
-    """Return the nodes that subscribe to a topic, but for ``own``, of [[topic, [node, ...]], ...]."""
+def others_at(topic: str, own: str, subscriptions: List[Any]) -> List[str]:
+    """Return the nodes that subscribe to a topic, except one.
+
+    Parameters
+    ----------
+    topic : str
+        Resolved name.
+    own : str
+        Name of the node that is left out.
+    subscriptions : list
+        Of a master: ``[[topic, [node, ...]], ...]``.
+    """
     return [node for name, nodes in subscriptions if name == topic for node in nodes if node != own]
 
 
-def check_goal(_, system_state=None):
-    """Warn if no node drives to goals; ``system_state`` as of :class:`rosgraph.Master`."""
+def check_goal(_: PoseStamped, system_state: Optional[Callable[[], Any]] = None) -> None:
+    """Warn if no node drives to goals.
+
+    Parameters
+    ----------
+    _ : geometry_msgs.msg.PoseStamped
+        The goal.
+    system_state : callable, optional
+        As getSystemState of :class:`rosgraph.Master`.
+    """
     topic, own = rospy.resolve_name(_GOALS), rospy.get_name()
     try:
         subscriptions = (system_state or rosgraph.Master(own).getSystemState)()[1]
@@ -80,7 +113,7 @@ def check_goal(_, system_state=None):
                       "bug2.launch", topic)
 
 
-def main():
+def main() -> int:
     """Entry point; returns the exit code."""
     parser = argparse.ArgumentParser(prog="place_robot", description=(
         "Put a robot where rviz's tool \"2D Pose Estimate\" points; a node that runs until it is stopped."), epilog=(

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The spawn_robots command: puts N copies of a robot into a running simulation, each in a namespace of its own."""
+"""The command ``spawn_robots``: adds N copies of a robot to a running simulation, each in its own namespace."""
+from __future__ import annotations
+
 import argparse
 import os
 import time
+from typing import List, Optional, Sequence, Tuple
 
 import rospkg
 import rospy
@@ -21,7 +24,7 @@ from m2wr_sim.ros.spawn_client import SpawnError, wait_for_service
 from m2wr_tools.robots.free_places import LAYOUTS, find_places
 
 
-def make_parser():
+def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="spawn_robots", formatter_class=argparse.ArgumentDefaultsHelpFormatter,
@@ -46,7 +49,7 @@ def make_parser():
     return parser
 
 
-def places_in(arguments):
+def places_in(arguments: argparse.Namespace) -> List[Tuple[float, float, float]]:
     """Find the robots' places in the world that the simulation has loaded.
 
     Raises
@@ -68,8 +71,17 @@ def places_in(arguments):
         raise SpawnError("no places for the robots: %s" % error) from error
 
 
-def spawn_all(arguments, names, places):
-    """Put the robots into the simulation.
+def spawn_all(arguments: argparse.Namespace, names: List[str], places: Sequence[Tuple[float, float, float]]) -> None:
+    """Add the robots to the simulation.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        The parsed command line.
+    names : list of str
+        Of the robots.
+    places : sequence of (float, float, float)
+        x, y [m] and yaw [rad] of each robot in world.
 
     Raises
     ------
@@ -97,8 +109,23 @@ def spawn_all(arguments, names, places):
         service.close()
 
 
-def hang_on(world_frame, odom_frame, names):
-    """Publish that each robot's odometry frame is the world, as Gazebo's odometry counts; returns the latched topic."""
+def hang_on(world_frame: str, odom_frame: str, names: List[str]) -> rospy.Publisher:
+    """Publish the world as parent of each robot's odometry frame; Gazebo's odometry is a pose in the world.
+
+    Parameters
+    ----------
+    world_frame : str
+        Name of the world's frame.
+    odom_frame : str
+        Name of the odometry frames, without prefix.
+    names : list of str
+        Of the robots.
+
+    Returns
+    -------
+    rospy.Publisher
+        Of the latched topic.
+    """
     transforms = []
     for name in names:
         transform = TransformStamped()
@@ -112,8 +139,8 @@ def hang_on(world_frame, odom_frame, names):
     return publisher
 
 
-def main(argv=None):
-    """Entry point; returns the exit code.  Stays, if it has frames to publish, until told to end."""
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the command; return the exit code. If it publishes frames, it runs until it is stopped."""
     arguments = make_parser().parse_args(rospy.myargv(argv)[1:])
     start_node("spawn_robots", anonymous=True, disable_rostime=True)
     rospy.rostime.switch_to_wallclock()     # must not hang while the simulation is paused

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The wander_robots command: one process that drives any number of robots about, each away from what its laser sees."""
+"""The command ``wander_robots``: one process that drives any number of robots, with obstacle avoidance."""
+from __future__ import annotations
+
 import argparse
 import logging
+from typing import List, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -25,13 +28,13 @@ class Wanderer:
         Below that namespace.
     """
 
-    def __init__(self, name, scan_topic="m2wr/laser/scan", command_topic="cmd_vel"):
+    def __init__(self, name: str, scan_topic: str = "m2wr/laser/scan", command_topic: str = "cmd_vel") -> None:
         self.name, self._reader, self._behaviour = name, RegionReader(), ObstacleAvoidance()
         self._publisher = rospy.Publisher("/%s/%s" % (name, command_topic), Twist, queue_size=1)
         self._subscriber = rospy.Subscriber("/%s/%s" % (name, scan_topic), LaserScan, self._on_scan, queue_size=1,
                                             tcp_nodelay=True)
 
-    def _on_scan(self, scan):
+    def _on_scan(self, scan: LaserScan) -> None:
         command = Twist()
         try:
             regions = self._reader.read(scan.ranges, scan.angle_min, scan.angle_max, scan.angle_increment)
@@ -41,11 +44,11 @@ class Wanderer:
         try:
             self._publisher.publish(command)
         except rospy.ROSException:
-            if not rospy.is_shutdown():         # a topic closes under our hands only when the node goes down
+            if not rospy.is_shutdown():         # during a shutdown the topic may be closed
                 raise
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code."""
     parser = argparse.ArgumentParser(prog="wander_robots", description="Drive robots about, away from what they see.",
                                      formatter_class=argparse.ArgumentDefaultsHelpFormatter)
@@ -54,7 +57,7 @@ def main(argv=None):
     parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first")
     arguments = parser.parse_args(rospy.myargv(argv)[1:])
     start_node("wander_robots", anonymous=True)
-    logging.getLogger("motion_plan").setLevel(logging.WARNING)      # not a line for every turn of every robot
+    logging.getLogger("motion_plan").setLevel(logging.WARNING)      # no line for each decision of each robot
     wanderers = [Wanderer("%s%d" % (arguments.name, arguments.first + k)) for k in range(arguments.robots)]
     rospy.loginfo("driving %d robots", len(wanderers))
     rospy.spin()

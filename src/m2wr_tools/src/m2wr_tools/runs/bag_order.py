@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lets readers of a bag see each topic in the order in which its messages were recorded.
+"""Makes readers of a bag return each topic in the order in which its messages were recorded.
 
-rosbag's readers sort by recorded time.  Under simulated time many messages have the same, and then the order of several
-publishers on one topic is that in which they were connected, which differs from run to run.  Here the times in a bag's
-index are set apart, by a nanosecond each, where they do not tell the order already.
+rosbag's readers sort by recorded time.  With simulated time many messages have the same time. Then the messages of
+several publishers on one topic are sorted by the order of connections, which differs between runs.  Here equal times in
+a bag's index are increased, by a nanosecond each, so that they give the order.
 
-The format is told on wiki.ros.org/Bags/Format/2.0.
+The format is described on wiki.ros.org/Bags/Format/2.0.
 """
+from __future__ import annotations
+
 import os
 import struct
-from collections import namedtuple
+from typing import BinaryIO, Dict, Iterator, List, NamedTuple, Tuple
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 4, 5, 6, 7       # kinds of records
 _COUNT, _TIME, _ENTRY = struct.Struct("<I"), struct.Struct("<II"), struct.Struct("<III")
 
-_Record = namedtuple("_Record", "fields header_at data_at size end")
+
+class _Record(NamedTuple):
+    """A record of a bag: its header, and positions and size in the file [bytes]."""
+
+    fields: Dict[bytes, bytes]
+    header_at: int
+    data_at: int
+    size: int
+    end: int
 
 
-def settle_times(path):
-    """Make the times in a bag's index rise strictly on each topic, in the order of recording.
+def settle_times(path: str) -> int:
+    """Make the times in a bag's index strictly increasing on each topic, in the order of recording.
 
     Times that go back, as after a reset of the simulation, stay. Only the index is changed, not the messages: in
     place, so that the bag is valid at any moment.
@@ -32,7 +42,7 @@ def settle_times(path):
     Returns
     -------
     int
-        How many times were changed.
+        Number of changed times.
 
     Raises
     ------
@@ -51,18 +61,20 @@ def settle_times(path):
                              % (path, type(error).__name__, error)) from error
 
 
-def _settle(stream):
+def _settle(stream: BinaryIO) -> int:
     position = struct.unpack("<Q", _record(stream, len(_MAGIC)).fields[b"index_pos"])[0]
     if not 0 < position <= stream.seek(0, os.SEEK_END):
         raise ValueError("%s has no index; expected one that was closed" % stream.name)
-    topics, chunks = {}, []
+    topics: Dict[int, bytes] = {}
+    chunks: List[Tuple[int, _Record]] = []
     for record in _records(stream, position):
         kind = record.fields[b"op"][0]
         if kind == _CONNECTION:
             topics[_COUNT.unpack(record.fields[b"conn"])[0]] = record.fields[b"topic"]
         elif kind == _CHUNK_INFO:
             chunks.append((struct.unpack("<Q", record.fields[b"chunk_pos"])[0], record))
-    changed, last = 0, {}           # topic -> the last time as it was, and as it is now [ns]
+    changed = 0
+    last: Dict[bytes, Tuple[int, int]] = {}     # topic -> its last time before and after the change [ns]
     for at, info in sorted(chunks, key=lambda chunk: chunk[0]):
         count, newest = _settle_chunk(stream, at, topics, last)
         changed += count
@@ -72,8 +84,9 @@ def _settle(stream):
     return changed
 
 
-def _settle_chunk(stream, at, topics, last):
-    """Settle one chunk; returns how many times were changed, and the newest [ns]."""
+def _settle_chunk(stream: BinaryIO, at: int, topics: Dict[int, bytes],
+                  last: Dict[bytes, Tuple[int, int]]) -> Tuple[int, int]:
+    """Correct one chunk; return the number of changed times, and the newest time [ns]."""
     entries, newest, changed = [], 0, 0
     for record in _records(stream, _record(stream, at).end):
         if record.fields[b"op"][0] != _INDEX:
@@ -92,7 +105,7 @@ def _settle_chunk(stream, at, topics, last):
     return changed, newest
 
 
-def _records(stream, position):
+def _records(stream: BinaryIO, position: int) -> Iterator[_Record]:
     """Yield the records from a position on."""
     while True:
         stream.seek(position)
@@ -103,11 +116,12 @@ def _records(stream, position):
         position = record.end
 
 
-def _record(stream, position):
+def _record(stream: BinaryIO, position: int) -> _Record:
     """Read the header of the record at a position."""
     stream.seek(position)
     header = stream.read(_COUNT.unpack(stream.read(4))[0])
-    size, fields, at = _COUNT.unpack(stream.read(4))[0], {}, 0
+    size, at = _COUNT.unpack(stream.read(4))[0], 0
+    fields: Dict[bytes, bytes] = {}
     while at < len(header):
         length = _COUNT.unpack_from(header, at)[0]
         name, _, value = header[at + 4:at + 4 + length].partition(b"=")
@@ -117,7 +131,7 @@ def _record(stream, position):
     return _Record(fields, position + 4, data_at, size, data_at + size)
 
 
-def _value_at(stream, record, name):
+def _value_at(stream: BinaryIO, record: _Record, name: bytes) -> int:
     """Return where in the file the value of a field of a record's header begins."""
     stream.seek(record.header_at)
     header, at = stream.read(record.data_at - 4 - record.header_at), 0
@@ -126,6 +140,6 @@ def _value_at(stream, record, name):
     return record.header_at + at + 4 + len(name) + 1
 
 
-def _write_time(stream, position, time_ns):
+def _write_time(stream: BinaryIO, position: int, time_ns: int) -> None:
     stream.seek(position)
     stream.write(_TIME.pack(*divmod(time_ns, 10 ** 9)))

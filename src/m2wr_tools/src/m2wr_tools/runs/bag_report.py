@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What is in a recorded bag: topics, rates, gaps, and how the run ended."""
+from __future__ import annotations
+
 import argparse
 import os
 import sys
 from collections import OrderedDict
+from typing import TYPE_CHECKING, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -13,9 +16,12 @@ from m2wr_view.errors import ViewError
 from m2wr_view.run_log import read_run
 from m2wr_view.run_series import MARKERS, read_footprint, read_world
 
-GAP, LEAST_GAP = 3.0, 0.1        # a pause longer than so many median periods, and than so many seconds, is a gap
-PERIODIC = 20           # messages from which on a topic has a rate
-#: What another program needs to show a run: topic, and what is lost without it.
+if TYPE_CHECKING:
+    from m2wr_tools.array_types import FloatArray
+
+GAP, LEAST_GAP = 3.0, 0.1        # a gap is a pause longer than this number of median periods, and than this time [s]
+PERIODIC = 20           # least number of messages for a rate
+#: Topics that another program needs to show a run, and what is missing without them.
 WANTED = OrderedDict((("/clock", "simulated time"), ("/odom", "the path"), ("/tf", "frames"), ("/tf_static", "frames"),
                       ("/m2wr/laser/scan", "the laser"), (MARKERS, "the world"),
                       ("/robot_description", "the robot's shape"), ("/bug2/state", "the outcome")))
@@ -41,9 +47,11 @@ class Topic:
         The longest pause and when it began [s].
     """
 
-    def __init__(self, name, kind, times):
+    def __init__(self, name: str, kind: str, times: FloatArray) -> None:
         self.name, self.kind, self.count = name, kind, len(times)
-        self.rate = self.longest = self.longest_at = None
+        self.rate: Optional[float] = None
+        self.longest: Optional[float] = None
+        self.longest_at: Optional[float] = None
         self.gaps = 0
         pauses = np.diff(times)
         if self.count < PERIODIC or not times[-1] > times[0]:
@@ -56,7 +64,7 @@ class Topic:
             self.gaps = int(np.count_nonzero(pauses > max(GAP * usual, LEAST_GAP)))
 
 
-def read_topics(path):
+def read_topics(path: str) -> Tuple[List[Topic], float, float]:
     """Return the :class:`Topic` of each topic of a bag, by name, and first and last time [s].
 
     Raises
@@ -67,26 +75,29 @@ def read_topics(path):
     with open_bag(path) as bag:
         if not bag.get_message_count():
             raise ViewError("bag %s: there is no message in it; expected a recorded run" % path)
-        kinds, times = topic_types(bag), {}
+        kinds = topic_types(bag)
+        times: Dict[str, List[float]] = {}
         for topic, _, recorded in bag.read_messages(raw=True):
             times.setdefault(topic, []).append(recorded.to_sec())
     begin, end = (choose(choose(entry) for entry in times.values()) for choose in (min, max))
     return [Topic(name, kinds[name], np.array(times[name])) for name in sorted(times)], begin, end
 
 
-def format_topics(topics):
-    """Return a table: a line a topic."""
+def format_topics(topics: List[Topic]) -> str:
+    """Return a table with a line for each topic."""
     rows = [("topic", "type", "messages", "rate", "longest pause", "gaps")]
     for topic in topics:
         rate = "%.1f Hz" % topic.rate if topic.rate is not None else "-"
-        pause = "%.2f s at %.1f s" % (topic.longest, topic.longest_at) if topic.longest is not None else "-"
+        pause = "-"
+        if topic.longest is not None and topic.longest_at is not None:
+            pause = "%.2f s at %.1f s" % (topic.longest, topic.longest_at)
         rows.append((topic.name, topic.kind, "%d" % topic.count, rate, pause, "%d" % topic.gaps if topic.rate else "-"))
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return "\n".join("  ".join(cell.ljust(width) if column < 2 else cell.rjust(width)
                                for column, (cell, width) in enumerate(zip(row, widths))).rstrip() for row in rows)
 
 
-def report(path):
+def report(path: str) -> str:
     """Return the whole report of a bag as text; ViewError if the bag cannot be read."""
     topics, begin, end = read_topics(path)
     names = {topic.name for topic in topics}
@@ -103,7 +114,7 @@ def report(path):
     return "\n".join(lines)
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; 0 if the bag could be read."""
     parser = argparse.ArgumentParser(prog="bag_report", description=__doc__)
     parser.add_argument("bag", nargs="+", help="recorded bags")

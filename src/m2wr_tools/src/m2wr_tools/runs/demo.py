@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The command line of ``demo``; what runs and draws is imported after it has been read."""
+from __future__ import annotations
+
 import argparse
 import sys
+from typing import List, Optional
 
 _PURPOSE = ("The demonstration: Bug 2 from start to goal without a display; prints a table, draws a picture, "
             "keeps the bag.")
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="demo", description=_PURPOSE)
     parser.add_argument("--world", default="world02.world", help="world file or name (default: %(default)s)")
     parser.add_argument("--start", nargs=2, type=float, default=(0.0, 8.0), metavar=("X", "Y"), help="default: 0 8")
@@ -21,7 +24,7 @@ def _parser():
     return parser
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; 0 only if the goal was reached without contact."""
     options = _parser().parse_args(sys.argv[1:] if argv is None else argv)
     from m2wr_tools.runs.demo_run import perform  # slow to import, and not needed for --help

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The demonstration: Bug 2 from start to goal without a display; prints a table, draws a picture, keeps the bag."""
+from __future__ import annotations
+
 import math
 import os
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from m2wr_sim.errors import SimError
 from m2wr_sim.model.outlines import obstacle_outlines
@@ -15,9 +18,12 @@ from m2wr_view.errors import ViewError
 from m2wr_view.run_log import read_run
 from m2wr_view.run_picture import draw_run
 
+if TYPE_CHECKING:
+    import argparse
 
-def perform(options):
-    """Run Bug 2 and show how it went; returns 0 only if the goal was reached without contact."""
+
+def perform(options: argparse.Namespace) -> int:
+    """Run Bug 2 and show the result; return 0 only if the goal was reached without contact."""
     folder = os.path.abspath(options.out)
     os.makedirs(folder, exist_ok=True)
     bag, picture = os.path.join(folder, "bug2.bag"), os.path.join(folder, "bug2.png")
@@ -32,7 +38,7 @@ def perform(options):
         "record:=%s" % bag, "exit_on_goal:=true"], free_port(), options.timeout)
     wall = time.monotonic() - began
     if code == INTERRUPTED:
-        return code                     # before there was anything to show
+        return code                     # there is nothing to show yet
     try:
         share = package_folder()
         world = load_world(find_world(options.world, os.path.join(share, "worlds")),
@@ -47,7 +53,8 @@ def perform(options):
     print("wall time %.1f s, picture %s, bag %s" % (wall, picture, bag))
     if code:
         return code
-    if summary.final_state != "goal_reached" or summary.contacts != 0 or not summary.least_clearance > 0.0:
+    clear = summary.least_clearance is not None and summary.least_clearance > 0.0
+    if summary.final_state != "goal_reached" or summary.contacts != 0 or not clear:
         sys.stderr.write("demo: the run ended as \"%s\" with %s contacts and a least clearance of %s m; expected "
                          "goal_reached, 0 and more than 0\n"
                          % (summary.final_state, "unknown" if summary.contacts is None else summary.contacts,

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run a launch file to its end and keep what roslaunch itself forgets: how its nodes ended.
+"""Run a launch file to its end and return how its nodes ended, which roslaunch itself does not.
 
-``roslaunch`` exits with 0 whatever happened to its nodes.  Here the first node that dies with an error is named, stops
-the whole run, and its code becomes the exit code; a required node that ends well ends the run with 0.
+``roslaunch`` exits with 0 even if nodes failed.  Here the first node that exits with an error is reported, the run is
+stopped, and its code becomes the exit code; a required node that ends without an error ends the run with 0.
 """
+from __future__ import annotations
+
 import argparse
+import math
 import os
 import signal
 import socket
 import sys
 import threading
 import time
+from typing import Any, List, Optional, Sequence, Tuple
 
 import roslaunch
 import rospkg
@@ -18,17 +22,17 @@ from roslaunch.pmon import ProcessListener
 
 _USAGE = "experiment [--port PORT] [--timeout SECONDS] PACKAGE FILE.launch [ARG:=VALUE ...]"
 INTERRUPTED = 130           # exit code of a run that Ctrl-C has ended while it was being started
-_STUCK = 5.0                # after so long [s], wall, a second signal breaks off a start that does not get on
+_STUCK = 5.0                # s of wall time after which a second signal aborts a start that hangs
 
 
 class _Watch(ProcessListener):
     """Records the first process that ended with an error during the run."""
 
-    def __init__(self):
-        self.failed = None
+    def __init__(self) -> None:
+        self.failed: Optional[Tuple[str, int]] = None
         self.dead = threading.Event()
 
-    def process_died(self, process_name, exit_code):
+    def process_died(self, process_name: str, exit_code: Optional[int]) -> None:
         """Called by roslaunch for each process that ends by itself."""
         if exit_code and self.failed is None:
             self.failed = (process_name, exit_code)
@@ -43,29 +47,38 @@ class _Signals:
     calls these after them. If the start hangs, the next signal aborts it.
     """
 
-    def __init__(self):
-        self.noted, self.starting, self._first = [], True, None
-        roslaunch.pmon._init_signal_handlers()          # once; it would do so in the midst of starting
+    def __init__(self) -> None:
+        self.noted: List[int] = []
+        self.starting = True
+        self._first: Optional[float] = None
+        roslaunch.pmon._init_signal_handlers()          # once; otherwise it would be done during the start
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._note)
 
-    def _note(self, number, _):
+    def _note(self, number: int, _: Any) -> None:
         self.noted.append(number)
         self._first = self._first or time.monotonic()
         if self.starting and time.monotonic() - self._first > _STUCK:
-            self.starting = False           # one is enough: what was begun is ended in good order
+            self.starting = False           # once only: started processes are ended gracefully
             raise KeyboardInterrupt
 
 
-def free_port():
+def free_port() -> int:
     """Return a TCP port of the loopback interface that is free at the moment."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
 
 
-def resolve(package, name):
-    """Return the path of a launch file; ``package`` may be a folder's path.
+def resolve(package: str, name: str) -> str:
+    """Return the path of a launch file.
+
+    Parameters
+    ----------
+    package : str
+        Name of a package, or path of a folder.
+    name : str
+        Of the file.
 
     Raises
     ------
@@ -83,7 +96,7 @@ def resolve(package, name):
     raise FileNotFoundError("package %s has no launch file \"%s\"; expected it in %s/launch" % (package, name, folder))
 
 
-def run(path, arguments, port=None, timeout=None):
+def run(path: str, arguments: Sequence[str], port: Optional[int] = None, timeout: Optional[float] = None) -> int:
     """Run a launch file until it ends, or a node fails, or Ctrl-C.
 
     Parameters
@@ -112,7 +125,8 @@ def run(path, arguments, port=None, timeout=None):
     watch = _Watch()
     parent = roslaunch.parent.ROSLaunchParent(uuid, [(path, list(arguments))], port=port, process_listeners=[watch],
                                               sigint_timeout=5, sigterm_timeout=2)
-    ends, ended = (None if timeout is None else time.monotonic() + timeout), None
+    ends = math.inf if timeout is None else time.monotonic() + timeout
+    ended: Optional[int] = None
     signals = _Signals()
     try:
         parent.start()
@@ -122,7 +136,7 @@ def run(path, arguments, port=None, timeout=None):
             parent.pm.join(0.1)
             if not parent.pm.is_alive():
                 break
-            if ends is not None and time.monotonic() > ends:
+            if timeout is not None and time.monotonic() > ends:
                 sys.stderr.write("experiment: not finished after %g s of wall time; ending the run\n" % timeout)
                 ended = 1
                 break
@@ -130,7 +144,7 @@ def run(path, arguments, port=None, timeout=None):
             ended = INTERRUPTED
     except KeyboardInterrupt:
         ended = INTERRUPTED
-    except roslaunch.RLException:       # what was told to end with us, too, may be what failed to start
+    except roslaunch.RLException:       # a node that failed to start may have received the signal too
         if not signals.noted:
             raise
         ended = INTERRUPTED
@@ -144,7 +158,7 @@ def run(path, arguments, port=None, timeout=None):
     return code if 0 < code < 128 else 1
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code."""
     parser = argparse.ArgumentParser(prog="experiment", usage=_USAGE, description=__doc__.split("\n")[0])
     parser.add_argument("--port", type=int,

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The recorder of launch files: ``rosbag record`` with a supervisor, so that a fault of the recorder never ends a run.
+"""The recorder of launch files: ``rosbag record`` with a supervisor, so a fault of the recorder never ends a run.
 
-If the recorder cannot write its file, is killed, or the disk is full, one sentence says so. The recorded part gets an
+If the recorder cannot write its file, is killed, or the disk is full, one line reports it. The recorded part gets an
 index and its final name, and the run continues.
 """
+from __future__ import annotations
+
 import argparse
 import ctypes
 import http.client
@@ -14,6 +16,7 @@ import sys
 import tempfile
 import threading
 import time
+from typing import List, Optional, Sequence
 
 import rosbag
 import rosgraph
@@ -25,13 +28,13 @@ from m2wr_node.ros.starting import register
 from m2wr_node.user_folder import from_user
 from m2wr_tools.runs.bag_order import settle_times
 
-_CHUNK_KB = 256             # written at once; what is lost when the recorder is killed
+_CHUNK_KB = 256             # written at once; at most this is lost when the recorder is killed
 _SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take
 _CLOSING = 12.0             # s of wall time for the recorder to close its file; roslaunch waits for 15
 _LOOK = 0.1                 # s between two looks at the recorder
-_INDEX = 256 << 10          # bytes: of all message definitions, more than an index has ever needed
-#: What is left out of all topics: what is published twice, and the states of every link and model, a hundred times a
-#: second; those of robots are in /gazebo/robot_states.
+_INDEX = 256 << 10          # bytes; upper limit of the message definitions in an index
+#: Topics that ``--all`` leaves out: duplicates, and the states of all links and models at 100 Hz. The states of robots
+#: are in /gazebo/robot_states.
 _NOT_OF_ALL = "^(/rosout_agg|/gazebo/(link_states|model_states|parameter_.*)|.*/parameter_(descriptions|updates))$"
 _SET_DEATH_SIGNAL = 1       # of prctl(2)
 
@@ -40,7 +43,7 @@ class RecordError(Exception):
     """The recording cannot begin, or has ended early; one sentence for the user."""
 
 
-def find_recorder():
+def find_recorder() -> str:
     """Return the path of rosbag's recorder; RecordError if there is none."""
     for folder in ("/usr/lib/rosbag", "/opt/ros/noetic/lib/rosbag"):
         if os.access(os.path.join(folder, "record"), os.X_OK):
@@ -55,7 +58,7 @@ def find_recorder():
     return found[0]
 
 
-def check_place(path):
+def check_place(path: str) -> None:
     """Raise RecordError if a file cannot be made at a path."""
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
@@ -71,11 +74,8 @@ def check_place(path):
         raise RecordError("%s cannot be written: %s" % (path, error.strerror)) from error
 
 
-def keep_earlier(path):
-    """Move what an earlier recorder of the same name has left out of the way of a new one; returns where to, or None.
-
-    The new recorder would write over it.
-    """
+def keep_earlier(path: str) -> Optional[str]:
+    """Rename the unfinished bag of an earlier recorder, which a new one would overwrite; return its path, or None."""
     left = path + ".active"
     if not os.path.exists(left):
         return None
@@ -84,10 +84,10 @@ def keep_earlier(path):
     return kept
 
 
-def check_room(path):
-    """Raise OSError if an index cannot be written behind what is in a file; the file stays what it was.
+def check_room(path: str) -> None:
+    """Raise OSError if there is no space for an index at the end of a file; the file is not changed.
 
-    An index that is begun and not finished would spoil it.
+    An incomplete index would make it unreadable.
     """
     size = os.path.getsize(path)
     try:
@@ -99,18 +99,18 @@ def check_room(path):
         os.truncate(path, size)
 
 
-def rescue(path):
-    """Make a readable bag of what a recorder has left.
+def rescue(path: str) -> str:
+    """Make a readable bag of the unfinished file of a recorder.
 
     Parameters
     ----------
     path : str
-        The bag's name; what was left is there with ``.active`` behind.
+        The bag's name; the unfinished file has the suffix ``.active``.
 
     Returns
     -------
     str
-        What became of it, as half a sentence.
+        The result, as a part of a sentence.
     """
     left = path + ".active"
     if not os.path.exists(left):
@@ -121,7 +121,7 @@ def rescue(path):
             for _ in bag.reindex():
                 pass
             count = bag.get_message_count()
-    except Exception as error:          # rosbag raises what it trips over; and there may still be no room
+    except Exception as error:          # rosbag raises errors of any kind; and there may be no space
         return "what was recorded is in %s; when there is room, `rosbag reindex %s` makes a readable bag of it (%s)" % (
             left, left, error)
     if not count:
@@ -130,16 +130,16 @@ def rescue(path):
     return "%d messages up to there are in %s" % (count, path)
 
 
-def _has_messages(path):
+def _has_messages(path: str) -> bool:
     """Return whether a bag has messages, or exists but cannot be read."""
     try:
         with rosbag.Bag(path) as bag:
             return bag.get_message_count() > 0
-    except Exception:                   # of what kind depends on where it stumbles
+    except Exception:                   # rosbag raises errors of any kind
         return os.path.exists(path)
 
 
-def leave_master(argv):
+def leave_master(argv: Sequence[str]) -> None:
     """Unregister a recorder that died; otherwise the master would list it forever.
 
     Parameters
@@ -165,10 +165,10 @@ def leave_master(argv):
             if name in nodes:
                 master.unregisterService(service, master.lookupService(service))
     except (OSError, http.client.HTTPException, rosgraph.MasterException, ValueError):
-        return              # the master has gone, or the name has
+        return              # there is no master any more, or the name is gone
 
 
-def _die_with_parent():
+def _die_with_parent() -> None:
     """Make the recorder close its file if its supervisor is killed; called in the recorder's process."""
     ctypes.CDLL(None, use_errno=True).prctl(_SET_DEATH_SIGNAL, signal.SIGINT)
 
@@ -181,28 +181,28 @@ class Keeper:
     path : str
         Of the bag.
     words : list of str
-        Topics, and ROS's own words such as ``__name:=record``.
+        Topics, and remappings such as ``__name:=record``.
     options : list of str
         Of rosbag's recorder.
     in_order : bool
-        Let readers of the bag see each topic in the order in which it was recorded: runs in lockstep repeat that, too.
+        Make readers of the bag return each topic in the order of recording, which runs in lockstep repeat.
     """
 
-    def __init__(self, path, words, options=(), in_order=False):
+    def __init__(self, path: str, words: List[str], options: Sequence[str] = (), in_order: bool = False) -> None:
         self._path, self._words, self._options, self._in_order = path, words, list(options), in_order
         self._ending = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: self._ending.set())
 
-    def record(self):
-        """Record until told to end; RecordError if the recorder ends earlier or does not begin."""
+    def record(self) -> None:
+        """Record until a signal; RecordError if the recorder ends earlier or does not start."""
         check_place(self._path)
         kept = keep_earlier(self._path)
         if kept:
             sys.stderr.write("record: an earlier recording of this name was not finished; it is kept as %s\n" % kept)
         command = [find_recorder(), "--lz4", "--tcpnodelay", "--chunksize=%d" % _CHUNK_KB,
                    "--min-space=%dM" % _SPACE_MB, "-O", self._path]
-        # in a session of its own: the one signal it gets is ours. A full disk is an error, not a signal that kills.
+        # in its own session it receives no signal but ours; a full disk is an error, not a signal that ends it
         recorder = subprocess.Popen(command + self._options + self._words, start_new_session=True,
                                     restore_signals=False, preexec_fn=_die_with_parent)
         while recorder.poll() is None and not self._ending.wait(_LOOK):
@@ -230,27 +230,27 @@ class Keeper:
                 sys.stderr.write("record: the bag is complete, but where several nodes publish on one topic, readers "
                                  "may show another order than was recorded: %s\n" % error)
 
-    def wait(self):
-        """Wait until told to end."""
+    def wait(self) -> None:
+        """Wait for a signal."""
         while not self._ending.wait(1.0):
             continue
 
-    def listen(self):
+    def listen(self) -> None:
         """Subscribe to the recorder's topics in its place, because simulated time in lockstep waits for it."""
         try:
             register("record", self._ending.is_set, disable_rostime=True)
         except rospy.ROSInitException:
-            return self.wait()
+            self.wait()
+            return
         for topic in self._words:
             if ":=" not in topic:
                 rospy.Subscriber(topic, rospy.AnyMsg, lambda _: None, queue_size=1)
         while not self._ending.wait(_LOOK) and not rospy.is_shutdown():
             continue
         rospy.signal_shutdown("the run ends")
-        return None
 
 
-def main(argv=None):
+def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code: 0, 1 where less was recorded than was wanted, 2 on misuse."""
     parser = argparse.ArgumentParser(prog="record_run", description="rosbag record for launch files: whatever happens "
                                      "to the recording, the run continues and the recorded part can be read.")
