@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_gmapping.backend import drift_kernels, loop_closing, place_match, place_search
+from m2wr_gmapping.backend import drift_kernels, loop_closing, occlusion, place_match, place_query, place_search
 from m2wr_gmapping.backend.loop_extension import APART, LINKED, LoopExtension
 from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
 from m2wr_gmapping.backend.pose_graph import optimise
@@ -307,7 +307,7 @@ def come_back(seed, first, last, beside, depth=0.25):
 @pytest.mark.parametrize("last", [4.0, 4.5])
 def test_segment_from_unknown_area_is_not_shifted(last):
     scene, truth = come_back(0, last - 10.0, last, [1.5, 1.0, 0.0], depth=0.5)
-    query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
+    query = place_query.thinned(place_query.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
     cell = place_search.WIDE_RASTER
     best = place_search.coarse_search(scene.path[-1], query, scene.path, scene.old, scene.readings, 6.0, 0.15, cell)
     assert best[4] <= place_search.RIVAL * best[3] and best[0] > truth[0] + 5.0     # the only place, if all must fit
@@ -324,7 +324,7 @@ def test_nodes_with_common_drift_are_not_old():
 
 def test_coarsely_similar_place_is_rated_lower():
     scene, truth = come_back(2, 5.0, 15.0, [0.0, 0.0, 0.0])
-    query = place_search.thinned(place_search.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
+    query = place_query.thinned(place_query.query_points(scene.path, scene.along, scene.readings, 10.0), 240)
     for beside, as_good in (([3.0, 0.0, 0.0], False), ([0.0, 0.0, 0.0], True)):
         assert place_search._is_as_good(truth + beside, scene.old, truth, scene.old, query, scene) == as_good
 
@@ -429,5 +429,5 @@ def test_occlusion_rejects_a_place():
     path, along = np.zeros((3, 3)), np.array([0.0, 20.0, 40.0])
     scene = place_search.Scene(path, along, readings, np.array([0, 1]), np.zeros(3), np.zeros(3))
     pose = np.zeros(3)
-    assert place_search.occlusion_conflict(scene, pose, np.array([0])) == 0.0
-    assert place_search.occlusion_conflict(scene, pose, np.array([1])) > 0.4
+    assert occlusion.occlusion_conflict(scene, pose, np.array([0])) == 0.0
+    assert occlusion.occlusion_conflict(scene, pose, np.array([1])) > 0.4

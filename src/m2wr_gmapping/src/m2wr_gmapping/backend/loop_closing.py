@@ -19,6 +19,7 @@ from m2wr_gmapping.backend.loop_graph import (
     is_observed,
     link_of,
 )
+from m2wr_gmapping.backend.occlusion import occlusion_conflict
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.se2 import between, compose, inverse
 
@@ -234,11 +235,11 @@ class LoopCloser:
         if found is None or place is None:
             return None
         node, row, around, supported = found
-        if place_search.occlusion_conflict(scene, row[:3], around) > THROUGH_MOST:
+        if occlusion_conflict(scene, row[:3], around) > THROUGH_MOST:
             return None
         # with several similar places the robot may be at one that it has not seen before; then its present pose has no
         # occlusion conflict
-        if place.alike and place_search.occlusion_conflict(scene, path[-1], around) <= THROUGH_MOST:
+        if place.alike and occlusion_conflict(scene, path[-1], around) <= THROUGH_MOST:
             return None
         slides, pose = not is_observed(row), row[:3].copy()
         row[mk.INFORMATION:] = supported

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.backend.place_search import QUERY_REACH, REFERENCE_NODES, placed, spread_first, thinned
+from m2wr_gmapping.backend.place_query import QUERY_REACH, placed, spread_first, thinned
+from m2wr_gmapping.backend.place_search import REFERENCE_NODES
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NARROW

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence, Tuple
 
 import numpy as np
 
+from m2wr_gmapping.backend.place_query import QUERY_REACH, query_points, spread_out, thinned
 from m2wr_gmapping.frontend import correlative_kernels as ck
-from m2wr_gmapping.se2 import between, compose
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
@@ -32,14 +32,11 @@ ALIKE_SHARE, ALIKE_LONG = 0.8, 0.7      # share of the score that makes a place 
 REFERENCE_NODES = 24        # old scans of a map, or of the raster of a near search
 WIDE_NODES, LONG_NODES = 160, 320       # old scans of the raster of a wide search
 FEWEST_POINTS = 30          # of a query
-QUERY_REACH = 12.0          # farther end points are ignored, which limits the raster [m]
 NEAR_PATH = 3.0             # path whose scans a near search uses [m]
 QUERY_POINTS, WIDE_POINTS = 160, 240
 WIDE_PATH, LONG_PATH, SHORT_PATH = 10.0, 24.0, 3.0      # path whose scans a wide search uses [m]
 SHORT_SHIFT = 6.0           # the shortest segment is used only with less drift than this [m]
 WIDE_SPACING = 0.25         # cell with one point for the query of a wide search [m]
-OCCLUSION_MARGIN = 0.4        # a ray conflicts with a surface if it ends this much behind it [m]
-LOOKS = 3                   # scans of the query that are compared; of the old ones four times as many
 
 
 @dataclass(frozen=True)
@@ -90,106 +87,6 @@ class Scene:
     def distance(self) -> FloatArray:
         """Distance (K,) of each node from the newest [m]."""
         return np.hypot(self.path[:, 0] - self.path[-1, 0], self.path[:, 1] - self.path[-1, 1])
-
-
-def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float,
-                 away: float = QUERY_REACH) -> FloatArray:
-    """Return end points of the scans on the last ``reach`` metres of the path, in the newest node's frame.
-
-    Parameters
-    ----------
-    path : (K, 3) float64
-        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
-    along : (K,) float64
-        Length of the path up to each node [m].
-    readings : sequence of K ScanReading
-        Scans of the path's nodes.
-    reach : float
-        Length of the path whose scans are used [m].
-    away : float
-        Farther points are left out [m].
-
-    Returns
-    -------
-    (2, Q) float64
-    """
-    first = int(np.searchsorted(along, along[-1] - reach))
-    points = np.empty((2, sum(readings[node].points.shape[1] for node in range(first, len(path)))))
-    count = 0
-    for node in range(len(path) - 1, first - 1, -1):
-        count = ck.add_points(path[-1], path[node], readings[node].points, away, points, count)
-    return points[:, :count]
-
-
-def placed(pose: Any, points: FloatArray) -> Tuple[FloatArray, FloatArray]:
-    """Transform points from the frame ``pose`` into its parent frame.
-
-    Parameters
-    ----------
-    pose : (3,) array_like
-        Pose of the frame [m, m, rad].
-    points : (2, Q) float64
-        Points in the frame [m].
-
-    Returns
-    -------
-    x, y : (Q,) float64
-    """
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return pose[0] + c * points[0] - s * points[1], pose[1] + s * points[0] + c * points[1]
-
-
-def thinned(points: FloatArray, count: int) -> FloatArray:
-    """Return about ``count`` of the points, evenly distributed.
-
-    Parameters
-    ----------
-    points : (R, Q) float64
-        Points in columns.
-    count : int
-        Wanted number.
-
-    Returns
-    -------
-    (R, M) float64
-    """
-    return np.ascontiguousarray(points[:, ::max(1, points.shape[1] // count)])
-
-
-def spread_out(points: FloatArray, spacing: float) -> FloatArray:
-    """Return one point for each cell, so that areas that were seen often count once.
-
-    Parameters
-    ----------
-    points : (2, Q) float64
-        Points [m].
-    spacing : float
-        Cell size [m].
-
-    Returns
-    -------
-    (2, M) float64
-    """
-    return points[:, spread_first(points, spacing)]
-
-
-def spread_first(points: FloatArray, spacing: float) -> IndexArray:
-    """Return the indices of the points that ``spread_out`` returns.
-
-    Parameters
-    ----------
-    points : (2, Q) float64
-        Points [m].
-    spacing : float
-        Cell size [m].
-
-    Returns
-    -------
-    (M,) int64
-    """
-    cells = np.floor(points / spacing).astype(np.int64)
-    _, first = np.unique(cells[0] * 100003 + cells[1], return_index=True)
-    return np.sort(first)
 
 
 def _raster(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
@@ -500,53 +397,3 @@ def _allowed(middles: FloatArray, away: FloatArray, least: FloatArray, most: Flo
     if len(middles) > 1:
         ck.mark_near(middles, np.ascontiguousarray(away), least, most, ROOM, near)
     return near
-
-
-def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> float:
-    """Return the share of end points that conflict with rays, of new and old scans, among those in view.
-
-    A ray conflicts with an end point if it ends behind it.
-
-    Parameters
-    ----------
-    scene : Scene
-        The path and its drift.
-    pose : (3,) float64
-        Assumed pose of the newest scan; the scans before it move with it.
-    around : (A,) int64
-        Old nodes.
-
-    Returns
-    -------
-    float
-    """
-    path, readings = scene.path, scene.readings
-    wanted = scene.along[-1] - np.linspace(0.0, WIDE_PATH, LOOKS)
-    nodes = np.unique(np.clip(np.searchsorted(scene.along, wanted), 0, len(path) - 1))
-    through = total = 0
-    for moved, node in zip(compose(pose, between(path[-1], path[nodes])), nodes):
-        for other in around[:4 * LOOKS:4]:
-            for eye, seen, reading, others in ((moved, path[other], readings[node], readings[other]),
-                                               (path[other], moved, readings[other], readings[node])):
-                a, b = _through(reading.rays, between(eye, seen), others.points)
-                through, total = through + a, total + b
-    return through / max(1, total)
-
-
-def _through(rays: FloatArray, seen: FloatArray, points: FloatArray) -> Tuple[int, int]:
-    """Count the points (2, B) of a scan at pose ``seen`` that the rays (2, S) pass through, and the points in view."""
-    if rays.shape[1] < 2:
-        return 0, 0
-    angle, reach = np.arctan2(rays[1], rays[0]), np.hypot(rays[0], rays[1])
-    order = np.argsort(angle, kind="stable")
-    angle, reach = angle[order], reach[order]
-    x, y = placed(seen, points)
-    at, far = np.arctan2(y, x), np.hypot(x, y)
-    after = np.searchsorted(angle, at)
-    inside = (after > 0) & (after < len(angle))
-    at, far, after = at[inside], far[inside], after[inside]
-    gap = angle[after] - angle[after - 1]
-    least = np.minimum(reach[after], reach[after - 1])
-    beside = gap < 2.5 * np.median(np.diff(angle))
-    through, in_view = far + OCCLUSION_MARGIN < least, far < least + OCCLUSION_MARGIN
-    return int((beside & through).sum()), int((beside & in_view).sum())

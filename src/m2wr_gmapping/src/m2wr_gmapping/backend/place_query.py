@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The query of a place search: end points of the newest scans, placed in one frame and thinned."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_gmapping.frontend import correlative_kernels as ck
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+QUERY_REACH = 12.0          # farther end points are ignored, which limits the raster [m]
+
+
+def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float,
+                 away: float = QUERY_REACH) -> FloatArray:
+    """Return end points of the scans on the last ``reach`` metres of the path, in the newest node's frame.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    along : (K,) float64
+        Length of the path up to each node [m].
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    reach : float
+        Length of the path whose scans are used [m].
+    away : float
+        Farther points are left out [m].
+
+    Returns
+    -------
+    (2, Q) float64
+    """
+    first = int(np.searchsorted(along, along[-1] - reach))
+    points = np.empty((2, sum(readings[node].points.shape[1] for node in range(first, len(path)))))
+    count = 0
+    for node in range(len(path) - 1, first - 1, -1):
+        count = ck.add_points(path[-1], path[node], readings[node].points, away, points, count)
+    return points[:, :count]
+
+
+def placed(pose: Any, points: FloatArray) -> Tuple[FloatArray, FloatArray]:
+    """Transform points from the frame ``pose`` into its parent frame.
+
+    Parameters
+    ----------
+    pose : (3,) array_like
+        Pose of the frame [m, m, rad].
+    points : (2, Q) float64
+        Points in the frame [m].
+
+    Returns
+    -------
+    x, y : (Q,) float64
+    """
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return pose[0] + c * points[0] - s * points[1], pose[1] + s * points[0] + c * points[1]
+
+
+def thinned(points: FloatArray, count: int) -> FloatArray:
+    """Return about ``count`` of the points, evenly distributed.
+
+    Parameters
+    ----------
+    points : (R, Q) float64
+        Points in columns.
+    count : int
+        Wanted number.
+
+    Returns
+    -------
+    (R, M) float64
+    """
+    return np.ascontiguousarray(points[:, ::max(1, points.shape[1] // count)])
+
+
+def spread_out(points: FloatArray, spacing: float) -> FloatArray:
+    """Return one point for each cell, so that areas that were seen often count once.
+
+    Parameters
+    ----------
+    points : (2, Q) float64
+        Points [m].
+    spacing : float
+        Cell size [m].
+
+    Returns
+    -------
+    (2, M) float64
+    """
+    return points[:, spread_first(points, spacing)]
+
+
+def spread_first(points: FloatArray, spacing: float) -> IndexArray:
+    """Return the indices of the points that ``spread_out`` returns.
+
+    Parameters
+    ----------
+    points : (2, Q) float64
+        Points [m].
+    spacing : float
+        Cell size [m].
+
+    Returns
+    -------
+    (M,) int64
+    """
+    cells = np.floor(points / spacing).astype(np.int64)
+    _, first = np.unique(cells[0] * 100003 + cells[1], return_index=True)
+    return np.sort(first)
