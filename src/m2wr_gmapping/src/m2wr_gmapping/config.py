@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters: names, defaults, units and ranges, with conversion of the values that a user gives."""
+from __future__ import annotations
+
 import functools
 import math
 from dataclasses import dataclass, fields
+from typing import Any, Dict, Mapping, Optional, Tuple
 
 from m2wr_gmapping.filter.motion_model import MotionNoise
 from m2wr_node.numbers import number
@@ -25,7 +28,7 @@ class Parameter:
     meaning: str
 
 
-def _p(default, unit, low, high, meaning):
+def _p(default: object, unit: str, low: float, high: float, meaning: str) -> Parameter:
     return Parameter(default, unit, low, high, meaning)
 
 
@@ -85,33 +88,33 @@ WHOLE = {"min_particles"}   # integers whose default is another parameter
 TOLERATED = {"inverted_laser"}
 
 
-def _converted(name, value):
+def _converted(name: str, value: object) -> Any:
     """Return the value in the parameter's type, converted as by roscpp; None if it cannot be converted."""
     default = PARAMETERS[name].default
     if isinstance(default, str):
         return value if isinstance(value, str) else None
     if isinstance(default, bool):
         return bool(value) if isinstance(value, (bool, int)) else None
-    value = number(value)
-    if value is None or math.isnan(value):
+    amount = number(value)
+    if amount is None or math.isnan(amount):
         return None
     if isinstance(default, int) or name in WHOLE:
-        if math.isinf(value):
+        if math.isinf(amount):
             return None
-        return int(math.floor(value + 0.5)) if value >= 0 else -int(math.floor(0.5 - value))
-    return float(value)
+        return int(math.floor(amount + 0.5)) if amount >= 0 else -int(math.floor(0.5 - amount))
+    return float(amount)
 
 
 @dataclass(frozen=True)
 class GmappingConfig:
     """All parameters, checked. See ``PARAMETERS`` for units and meanings."""
 
-    values: tuple
-    unknown: tuple = ()
-    unusable: tuple = ()
+    values: Tuple[Tuple[str, Any], ...]
+    unknown: Tuple[str, ...] = ()
+    unusable: Tuple[str, ...] = ()
 
     @classmethod
-    def from_mapping(cls, given=None):
+    def from_mapping(cls, given: Optional[Mapping[str, object]] = None) -> GmappingConfig:
         """Read parameters by their public names.
 
         Parameters
@@ -125,7 +128,7 @@ class GmappingConfig:
         ConfigError
             If a value is outside its range.
         """
-        values = {name: parameter.default for name, parameter in PARAMETERS.items()}
+        values: Dict[str, Any] = {name: parameter.default for name, parameter in PARAMETERS.items()}
         unknown, unusable = [], []
         for name, value in (given or {}).items():
             if name not in PARAMETERS:
@@ -161,20 +164,20 @@ class GmappingConfig:
             values["tf_delay"] = values["transform_publish_period"]
         return cls(tuple(values.items()), tuple(unknown), tuple(unusable))
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> Any:
         """Return a value by its public name."""
         return self._by_name[name]
 
     @functools.cached_property
-    def _by_name(self):
+    def _by_name(self) -> Dict[str, Any]:
         return dict(self.values)
 
-    def as_dict(self):
+    def as_dict(self) -> Dict[str, Any]:
         """Return all values by their public names."""
         return dict(self.values)
 
     @property
-    def noise(self):
+    def noise(self) -> MotionNoise:
         """The motion noise (MotionNoise)."""
         values = dict(self.values)
         return MotionNoise(**{field: values[name] for name, field in FIELDS.items()})

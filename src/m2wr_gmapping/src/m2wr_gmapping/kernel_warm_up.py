@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Compile every kernel or load it from its cache: ``python3 -m m2wr_gmapping.kernel_warm_up``."""
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -15,7 +17,7 @@ from m2wr_gmapping.workers import Workers
 from m2wr_node.kernel_progress import KernelProgress
 
 
-def tour(mapper, steps=40):
+def tour(mapper: Mapper, steps: int = 40) -> None:
     """Drive through a square room of 6 m, so that a mapper calls most kernels.
 
     Parameters
@@ -36,9 +38,9 @@ def tour(mapper, steps=40):
     mapper.occupancy()
 
 
-def rare_work(mapper):
+def rare_work(mapper: Mapper) -> None:
     """Call the kernels that the tour may not reach: window search, drift, loop search, graph optimisation."""
-    particles = mapper.filter
+    particles = mapper.particles
     grid, reading = particles.maps, mapper.readings[-1]
     FastMatcher(mapper.config, Workers(1)).search(grid, 0, reading, particles.poses[0], np.array([0.1, 0.1]))
     path = particles.tree.path(particles.best)
@@ -54,7 +56,7 @@ def rare_work(mapper):
     particles.replace_past(path, mapper.readings)
 
 
-def compile_kernels():
+def compile_kernels() -> None:
     """Run both matchers, the loop closing and the map once in a small room."""
     laser = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 60, 61, 0.1, 10.0)
     for compatible in (False, True):

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Grid mapping from laser scans and odometry: the class behind the node and the replay."""
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
 
 import numpy as np
 
@@ -18,6 +21,15 @@ from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
 from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.workers import Workers
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.filter.occupancy import Grid
+    from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
+    from m2wr_gmapping.io.saved_map import SavedMap
 
 END_POINT_GAP = 0.04        # closer end points are merged [m]
 LEVEL = (0.0, 0.0)
@@ -42,10 +54,10 @@ class Update:
 
     processed: bool
     tracked: bool
-    pose: np.ndarray
+    pose: FloatArray
 
 
-def is_usable(odom_pose, stamp):
+def is_usable(odom_pose: FloatArray, stamp: float) -> bool:
     """Return whether odometry pose and stamp are finite and within their limits.
 
     Parameters
@@ -68,41 +80,59 @@ class Mapper:
         For the base frame of the paths.
     """
 
-    def __init__(self, config, laser):
+    _odom: FloatArray           # these four from the first scan on
+    _distance: float
+    _turn: float
+    _last_processed: float
+
+    def __init__(self, config: GmappingConfig, laser: LaserModel) -> None:
         self.config, self.laser = config, laser
         self._workers = Workers(config["threads"])
-        self._plain = config["compatible"]
-        self._matcher = (HillClimbMatcher if self._plain else FastMatcher)(config, self._workers)
-        self._dense = config["track_between"] and not self._plain
-        self._tracker = None
-        if not self._plain:
-            self._tracker = Tracker(self._matcher, config.noise, self._dense, Recalibration(laser.ahead), laser.ahead)
+        self._plain: bool = config["compatible"]
+        self._dense: bool = config["track_between"] and not self._plain
+        self._matcher: Union[HillClimbMatcher, FastMatcher]
+        self._tracker: Optional[Tracker] = None
+        self._loops: Optional[LoopCloser] = None
+        if self._plain:
+            self._matcher = HillClimbMatcher(config, self._workers)
+        else:
+            self._matcher = matcher = FastMatcher(config, self._workers)
+            self._tracker = Tracker(matcher, config.noise, self._dense, Recalibration(laser.ahead), laser.ahead)
+            if config["loop_closing"]:
+                self._loops = LoopCloser(matcher, config["delta"])
         self._level = TiltDetector(config["delta"], laser.max_range)
-        self._loops = None
-        if config["loop_closing"] and not self._plain:
-            self._loops = LoopCloser(self._matcher, config["delta"])
-        self.filter = None
-        self.readings, self.stamps = [], []
+        self.filter: Optional[ParticleFilter] = None
+        self.readings: List[ScanReading] = []
+        self.stamps: List[float] = []
         self._occupancy = Occupancy([config[name] for name in ("xmin", "ymin", "xmax", "ymax")], config["delta"],
                                     config["occ_thresh"])
         self.given = 0                  # nodes of the path that are not scans: 1 with a saved map
-        self._between = []              # (stamp, index of the processed scan before, pose relative to it)
+        # (stamp, index of the processed scan before, pose relative to it)
+        self._between: List[Tuple[float, int, FloatArray]] = []
 
     @property
-    def processed(self):
+    def particles(self) -> ParticleFilter:
+        """The filter; there is none before the first scan, which is a RuntimeError."""
+        if self.filter is None:
+            raise RuntimeError("the mapper has no particles before its first scan")
+        return self.filter
+
+    @property
+    def processed(self) -> int:
         """Number of scans that the filter has used."""
         return len(self.stamps) - self.given
 
     @property
-    def tracked(self):
+    def tracked(self) -> int:
         """Number of scans between processed ones that were matched as well."""
         return len(self._between)
 
-    def reading(self, ranges):
+    def reading(self, ranges: ArrayLike) -> ScanReading:
         """Return the ScanReading of one message's ranges (B,) for ``process``; raises ScanError."""
         return self.laser.reading(ranges, self.config["lskip"], 0.0 if self._plain else END_POINT_GAP)
 
-    def process(self, reading, odom_pose, stamp, slope=LEVEL):
+    def process(self, reading: ScanReading, odom_pose: ArrayLike, stamp: float,
+                slope: Tuple[float, float] = LEVEL) -> Update:
         """Take one scan.
 
         Parameters
@@ -125,20 +155,21 @@ class Mapper:
         ValueError
             If the pose or the stamp is not finite, or the pose is too far.
         """
-        odom_pose = np.asarray(odom_pose, float)
-        if not is_usable(odom_pose, stamp):
+        odom = np.asarray(odom_pose, float)
+        if not is_usable(odom, stamp):
             raise ValueError("odometry pose {} at {} is not finite or too far: expected numbers below {:g}".format(
-                odom_pose.tolist(), stamp, FARTHEST_ODOMETRY))
-        if self.filter is None:
-            return self._first(reading, odom_pose, stamp)
+                odom.tolist(), stamp, FARTHEST_ODOMETRY))
+        particles = self.filter
+        if particles is None:
+            return self._first(reading, odom, stamp)
         tracker, tracked, before = self._tracker, False, self._odom
-        self._odom = odom_pose
+        self._odom = odom
         if tracker is None:
-            step = between(before, odom_pose)
+            step = between(before, odom)
             distance, turn, moved = math.hypot(step[0], step[1]), abs(float(step[2])), False
-            self.filter.drift(step)
+            particles.drift(step)
         else:
-            distance, turn, moved = tracker.advance(before, odom_pose)
+            distance, turn, moved = tracker.advance(before, odom)
         self._distance += distance
         self._turn += turn
         due = self._due(stamp)
@@ -149,24 +180,25 @@ class Mapper:
             due = False
         elif due or (self._dense and moved):
             reading = self._level.level_part(reading)
-            best = self.filter.best
-            tracked = tracker.match(self.filter.maps, best, self.filter.poses[best], reading)
+            best = particles.best
+            tracked = tracker.match(particles.maps, best, particles.poses[best], reading)
             # process a scan that odometry does not explain, unless a slip still has to be confirmed
             due = (due or (self._dense and tracker.unexplained)) and not tracker.undecided
         if due:
             self._process_fully(reading, stamp)
-        elif tracked:
+        elif tracker is not None and tracked:
             self._between.append((stamp, len(self.stamps) - 1, tracker.rel))
         return Update(due, tracked, self.pose)
 
-    def _first(self, reading, odom_pose, stamp):
+    def _first(self, reading: ScanReading, odom_pose: FloatArray, stamp: float) -> Update:
         self.filter = ParticleFilter(self.config, self._matcher, odom_pose)
         self.filter.register(reading)
         self._odom = odom_pose
         self._remember(reading, stamp)
         return Update(True, False, self.pose)
 
-    def begin_on(self, saved, start, reading, odom_pose, stamp):
+    def begin_on(self, saved: SavedMap, start: ArrayLike, reading: ScanReading, odom_pose: ArrayLike,
+                 stamp: float) -> None:
         """Start on a saved map; call this before ``process`` of the first scan.
 
         The map is the first node of every path, at the origin. Loop closing does not move it.
@@ -179,36 +211,40 @@ class Mapper:
             Approximate pose of the centred laser in ``map``. The best match within ``START_WINDOW`` is used.
         reading, odom_pose, stamp
             The first scan, as for ``process``.
+
+        Raises
+        ------
+        ValueError
+            If a pose or the stamp is not finite, or a pose is too far.
         """
-        start, odom_pose = np.asarray(start, float), np.asarray(odom_pose, float)
-        if not (is_usable(start, stamp) and is_usable(odom_pose, stamp)):
+        pose, odom = np.asarray(start, float), np.asarray(odom_pose, float)
+        if not (is_usable(pose, stamp) and is_usable(odom, stamp)):
             raise ValueError("start {} and odometry {} at {}: expected finite numbers below {:g}".format(
-                start, odom_pose, stamp, FARTHEST_ODOMETRY))
+                pose, odom, stamp, FARTHEST_ODOMETRY))
         ground = MapReading(saved.walls())
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)
-        if not self._plain and reading.beams.shape[1]:
-            start = self._matcher.search(particles.maps, 0, reading, start, START_WINDOW)
-        particles.poses[:] = start
+        if isinstance(self._matcher, FastMatcher) and reading.beams.shape[1]:
+            pose = self._matcher.search(particles.maps, 0, reading, pose, START_WINDOW)
+        particles.poses[:] = pose
         self.filter, self.given = particles, 1
         self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
-        self._odom = odom_pose
+        self._odom = odom
         self._remember(ground, stamp)
         self._distance = np.inf         # makes the first scan due
         if self._tracker is not None:
             self._tracker.relax_prior()
 
-    def reset_odometry(self, odom_pose):
+    def reset_odometry(self, odom_pose: ArrayLike) -> None:
         """Continue with an odometry that was reset; the robot is assumed to be at the pose of the last scan."""
-        odom_pose = np.asarray(odom_pose, float)
-        self._odom = odom_pose
+        self._odom = np.asarray(odom_pose, float)
 
     @property
-    def odometry(self):
+    def odometry(self) -> FloatArray:
         """Odometry pose (3,) of the centred laser at the last scan."""
         return self._odom.copy()
 
-    def _remember(self, reading, stamp):
+    def _remember(self, reading: ScanReading, stamp: float) -> None:
         self.readings.append(reading)
         self.stamps.append(stamp)
         self._distance = self._turn = 0.0
@@ -216,7 +252,7 @@ class Mapper:
             self._tracker.restart()
         self._last_processed = stamp
 
-    def due_at(self, odom_pose, stamp):
+    def due_at(self, odom_pose: ArrayLike, stamp: float) -> bool:
         """Return whether the next scan would be processed, by distance, rotation or time.
 
         Parameters
@@ -229,14 +265,14 @@ class Mapper:
         step = between(self._odom, np.asarray(odom_pose, float))
         return self._due(stamp, float(np.hypot(step[0], step[1])), abs(float(step[2])))
 
-    def _due(self, stamp, further=0.0, turn=0.0, share=1.0):
+    def _due(self, stamp: float, further: float = 0.0, turn: float = 0.0, share: float = 1.0) -> bool:
         config = self.config
-        return (share * (self._distance + further) >= config["linearUpdate"]
-                or share * (self._turn + turn) >= config["angularUpdate"]
-                or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
+        return bool(share * (self._distance + further) >= config["linearUpdate"]
+                    or share * (self._turn + turn) >= config["angularUpdate"]
+                    or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
 
-    def _process_fully(self, reading, stamp):
-        particles, tracker = self.filter, self._tracker
+    def _process_fully(self, reading: ScanReading, stamp: float) -> None:
+        particles, tracker = self.particles, self._tracker
         anchors, least = particles.poses, self.config["minimumScore"]
         if tracker is None:
             particles.match(reading, anchors, anchors, np.zeros(3), least, None)
@@ -249,27 +285,27 @@ class Mapper:
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)
-        if self._loops is not None:
+        if self._loops is not None and tracker is not None:
             self._loops.add_step(rows[best, tl.INFORMATION:], np.sqrt(variances), tracker.account)
         if tracker is not None and tracker.recalibration.due:
             self._recalibrate()
         if self._loops is not None:
             self._replace_path(self._loops.search(particles.tree.path(particles.best), self.readings))
 
-    def _recalibrate(self):
+    def _recalibrate(self) -> None:
         """Correct the path by the present estimate of the centre of rotation; not on a saved map."""
         if self._tracker is None or self.given:
             return
-        tracker, particles = self._tracker, self.filter
+        tracker, particles = self._tracker, self.particles
         changes, path = tracker.recalibration.correct(particles.tree.path(particles.best), tracker.centre)
         if changes is not None:
             self._replace_path(path if self._loops is None else self._loops.apply_changes(path, changes))
 
-    def _replace_path(self, path):
+    def _replace_path(self, path: Optional[FloatArray]) -> None:
         if path is not None:
-            self.filter.replace_past(path, self.readings)
+            self.particles.replace_past(path, self.readings)
 
-    def finish(self):
+    def finish(self) -> None:
         """Apply the last corrections to path and maps; call this after the last scan, or before saving."""
         if self.filter is None:
             return
@@ -277,9 +313,10 @@ class Mapper:
         if self._loops is not None:
             self._replace_path(self._loops.conclude(self.filter.tree.path(self.filter.best), self.readings))
 
-    def info(self):
-        """Return counts for the log (dict)."""
-        found, loops = {}, self._loops
+    def info(self) -> Dict[str, Any]:
+        """Return counts for the log."""
+        found: Dict[str, Any] = {}
+        loops = self._loops
         if self._tracker is not None:
             found["odometry_scale"] = self._tracker.scale.round(3).tolist()
             found["odometry_bias"] = self._tracker.bias.round(4).tolist()
@@ -290,27 +327,28 @@ class Mapper:
         return found
 
     @property
-    def beyond(self):
+    def beyond(self) -> bool:
         """Whether the maps have reached their size limit."""
         return self._occupancy.beyond or (self.filter is not None and self.filter.maps.beyond > 0)
 
     @property
-    def pose(self):
+    def pose(self) -> FloatArray:
         """Best estimate (3,) of the centred laser in ``map`` at the last scan."""
-        best = self.filter.poses[self.filter.best]
-        return best.copy() if self._plain else compose(best, self._tracker.rel)
+        particles, tracker = self.particles, self._tracker
+        best = particles.poses[particles.best]
+        return best.copy() if tracker is None else compose(best, tracker.rel)
 
     @property
-    def map_from_odom(self):
+    def map_from_odom(self) -> FloatArray:
         """Transform (3,) that takes odometry coordinates to map coordinates."""
         return compose(self.pose, inverse(self._odom))
 
     @property
-    def entropy(self):
+    def entropy(self) -> float:
         """Entropy of the normalised weights, between 0 and ln(particles)."""
-        return resampling.entropy(self.filter.weights)
+        return resampling.entropy(self.particles.weights)
 
-    def occupancy(self, exact=True):
+    def occupancy(self, exact: bool = True) -> Grid:
         """Return the map (Grid) of the best particle's path.
 
         Without ``exact``, scans that moved by less than a third of a cell are not traced again. To make a map on
@@ -318,11 +356,11 @@ class Mapper:
         """
         return self.map_of(*self.map_request(), exact=exact)
 
-    def map_request(self):
+    def map_request(self) -> Tuple[FloatArray, List[ScanReading]]:
         """Return the input of ``map_of``: the best path (K, 3) and its readings."""
-        return self.filter.tree.path(self.filter.best), list(self.readings)
+        return self.particles.tree.path(self.particles.best), list(self.readings)
 
-    def map_of(self, path, readings, exact=False):
+    def map_of(self, path: FloatArray, readings: List[ScanReading], exact: bool = False) -> Grid:
         """Return the map (Grid) of a path.
 
         Only one thread may call this, and with paths in the order of ``map_request``.
@@ -338,16 +376,16 @@ class Mapper:
         self._occupancy.update(path, readings, exact)
         return self._occupancy.grid()
 
-    def base_poses(self, poses):
+    def base_poses(self, poses: ArrayLike) -> FloatArray:
         """Return poses (..., 3) of the base from those of the centred laser."""
         return compose(poses, inverse(self.laser.base_from_sensor))
 
-    def trajectory(self, between_too=True):
+    def trajectory(self, between_too: bool = True) -> Tuple[FloatArray, FloatArray]:
         """Return stamps (K,) and base poses (K, 3) of the best particle's path.
 
         With ``between_too`` it includes the scans that were matched between processed ones.
         """
-        path = self.filter.tree.path(self.filter.best)
+        path = self.particles.tree.path(self.particles.best)
         stamps, poses = self.stamps[self.given:], list(path[self.given:])
         if between_too:
             for stamp, index, rel in self._between:
@@ -356,6 +394,6 @@ class Mapper:
         order = np.argsort(np.array(stamps), kind="stable")
         return np.array(stamps)[order], self.base_poses(np.array(poses).reshape(-1, 3)[order])
 
-    def close(self):
+    def close(self) -> None:
         """End the threads."""
         self._workers.close()

@@ -1,30 +1,42 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Threads that run a kernel on ranges of particles."""
+from __future__ import annotations
+
 import os
 import queue
 import threading
+from typing import TYPE_CHECKING, Callable, List, Optional, Tuple
+
+if TYPE_CHECKING:                   # Python 3.8 has no queue.SimpleQueue[...]
+    Done = queue.SimpleQueue[Optional[BaseException]]       # of one run: the exception of each share, or None
+    Shares = queue.SimpleQueue[Optional[Tuple[Callable[[], None], Done]]]       # None ends a thread
 
 PIECES = 4      # per thread; small pieces keep the waiting time for a thread on a busy core short
 
 
 class Workers:
-    """A fixed number of threads, 0: one per core. Results do not depend on the number.
+    """A fixed number of threads. Results do not depend on the number.
 
     A piece of work takes tenths of a millisecond, so it is passed by queues only. A pool of the standard library
     creates an object with a lock for each piece, which costs as much time as it saves.
+
+    Parameters
+    ----------
+    threads : int
+        0: one per core.
     """
 
-    def __init__(self, threads):
-        self._helpers = []
+    def __init__(self, threads: int) -> None:
+        self._helpers: List[threading.Thread] = []
         self._threads = int(threads) or len(os.sched_getaffinity(0))
-        self._shares = queue.SimpleQueue()
+        self._shares: Shares = queue.SimpleQueue()
         self._helpers = [threading.Thread(target=self._help, args=(self._shares,), daemon=True)
                          for _ in range(self._threads - 1)]
         for helper in self._helpers:
             helper.start()
 
     @staticmethod
-    def _help(shares):
+    def _help(shares: Shares) -> None:
         """Run shares of work until None arrives; put the exception of each, or None, into the queue of its run."""
         for share, done in iter(shares.get, None):
             try:
@@ -33,8 +45,17 @@ class Workers:
             except BaseException as error:      # raised again in the calling thread
                 done.put(error)
 
-    def run(self, work, count):
-        """Call ``work(first, last)`` so that the calls together cover 0 to ``count`` - 1; return when all are done."""
+    def run(self, work: Callable[[int, int], object], count: int) -> None:
+        """Distribute work to the threads and return when it is done.
+
+        Parameters
+        ----------
+        work : callable
+            ``work(first, last)`` processes the items ``first`` to ``last`` - 1. The calls cover each item once. An
+            exception is raised again here.
+        count : int
+            Number of items.
+        """
         if not self._helpers or count < 2 * self._threads:
             work(0, count)
             return
@@ -42,11 +63,11 @@ class Workers:
         edges = [count * k // pieces for k in range(pieces + 1)]
         ranges = iter(zip(edges[:-1], edges[1:]))
 
-        def share():
+        def share() -> None:
             for first, last in ranges:
                 work(first, last)
 
-        done = queue.SimpleQueue()      # one queue per run, so that leftovers of an interrupted run are ignored
+        done: Done = queue.SimpleQueue()        # one queue per run, so that leftovers of an interrupted run are ignored
         for _ in self._helpers:
             self._shares.put((share, done))
         try:
@@ -57,7 +78,7 @@ class Workers:
             if error is not None:
                 raise error
 
-    def _begun(self, done):
+    def _begun(self, done: Done) -> int:
         """Remove the shares that no helper has started, and return the number of started ones."""
         begun = len(self._helpers)
         while begun:
@@ -65,10 +86,10 @@ class Workers:
                 taken = self._shares.get_nowait()
             except queue.Empty:
                 break
-            begun -= taken[1] is done
+            begun -= taken is not None and taken[1] is done
         return begun
 
-    def close(self):
+    def close(self) -> None:
         """End the threads."""
         for _ in self._helpers:
             self._shares.put(None)
@@ -76,6 +97,6 @@ class Workers:
             helper.join()
         self._helpers = []
 
-    def __del__(self):
+    def __del__(self) -> None:
         for _ in self._helpers:             # no more work will follow
             self._shares.put(None)

@@ -253,3 +253,11 @@ def test_memory_is_constant_for_a_stationary_robot(ring, laser):
         mapper.close()
     assert mapper.processed > 5
     assert max(held[3:]) - held[2] < 20000
+
+
+def test_a_mapper_without_a_scan_says_so():
+    mapper = Mapper(GmappingConfig.from_mapping({"threads": 1}), LaserModel.from_message(
+        -1.0, 1.0, 0.1, 21, 0.1, 10.0))
+    with pytest.raises(RuntimeError, match="before its first scan"):
+        mapper.occupancy()
+    mapper.close()

@@ -115,7 +115,7 @@ class LoopExtension:
         self._frontiers += [(node, direction, 0.0, np.zeros(3) if slides else correction) for direction in (-1, 1)]
 
     def _is_confirmed(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
-                      correction: Optional[FloatArray]) -> bool:
+                      correction: FloatArray) -> bool:
         """Whether a search finds a node where the correction of its neighbour predicts it."""
         if not OLD < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
             return False

@@ -4,18 +4,22 @@
 A file is written to a temporary file in the same folder, synchronised to disk and renamed. The writer holds a lock on
 the temporary file. One without a lock was left by a dead process; the next writer in the folder removes it.
 """
+from __future__ import annotations
+
 import fcntl
 import os
 import re
 import stat
 import tempfile
+from typing import BinaryIO, Iterable, List, Set, Tuple, Union
 
 PREFIX = ".whole-"
 _TEMPORARY = re.compile(re.escape(PREFIX) + r"[A-Za-z0-9_]{8}")       # as tempfile names them
+Part = Union[bytes, memoryview]      # of a file
 STREAMS = ("/dev/stdout", "/dev/stderr", "/dev/fd/", "/proc/self/fd/")
 
 
-def write_atomically(*files):
+def write_atomically(*files: Tuple[str, Iterable[Part]]) -> None:
     """Write files; all are complete on disk before the first one replaces an older file.
 
     A symbolic link is kept and its target replaced. Devices, pipes and standard streams are written to, not replaced.
@@ -30,7 +34,8 @@ def write_atomically(*files):
     OSError
         If a file cannot be written.
     """
-    waiting, folders = [], set()
+    waiting: List[Tuple[str, int, str]] = []
+    folders: Set[str] = set()
     try:
         for path, parts in files:
             if _is_stream(path):
@@ -55,12 +60,12 @@ def write_atomically(*files):
             os.close(lock)
 
 
-def remove_stale(folder):
+def remove_stale(folder: str) -> List[str]:
     """Remove the temporary files of dead writers in a folder; returns their paths.
 
     Nothing is removed if the folder cannot be read or the file system has no locks.
     """
-    removed = []
+    removed: List[str] = []
     try:
         names = [name for name in os.listdir(folder) if _TEMPORARY.fullmatch(name)]
     except OSError:
@@ -83,18 +88,18 @@ def remove_stale(folder):
     return removed
 
 
-def _is_stream(path):
+def _is_stream(path: str) -> bool:
     path = os.path.abspath(path)
     return path.startswith(STREAMS) or (os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path))
 
 
-def _put(stream, parts):
+def _put(stream: BinaryIO, parts: Iterable[Part]) -> None:
     for part in parts:
         stream.write(part)
     stream.flush()
 
 
-def _temporary(folder):
+def _temporary(folder: str) -> Tuple[int, str]:
     """Return descriptor and path of a new locked temporary file in ``folder``."""
     while True:
         descriptor, path = tempfile.mkstemp(prefix=PREFIX, dir=folder)
@@ -107,7 +112,7 @@ def _temporary(folder):
         os.close(descriptor)                # another writer removed it before it was locked
 
 
-def _complete(folder, parts):
+def _complete(folder: str, parts: Iterable[Part]) -> Tuple[str, int]:
     """Write parts to a temporary file in ``folder`` and to disk; return its path and locked descriptor."""
     descriptor, path = _temporary(folder)
     try:
@@ -124,14 +129,14 @@ def _complete(folder, parts):
     return path, descriptor
 
 
-def _remove(path):
+def _remove(path: str) -> None:
     try:
         os.unlink(path)
     except OSError:
         pass            # it does not exist any more
 
 
-def _sync(folder):
+def _sync(folder: str) -> None:
     """Synchronise a folder's entries to disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Initial state of a run: empty, a saved map, or the state of an earlier run. Used by node and replay."""
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING, Collection, List, Optional, Tuple
 
 import numpy as np
 
@@ -9,6 +12,15 @@ from m2wr_gmapping.io import state
 from m2wr_gmapping.io.saved_map_reader import read_map
 from m2wr_gmapping.mapper import Mapper, is_usable
 from m2wr_gmapping.se2 import compose
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
+    from m2wr_gmapping.io.saved_map import SavedMap
+    from m2wr_gmapping.io.state import State
 
 SAME = 1e-3         # lasers agree within this [m, rad]
 
@@ -28,13 +40,33 @@ class InitialState:
         Whether odometry was not reset since that run.
     """
 
-    def __init__(self, saved=None, pose=None, loaded=None, runs_on=True):
+    def __init__(self, saved: Optional[SavedMap] = None, pose: Optional[ArrayLike] = None,
+                 loaded: Optional[State] = None, runs_on: bool = True) -> None:
         self._saved, self._pose, self.loaded, self._runs_on = saved, pose, loaded, runs_on
         self._connected = False
 
     @classmethod
-    def from_files(cls, config, map_file="", pose=None, state_file="", runs_on=True):
-        """Read the files; returns an InitialState and the resulting configuration.
+    def from_files(cls, config: GmappingConfig, map_file: str = "", pose: Optional[ArrayLike] = None,
+                   state_file: str = "", runs_on: bool = True) -> Tuple[InitialState, GmappingConfig]:
+        """Read the files.
+
+        Parameters
+        ----------
+        config : GmappingConfig
+            Of the running program.
+        map_file : str
+            YAML file of a saved map; empty: none.
+        pose : (3,) float, optional
+            See the class.
+        state_file : str
+            State of an earlier run; empty: none.
+        runs_on : bool
+            See the class.
+
+        Returns
+        -------
+        InitialState, GmappingConfig
+            The configuration has the cell size of the map, or the parameters of the state.
 
         Raises
         ------
@@ -52,29 +84,54 @@ class InitialState:
         values = dict(config.as_dict(), delta=saved.resolution)
         return cls(saved, pose), replace(config, values=tuple(values.items()))
 
-    def differing(self, given):
+    def differing(self, given: Collection[str]) -> List[str]:
         """Return messages about parameters (names ``given``) that the state overrides."""
         if self.loaded is None:
             return []
         return [text for name, text in self.loaded.differing.items() if name in given]
 
-    def mapper(self, config, laser):
-        """Return the Mapper for a laser; raises ScanError if the state has another laser."""
+    def mapper(self, config: GmappingConfig, laser: LaserModel) -> Mapper:
+        """Return the Mapper for a laser.
+
+        Parameters
+        ----------
+        config : GmappingConfig
+        laser : LaserModel
+            Of the first scan.
+
+        Raises
+        ------
+        ScanError
+            If the state has another laser.
+        """
         if self.loaded is None:
             return Mapper(config, laser)
         there = self.loaded.mapper.laser
         if there.angles.shape != laser.angles.shape or not np.allclose(there.angles, laser.angles, atol=SAME):
             raise ScanError("{} beams over {:.3f} rad; the laser of the state has {} over {:.3f}".format(
-                len(laser.angles), np.ptp(laser.angles), len(there.angles), np.ptp(there.angles)))
+                len(laser.angles), float(np.ptp(laser.angles)), len(there.angles), float(np.ptp(there.angles))))
         if not np.allclose(there.base_from_sensor, laser.base_from_sensor, atol=SAME):
             raise ScanError("the laser is mounted at {} on the base; that of the state at {}".format(
                 np.round(laser.base_from_sensor, 3).tolist(), np.round(there.base_from_sensor, 3).tolist()))
         return self.loaded.mapper
 
-    def connect(self, mapper, reading, odom_pose, stamp):
-        """Prepare a mapper for its first scan, before ``process``; returns a log message or None.
+    def connect(self, mapper: Mapper, reading: ScanReading, odom_pose: FloatArray, stamp: float) -> Optional[str]:
+        """Prepare a mapper for its first scan, before ``process``. Later calls do nothing.
 
-        Later calls do nothing.
+        Parameters
+        ----------
+        mapper : Mapper
+        reading : ScanReading
+            The first scan.
+        odom_pose : (3,) float64
+            Pose of the centred laser in ``odom`` [m, m, rad].
+        stamp : float
+            Time of the scan [s].
+
+        Returns
+        -------
+        str or None
+            For the log.
         """
         if self._connected or not is_usable(odom_pose, stamp):
             return None                 # ``process`` refuses the latter
@@ -85,10 +142,10 @@ class InitialState:
             return None
         start = odom_pose if self._pose is None else compose(self._pose, mapper.laser.base_from_sensor)
         mapper.begin_on(self._saved, start, reading, odom_pose, stamp)
-        x, y, theta = mapper.base_poses(mapper.pose)
+        x, y, theta = mapper.base_poses(mapper.pose).tolist()
         return "starts on the map {} with the base at ({:.2f}, {:.2f}), heading {:.2f} rad".format(
             self._saved.name, x, y, theta)
 
-    def again(self):
+    def again(self) -> InitialState:
         """Return the InitialState after a jump back in time: a saved map is used again, a state is not."""
         return InitialState(self._saved, self._pose)

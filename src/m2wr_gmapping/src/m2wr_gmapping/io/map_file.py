@@ -3,19 +3,26 @@
 
 Two files cannot be replaced atomically, but the YAML file can, and it names the picture. If there is an older map, the
 new picture is first written as ``NAME-DIGEST.pgm``, and the YAML file is replaced by one that names it. Then
-``NAME.pgm``
-is replaced, and the YAML file again, and the picture with the digest is removed. A killed program leaves a consistent
-pair and perhaps one more picture, which ``tidy`` removes.
+``NAME.pgm`` is replaced, and the YAML file again, and the picture with the digest is removed. A killed program leaves a
+consistent pair and perhaps one more picture, which ``tidy`` removes.
 """
+from __future__ import annotations
+
 import hashlib
 import logging
 import math
 import os
 import re
+from typing import TYPE_CHECKING, Iterable, List, Optional, Sequence
 
 import numpy as np
 
-from m2wr_gmapping.io.atomic_files import remove_stale, write_atomically
+from m2wr_gmapping.io.atomic_files import Part, remove_stale, write_atomically
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from m2wr_gmapping.array_types import Uint8Array
 
 log = logging.getLogger(__name__)
 DIGITS = 12             # of the digest in a name
@@ -27,7 +34,7 @@ class MapFileError(OSError):
     """A map could not be written; older files are unchanged."""
 
 
-def picture(data, free=25, occupied=65):
+def picture(data: ArrayLike, free: int = 25, occupied: int = 65) -> Uint8Array:
     """Return the grey values (H, W) uint8 of a map, top row first.
 
     Parameters
@@ -44,26 +51,58 @@ def picture(data, free=25, occupied=65):
     return shades[np.ascontiguousarray(data, np.int8).view(np.uint8)[::-1]]
 
 
-def pgm(data, resolution, free=25, occupied=65):
-    """Return a map's picture as parts of a file: bytes-like objects."""
+def pgm(data: ArrayLike, resolution: float, free: int = 25, occupied: int = 65) -> List[Part]:
+    """Return a map's picture as parts of a file: bytes-like objects.
+
+    Parameters
+    ----------
+    data : (H, W) int8
+        As for :func:`picture`.
+    resolution : float
+        Cell size [m].
+    free, occupied : int
+        As for :func:`picture`.
+    """
     grey = picture(data, free, occupied)
     head = "P5\n# CREATOR: map_saver.cpp {:.3f} m/pix\n{} {}\n255\n".format(resolution, grey.shape[1], grey.shape[0])
-    return [head.encode(), np.ascontiguousarray(grey)]
+    return [head.encode(), np.ascontiguousarray(grey).data]
 
 
-def description(image, resolution, origin, free_thresh=0.196, occupied_thresh=0.65):
-    """Return the text of a map's YAML file; ``origin`` is x, y, yaw of the lowest left cell."""
+def description(image: str, resolution: float, origin: Sequence[float], free_thresh: float = 0.196,
+                occupied_thresh: float = 0.65) -> str:
+    """Return the text of a map's YAML file.
+
+    Parameters
+    ----------
+    image : str
+        File name of the picture.
+    resolution : float
+        Cell size [m].
+    origin : (3,) float
+        x, y [m], yaw [rad] of the lower left corner in the frame of the map.
+    free_thresh, occupied_thresh : float
+        Probabilities below and above which map_server reads a cell as free or occupied.
+    """
     return ("image: {}\nresolution: {:f}\norigin: [{:f}, {:f}, {:f}]\nnegate: 0\noccupied_thresh: {:g}\n"
             "free_thresh: {:g}\n\n".format(image, resolution, *origin, occupied_thresh, free_thresh))
 
 
-def save(name, data, resolution, origin, free=25, occupied=65):
+def save(name: str, data: ArrayLike, resolution: float, origin: Sequence[float], free: int = 25,
+         occupied: int = 65) -> List[str]:
     """Write ``name``.pgm and ``name``.yaml; the YAML file names a picture of the same map at every moment.
 
     Parameters
     ----------
+    name : str
+        Path without ending.
+    data : (H, W) int8
+        As for :func:`picture`.
+    resolution : float
+        Cell size [m].
     origin : (3,) float
-        x, y [m], yaw [rad].
+        x, y [m], yaw [rad] of the lower left corner in the frame of the map.
+    free, occupied : int
+        As for :func:`picture`.
 
     Returns
     -------
@@ -90,7 +129,7 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     parts = pgm(data, resolution, free, occupied)
     spare = "{}-{}.pgm".format(name, _digest(parts))
 
-    def described(image):
+    def described(image: str) -> List[Part]:
         return [description(os.path.basename(image), resolution, origin).encode()]
     picture_path, yaml_path = name + ".pgm", name + ".yaml"
     try:
@@ -118,14 +157,14 @@ def save(name, data, resolution, origin, free=25, occupied=65):
     return [picture_path, yaml_path]
 
 
-def _digest(parts):
+def _digest(parts: Iterable[Part]) -> str:
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part)
     return digest.hexdigest()[:DIGITS]
 
 
-def tidy(name):
+def tidy(name: str) -> List[str]:
     """Remove files that a killed writer of the map ``name`` left; returns the paths.
 
     These are temporary files without a writer, and pictures with a digest in their name that the YAML file does not
@@ -149,7 +188,7 @@ def tidy(name):
     return removed
 
 
-def _named_by(path):
+def _named_by(path: str) -> Optional[str]:
     """Return the picture that a YAML file of this module names; None if there is no such file."""
     try:
         with open(path, "rb") as stream:

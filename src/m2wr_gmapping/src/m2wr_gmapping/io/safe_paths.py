@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Restriction of file names from clients to one folder."""
+from __future__ import annotations
+
 import os
 import stat
 
@@ -8,7 +10,7 @@ class OutsideError(ValueError):
     """A name is outside the folder or no file; the message names the folder."""
 
 
-def confined(folder, name, parameter):
+def confined(folder: str, name: str, parameter: str) -> str:
     """Return the real path of a file that a client of a service has named.
 
     Parameters
@@ -19,6 +21,10 @@ def confined(folder, name, parameter):
         Relative to the folder, or an absolute path inside it.
     parameter : str
         Parameter that sets the folder, for messages.
+
+    Returns
+    -------
+    str
 
     Raises
     ------

@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A saved map on which a new run starts."""
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.filter.occupancy import PATCH, Occupancy
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.scan import ScanReading
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Int8Array
 
 SURE_VISITS = 3         # visits of a saved cell; few, so that changes are mapped
 
@@ -27,24 +34,29 @@ class SavedMap:
         For messages.
     """
 
-    data: np.ndarray
+    data: Int8Array
     resolution: float
-    origin: tuple
+    origin: Tuple[float, float]
     name: str = ""
 
-    def walls(self):
+    def walls(self) -> FloatArray:
         """Return the centres (2, M) of the occupied cells in ``map`` [m]."""
         rows, columns = np.nonzero(self.data == 100)
         return np.stack([self.origin[0] + self.resolution * columns, self.origin[1] + self.resolution * rows])
 
 
-class MapReading:
+class MapReading(ScanReading):
     """A saved map as a reading: its walls are end points, seen from the map's origin.
 
-    It has the attributes of ``scan.ScanReading``, but no beams to match.
+    It has no beams to match, and no rays that clear space.
+
+    Parameters
+    ----------
+    points : (2, M) float64
+        Centres of the occupied cells in ``map`` [m].
     """
 
-    def __init__(self, points):
+    def __init__(self, points: FloatArray) -> None:
         self.points = points
         self.beams = np.empty((mk.BEAM_ROWS, 0))
         self.rays, self.ray_hits = np.empty((2, 0), np.float32), np.zeros(0, bool)
@@ -60,7 +72,7 @@ class SavedMapOccupancy(Occupancy):
         A cell is occupied where hits / visits is greater.
     """
 
-    def __init__(self, saved, threshold):
+    def __init__(self, saved: SavedMap, threshold: float) -> None:
         self._given = saved
         rows, columns = (math.ceil(cells / PATCH) * PATCH for cells in saved.data.shape)
         x, y = saved.origin
@@ -68,7 +80,12 @@ class SavedMapOccupancy(Occupancy):
         reach = saved.resolution * np.array([columns + 1e-3, rows + 1e-3])
         super().__init__((x, y, x + reach[0], y + reach[1]), saved.resolution, threshold)
 
-    def _empty(self):
+    @property
+    def saved(self) -> SavedMap:
+        """The saved map."""
+        return self._given
+
+    def _empty(self) -> None:
         super()._empty()
         saved = self._given
         height, width = (math.ceil(cells / PATCH) for cells in saved.data.shape)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reading a map from the files that map_saver writes."""
+from __future__ import annotations
+
 import os
 
 import numpy as np
@@ -12,7 +14,7 @@ class MapReadingError(ValueError):
     """A saved map cannot be read or used; says which file and what was expected."""
 
 
-def read_map(path):
+def read_map(path: str) -> SavedMap:
     """Return the SavedMap of a YAML file and its picture.
 
     Parameters

@@ -4,19 +4,29 @@
 See ``state_file`` for the container and ``state_layout`` for the attributes. The stored values are checked and then
 assigned to a new mapper. A file cannot run code or cause access outside an array.
 """
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.io import state_file, state_layout
 from m2wr_gmapping.io.saved_map import SavedMapOccupancy
 from m2wr_gmapping.io.state_file import StateError
-from m2wr_gmapping.io.state_types import KindError, Store
+from m2wr_gmapping.io.state_store import KindError, Store
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.frontend.scan import ScanReading
 
 # parameters of the program, not of the map: those of the running program are used
 OWN = ("throttle_scans", "base_frame", "map_frame", "odom_frame", "map_update_interval", "transform_publish_period",
@@ -44,46 +54,68 @@ class State:
     """
 
     mapper: Mapper
-    host: dict
-    differing: dict
+    host: Dict[str, Any]
+    differing: Dict[str, str]
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """Copy of a mapper's state; it shares no memory with the mapper."""
 
-    document: dict
-    arrays: dict
+    document: Dict[str, Any]
+    arrays: Dict[str, NDArray[Any]]
 
 
-def snapshot(mapper, host=None):
-    """Return the Snapshot of a mapper; call this between two scans, and while no map is made of it.
+def snapshot(mapper: Mapper, host: Optional[Mapping[str, Any]] = None) -> Snapshot:
+    """Return a copy of a mapper's state; call this between two scans, and while no map is made of it.
 
-    ``host`` (dict of words and numbers) is stored too. Raises StateError before the first scan.
+    Parameters
+    ----------
+    mapper : Mapper
+    host : dict of str to str or number, optional
+        Values of the program that are stored too.
+
+    Raises
+    ------
+    StateError
+        Before the first scan.
     """
     if mapper.filter is None:
         raise StateError("no state to save: no scan has been processed yet")
-    store, given = Store(), isinstance(mapper._occupancy, SavedMapOccupancy)
+    store, occupancy = Store(), mapper._occupancy
+    given = isinstance(occupancy, SavedMapOccupancy)
     try:
         state_layout.LASER.take(mapper.laser, "laser", store)
-        if given:
-            state_layout.GIVEN.take(mapper._occupancy._given, "saved_map", store)
+        if isinstance(occupancy, SavedMapOccupancy):
+            state_layout.GIVEN.take(occupancy.saved, "saved_map", store)
         state_layout.mapper_part(given).take(mapper, "", store)
     except KindError as error:
         raise StateError("this mapper cannot be saved: {}".format(error)) from error
     return Snapshot(dict(config=mapper.config.as_dict(), host=dict(host or {}), values=store.values), store.arrays)
 
 
-def save(path, taken):
-    """Write a Snapshot to a file atomically. Raises StateError."""
+def save(path: str, taken: Snapshot) -> None:
+    """Write a state to a file atomically.
+
+    Parameters
+    ----------
+    path : str
+    taken : Snapshot
+
+    Raises
+    ------
+    StateError
+        If the file cannot be written.
+    """
     state_file.write(path, taken.document, taken.arrays)
 
 
-def load(path, live=None):
+def load(path: str, live: Optional[GmappingConfig] = None) -> State:
     """Return the State in a file.
 
     Parameters
     ----------
+    path : str
     live : GmappingConfig, optional
         Configuration of the running program: the parameters in ``OWN`` are taken from it, all others from the file.
 
@@ -106,7 +138,7 @@ def load(path, live=None):
         raise StateError("{}: not enough memory to load it".format(path)) from None
 
 
-def _plain(found, name, words_only=False):
+def _plain(found: object, name: str, words_only: bool = False) -> Dict[str, Any]:
     """Return a value of JSON if it is a dict; with ``words_only``, only of words, numbers and None."""
     if not isinstance(found, dict):
         raise KindError("{} is no table of names and values".format(name))
@@ -116,21 +148,21 @@ def _plain(found, name, words_only=False):
     return found
 
 
-def _config(values, live):
+def _config(values: object, live: Optional[GmappingConfig]) -> Tuple[GmappingConfig, Dict[str, str]]:
     """Return the configuration of a state, and the overridden parameters of the running program."""
-    values, differing = _plain(values, "config", words_only=True), {}
+    stored, differing = _plain(values, "config", words_only=True), {}
     if live is not None:
         given = live.as_dict()
-        differing = {name: "{} {} (asked for {})".format(name, values[name], given[name]) for name in values
-                     if name not in OWN and name in given and values[name] != given[name]}
-        values = dict(values, **{name: given[name] for name in OWN})
-    config = GmappingConfig.from_mapping({name: value for name, value in values.items() if value is not None})
+        differing = {name: "{} {} (asked for {})".format(name, stored[name], given[name]) for name in stored
+                     if name not in OWN and name in given and stored[name] != given[name]}
+        stored = dict(stored, **{name: given[name] for name in OWN})
+    config = GmappingConfig.from_mapping({name: value for name, value in stored.items() if value is not None})
     if config.unknown or config.unusable:
         raise KindError("parameters that cannot be used: {}".format(", ".join(config.unknown + config.unusable)[:300]))
     return config, differing
 
 
-def _mapper(config, store):
+def _mapper(config: GmappingConfig, store: Store) -> Mapper:
     """Return a Mapper with all that is stored."""
     laser = state_layout.LASER.give("laser", store, {})
     mapper = Mapper(config, laser)
@@ -151,30 +183,33 @@ def _mapper(config, store):
     return mapper
 
 
-def _fit(mapper, reading, pose):
+def _fit(mapper: Mapper, matcher: FastMatcher, reading: ScanReading, pose: FloatArray) -> float:
     """Return the score of a scan around a pose of the centred laser, as a share of its beams."""
-    particles, matcher = mapper.filter, mapper._matcher
+    particles = mapper.particles
     found = matcher.search(particles.maps, particles.best, reading, pose, LOOK)
     row = matcher.match_one(particles.maps, particles.best, reading, found, found, FIT)
-    return row[mk.SCORE] / reading.beams.shape[1]
+    return float(row[mk.SCORE]) / reading.beams.shape[1]
 
 
-def _is_odometry_reset(mapper, reading, odom_pose):
+def _is_odometry_reset(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray) -> bool:
     """Whether a scan fits clearly better at the last pose than at the pose of odometry."""
-    if mapper.config["compatible"] or not reading.beams.shape[1]:
+    matcher = mapper._matcher
+    if not isinstance(matcher, FastMatcher) or not reading.beams.shape[1]:
         return False
     step = between(mapper.odometry, odom_pose)
     if math.hypot(step[0], step[1]) <= FAR[0] and abs(step[2]) <= FAR[1]:
         return False
     led = compose(mapper.map_from_odom, odom_pose)
-    return _fit(mapper, reading, mapper.pose) > _fit(mapper, reading, led) + BETTER_SHARE
+    return _fit(mapper, matcher, reading, mapper.pose) > _fit(mapper, matcher, reading, led) + BETTER_SHARE
 
 
-def connect_odometry(mapper, reading, odom_pose, stamp, runs_on=True):
-    """Connect a loaded mapper to the odometry of its next scan; returns a log message or None.
+def connect_odometry(mapper: Mapper, reading: ScanReading, odom_pose: FloatArray, stamp: float,
+                     runs_on: bool = True) -> Optional[str]:
+    """Connect a loaded mapper to the odometry of its next scan.
 
     Parameters
     ----------
+    mapper : Mapper
     reading : ScanReading
         The next scan.
     odom_pose : (3,) float
@@ -185,6 +220,11 @@ def connect_odometry(mapper, reading, odom_pose, stamp, runs_on=True):
         Whether odometry was not reset since the state was saved. A reset is also assumed if time has jumped back, the
         speed would exceed ``FASTEST``, or the scan fits far better at the last pose. After a reset the robot continues
         at the last pose.
+
+    Returns
+    -------
+    str or None
+        For the log, after a reset.
     """
     before = mapper.odometry
     apart, seconds = math.hypot(odom_pose[0] - before[0], odom_pose[1] - before[1]), stamp - mapper.stamps[-1]

@@ -4,6 +4,8 @@
 ``state.json`` holds numbers and words, every ``NAME.npy`` one array: ``numpy.load`` of a ``.npz`` opens it too. Nothing
 in such a file is evaluated, and no class is named in it.
 """
+from __future__ import annotations
+
 import json
 import math
 import os
@@ -12,10 +14,14 @@ import stat
 import struct
 import zipfile
 import zlib
+from typing import TYPE_CHECKING, Any, BinaryIO, Dict, List, Mapping, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.io.atomic_files import write_atomically
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FORMAT = "m2wr_gmapping state"
 VERSION = 5                         # increased if the meaning of a stored name changes
@@ -42,22 +48,26 @@ class StateError(ValueError):
 class _Parts:
     """Collects the output of zipfile for ``write_atomically``."""
 
-    def __init__(self):
-        self.parts, self._at = [], 0
+    def __init__(self) -> None:
+        self.parts: List[bytes] = []
+        self._at = 0
 
-    def write(self, data):
+    def write(self, data: bytes) -> int:
         self.parts.append(bytes(data))
         self._at += len(self.parts[-1])
         return len(self.parts[-1])
 
-    def tell(self):
+    def tell(self) -> int:
         return self._at
 
-    def flush(self):
+    def flush(self) -> None:
+        pass
+
+    def close(self) -> None:
         pass
 
 
-def write(path, document, arrays):
+def write(path: str, document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write a state atomically.
 
     Parameters
@@ -88,7 +98,7 @@ def write(path, document, arrays):
             path, error.strerror or error)) from error
 
 
-def read(path):
+def read(path: str) -> Tuple[Dict[str, Any], Dict[str, NDArray[Any]]]:
     """Return the document (dict) and the arrays (dict of str to ndarray, each with memory of its own) in a file.
 
     Raises
@@ -115,7 +125,7 @@ def read(path):
     return document, arrays
 
 
-def _opened(path):
+def _opened(path: str) -> BinaryIO:
     """Open a regular file; reading a pipe or device could block."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | getattr(os, "O_CLOEXEC", 0))
     found = os.fstat(descriptor)
@@ -128,7 +138,7 @@ def _opened(path):
     return os.fdopen(descriptor, "rb")
 
 
-def _check_ends(stream):
+def _check_ends(stream: BinaryIO) -> None:
     """Raise StateError unless a file begins and ends as an archive with few members does."""
     begin = stream.read(len(PICKLES) + 1000)
     if begin.startswith(PICKLES):
@@ -152,9 +162,10 @@ def _check_ends(stream):
     stream.seek(0)
 
 
-def _members(archive):
+def _members(archive: zipfile.ZipFile) -> Dict[str, zipfile.ZipInfo]:
     """Return the archive's members by name, after a check of their declared sizes."""
-    members, total = {}, 0
+    members: Dict[str, zipfile.ZipInfo] = {}
+    total = 0
     for info in archive.infolist():
         name = info.filename
         if name in members or not (name == _JSON or re.fullmatch(r"[a-z_A-Z0-9.]{1,100}\.npy", name)):
@@ -170,13 +181,13 @@ def _members(archive):
     return members
 
 
-def _whole(text):
+def _whole(text: str) -> int:
     if len(text) > MOST_DIGITS:
         raise StateError("{}: a number of {} digits; expected at most {}".format(_JSON, len(text), MOST_DIGITS))
     return int(text)
 
 
-def _document(archive, members):
+def _document(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo]) -> Dict[str, Any]:
     info = members[_JSON]
     if info.file_size > MOST_JSON:
         raise StateError("{}: {} bytes; expected at most {}".format(_JSON, info.file_size, MOST_JSON))
@@ -195,7 +206,7 @@ def _document(archive, members):
     return document
 
 
-def _array(archive, info):
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     """Return the array in a member; memory is allocated after its size was checked."""
     with archive.open(info) as member:
         head = member.read(10)
@@ -203,8 +214,8 @@ def _array(archive, info):
             raise StateError("member {}: expected an array of numpy's format 1.0".format(info.filename))
         length = int.from_bytes(head[8:], "little")
         found = _HEADER.fullmatch(member.read(length)) if length <= 1000 else None
-        dtype = found and _TYPES.get(found.group(1).decode())
-        if not dtype:
+        dtype = _TYPES.get(found.group(1).decode()) if found is not None else None
+        if found is None or dtype is None:
             raise StateError("member {}: its type cannot be used; expected an array of one of {}".format(
                 info.filename, ", ".join(DTYPES)))
         shape = tuple(int(part) for part in found.group(2).decode().replace(" ", "").split(",") if part)
@@ -213,7 +224,7 @@ def _array(archive, info):
             raise StateError("member {}: {} bytes for the shape {}".format(
                 info.filename, info.file_size - 10 - length, shape))
         array = np.empty(shape, dtype)
-        filled, view = 0, memoryview(array.reshape(-1).view(np.uint8)) if size else b""
+        filled, view = 0, array.reshape(-1).view(np.uint8).data
         while filled < size:
             part = member.read(min(1 << 20, size - filled))
             if not part:

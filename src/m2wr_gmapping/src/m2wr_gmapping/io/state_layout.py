@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Stored attributes of a mapper and their allowed values; all others follow from parameters and laser."""
+from __future__ import annotations
+
 import math
+from typing import Any, Dict, Union
 
 import numpy as np
 
@@ -13,8 +16,9 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
 from m2wr_gmapping.io.saved_map import MapReading, SavedMap
-from m2wr_gmapping.io.state_types import Array, Generator, Group, KindError, Many, Maybe, Number, Part, Record, Text
-from m2wr_gmapping.mapper import FARTHEST_ODOMETRY
+from m2wr_gmapping.io.state_store import Kind, KindError
+from m2wr_gmapping.io.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
+from m2wr_gmapping.mapper import FARTHEST_ODOMETRY, Mapper
 
 EXTENT = 2e6            # greatest distance of a wall from the origin of a saved map [m]
 MOST_CELLS = 10**8      # of a saved map
@@ -24,17 +28,17 @@ NODE = Number(int, 0, below="scans")
 LINK = Group(NODE, NODE, POSE, Array("float64", "3 3"))
 
 
-def _reading(values):
+def _reading(values: Dict[str, Any]) -> Any:
     made = object.__new__(ScanReading if len(values["rays"][0]) or not len(values["points"][0]) else MapReading)
     vars(made).update(values)
     return made
 
 
-READING = Record(_reading, {
+READING = ListedRecord(_reading, {
     "points": Array("float64", "2 H", -EXTENT, EXTENT),
     "beams": Array("float64", "%d M" % mk.BEAM_ROWS, -EXTENT, EXTENT),
     "rays": Array("float32", "2 S", -2 * FARTHEST, 2 * FARTHEST), "ray_hits": Array("bool", "S")})
-CANDIDATE = Record(lambda values: Candidate(**values), {
+CANDIDATE = ListedRecord(lambda values: Candidate(**values), {
     "along": REAL, "link": LINK, "pose": POSE, "correction": POSE, "slides": YES, "clear": YES, "alike": YES,
     "drift": REAL, "long": YES})
 LASER = Record(lambda values: LaserModel(**values), {
@@ -90,32 +94,32 @@ LEVEL = Part({
     ("_lift", "_reach"),
     {"_reference": "_usual", "_tilted_distance": "_way", "_excess": "_more", "_is_tilted": "_tilted",
      "is_rocking": "rocks"})
-_MAPPER = {
+_MAPPER: Dict[str, Union[Kind, Part]] = {
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
     "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS}
 _MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
 
 
-def mapper_part(given):
+def mapper_part(given: bool) -> Part:
     """Return the Part of a mapper; ``given``: whether it started on a saved map."""
     return Part(dict(_MAPPER, _occupancy=GIVEN_OCCUPANCY if given else OCCUPANCY), _MADE)
 
 
-def check(mapper):
+def check(mapper: Mapper) -> None:
     """Raise KindError where the parts of a mapper that was put together do not agree with each other."""
-    scans, particles = len(mapper.stamps), len(mapper.filter.poses)
+    scans, particles = len(mapper.stamps), mapper.particles.count
     if not 1 <= particles <= mapper.config["particles"]:
         raise KindError("{} particles; expected 1 to {}".format(particles, mapper.config["particles"]))
-    if not scans or mapper.filter.tree.depth != scans:
-        raise KindError("{} scans on paths of {} nodes".format(scans, mapper.filter.tree.depth))
+    if not scans or mapper.particles.tree.depth != scans:
+        raise KindError("{} scans on paths of {} nodes".format(scans, mapper.particles.tree.depth))
     if len(mapper._occupancy._poses) > scans:
         raise KindError("more scans on the map than there are")
     if mapper._tracker is not None and mapper._tracker.recalibration._count > scans - 1:
         raise KindError("more steps than scans")
     if mapper._loops is not None and len(mapper._loops.graph._steps) > scans:
         raise KindError("more steps than scans")
-    if not math.isclose(float(np.sum(mapper.filter.weights)), 1.0, abs_tol=1e-3):
+    if not math.isclose(float(np.sum(mapper.particles.weights)), 1.0, abs_tol=1e-3):
         raise KindError("weights that do not sum to 1")
     if len(mapper.laser.angles) > 10**6:
         raise KindError("{} beams; expected at most a million".format(len(mapper.laser.angles)))

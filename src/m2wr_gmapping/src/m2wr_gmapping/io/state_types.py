@@ -5,89 +5,69 @@ Compiled code relies on the sizes and values of its arrays, so each type declare
 Sizes are numbers or names. A name has one value within an object; a name in lower case has one value in the whole
 state.
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
+
+from m2wr_gmapping.io.state_store import Kind, KindError, ListKind, Sizes, Store
+
+if TYPE_CHECKING:
+    from numpy.typing import DTypeLike, NDArray
 
 MOST = 1e12         # no length, angle, time or weight in a state is greater
 MOST_ITEMS = 2000000    # of a list: scans of two weeks, one every half second
 
 
-class KindError(ValueError):
-    """A value is not allowed for its attribute; the message says why."""
+class Number(ListKind):
+    """A bool, an int or a float; none may be NaN.
 
-
-class Store:
-    """Numbers (flat, by name) and arrays (by name) of one state, and the sizes met so far."""
-
-    def __init__(self, values=None, arrays=None):
-        self.values, self.arrays, self.sizes = values or {}, arrays or {}, {}
-
-    def value(self, where):
-        """Return a number or word; raises KindError where it is missing."""
-        if where not in self.values:
-            raise KindError("it has no {}".format(where))
-        return self.values[where]
-
-    def array(self, where, dtype):
-        """Return an array of a type; raises KindError where it is missing or of another."""
-        if where not in self.arrays:
-            raise KindError("it has no {}".format(where))
-        found = self.arrays[where]
-        if found.dtype != dtype:
-            raise KindError("{} is of {}; expected {}".format(where, found.dtype, np.dtype(dtype)))
-        return found
-
-    def bind(self, sizes, name, size, where):
-        """Let a name stand for a size from now on; raises KindError where it stands for another one."""
-        if isinstance(name, int):
-            expected = name
-        else:
-            expected = (self.sizes if name.islower() else sizes).setdefault(name, size)
-        if size != expected:
-            raise KindError("{}: {} where {} are expected".format(where, size, expected))
-
-    def size(self, sizes, name):
-        """Return what a name stands for; a number stands for itself."""
-        return (self.sizes if name.islower() else sizes)[name] if isinstance(name, str) else name
-
-
-class Number:
-    """A bool, an int or a float: ``low`` to ``high``, and below ``below`` (a number or the name of a size).
-
-    Floats may be infinite where ``infinite``; none may be NaN.
+    Parameters
+    ----------
+    kind : type
+        bool, int or float.
+    low, high : float, optional
+        Allowed range, both ends included.
+    below : float or str, optional
+        A number, or the name of a size, that the value must not reach.
+    infinite : bool
+        A float may be infinite.
     """
 
-    def __init__(self, kind, low=None, high=None, below=None, infinite=False):
+    def __init__(self, kind: type, low: Optional[float] = None, high: Optional[float] = None,
+                 below: Union[str, float, None] = None, infinite: bool = False) -> None:
         self.kind, self.below, self.infinite = kind, below, infinite
         most = 2**62 if kind is int else MOST
         self.low, self.high = -most if low is None else low, most if high is None else high
         self.dtype = {bool: bool, int: np.int64, float: np.float64}[kind]
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         store.values[where] = self.kind(value)
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         value = store.value(where)
         if self.kind is float and type(value) is int:
             value = float(value) if abs(value) < 2**62 else math.nan
         if type(value) is not self.kind:
             raise KindError("{} is {!r:.40}; expected {}".format(where, value, self.kind.__name__))
-        self._check(np.array([value]), where, store, sizes)
+        self.check(np.array([value]), where, store, sizes)
         return value
 
-    def take_all(self, items, where, store):
+    def take_all(self, items: Sequence[Any], where: str, store: Store) -> None:
         store.arrays[where] = np.array(items, self.dtype)
 
-    def give_all(self, where, store, sizes):
+    def give_all(self, where: str, store: Store, sizes: Sizes) -> List[Any]:
         found = store.array(where, self.dtype)
         if found.ndim != 1:
             raise KindError("{} has {} axes; expected 1".format(where, found.ndim))
         _check_count(len(found), where)
-        self._check(found, where, store, sizes)
-        return found.tolist()
+        self.check(found, where, store, sizes)
+        items: List[Any] = found.tolist()
+        return items
 
-    def _check(self, found, where, store, sizes):
+    def check(self, found: NDArray[Any], where: str, store: Store, sizes: Sizes) -> None:
         if self.kind is bool or not found.size:
             return
         within = (found >= self.low) & (found <= self.high)
@@ -101,28 +81,38 @@ class Number:
                 "" if self.below is None else ", below {}".format(store.size(sizes, self.below))))
 
 
-class Text:
+class Text(Kind):
     """A word of at most ``most`` letters."""
 
-    def __init__(self, most):
+    def __init__(self, most: int) -> None:
         self.most = most
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         store.values[where] = str(value)[:self.most]
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         value = store.value(where)
         if not isinstance(value, str) or len(value) > self.most:
             raise KindError("{}: expected a word of at most {} letters".format(where, self.most))
         return value
 
 
-class Array:
-    """An array of a type; ``shape`` has a size for each axis, as "N 3"; values as of ``Number``."""
+class Array(ListKind):
+    """An array.
 
-    def __init__(self, dtype, shape, low=None, high=None, below=None):
+    Parameters
+    ----------
+    dtype : dtype
+    shape : str
+        A size or its name for each axis, as "N 3".
+    low, high, below
+        Of the values, as for :class:`Number`.
+    """
+
+    def __init__(self, dtype: DTypeLike, shape: str, low: Optional[float] = None, high: Optional[float] = None,
+                 below: Union[str, float, None] = None) -> None:
         self.dtype = np.dtype(dtype)
-        self.shape = [int(part) if part.isdigit() else part for part in str(shape).split()]
+        self.shape: List[Union[int, str]] = [int(part) if part.isdigit() else part for part in shape.split()]
         self._values = Number(float if self.dtype.kind == "f" else int, low, high, below)
         self._any = self.dtype.kind == "b" or (
             self.dtype.kind in "iu" and low is None and high is None and below is None)
@@ -130,32 +120,32 @@ class Array:
         names = [axis for axis, part in enumerate(self.shape) if isinstance(part, str)]
         self._axis = names[0] if names else None
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         value = np.asarray(value)
         if value.dtype != self.dtype or value.ndim != len(self.shape):
             raise KindError("{} is {} with {} axes; expected {} with {}".format(
                 where, value.dtype, value.ndim, self.dtype, len(self.shape)))
         store.arrays[where] = np.array(value, order="C")
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         found = store.array(where, self.dtype)
         self._check_shape(found.shape, where, store, sizes)
         self._check_values(found, where, store, sizes)
         return found
 
-    def _check_shape(self, shape, where, store, sizes):
+    def _check_shape(self, shape: Tuple[int, ...], where: str, store: Store, sizes: Sizes) -> None:
         if len(shape) != len(self.shape):
             raise KindError("{} has {} axes; expected {}".format(where, len(shape), len(self.shape)))
         for name, size in zip(self.shape, shape):
             store.bind(sizes, name, size, where)
 
-    def _check_values(self, found, where, store, sizes):
+    def _check_values(self, found: NDArray[Any], where: str, store: Store, sizes: Sizes) -> None:
         if not self._any:
-            self._values._check(found, where, store, sizes)
+            self._values.check(found, where, store, sizes)
 
-    def take_all(self, items, where, store):
+    def take_all(self, items: Sequence[Any], where: str, store: Store) -> None:
         if self._axis is None:
-            fixed = np.zeros([0] + self.shape, self.dtype)
+            fixed = np.zeros([0, *map(int, self.shape)], self.dtype)
             self._expect(np.stack(items) if items else fixed, fixed.ndim, where)
             store.arrays[where] = np.stack(items) if items else fixed
             return
@@ -167,12 +157,12 @@ class Array:
         store.arrays[where] = np.ascontiguousarray(joined)
         store.arrays[where + ".lengths"] = np.array([item.shape[self._axis] for item in items], np.int64)
 
-    def _expect(self, found, axes, where):
+    def _expect(self, found: NDArray[Any], axes: int, where: str) -> None:
         if found.dtype != self.dtype or found.ndim != axes:
             raise KindError("{} is {} with {} axes; expected {} with {}".format(
                 where, found.dtype, found.ndim, self.dtype, axes))
 
-    def give_all(self, where, store, sizes):
+    def give_all(self, where: str, store: Store, sizes: Sizes) -> List[Any]:
         joined = store.array(where, self.dtype)
         if self._axis is None:
             if joined.shape[1:] != tuple(self.shape):
@@ -188,7 +178,7 @@ class Array:
                 or (lengths > joined.shape[self._axis]).any() or int(lengths.sum()) != joined.shape[self._axis]:
             raise KindError("{}: {} does not fit the lengths of its parts".format(where, joined.shape))
         _check_count(len(lengths), where)
-        before = sizes.setdefault(self.shape[self._axis], lengths)
+        before = sizes.setdefault(str(self.shape[self._axis]), lengths)
         if not np.array_equal(before, lengths):
             raise KindError("{}: lengths differ from those of the other attributes".format(where))
         self._check_values(joined, where, store, sizes)
@@ -198,108 +188,143 @@ class Array:
                 for end, length in zip(ends.tolist(), lengths.tolist())]
 
 
-class Group:
+class Group(ListKind):
     """A tuple of kinds."""
 
-    def __init__(self, *kinds):
+    def __init__(self, *kinds: ListKind) -> None:
         self.kinds = kinds
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         if len(value) != len(self.kinds):
             raise KindError("{} has {} parts; expected {}".format(where, len(value), len(self.kinds)))
         for k, kind in enumerate(self.kinds):
             kind.take(value[k], "{}.{}".format(where, k), store)
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         return tuple(kind.give("{}.{}".format(where, k), store, sizes) for k, kind in enumerate(self.kinds))
 
-    def take_all(self, items, where, store):
+    def take_all(self, items: Sequence[Any], where: str, store: Store) -> None:
         for k, kind in enumerate(self.kinds):
             kind.take_all([item[k] for item in items], "{}.{}".format(where, k), store)
 
-    def give_all(self, where, store, sizes):
+    def give_all(self, where: str, store: Store, sizes: Sizes) -> List[Any]:
         return _together([kind.give_all("{}.{}".format(where, k), store, sizes)
                           for k, kind in enumerate(self.kinds)], where)
 
 
-class Record:
-    """An object that ``make(dict of attributes)`` makes."""
+class Record(Kind):
+    """An object that is made of its attributes.
 
-    def __init__(self, make, attributes):
+    Parameters
+    ----------
+    make : callable
+        Returns the object of a dict of attributes.
+    attributes : dict of str to Kind
+    """
+
+    def __init__(self, make: Callable[[Dict[str, Any]], Any], attributes: Mapping[str, Kind]) -> None:
         self.make, self.attributes = make, attributes
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         for name, kind in self.attributes.items():
             kind.take(getattr(value, name), "{}.{}".format(where, name), store)
 
-    def give(self, where, store, sizes):
-        local = {}
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
+        local: Sizes = {}
         return self.make({name: kind.give("{}.{}".format(where, name), store, local)
                           for name, kind in self.attributes.items()})
 
-    def take_all(self, items, where, store):
+
+class ListedRecord(ListKind):
+    """An object of which there is a list; made of its attributes as a :class:`Record`.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the object of a dict of attributes.
+    attributes : dict of str to ListKind
+    """
+
+    def __init__(self, make: Callable[[Dict[str, Any]], Any], attributes: Mapping[str, ListKind]) -> None:
+        self.make, self.attributes = make, attributes
+        self._single = Record(make, attributes)
+
+    def take(self, value: Any, where: str, store: Store) -> None:
+        self._single.take(value, where, store)
+
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
+        return self._single.give(where, store, sizes)
+
+    def take_all(self, items: Sequence[Any], where: str, store: Store) -> None:
         for name, kind in self.attributes.items():
             kind.take_all([getattr(item, name) for item in items], "{}.{}".format(where, name), store)
 
-    def give_all(self, where, store, sizes):
-        local = {}
+    def give_all(self, where: str, store: Store, sizes: Sizes) -> List[Any]:
+        local: Sizes = {}
         columns = [kind.give_all("{}.{}".format(where, name), store, local)
                    for name, kind in self.attributes.items()]
         return [self.make(dict(zip(self.attributes, row))) for row in _together(columns, where)]
 
 
-def _check_count(count, where):
+def _check_count(count: int, where: str) -> None:
     if count > MOST_ITEMS:
         raise KindError("{}: a list of {}; expected at most {}".format(where, count, MOST_ITEMS))
 
 
-def _together(columns, where):
+def _together(columns: Sequence[Sequence[Any]], where: str) -> List[Any]:
     if len({len(column) for column in columns}) != 1:
         raise KindError("{}: its parts are of different length".format(where))
     return list(zip(*columns))
 
 
-class Many:
-    """A list of one kind, stored by columns; as many as ``size`` says, if it is given."""
+class Many(Kind):
+    """A list of one kind, stored by columns.
 
-    def __init__(self, kind, size=None):
+    Parameters
+    ----------
+    kind : ListKind
+    size : str, optional
+        Name of its length.
+    """
+
+    def __init__(self, kind: ListKind, size: Optional[str] = None) -> None:
         self.kind, self.count = kind, size
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         self.kind.take_all(list(value), where, store)
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         found = self.kind.give_all(where, store, sizes)
         if self.count is not None:
             store.bind(sizes, self.count, len(found), where)
         return found
 
 
-class Maybe:
+class Maybe(Kind):
     """One of a kind, or None."""
 
-    def __init__(self, kind):
+    def __init__(self, kind: ListKind) -> None:
         self._list = Many(kind)
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         self._list.take([] if value is None else [value], where, store)
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         found = self._list.give(where, store, sizes)
         if len(found) > 1:
             raise KindError("{}: {} where one is expected".format(where, len(found)))
         return found[0] if found else None
 
 
-class Generator:
+class Generator(Kind):
     """The state of a numpy random generator."""
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
         found = value.bit_generator.state
         store.values[where] = [found["bit_generator"], found["state"]["state"], found["state"]["inc"],
                                found["has_uint32"], found["uinteger"]]
 
-    def give(self, where, store, sizes):
+    def give(self, where: str, store: Store, sizes: Sizes) -> Any:
         found, generator = store.value(where), np.random.default_rng()
         limits, known = (2**128, 2**128, 2, 2**32), generator.bit_generator.state["bit_generator"]
         if not (isinstance(found, list) and len(found) == 5 and found[0] == known
@@ -313,24 +338,39 @@ class Generator:
 class Part:
     """An object that is there already and gets the stored attributes.
 
+    An object with ``compact()`` and ``restore(dict)`` is asked for its stored attributes, and given them back.
+
     Parameters
     ----------
-    stored : dict of str to kind
+    stored : dict of str to Kind or Part
     made : tuple of str
         Attributes that follow from parameters and laser, or from the stored ones.
     file_names : dict of str to str, optional
         Attribute -> its name in the file, where the two differ.
-
-    An object with ``compact()`` and ``restore(dict)`` is asked for its stored attributes, and given them back.
     """
 
-    def __init__(self, stored, made=(), file_names=None):
+    def __init__(self, stored: Mapping[str, Union[Kind, Part]], made: Tuple[str, ...] = (),
+                 file_names: Optional[Mapping[str, str]] = None) -> None:
         self.stored, self.made, self._file_names = stored, made, file_names or {}
 
-    def _place(self, where, name):
+    def _place(self, where: str, name: str) -> str:
         return _below(where, self._file_names.get(name, name))
 
-    def take(self, value, where, store):
+    def take(self, value: Any, where: str, store: Store) -> None:
+        """Put the stored attributes of an object into a store; None has none.
+
+        Parameters
+        ----------
+        value : object
+        where : str
+            Name of the object in the store; empty for the outermost.
+        store : Store
+
+        Raises
+        ------
+        KindError
+            If an attribute is of another type, or neither in ``stored`` nor in ``made``.
+        """
         if value is None:
             return
         values = value.compact() if hasattr(value, "compact") else vars(value)
@@ -342,9 +382,23 @@ class Part:
         for name, kind in self.stored.items():
             kind.take(values[name], self._place(where, name), store)
 
-    def give_to(self, owner, where, store):
-        """Fill an object, with what is stored below a name."""
-        local, values = {}, {}
+    def give_to(self, owner: Any, where: str, store: Store) -> None:
+        """Fill an object, with what is stored below a name.
+
+        Parameters
+        ----------
+        owner : object
+        where : str
+            Name of the object in the store; empty for the outermost.
+        store : Store
+
+        Raises
+        ------
+        KindError
+            If a value is missing, of another type or outside its range.
+        """
+        local: Sizes = {}
+        values: Dict[str, Any] = {}
         for name, kind in self.stored.items():
             if not isinstance(kind, Part):
                 values[name] = kind.give(self._place(where, name), store, local)
@@ -356,5 +410,5 @@ class Part:
             vars(owner).update(values)
 
 
-def _below(where, name):
+def _below(where: str, name: str) -> str:
     return "{}.{}".format(where, name) if where else name

@@ -3,27 +3,38 @@
 
 The index at the end is not used, so the bag of a killed recorder can be read up to its end.
 """
+from __future__ import annotations
+
 import bz2
 import logging
 import os
 import struct
-from collections import namedtuple
+from typing import Callable, Dict, Iterator, NamedTuple, Optional, Tuple
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_CHUNK, OP_CONNECTION = 2, 5, 7
 LARGEST_CHUNK = 2**30       # of a truncated file; a greater length is damaged
 
-Message = namedtuple("Message", "topic type data")
+Fields = Dict[bytes, bytes]         # of a record header
 log = logging.getLogger(__name__)
+
+
+class Message(NamedTuple):
+    """A message of a bag: its topic, the name of its type, and its serialised content."""
+
+    topic: str
+    type: str
+    data: bytes
 
 
 class BagError(OSError):
     """A file is no ROS 1 bag of format 2.0, or cannot be read."""
 
 
-def _fields(header):
-    """Return the fields of a record header as a dict of bytes."""
-    fields, at = {}, 0
+def _fields(header: bytes) -> Fields:
+    """Return the fields of a record header."""
+    fields: Fields = {}
+    at = 0
     while at + 4 <= len(header):
         size = struct.unpack_from("<I", header, at)[0]
         name, _, value = header[at + 4:at + 4 + size].partition(b"=")
@@ -32,12 +43,13 @@ def _fields(header):
     return fields
 
 
-def _lz4(data, size):
+def _lz4(data: bytes, size: int) -> bytes:
     import roslz4
-    return roslz4.decompress(data) if size else b""
+    unpacked: bytes = roslz4.decompress(data) if size else b""
+    return unpacked
 
 
-def _unpacked(fields, data):
+def _unpacked(fields: Fields, data: bytes) -> bytes:
     """Return the records inside a chunk."""
     kind = fields.get(b"compression", b"none")
     if kind == b"none":
@@ -53,11 +65,11 @@ class _EndOfFile(BagError):
     """The file ends, or the start of the next record is unknown."""
 
 
-def _is_plain_chunk(fields):
+def _is_plain_chunk(fields: Fields) -> bool:
     return fields.get(b"op") == bytes([OP_CHUNK]) and fields.get(b"compression", b"none") == b"none"
 
 
-def _piece(records, at):
+def _piece(records: bytes, at: int) -> Tuple[bytes, int]:
     """Return the bytes after the length at ``at``, and where they end."""
     size = struct.unpack_from("<I", records, at)[0]
     if at + 4 + size > len(records):
@@ -87,7 +99,7 @@ class BagFile:
         If the file cannot be opened or is no such bag.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str) -> None:
         self._path = path
         try:
             self._stream = open(path, "rb")
@@ -98,16 +110,18 @@ class BagFile:
         if magic != MAGIC:
             self._stream.close()
             raise BagError("{}: begins with {!r}; expected a ROS 1 bag, {!r}".format(path, magic[:13], MAGIC))
-        self.topics, self.damage, self.fraction = {}, None, 0.0
-        self._connections = {}
+        self.topics: Dict[str, str] = {}
+        self.damage: Optional[str] = None
+        self.fraction = 0.0
+        self._connections: Dict[bytes, Tuple[str, str]] = {}        # topic and type, by number
 
-    def __enter__(self):
+    def __enter__(self) -> BagFile:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._stream.close()
 
-    def messages(self, wanted):
+    def messages(self, wanted: Callable[[str], bool]) -> Iterator[Message]:
         """Yield a Message for each one of the topics for which ``wanted(topic)`` holds.
 
         Damaged parts are skipped: the rest of a chunk, or the rest of the file if the length of a record is wrong.
@@ -128,11 +142,11 @@ class BagFile:
                 self._damaged(at, error)
             self.fraction = self._stream.tell() / max(1, self._size)
 
-    def _damaged(self, at, error):
+    def _damaged(self, at: int, error: object) -> None:
         if self.damage is None:
             self.damage = "{}: broken at byte {} of {}: {}".format(self._path, at, self._size, error)
 
-    def _record(self):
+    def _record(self) -> Optional[Tuple[Fields, bytes]]:
         """Return header fields and data of the next record, None at the end; of a truncated chunk the existing part."""
         at = self._stream.tell()
         head = self._stream.read(4)
@@ -147,7 +161,7 @@ class BagFile:
             size = self._size - self._stream.tell()
         return fields, self._exactly(size)
 
-    def _exactly(self, size):
+    def _exactly(self, size: int) -> bytes:
         if size > self._size:
             raise _EndOfFile("a length of {} bytes".format(size))
         data = self._stream.read(size)
@@ -155,7 +169,7 @@ class BagFile:
             raise _EndOfFile("the file ends in the middle of a record")
         return data
 
-    def _inside(self, fields, data, wanted):
+    def _inside(self, fields: Fields, data: bytes, wanted: Callable[[str], bool]) -> Iterator[Message]:
         kind = fields[b"op"][0]
         if kind == OP_CHUNK:
             records, at = _unpacked(fields, data), 0

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Detection of single transforms far ahead of time: one of them would remove all others from a buffer."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Dict, Set
+
+if TYPE_CHECKING:
+    import genpy
 
 JUMP = 1.0      # stamps older by more than this are a jump back in time, if the next ones are too [s]
 
@@ -13,11 +19,12 @@ class FarAhead:
         Greatest difference to the transform before of the same frame [s].
     """
 
-    def __init__(self, limit):
+    def __init__(self, limit: float) -> None:
         self._limit = int(1e9 * limit)
-        self._newest, self._suspects = {}, set()
+        self._newest: Dict[str, int] = {}       # stamp [ns], by child frame
+        self._suspects: Set[str] = set()
 
-    def has(self, child, stamp):
+    def has(self, child: str, stamp: genpy.Time) -> bool:
         """Return whether the next transform should be ignored.
 
         Parameters
@@ -35,7 +42,7 @@ class FarAhead:
         self._newest[child] = now
         return False
 
-    def forget(self):
+    def forget(self) -> None:
         """Reset after a jump in time."""
         self._newest.clear()
         self._suspects.clear()

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``slam_gmapping_replay``: makes a map and a trajectory from a bag, as fast as possible."""
+from __future__ import annotations
+
 import argparse
 import logging
 import math
@@ -7,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple
 
 import yaml
 
@@ -23,13 +26,22 @@ from m2wr_gmapping.replay.run_statistics import Stopwatch, peak_memory_mib
 from m2wr_gmapping.replay.scan_source import ScanSource
 from m2wr_node.numbers import number
 
+if TYPE_CHECKING:
+    from sensor_msgs.msg import LaserScan
+
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.filter.occupancy import Grid
+    from m2wr_gmapping.mapper import Mapper
+    from m2wr_gmapping.replay.scan_source import Transform
+    from m2wr_gmapping.ros.replay_node import ReplayNode
+
 log = logging.getLogger("slam_gmapping_replay")
 PROGRESS_PERIOD = 1.0       # [s]
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 LONGEST_BUFFER = 1e9        # about half the limit of a duration of ROS [s]
 
 
-def parse(arguments):
+def parse(arguments: Sequence[str]) -> Tuple[argparse.Namespace, Dict[str, Any]]:
     """Return options and private parameters from a command line that may hold ``_name:=value`` and remappings."""
     parser = argparse.ArgumentParser(prog="slam_gmapping_replay", description=__doc__.split(": ", 1)[1],
                                      epilog="Parameters: _name:=value, as for slam_gmapping.")
@@ -51,7 +63,10 @@ def parse(arguments):
     add("--pose", nargs=3, type=float, metavar=("X", "Y", "YAW"),
         help="pose of the base on that map at the first scan [m, rad] (default: odometry)")
     add("--quiet", action="store_true", help="no progress")
-    plain, parameters, remaps, launched = [], {}, {}, False
+    plain: List[str] = []
+    parameters: Dict[str, Any] = {}
+    remaps: Dict[str, str] = {}
+    launched = False
     for word in arguments:
         name, assigned, value = word.partition(":=")
         if not assigned or name.startswith("--"):
@@ -77,7 +92,7 @@ def parse(arguments):
     return options, parameters
 
 
-def settle_time(parameters):
+def settle_time(parameters: Dict[str, Any]) -> float:
     """Remove the parameter ``settle_time`` from a dict and return it [s]; raises ConfigError."""
     given = parameters.pop("settle_time", 0.0)
     value = number(given)
@@ -86,12 +101,12 @@ def settle_time(parameters):
     return value
 
 
-def files_wanted(options):
+def files_wanted(options: argparse.Namespace) -> bool:
     """Return whether an output file is requested."""
     return any(getattr(options, name) for name in result_files.NAMES)
 
 
-def as_node(options):
+def as_node(options: argparse.Namespace) -> Optional[ReplayNode]:
     """Return the ReplayNode of this run, or None; launch files and runs without output files need one."""
     if files_wanted(options) and not (options.launched or options.on_done):
         return None
@@ -116,32 +131,35 @@ class Replay:
         Publishes each map.
     """
 
-    def __init__(self, bag, options, config, beginning=None, settle=0.0, node=None):
+    def __init__(self, bag: BagFile, options: argparse.Namespace, config: GmappingConfig,
+                 beginning: Optional[InitialState] = None, settle: float = 0.0,
+                 node: Optional[ReplayNode] = None) -> None:
         self.bag, self._options, self._config = bag, options, config
         self._settle, self._node = settle, node
         self._beginning = beginning or InitialState()
         self.source = ScanSource(bag, options.scan_topic, config["odom_frame"], config["base_frame"],
                                  options.max_duration_buffer, config["map_frame"])
-        self.mapper = None
-        self.grid = None
-        self.online = []
+        self.mapper: Optional[Mapper] = None
+        self.grid: Optional[Grid] = None
+        self.online: List[Tuple[float, FloatArray]] = []        # stamp [s], pose of the base
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
         self.stopped = False
         self.refused = 0
         self._arrived = self._left_out = self._generation = 0
-        self._map_stamp = self._laser_frame = None
-        self._first_stamp = None
-        self.snapshot = None            # snapshot after the last scan, if a state is saved
+        self._laser_frame = ""
+        self._map_stamp: Optional[float] = None
+        self._first_stamp: Optional[float] = None
+        self.snapshot: Optional[state.Snapshot] = None          # after the last scan, if a state is saved
         loaded = self._beginning.loaded
         if loaded is not None:
             self._arrived, self._map_stamp = loaded.host.get("arrived", 0), loaded.host.get("map_stamp")
         self._told = time.monotonic()
 
-    def stop(self, *_):
+    def stop(self, *_: object) -> None:
         """Stop after the current scan; a signal handler."""
         self.stopped = True
 
-    def run(self):
+    def run(self) -> None:
         """Process all scans, until the end or ``stop``."""
         for scan, odom_from_laser in self.source:
             if self.stopped:
@@ -159,30 +177,32 @@ class Replay:
                 if not self.refused:
                     log.warning("scan at %.3f refused: %s", scan.header.stamp.to_sec(), error)
                 self.refused += 1
-        if self.mapper is not None and self.mapper.filter is not None:
+        mapper = self.mapper
+        if mapper is not None and mapper.filter is not None:
             if self._options.save_state:
-                self.snapshot = state.snapshot(self.mapper, dict(arrived=self._arrived, map_stamp=self._map_stamp))
+                self.snapshot = state.snapshot(mapper, dict(arrived=self._arrived, map_stamp=self._map_stamp))
             with self.filter_watch:
-                self.mapper.finish()
-            self._map(exact=True)
+                mapper.finish()
+            self._map(mapper, exact=True)
         self._progress(last=True)
 
-    def _scan(self, scan, odom_from_laser):
+    def _scan(self, scan: LaserScan, odom_from_laser: Transform) -> None:
         stamp = scan.header.stamp.to_sec()
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         if stamp < self._first_stamp + self._settle:
             self._left_out += 1
             return
-        if self.mapper is None and not self._begin(scan):
+        mapper = self._begin(scan) if self.mapper is None else self.mapper
+        if mapper is None:
             return
         if scan.header.frame_id.lstrip("/") != self._laser_frame:
             raise ScanError("its frame is {}; expected {} as in the first one".format(
                 scan.header.frame_id.lstrip("/"), self._laser_frame))
-        laser = self.mapper.laser
+        laser = mapper.laser
         with self.filter_watch:
-            reading, odom_pose = self.mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
-            told = self._beginning.connect(self.mapper, reading, odom_pose, stamp)
-            update = self.mapper.process(reading, odom_pose, stamp, laser.slope(odom_from_laser[1]))
+            reading, odom_pose = mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
+            told = self._beginning.connect(mapper, reading, odom_pose, stamp)
+            update = mapper.process(reading, odom_pose, stamp, laser.slope(odom_from_laser[1]))
         if told:
             log.info("%s", told)
         if update.processed:
@@ -190,11 +210,10 @@ class Replay:
             since = math.inf if self._map_stamp is None else stamp - self._map_stamp
             if not 0.0 <= since <= self._config["map_update_interval"]:
                 self._map_stamp = stamp
-                self._map()
-        if update.processed:
-            self.online.append((stamp, self.mapper.base_poses(update.pose)))
+                self._map(mapper)
+            self.online.append((stamp, mapper.base_poses(update.pose)))
 
-    def _start_new_run(self):
+    def _start_new_run(self) -> None:
         """Start a new run after a jump back in time, as the live node does."""
         self._generation = self.source.generation
         if self.mapper is not None:
@@ -204,11 +223,11 @@ class Replay:
         self.online = []
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
 
-    def _begin(self, scan):
+    def _begin(self, scan: LaserScan) -> Optional[Mapper]:
         mount = self.source.base_from_laser(scan)
         if mount is None:
             self.refused += 1
-            return False
+            return None
         laser = LaserModel.from_message(
             scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
             mount, self._config["maxRange"], self._config["maxUrange"])
@@ -219,17 +238,17 @@ class Replay:
                         else "half the beams of a scan are used instead")
         self.mapper = self._beginning.mapper(self._config, laser)
         self._laser_frame = scan.header.frame_id.lstrip("/")
-        return True
+        return self.mapper
 
-    def _map(self, exact=False):
+    def _map(self, mapper: Mapper, exact: bool = False) -> None:
         self.grid = None                # release the old map first: at the default size it has 16 million cells
         with self.map_watch:
-            self.grid = self.mapper.occupancy(exact)
+            self.grid = mapper.occupancy(exact)
         self.map_watch.piece()
         if self._node is not None:
-            self._node.show(self.grid, self.mapper.entropy, self._config["map_frame"].lstrip("/"))
+            self._node.show(self.grid, mapper.entropy, self._config["map_frame"].lstrip("/"))
 
-    def _progress(self, last=False):
+    def _progress(self, last: bool = False) -> None:
         if self._options.quiet or (not last and time.monotonic() - self._told < PROGRESS_PERIOD):
             return
         self._told = time.monotonic()
@@ -239,7 +258,7 @@ class Replay:
             "\n" if last else ""))
         sys.stderr.flush()
 
-    def complaint(self):
+    def complaint(self) -> Optional[str]:
         """Return why the bag gave no map, or None."""
         source = self.source
         if self.mapper is not None and self.mapper.filter is not None:
@@ -257,9 +276,10 @@ class Replay:
             source.why or "See the warning above", ", ".join(sorted(source.frames)), self._config["odom_frame"],
             self._config["base_frame"])
 
-    def statistics(self):
-        """Return the content of the statistics file (dict)."""
+    def statistics(self) -> Dict[str, Any]:
+        """Return the content of the statistics file; call this after a run that gave a map."""
         mapper = self.mapper
+        assert mapper is not None
         updates = self.map_watch.summary()
         return dict(
             scans=self.source.scans, processed=mapper.processed, tracked=mapper.tracked,
@@ -267,11 +287,19 @@ class Replay:
             refused=self.refused + self.source.odd, time_jumps=self.source.generation,
             particles=self._config["particles"], beams=len(mapper.laser.angles), seed=self._config["seed"],
             processScan=self.filter_watch.summary(), map_updates=updates, peak_memory_mib=peak_memory_mib(),
-            resamplings=mapper.filter.resamplings, **mapper.info())
+            resamplings=mapper.particles.resamplings, **mapper.info())
 
 
-def prepare(options, parameters, node):
-    """Return the Replay for options, parameters (dict) and those of the node.
+def prepare(options: argparse.Namespace, parameters: Dict[str, Any], node: Optional[ReplayNode]) -> Replay:
+    """Return the replay of a bag.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    parameters : dict of str to object
+        Private parameters of the command line.
+    node : ReplayNode or None
+        Gives the parameters of the server.
 
     Raises
     ------
@@ -295,13 +323,18 @@ def prepare(options, parameters, node):
     return replay
 
 
-def run_and_save(replay, options):
-    """Run a replay to its end or the first signal, and write the output files; returns the exit code.
+def run_and_save(replay: Replay, options: argparse.Namespace) -> int:
+    """Run a replay to its end or the first signal, and write the output files.
 
     Parameters
     ----------
     replay : Replay
     options : argparse.Namespace
+
+    Returns
+    -------
+    int
+        Exit code.
     """
     ends = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:               # nohup ignores it
@@ -330,7 +363,8 @@ def run_and_save(replay, options):
     finally:
         for end, handler in before:
             signal.signal(end, handler)
-    replay.mapper.close()
+    if replay.mapper is not None:
+        replay.mapper.close()
     for path in written:
         log.info("wrote %s", path)
     for error in errors:
@@ -338,7 +372,7 @@ def run_and_save(replay, options):
     return FAILED if errors else INTERRUPTED if replay.stopped else 0
 
 
-def main(arguments=None):
+def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
     logging.basicConfig(format="%(levelname)s %(message)s", stream=sys.stderr)     # of rospy only warnings
     for name in (log.name, "m2wr_gmapping"):
@@ -359,10 +393,18 @@ def main(arguments=None):
             node.leave()
 
 
-def work(options, parameters, node=None):
-    """Run the replay and the command of ``--on_done``; returns the exit code.
+def work(options: argparse.Namespace, parameters: Dict[str, Any], node: Optional[ReplayNode] = None) -> int:
+    """Run the replay and the command of ``--on_done``.
 
-    Raises as ``prepare``.
+    Parameters
+    ----------
+    options, parameters, node
+        As for :func:`prepare`, which raises the same errors.
+
+    Returns
+    -------
+    int
+        Exit code.
     """
     replay = prepare(options, parameters, node)
     compile_kernels()

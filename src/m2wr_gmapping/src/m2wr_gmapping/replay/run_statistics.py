@@ -1,42 +1,54 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Times and memory of a run, for the statistics file."""
+from __future__ import annotations
+
 import resource
 import sys
 import time
+from typing import Any, Dict, List, Tuple
 
 import numpy as np
 
 
 class Stopwatch:
-    """Wall and CPU time of pieces of work; time outside pieces is added to the next one."""
+    """Wall and CPU time of pieces of work; time outside pieces is added to the next one.
 
-    def __init__(self):
-        self.wall, self.cpu = [], []
+    Attributes
+    ----------
+    wall, cpu : list of float
+        Times of the pieces [s].
+    """
+
+    _begun: Tuple[float, float]         # wall and CPU time when the context was entered [s]
+
+    def __init__(self) -> None:
+        self.wall: List[float] = []
+        self.cpu: List[float] = []
         self._pending = np.zeros(2)
 
-    def __enter__(self):
+    def __enter__(self) -> Stopwatch:
         self._begun = time.perf_counter(), time.process_time()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._pending += time.perf_counter() - self._begun[0], time.process_time() - self._begun[1]
 
-    def piece(self):
+    def piece(self) -> None:
         """End a piece: its time is everything measured since the last one."""
         self.wall.append(self._pending[0])
         self.cpu.append(self._pending[1])
         self._pending[:] = 0.0
 
-    def summary(self):
-        """Return count and, for wall and CPU, total [s], mean, median and 95th percentile [ms] (dict)."""
-        def of(times, pending):
+    def summary(self) -> Dict[str, Any]:
+        """Return count and, for wall and CPU, total [s], mean, median and 95th percentile [ms]."""
+        def of(times: List[float], pending: float) -> Dict[str, float]:
             ms = 1e3 * np.array(times or [0.0])
             return dict(total_s=round(float(ms.sum() * 1e-3 + pending), 6), mean_ms=round(float(ms.mean()), 4),
                         median_ms=round(float(np.median(ms)), 4), p95_ms=round(float(np.percentile(ms, 95)), 4))
         return dict(count=len(self.wall), wall=of(self.wall, self._pending[0]), cpu=of(self.cpu, self._pending[1]))
 
 
-def peak_memory_mib():
+def peak_memory_mib() -> float:
     """Return the peak memory of this process [MiB]."""
     try:            # ru_maxrss, below, includes the process before exec
         with open("/proc/self/status", encoding="ascii") as status:

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scans with the pose of their laser, from the messages of a bag."""
+from __future__ import annotations
+
 import logging
 from collections import deque
+from typing import TYPE_CHECKING, Deque, Dict, Iterator, List, Optional, Set, Tuple, Union
 
 import rospy
 import tf2_ros
@@ -11,6 +14,14 @@ from tf2_msgs.msg import TFMessage
 from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
+
+if TYPE_CHECKING:
+    import genpy
+    from geometry_msgs.msg import TransformStamped
+
+    from m2wr_gmapping.replay.bag_messages import BagFile, Message
+
+    Transform = Tuple[Tuple[float, float, float], Tuple[float, float, float, float]]    # translation, quaternion
 
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
@@ -43,25 +54,27 @@ class ScanSource:
         Number of jumps back in time, as by a reset of a simulation; each one starts a new run.
     """
 
-    def __init__(self, bag, scan_topic, odom_frame, base_frame, buffer_length, map_frame=None):
+    def __init__(self, bag: BagFile, scan_topic: str, odom_frame: str, base_frame: str, buffer_length: float,
+                 map_frame: Optional[str] = None) -> None:
         self._bag = bag
         self._topic = "/" + scan_topic.lstrip("/")
         self._odom, self._base = odom_frame.lstrip("/"), base_frame.lstrip("/")
         self._map = map_frame and map_frame.lstrip("/")
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(buffer_length))
         self._far_ahead = FarAhead(GAP)
-        self._waiting = deque()
+        self._waiting: Deque[LaserScan] = deque()
         self._newest = 0.0
-        self._newest_of = {}            # child frame -> its newest stamp [ns]
-        self._old = []                  # transforms since the last scan that are older than earlier ones
-        self._last = self._odd = None   # stamp of the newest scan; the last scan, if it looked like a jump back
-        self._older_nodes = None             # stamp of the scan before the newest
+        self._newest_of: Dict[str, int] = {}        # child frame -> its newest stamp [ns]
+        self._old: List[TransformStamped] = []      # transforms since the last scan that are older than earlier ones
+        self._last: Optional[genpy.Time] = None             # stamp of the newest scan
+        self._odd: Optional[LaserScan] = None               # the last scan, if it looked like a jump back
+        self._before_last: Optional[genpy.Time] = None      # stamp of the scan before the newest
         self._begun = False             # whether a scan of this run was yielded
         self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
-        self.why = None                 # why a scan has no transform
-        self.frames = set()
+        self.why: Optional[str] = None          # why a scan has no transform
+        self.frames: Set[str] = set()
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[Tuple[LaserScan, Transform]]:
         """Yield (LaserScan, odom_from_laser) with the transform as translation and quaternion."""
         for message in self._bag.messages(lambda topic: topic in (self._topic, TF, TF_STATIC)):
             try:
@@ -93,7 +106,7 @@ class ScanSource:
             if pair:
                 yield pair
 
-    def _put(self, scan):
+    def _put(self, scan: LaserScan) -> None:
         """Queue a scan; the second one in a row that is much older starts a new run."""
         stamp = scan.header.stamp
         fault = fault_of(scan.header)
@@ -102,27 +115,28 @@ class ScanSource:
         if self._is_far_ahead_of(stamp):
             self._waiting.pop()
             self.odd += 1
-            self._last = self._older_nodes
+            self._last = self._before_last
         if self._last is not None and (self._last - stamp).to_sec() > JUMP:
             if self._odd is None or stamp < self._odd.header.stamp:
                 self.odd += self._odd is not None
                 self._odd = scan
                 return
-            self._jump(stamp)
+            self._jump(self._last, stamp)
             self._waiting.append(self._odd)
         elif self._odd is not None:
             self.odd += 1
-        self._odd, self._older_nodes, self._last = None, self._last, stamp
+        self._odd, self._before_last, self._last = None, self._last, stamp
         self._old.clear()
         self._waiting.append(scan)
 
-    def _is_far_ahead_of(self, stamp):
+    def _is_far_ahead_of(self, stamp: genpy.Time) -> bool:
         """Whether only the newest scan, which still waits, is far ahead of this one."""
-        return (self._older_nodes is not None and self._older_nodes <= stamp and (self._last - stamp).to_sec() > JUMP
-                and bool(self._waiting) and self._waiting[-1].header.stamp == self._last)
+        return (self._last is not None and self._before_last is not None and self._before_last <= stamp
+                and (self._last - stamp).to_sec() > JUMP and bool(self._waiting)
+                and self._waiting[-1].header.stamp == self._last)
 
-    def _jump(self, stamp):
-        log.warning("time jumps back from %.3f to %.3f in the bag: starting a new map", self._last.to_sec(),
+    def _jump(self, before: genpy.Time, stamp: genpy.Time) -> None:
+        log.warning("time jumps back from %.3f to %.3f in the bag: starting a new map", before.to_sec(),
                     stamp.to_sec())
         self.generation += 1
         self._begun, self._newest = False, 0.0
@@ -133,7 +147,7 @@ class ScanSource:
         for transform in self._old:
             self._put_transform(transform)
 
-    def _take(self, message):
+    def _take(self, message: Message) -> None:
         transforms = TFMessage()
         transforms.deserialize(message.data)
         for transform in transforms.transforms:
@@ -155,7 +169,7 @@ class ScanSource:
             self._newest_of[child] = max(stamp, self._newest_of.get(child, 0))
             self._put_transform(transform)
 
-    def _put_transform(self, transform, static=False):
+    def _put_transform(self, transform: TransformStamped, static: bool = False) -> None:
         try:
             if static:
                 self._buffer.set_transform_static(transform, "bag")
@@ -165,7 +179,7 @@ class ScanSource:
         except tf2_ros.TransformException as error:
             log.debug("transform %s -> %s: %s", transform.header.frame_id, transform.child_frame_id, error)
 
-    def _ready(self, scan, patience):
+    def _ready(self, scan: LaserScan, patience: Optional[float]) -> Union[Tuple[LaserScan, Transform], Tuple[()], None]:
         """Return (scan, transform), None to wait for more, or () to drop the scan."""
         frame = scan.header.frame_id.lstrip("/")
         try:
@@ -183,14 +197,14 @@ class ScanSource:
                 self._odom, frame, scan.header.stamp.to_sec(), str(error).rstrip(" ."))
             return ()
 
-    def _begins_after(self, frame, stamp):
+    def _begins_after(self, frame: str, stamp: genpy.Time) -> bool:
         """Whether the transform of a frame is known only for later times."""
         try:
-            return self._buffer.get_latest_common_time(self._odom, frame) > stamp
+            return bool(self._buffer.get_latest_common_time(self._odom, frame) > stamp)
         except tf2_ros.TransformException:
             return False
 
-    def base_from_laser(self, scan):
+    def base_from_laser(self, scan: LaserScan) -> Optional[Transform]:
         """Return translation and quaternion of the scan's frame in the base frame, or None."""
         frame = scan.header.frame_id.lstrip("/")
         for stamp in (scan.header.stamp, rospy.Time(0)):

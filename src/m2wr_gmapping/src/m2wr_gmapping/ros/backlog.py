@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Skipping of intermediate scans that arrive faster than they can be matched; due scans are never skipped."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from m2wr_gmapping.se2 import between
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.mapper import Mapper
 
 SOME, MANY = 0.1, 0.5       # fill level of the queue from which close scans, and all intermediate scans, are skipped
 FEW = 3                     # scans that may wait for transforms without being a backlog
 NEARBY = np.array([0.075, 0.075, 0.05])     # a match with so small a step needs no search [m, m, rad]
 
 
-def may_pass(mapper, odom_pose, stamp, waiting, limit):
+def may_pass(mapper: Mapper, odom_pose: FloatArray, stamp: float, waiting: int, limit: int) -> bool:
     """Return whether a scan may be skipped because others wait; odometry then continues from the last used scan.
 
     Parameters

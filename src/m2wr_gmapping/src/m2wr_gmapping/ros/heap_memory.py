@@ -2,18 +2,19 @@
 """Limits the memory of the mapper's process to what the map needs.
 
 A map consists of thousands of small arrays and a few large ones. glibc creates a heap for each thread (at most eight
-per
-core), and free space in one heap is not used by other threads. Large arrays are outside the heaps, but only if they are
-larger than the largest one freed so far. So after some maps the large arrays lie between small ones, and each heap
-keeps its greatest size.
+per core), and free space in one heap is not used by other threads. Large arrays are outside the heaps, but only if
+they are larger than the largest one freed so far. So after some maps the large arrays lie between small ones, and each
+heap keeps its greatest size.
 """
+from __future__ import annotations
+
 import ctypes
 
 _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8        # of glibc's mallopt
 LARGEST_IN_HEAP = 256 << 10     # above the arrays of scans (20 kB), below those of maps and messages (0.5 to 4 MB)
 
 
-def use_one_heap():
+def use_one_heap() -> bool:
     """Let all threads share one heap without large arrays; call this before numpy starts threads.
 
     Python runs one thread at a time and kernels hardly allocate, so threads do not wait for the heap. A large array is

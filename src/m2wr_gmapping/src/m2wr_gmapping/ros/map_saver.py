@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``map_saver``: waits for a map and writes it as a picture and a YAML file."""
+from __future__ import annotations
+
 import argparse
 import math
 import sys
 import threading
+from typing import List, Sequence
 
 import rospy
 
@@ -14,7 +17,7 @@ from m2wr_node.ros.starting import start_node
 WAIT_WARNING = 5.0      # [s], wall
 
 
-def parse(arguments):
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the options of a command line without ROS arguments."""
     parser = argparse.ArgumentParser(prog="map_saver", description="Writes the map on the topic map (another one: "
                                      "map:=TOPIC) as NAME.pgm and NAME.yaml, both or neither.")
@@ -27,8 +30,25 @@ def parse(arguments):
     return options
 
 
-def save(message, options):
-    """Write a map message; returns the paths."""
+def save(message: ArrayGrid, options: argparse.Namespace) -> List[str]:
+    """Write a map.
+
+    Parameters
+    ----------
+    message : ArrayGrid
+    options : argparse.Namespace
+        Of :func:`parse`.
+
+    Returns
+    -------
+    list of str
+        The paths.
+
+    Raises
+    ------
+    ValueError, MapFileError
+        As of ``m2wr_gmapping.io.map_file.save``.
+    """
     info = message.info
     data = message.data.reshape(info.height, info.width)
     turn = info.origin.orientation
@@ -37,16 +57,17 @@ def save(message, options):
                          options.free, options.occ)
 
 
-def main():
+def main() -> int:
     """Entry point of the executable; returns the exit code."""
     options = parse(rospy.myargv(sys.argv)[1:])
     try:
         start_node("map_saver", anonymous=True, disable_rostime=True)
     except rospy.ROSException:
         return 1
-    came, found = threading.Event(), []
+    came = threading.Event()
+    found: List[ArrayGrid] = []
 
-    def take(message):
+    def take(message: ArrayGrid) -> None:
         if not came.is_set():
             found.append(message)
             came.set()

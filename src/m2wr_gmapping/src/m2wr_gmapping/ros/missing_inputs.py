@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Warnings about missing scans, transforms and clock, with their usual publisher."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Collection, Iterable, Optional, Tuple
+
 import rospy
 from sensor_msgs.msg import LaserScan
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.ros.scan_input import Intake
 
 FIRST, PERIOD = 5.0, 10.0   # until the first warning, and between two [s], wall
 APART = 10.0                # a larger difference of stamps means different clocks [s]
 
 
-def warn_about_missing_inputs(intake, topic):
+def warn_about_missing_inputs(intake: Intake, topic: str) -> None:
     """Warn while no scan has arrived on ``topic`` or simulated time is 0; returns when both have started.
 
     Parameters
@@ -34,14 +41,14 @@ def warn_about_missing_inputs(intake, topic):
             continue
 
 
-def no_scan(topic, published):
+def no_scan(topic: str, published: Iterable[Tuple[str, str]]) -> str:
     """Return a message about missing scans.
 
     Parameters
     ----------
     topic : str
         Resolved name.
-    published : sequence of (str, str)
+    published : iterable of (str, str)
         All published topics and their types.
     """
     kinds = dict(published)
@@ -55,14 +62,15 @@ def no_scan(topic, published):
         ". Use one of them with scan:={}".format(others[0]) if others and topic not in others else "")
 
 
-def usual_source(target, source, frames, newest, stamp, parameter):
+def usual_source(target: str, source: str, frames: Collection[str], newest: Optional[float], stamp: float,
+                 parameter: str) -> str:
     """Return the usual publisher of a missing transform, or another reason; starts with a full stop, or is empty.
 
     Parameters
     ----------
     target, source : str
         Frames of the odometry, or the base, and of the laser.
-    frames : set of str
+    frames : collection of str
         All known frames.
     newest : float or None
         Newest time for which the transform is known, 0 for a static one, None if unknown [s].

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The private parameters of the node: those of the filter, and its own."""
+from __future__ import annotations
+
 import math
 import os
-import typing
 from dataclasses import dataclass, replace
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import rospy
 
@@ -48,12 +50,12 @@ class NodeOptions:
     respawn: bool = False
     odometry_runs_on: bool = True
     map_file: str = ""
-    initial_pose_x: typing.Optional[float] = None
-    initial_pose_y: typing.Optional[float] = None
-    initial_pose_a: typing.Optional[float] = None
+    initial_pose_x: Optional[float] = None
+    initial_pose_y: Optional[float] = None
+    initial_pose_a: Optional[float] = None
 
     @property
-    def initial_pose(self):
+    def initial_pose(self) -> Optional[List[float]]:
         """Pose (3,) of the base on the saved map, with 0 for missing values; None without any value."""
         given = self.initial_pose_x, self.initial_pose_y, self.initial_pose_a
         return None if given == (None, None, None) else [value or 0.0 for value in given]
@@ -74,24 +76,26 @@ NODE_PARAMETERS = {
     "initial_pose_y": "y, likewise [m]",
     "initial_pose_a": "heading, within 0.5 rad [rad]",
 }
-MIN_DEVIATION = {"scan_queue": 1, "settle_time": 0.0, "state_save_period": 0.0}
+LEAST = {"scan_queue": 1, "settle_time": 0.0, "state_save_period": 0.0}
 
 
-def private_parameters():
-    """Return the node's private parameters on the server (dict)."""
+def private_parameters() -> Dict[str, Any]:
+    """Return the node's private parameters on the server."""
     return dict(rospy.get_param("~", {}) or {})
 
 
-def read_parameters(given):
-    """Return (GmappingConfig, NodeOptions) and warnings (list of str); raises ConfigError."""
-    filtered, own, warnings = dict(given), {}, []
+def read_parameters(given: Mapping[str, Any]) -> Tuple[GmappingConfig, NodeOptions, List[str]]:
+    """Return the parameters of the filter, those of the node, and warnings; raises ConfigError."""
+    filtered = dict(given)
+    own: Dict[str, Any] = {}
+    warnings: List[str] = []
     for name in NODE_PARAMETERS:
         if name not in filtered:
             continue
         value, default = filtered.pop(name), getattr(NodeOptions, name)
         kind, amount = float if default is None else type(default), number(value)
         if kind in (int, float) and amount is not None and math.isfinite(amount) \
-                and amount >= MIN_DEVIATION.get(name, -math.inf):
+                and amount >= LEAST.get(name, -math.inf):
             own[name] = kind(amount)
         elif kind in (str, bool) and isinstance(value, kind):
             own[name] = value
@@ -108,7 +112,7 @@ def read_parameters(given):
 AT_FIRST_SCAN = ("maxRange", "maxUrange")      # gmapping reads these then, all others at the start
 
 
-def read_ranges(config):
+def read_ranges(config: GmappingConfig) -> GmappingConfig:
     """Return a GmappingConfig with the present ``maxRange`` and ``maxUrange`` of the server.
 
     If the server does not answer or has an unusable value, those of ``config`` are kept.
@@ -123,17 +127,23 @@ def read_ranges(config):
     return replace(config, values=tuple(values.items()))
 
 
-def tf_prefix():
+def tf_prefix() -> str:
     """Return the parameter ``tf_prefix`` of this node, searched upwards; empty if there is none."""
     found = rospy.search_param("tf_prefix")
     prefix = rospy.get_param(found) if found else ""
     return prefix.strip("/") if isinstance(prefix, str) else ""
 
 
-def with_prefix(config, prefix):
-    """Return a GmappingConfig whose frames have the prefix, as tf resolves names.
+def with_prefix(config: GmappingConfig, prefix: str) -> GmappingConfig:
+    """Return a configuration whose frames have a prefix, as tf resolves names.
 
     A name with a leading slash, or with the prefix already, is not changed.
+
+    Parameters
+    ----------
+    config : GmappingConfig
+    prefix : str
+        Without slashes at its ends; empty: none.
     """
     values = config.as_dict()
     for name in ("base_frame", "odom_frame", "map_frame"):
@@ -145,7 +155,7 @@ def with_prefix(config, prefix):
     return replace(config, values=tuple(values.items()))
 
 
-def save_on_exit_warnings(name):
+def save_on_exit_warnings(name: str) -> List[str]:
     """Return warnings (list of str) if a map cannot be written as ``name`` (may be empty) at the end."""
     folder = os.path.dirname(os.path.abspath(os.path.expanduser(name)))
     if not name or (os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK)):
@@ -154,7 +164,7 @@ def save_on_exit_warnings(name):
         "this node may not write into" if os.path.isdir(folder) else "there is no folder", folder)]
 
 
-def check_frames(config):
+def check_frames(config: GmappingConfig) -> None:
     """Raise ConfigError unless base, odometry and map have three different frames."""
     names = {name: frame(config[name]) for name in ("base_frame", "odom_frame", "map_frame")}
     if not all(names.values()) or len(set(names.values())) < len(names):
@@ -162,6 +172,6 @@ def check_frames(config):
             ", ".join("{} {!r}".format(*item) for item in names.items())))
 
 
-def frame(name):
+def frame(name: str) -> str:
     """Return a frame's name without the leading slash of tf 1."""
     return name.lstrip("/")

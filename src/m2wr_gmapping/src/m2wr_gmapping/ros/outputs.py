@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishers of the node, in threads that do not block scans: map, transform, pose, diagnostics."""
+from __future__ import annotations
+
 import threading
 import time
+from typing import TYPE_CHECKING, Any, Callable, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -25,6 +28,18 @@ from m2wr_gmapping.ros.message_conversion import (
 )
 from m2wr_gmapping.se2 import compose, inverse
 
+if TYPE_CHECKING:
+    import genpy
+    from numpy.typing import ArrayLike
+
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.filter.occupancy import Grid
+    from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_gmapping.mapper import Mapper, Update
+    from m2wr_gmapping.ros.message_conversion import ArrayGrid
+    from m2wr_gmapping.ros.scan_input import Intake
+
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SHORTEST_WAIT, LONGEST_WAIT = 0.001, 0.05     # between two polls of the clock [s], wall
 SHORTEST_PERIOD = 0.001     # least period of the transform [s]
@@ -35,22 +50,27 @@ LATE = 0.5                  # share of the queue above which diagnostics warn
 class MapTopics:
     """``map``, ``map_metadata`` and ``~entropy``, all latched, and the service ``dynamic_map`` with the newest map."""
 
-    def __init__(self, frame):
+    def __init__(self, frame: str) -> None:
         self._frame = frame
         self._map = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
         self._info = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
         self._entropy = rospy.Publisher("~entropy", Float64, queue_size=1, latch=True)
-        self._newest = None
+        self._newest: Optional[ArrayGrid] = None
         self._service = rospy.Service("dynamic_map", GetMap, self._answer)
 
-    def publish(self, grid, entropy):
-        """Publish a Grid; returns its message. The entropy is published if it is above 0.
+    def publish(self, grid: Grid, entropy: float) -> ArrayGrid:
+        """Publish a map.
 
         Parameters
         ----------
         grid : Grid
         entropy : float
-            Entropy of the particles' weights.
+            Entropy of the particles' weights; published if it is above 0.
+
+        Returns
+        -------
+        ArrayGrid
+            The message.
         """
         message = grid_message(grid, self._frame, rospy.Time.now())
         self._newest = message
@@ -60,7 +80,7 @@ class MapTopics:
             self._entropy.publish(Float64(entropy))
         return message
 
-    def _answer(self, _):
+    def _answer(self, _: object) -> ArrayMapAnswer:
         if self._newest is None:
             raise rospy.ServiceException("there is no map yet: no scan has been processed")
         return ArrayMapAnswer(self._newest)
@@ -77,37 +97,38 @@ class MapOutput:
         Wall time of the last one [ms].
     """
 
-    def __init__(self, frame):
+    def __init__(self, frame: str) -> None:
         self._frame = frame
         self._topics = MapTopics(frame)
         self._path = rospy.Publisher("~path", Path, queue_size=1, latch=True)
         self._news = threading.Condition()
-        self._request, self._closed = None, False
+        self._request: Optional[Tuple[Mapper, FloatArray, List[ScanReading], List[float], float]] = None
+        self._closed = False
         self.made, self.last_ms, self.total_ms = 0, 0.0, 0.0
         self.busy = threading.Lock()            # locked while a map is made, which changes the counts of its mapper
         self._thread = threading.Thread(target=self._work, name="map", daemon=True)
         self._thread.start()
 
-    def ask(self, mapper):
+    def ask(self, mapper: Mapper) -> None:
         """Request a map; call this between two scans."""
         path, readings = mapper.map_request()
         with self._news:
             self._request = mapper, path, readings, mapper.stamps[mapper.given:], mapper.entropy
             self._news.notify()
 
-    def forget(self):
+    def forget(self) -> None:
         """Drop the waiting request."""
         with self._news:
             self._request = None
 
-    def _work(self):
+    def _work(self) -> None:
         while True:
             with self._news:
                 while self._request is None and not self._closed:
                     self._news.wait()
-                if self._closed:
-                    return
                 request, self._request = self._request, None
+                if self._closed or request is None:
+                    return
             try:
                 with self.busy:
                     self._publish(*request)
@@ -117,7 +138,8 @@ class MapOutput:
                 rospy.logerr_throttle(5.0, "the map could not be made: %s: %s" % (type(error).__name__, error))
             del request                             # release the mapper while waiting
 
-    def _publish(self, mapper, path, readings, stamps, entropy):
+    def _publish(self, mapper: Mapper, path: FloatArray, readings: List[ScanReading], stamps: List[float],
+                 entropy: float) -> None:
         began = time.perf_counter()
         message = self._topics.publish(mapper.map_of(path, readings), entropy)
         self._path.publish(path_message(mapper.base_poses(path[mapper.given:]), stamps, message.header))
@@ -125,7 +147,7 @@ class MapOutput:
         self.last_ms = 1e3 * (time.perf_counter() - began)
         self.total_ms += self.last_ms
 
-    def close(self):
+    def close(self) -> None:
         """End the thread; returns when the current map is done."""
         with self._news:
             self._closed = True
@@ -140,20 +162,21 @@ class TransformOutput:
     more CPU time than the filter.
     """
 
-    def __init__(self, config):
+    def __init__(self, config: GmappingConfig) -> None:
         self._parent, self._child = config["map_frame"].lstrip("/"), config["odom_frame"].lstrip("/")
-        self.period, self.delay = config["transform_publish_period"], config["tf_delay"]
+        self.period: float = config["transform_publish_period"]
+        self.delay: float = config["tf_delay"]
         self._lock = threading.Lock()
-        self._pose = np.zeros(3)
+        self._pose: FloatArray = np.zeros(3)
         self._publisher = rospy.Publisher("/tf", TFMessage, queue_size=100)
         threading.Thread(target=self._work, name="transform", daemon=True).start()
 
-    def set(self, map_from_odom):
+    def set(self, map_from_odom: ArrayLike) -> None:
         """Set the transform (3,) to publish."""
         with self._lock:
             self._pose = np.asarray(map_from_odom, float)
 
-    def _work(self):
+    def _work(self) -> None:
         pace = Pace()
         while not rospy.is_shutdown():
             period, now = self.period, rospy.get_time()
@@ -168,7 +191,7 @@ class TransformOutput:
             else:
                 rospy.rostime.wallsleep(pace.wait_time(now, time.monotonic()))
 
-    def _send(self, stamp):
+    def _send(self, stamp: genpy.Time) -> None:
         with self._lock:
             pose = self._pose
         message = TransformStamped(child_frame_id=self._child)
@@ -182,11 +205,12 @@ class TransformOutput:
 class Pace:
     """Timer on a clock that may be fast, slow, paused or jump back."""
 
-    def __init__(self):
-        self._next = None
-        self._rate, self._since = 1.0, None     # rate of the clock; clock and wall time of the last measurement
+    def __init__(self) -> None:
+        self._next: Optional[float] = None
+        self._rate = 1.0                        # of the clock
+        self._since: Optional[Tuple[float, float]] = None       # clock and wall time of the last measurement
 
-    def due(self, now, period):
+    def due(self, now: float, period: float) -> bool:
         """Return whether the timer is due, and set its next time.
 
         Parameters
@@ -206,7 +230,7 @@ class Pace:
         self._next = self._next + period if self._next + period > now else now + period
         return True
 
-    def wait_time(self, now, wall):
+    def wait_time(self, now: float, wall: float) -> float:
         """Return the wall time until the next poll [s], by the recent rate of the clock.
 
         Parameters
@@ -228,12 +252,12 @@ class Pace:
 class PoseOutput:
     """Publishes the best pose of the base with every matched scan, and the particles with every processed one."""
 
-    def __init__(self, frame):
+    def __init__(self, frame: str) -> None:
         self._frame = frame
         self._pose = rospy.Publisher("~pose", PoseWithCovarianceStamped, queue_size=10, latch=True)
         self._particles = rospy.Publisher("~particles", PoseArray, queue_size=1, latch=True)
 
-    def publish(self, mapper, update, stamp):
+    def publish(self, mapper: Mapper, update: Update, stamp: genpy.Time) -> None:
         """Publish the result of one scan.
 
         Parameters
@@ -242,7 +266,7 @@ class PoseOutput:
         update : Update
         stamp : genpy.Time
         """
-        particles = mapper.filter
+        particles = mapper.particles
         weights = normalise(particles.log_weights, mapper.config["ogain"] * len(particles.poses))
         message = PoseWithCovarianceStamped()
         message.header.frame_id, message.header.stamp = self._frame, stamp
@@ -267,13 +291,14 @@ class Diagnostics:
         Scans that may wait.
     """
 
-    def __init__(self, intake, counts, maps, limit):
+    def __init__(self, intake: Intake, counts: Callable[[], Tuple[Optional[Mapper], int, int, Sequence[float]]],
+                 maps: MapOutput, limit: int) -> None:
         self._intake, self._counts, self._maps, self._limit = intake, counts, maps, limit
         self._dropped = 0
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
         threading.Thread(target=self._work, name="diagnostics", daemon=True).start()
 
-    def _work(self):
+    def _work(self) -> None:
         while not rospy.is_shutdown():
             try:
                 self._publisher.publish(self._message())
@@ -281,11 +306,12 @@ class Diagnostics:
                 return
             rospy.rostime.wallsleep(DIAGNOSTICS_PERIOD)
 
-    def _message(self):
+    def _message(self) -> DiagnosticArray:
         mapper, refused, passed, times = self._counts()
         intake = self._intake
         new, self._dropped = intake.dropped - self._dropped, intake.dropped
-        values = [("scans", intake.arrived), ("waiting", intake.waiting), ("dropped", intake.dropped),
+        values: List[Tuple[str, Any]] = [
+                  ("scans", intake.arrived), ("waiting", intake.waiting), ("dropped", intake.dropped),
                   ("refused", refused), ("passed over", passed), ("time jumps", intake.generation),
                   ("maps", self._maps.made),
                   ("last map [ms]", "%.1f" % self._maps.last_ms),

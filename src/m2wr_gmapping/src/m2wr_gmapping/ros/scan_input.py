@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Queue of scans: each waits until the transform of its laser is known; callbacks never block."""
+from __future__ import annotations
+
 import threading
 import time
 from collections import deque
+from typing import TYPE_CHECKING, Callable, Deque, Dict, List, Optional, Set, Tuple
 
 import rospy
 import tf2_ros
@@ -11,6 +14,14 @@ from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
 from m2wr_gmapping.ros.missing_inputs import usual_source
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
+
+if TYPE_CHECKING:
+    import genpy
+    from geometry_msgs.msg import TransformStamped
+    from sensor_msgs.msg import LaserScan
+    from tf2_msgs.msg import TFMessage
+
+    from m2wr_gmapping.replay.scan_source import Transform
 
 BUFFER = 60.0               # length of the transform buffer [s]
 OLD_MESSAGES = 5.0             # time after a jump in which messages with old stamps are ignored [s]
@@ -45,18 +56,20 @@ class Intake:
         The transform that is missing for too long; empty if none is.
     """
 
-    def __init__(self, odom_frame, limit, map_frame=None, publishes=lambda: False):
+    def __init__(self, odom_frame: str, limit: int, map_frame: Optional[str] = None,
+                 publishes: Callable[[], bool] = lambda: False) -> None:
         self._odom, self._limit, self._map, self._publishes = odom_frame, limit, map_frame, publishes
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
         self._far_ahead = FarAhead(BUFFER)
         self._news = threading.Condition()
-        self._waiting = deque()
-        self._frames, self._rivals = set(), set()
+        self._waiting: Deque[LaserScan] = deque()
+        self._frames: Set[str] = set()
+        self._rivals: Set[str] = set()      # nodes that publish a parent of the odometry's frame too
         self._present = self._time_before = rospy.Time(0)       # time of the clock, or of the newest scan
         self._ignore_old_until = 0.0
-        self._taken_stamp = None            # of the newest scan handed out
-        self._odd_stamp = None              # stamp of the last scan, if it looked like a jump back in time
-        self._blocked_since = None
+        self._taken_stamp: Optional[genpy.Time] = None      # of the newest scan handed out
+        self._odd_stamp: Optional[genpy.Time] = None        # of the last scan, if it looked like a jump back in time
+        self._blocked_since: Optional[float] = None         # wall time [s]
         self._closed = False
         self.generation = 0
         self.arrived = self.dropped = self.without_transform = self.early = 0
@@ -64,7 +77,7 @@ class Intake:
 
     # ---- called by ROS
 
-    def on_transforms(self, message, static=False):
+    def on_transforms(self, message: TFMessage, static: bool = False) -> None:
         """Store the transforms of a TFMessage.
 
         Parameters
@@ -85,17 +98,17 @@ class Intake:
             if self._waiting:
                 self._news.notify()
 
-    def _look_at_parent(self, parent, message):
+    def _look_at_parent(self, parent: str, message: TFMessage) -> None:
         """Warn about another publisher of the odometry frame's parent: listeners would alternate between the two."""
         sender = (getattr(message, "_connection_header", None) or {}).get("callerid")
-        if sender in (None, rospy.get_name()) or sender in self._rivals or not self._publishes():
+        if sender is None or sender == rospy.get_name() or sender in self._rivals or not self._publishes():
             return
         self._rivals.add(sender)
         rospy.logwarn("%s publishes %s -> %s, this node publishes %s -> %s: rviz and others alternate between the two. "
                       "Expected one of them: stop the other node, play bags without that transform, or set "
                       "~transform_publish_period to 0", sender, parent, self._odom, self._map, self._odom)
 
-    def _put_transform(self, transform, static):
+    def _put_transform(self, transform: TransformStamped, static: bool) -> None:
         parent, child, stamp = transform.header.frame_id, transform.child_frame_id, transform.header.stamp
         self._frames.update((parent, child))
         fault = fault_of_transform(transform)
@@ -115,7 +128,7 @@ class Intake:
         except tf2_ros.TransformException as error:
             rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (parent, child, error))
 
-    def on_scan(self, scan):
+    def on_scan(self, scan: LaserScan) -> None:
         """Queue a LaserScan."""
         self._look_at_clock()
         stamp = scan.header.stamp
@@ -146,7 +159,7 @@ class Intake:
             self._put(scan)
             self._news.notify()
 
-    def _put(self, scan):
+    def _put(self, scan: LaserScan) -> None:
         """Insert a scan by its stamp, so that scans with stamps far ahead do not block others."""
         waiting, stamp = self._waiting, scan.header.stamp
         place = len(waiting)
@@ -165,12 +178,12 @@ class Intake:
             rospy.logwarn_throttle(5.0, "the queue of %d scans is full: the oldest are dropped (%d of %d so far)" % (
                 self._limit, self.dropped, self.arrived))
 
-    def _is_before_jump(self, stamp):
+    def _is_before_jump(self, stamp: genpy.Time) -> bool:
         """Whether a message with this stamp was sent before the last jump back in time."""
-        return (time.monotonic() < self._ignore_old_until and (stamp - self._present).to_sec() > JUMP
-                and abs((stamp - self._time_before).to_sec()) < OLD_MESSAGES)
+        return bool(time.monotonic() < self._ignore_old_until and (stamp - self._present).to_sec() > JUMP
+                    and abs((stamp - self._time_before).to_sec()) < OLD_MESSAGES)
 
-    def _look_at_clock(self):
+    def _look_at_clock(self) -> None:
         if rospy.rostime.is_wallclock():
             return
         with self._news:
@@ -182,7 +195,7 @@ class Intake:
                 self._jumped("the clock has", self._present, now)
             self._present = max(self._present, now)
 
-    def _jumped(self, what, before, now, new_run=True):
+    def _jumped(self, what: str, before: genpy.Time, now: genpy.Time, new_run: bool = True) -> None:
         self.generation += bool(new_run)
         self.dropped += len(self._waiting)
         self._waiting.clear()
@@ -195,7 +208,7 @@ class Intake:
 
     # ---- called by the worker
 
-    def next(self):
+    def next(self) -> Optional[Tuple[LaserScan, Transform, int]]:
         """Wait for a scan whose transform is known.
 
         Returns
@@ -214,11 +227,13 @@ class Intake:
                 self._news.wait(1.0)
         return None
 
-    def _ready(self):
-        newest = {}             # source -> newest time with a transform, if its first scan has none
+    def _ready(self) -> Optional[Tuple[LaserScan, Transform, int]]:
+        # source -> newest time with a transform, if its first scan has none
+        newest: Dict[str, Optional[genpy.Time]] = {}
         for index, scan in enumerate(self._waiting):
             source, stamp = scan.header.frame_id.lstrip("/"), scan.header.stamp
-            if source in newest and (newest[source] is None or 0 < newest[source].to_nsec() < stamp.to_nsec()):
+            common = newest.get(source)
+            if source in newest and (common is None or 0 < common.to_nsec() < stamp.to_nsec()):
                 continue        # avoids a lookup for all waiting scans with every transform
             try:
                 found = self._buffer.lookup_transform_core(self._odom, source, stamp)
@@ -232,7 +247,7 @@ class Intake:
             return scan, transform_parts(found), self.generation
         return None
 
-    def _give_up(self, scans, source, stamp):
+    def _give_up(self, scans: List[LaserScan], source: str, stamp: genpy.Time) -> None:
         """Count scans without a transform that are older than a scan of ``source`` at ``stamp`` with one."""
         early = 0
         if self._taken_stamp is None:
@@ -245,14 +260,14 @@ class Intake:
         self.dropped += len(scans) - early
         self.without_transform += len(scans) - early
 
-    def _newest_common(self, target, source):
-        """Newest time at which the transform is known, 0 for a static one, None if unknown."""
+    def _newest_common(self, target: str, source: str) -> Optional[genpy.Time]:
+        """Return the newest time at which the transform is known, 0 for a static one, None if unknown."""
         try:
             return self._buffer.get_latest_common_time(target, source)
         except tf2_ros.TransformException:
             return None
 
-    def _complain(self):
+    def _complain(self) -> None:
         if not self._waiting:
             self._blocked_since, self.lacks = None, ""
             return
@@ -264,7 +279,7 @@ class Intake:
             rospy.logwarn_throttle(WAIT_WARNING, "%d scans wait for %s" % (
                 len(self._waiting), self.missing(self._odom, scan.header.frame_id, scan.header.stamp)))
 
-    def missing(self, target, source, stamp):
+    def missing(self, target: str, source: str, stamp: genpy.Time) -> str:
         """Return a message about a missing transform.
 
         Parameters
@@ -287,7 +302,7 @@ class Intake:
                 target, source, self._frames, None if newest is None else newest.to_sec(), stamp.to_sec(),
                 "odom_frame" if target == self._odom else "base_frame"))
 
-    def mount(self, base, scan):
+    def mount(self, base: str, scan: LaserScan) -> Optional[Transform]:
         """Return translation and quaternion of a scan's laser in the base frame, or None.
 
         Parameters
@@ -305,11 +320,11 @@ class Intake:
         return None
 
     @property
-    def waiting(self):
+    def waiting(self) -> int:
         """Number of waiting scans."""
         return len(self._waiting)
 
-    def close(self):
+    def close(self) -> None:
         """Let ``next`` return None."""
         with self._news:
             self._closed = True

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``slam_gmapping``: scans and transforms in; map, transform and pose out."""
+from __future__ import annotations
+
 import logging
 import math
 import os
@@ -8,6 +10,7 @@ import threading
 import time
 from collections import deque
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, List, Mapping, Optional, Tuple
 
 import rospkg
 import rospy
@@ -41,6 +44,12 @@ from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.mapper import Mapper
+    from m2wr_gmapping.replay.scan_source import Transform
+    from m2wr_gmapping.ros.node_parameters import NodeOptions
+
 SWITCH_INTERVAL = 0.0005    # callbacks of scans should not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200
 
@@ -58,17 +67,21 @@ class SlamNode:
         Whether the initial state is an autosaved one of this run.
     """
 
-    def __init__(self, config, options, beginning, autosave, resumed=False):
+    def __init__(self, config: GmappingConfig, options: NodeOptions, beginning: InitialState,
+                 autosave: StateAutosave, resumed: bool = False) -> None:
         self._config, self._options = config, options
         self._base, self._map_frame = frame(config["base_frame"]), frame(config["map_frame"])
         self._lock = threading.RLock()          # of the mapper
-        self._mapper, self._beginning = None, beginning
+        self._mapper: Optional[Mapper] = None
+        self._beginning = beginning
         self._autosave, self._resumed = autosave, resumed
         self._generation = 0
         self._counted = self._refused = self._passed = 0
-        self._running = None                        # the mapper that has used a scan of this run
-        self._map_stamp = self._first_stamp = None
-        self._times = deque(maxlen=TIMES_KEPT)
+        self._running: Optional[Mapper] = None      # the mapper that has used a scan of this run
+        self._laser_frame = ""
+        self._map_stamp: Optional[float] = None
+        self._first_stamp: Optional[float] = None
+        self._times: Deque[float] = deque(maxlen=TIMES_KEPT)        # of the last scans [ms], wall
         self._maps = MapOutput(self._map_frame)
         self._poses = PoseOutput(self._map_frame)
         self._transform = transform = TransformOutput(config)
@@ -93,17 +106,18 @@ class SlamNode:
 
     # ---- parameters that change
 
-    def _take_values(self, values):
+    def _take_values(self, values: Mapping[str, Any]) -> None:
         with self._lock:
             self._config = config = changed(self._config, values)
-            for mapper in (self._mapper, self._beginning.loaded and self._beginning.loaded.mapper):
-                if mapper is not None:
-                    mapper.config = config
+            if self._mapper is not None:
+                self._mapper.config = config
+            if self._beginning.loaded is not None:
+                self._beginning.loaded.mapper.config = config
             self._transform.period = config["transform_publish_period"]
 
     # ---- state
 
-    def _file(self, request):
+    def _file(self, request: StateFile) -> str:
         if request.file:
             folder = self._options.state_folder or os.path.join(rospkg.get_ros_home(), "m2wr")
             try:
@@ -114,7 +128,7 @@ class SlamNode:
             raise state.StateError("no file name: expected one in the request or in the parameter ~state_file")
         return os.path.abspath(os.path.expanduser(self._options.state_file))
 
-    def _save_state(self, request):
+    def _save_state(self, request: StateFile) -> StateFileResponse:
         try:
             path = self._file(request)
             with self._lock, self._maps.busy:
@@ -130,7 +144,7 @@ class SlamNode:
         rospy.loginfo("%s", text)
         return StateFileResponse(True, text)
 
-    def _load_state(self, request):
+    def _load_state(self, request: StateFile) -> StateFileResponse:
         try:
             path = self._file(request)
             with self._lock:
@@ -152,14 +166,14 @@ class SlamNode:
             rospy.logwarn("parameter of the state is used: %s", told)
         return StateFileResponse(True, text)
 
-    def _show(self, loaded):
+    def _show(self, loaded: state.State) -> None:
         """Publish the map of a state before the next scan."""
         mapper = loaded.mapper
         if mapper.filter is not None:
             self._transform.set(mapper.map_from_odom)
             self._maps.ask(mapper)
 
-    def _forget_map(self):
+    def _forget_map(self) -> None:
         """Drop the mapper and the request of its map."""
         self._maps.forget()
         if self._mapper is not None:
@@ -168,7 +182,7 @@ class SlamNode:
 
     # ---- the worker
 
-    def _work(self):
+    def _work(self) -> None:
         while True:
             taken = self._intake.next()
             if taken is None:
@@ -189,18 +203,18 @@ class SlamNode:
                 logging.getLogger("rosout").exception("scan at %.3f failed", scan.header.stamp.to_sec())
                 self._refuse(scan, error)
 
-    def _refuse(self, scan, error):
+    def _refuse(self, scan: LaserScan, error: Exception) -> None:
         self._refused += 1
         rospy.logwarn_throttle(5.0, "scan at %.3f refused (%d so far): %s" % (
             scan.header.stamp.to_sec(), self._refused, error))
 
-    def _start_new_run(self, generation):
+    def _start_new_run(self, generation: int) -> None:
         self._generation = generation
         self._forget_map()
         self._first_stamp, self._beginning = None, self._beginning.again()
         self._transform.set((0.0, 0.0, 0.0))
 
-    def _take(self, scan, odom_from_laser):
+    def _take(self, scan: LaserScan, odom_from_laser: Transform) -> None:
         self._counted += 1
         if self._counted % max(1, self._config["throttle_scans"]):
             return
@@ -210,9 +224,7 @@ class SlamNode:
             return
         if stamp < self._first_stamp + self._options.settle_time:
             return
-        if self._mapper is None:
-            self._begin(scan)
-        mapper = self._mapper
+        mapper = self._begin(scan) if self._mapper is None else self._mapper
         if frame(scan.header.frame_id) != self._laser_frame:
             raise ScanError("its frame is {}; expected {} as in the first one".format(
                 frame(scan.header.frame_id), self._laser_frame))
@@ -243,13 +255,16 @@ class SlamNode:
             finally:
                 self._maps.busy.release()
 
-    def _host(self):
+    def _host(self) -> Dict[str, Any]:
         """Return the values that are stored with a state beside the mapper."""
         return dict(laser_frame=self._laser_frame, map_stamp=self._map_stamp, counted=self._counted)
 
-    def _is_same_run(self, stamp):
-        """Whether the first scan after a restart continues the autosaved state."""
-        last, self._resumed = self._beginning.loaded.mapper.stamps[-1], False
+    def _is_same_run(self, stamp: float) -> bool:
+        """Return whether the first scan after a restart continues the autosaved state."""
+        loaded, self._resumed = self._beginning.loaded, False
+        if loaded is None:
+            return True
+        last = loaded.mapper.stamps[-1]
         if stamp < last:
             rospy.logwarn("time jumped back from %.3f to %.3f while this node was restarted: starting a new map",
                           last, stamp)
@@ -258,7 +273,7 @@ class SlamNode:
         self._first_stamp = -math.inf           # settle_time is over
         return True
 
-    def _begin(self, scan):
+    def _begin(self, scan: LaserScan) -> Mapper:
         mount = self._intake.mount(self._base, scan)
         if mount is None:
             raise ScanError("the mount of the laser is unknown: " + self._intake.missing(
@@ -279,14 +294,15 @@ class SlamNode:
         if loaded is not None:
             self._laser_frame = loaded.host.get("laser_frame") or self._laser_frame
             self._map_stamp, self._counted = loaded.host.get("map_stamp"), loaded.host.get("counted", self._counted)
-        self._mapper = self._beginning.mapper(config, laser)
+        self._mapper = mapper = self._beginning.mapper(config, laser)
         rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map starts at %.3f", self._laser_frame,
                       len(scan.ranges), abs(scan.angle_increment) * 57.29577951308232, laser.max_urange,
                       scan.header.stamp.to_sec())
+        return mapper
 
     # ---- the end
 
-    def close(self):
+    def close(self) -> bool:
         """End all threads and write the map if requested. Returns whether this succeeded."""
         self._intake.close()
         self._worker.join()
@@ -314,16 +330,16 @@ class SlamNode:
         return True
 
     @staticmethod
-    def _finish(mapper):
+    def _finish(mapper: Mapper) -> None:
         try:
             mapper.finish()
         except Exception:               # save the map after an internal error
             logging.getLogger("rosout").exception("the last optimisation failed; the map is saved without it")
 
 
-def _ignoring_os_errors(emit):
+def _ignoring_os_errors(emit: Callable[[logging.LogRecord], object]) -> Callable[[logging.LogRecord], None]:
     """Return ``emit`` of a log handler that ignores OSError, for a full disk or a closed terminal."""
-    def guarded(record):
+    def guarded(record: logging.LogRecord) -> None:
         try:
             emit(record)
         except OSError:
@@ -331,16 +347,16 @@ def _ignoring_os_errors(emit):
     return guarded
 
 
-def log_through_rospy():
+def log_through_rospy() -> None:
     """Send the library's log to the screen and to /rosout; errors of the screen are ignored."""
     log, rosout = logging.getLogger("m2wr_gmapping"), logging.getLogger("rosout")
     for handler in rosout.handlers:
-        handler.emit = _ignoring_os_errors(handler.emit)
+        handler.emit = _ignoring_os_errors(handler.emit)   # type: ignore  # rospy makes the handlers, of its classes
     log.handlers, log.propagate = rosout.handlers, rosout.propagate
     log.setLevel(logging.INFO)
 
 
-def _prepare():
+def _prepare() -> Tuple[Tuple[GmappingConfig, NodeOptions, InitialState, StateAutosave, bool], List[str]]:
     """Read parameters and files; returns what a SlamNode takes and warnings, raises ConfigError and others."""
     given = private_parameters()
     config, options, warnings = read_parameters(given)
@@ -368,10 +384,10 @@ def _prepare():
     beginning, config = InitialState.from_files(config, options.map_file, options.initial_pose, state_file,
                                                 options.odometry_runs_on)
     warnings.extend("parameter of the state is used: " + text for text in beginning.differing(given))
-    return (config, options, beginning, autosave), warnings
+    return (config, options, beginning, autosave, False), warnings
 
 
-def main():
+def main() -> int:
     """Entry point of the executable; returns the exit code."""
     start_node("slam_gmapping")
     sys.setswitchinterval(SWITCH_INTERVAL)
