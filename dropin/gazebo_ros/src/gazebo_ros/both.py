@@ -1,31 +1,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """gazebo: server and window together, as one command."""
+from __future__ import annotations
+
 import os
 import signal
 import subprocess
 import sys
 import time
+from typing import List, Optional, Sequence
 
 from gazebo_ros.command_line import UsageError, parse
 
 _PATIENCE = 10.0        # s for a program to end after SIGINT
 
 
-def program(name):
+def program(name: str) -> str:
     """Return the path of another command of this package."""
     return os.path.join(os.path.dirname(os.path.realpath(sys.argv[0])), name)
 
 
-def main(words=None):
+def main(words: Optional[Sequence[str]] = None) -> int:
     """Entry point; returns the server's exit code.  Closing the window ends the server, as in Gazebo."""
-    words = sys.argv[1:] if words is None else words
+    words = sys.argv[1:] if words is None else list(words)
     try:
         command = parse(words)
         if command.wants:
             return subprocess.call([program('gzserver')] + words)
     except UsageError:
         return subprocess.call([program('gzserver')] + words)       # prints the error
-    asked = []
+    asked: List[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: asked.append(received))
     server = subprocess.Popen([program('gzserver')] + words, start_new_session=True)
@@ -37,8 +40,18 @@ def main(words=None):
     return end(server, client)
 
 
-def end(server, client):
-    """End both programs, by SIGKILL if needed; returns the server's exit code."""
+def end(server: subprocess.Popen[bytes], client: subprocess.Popen[bytes]) -> int:
+    """End both programs, by SIGKILL if needed.
+
+    Parameters
+    ----------
+    server, client : subprocess.Popen
+
+    Returns
+    -------
+    int
+        Exit code of the server; 128 + the number of the signal that ended it.
+    """
     for process in (client, server):
         if process.poll() is None:
             process.send_signal(signal.SIGINT)

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """gzclient: rviz in place of Gazebo's window."""
+from __future__ import annotations
+
 import os
 import shutil
 import signal
 import socket
 import sys
 import time
+from typing import Any, Callable, List, Optional, Sequence, Tuple
 
 import rosgraph
 import rospkg
@@ -19,21 +22,21 @@ _RVIZ_PLACES = ('/usr/bin/rviz', '/opt/ros/noetic/bin/rviz')
 _ROBOT_TYPES = ('sensor_msgs/LaserScan', 'nav_msgs/Odometry')
 
 
-def say(text):
+def say(text: str) -> None:
     """Print a line for the user."""
     sys.stderr.write('gzclient: %s\n' % text)
     sys.stderr.flush()
 
 
-def published(master):
-    """Return ``[[topic, type], ...]`` of the published topics, empty while there is no master."""
+def published(master: Any) -> List[Tuple[str, str]]:
+    """Return (topic, type) of the published topics; none while there is no master (rosgraph.Master)."""
     try:
-        return master.getPublishedTopics('')
+        return [(topic, kind) for topic, kind in master.getPublishedTopics('')]
     except (rosgraph.MasterException, OSError):
         return []
 
 
-def descriptions(master):
+def descriptions(master: Any) -> List[str]:
     """Return the names of the parameters that hold a robot description."""
     try:
         return [name for name in master.getParamNames() if name.endswith('/robot_description')]
@@ -41,8 +44,23 @@ def descriptions(master):
         return []
 
 
-def wait_for_robot(master, patience=_WAIT_FOR_ROBOT, clock=time.monotonic, sleep=time.sleep):
-    """Wait at most ``patience`` seconds for a robot's topics; returns all published topics."""
+def wait_for_robot(master: Any, patience: float = _WAIT_FOR_ROBOT, clock: Callable[[], float] = time.monotonic,
+                   sleep: Callable[[float], object] = time.sleep) -> List[Tuple[str, str]]:
+    """Wait for a robot's topics.
+
+    Parameters
+    ----------
+    master : rosgraph.Master
+    patience : float
+        Longest wall time to wait [s].
+    clock, sleep : callable
+        Wall time [s], and waiting in it.
+
+    Returns
+    -------
+    list of (str, str)
+        All published topics and their types.
+    """
     deadline = clock() + patience
     while clock() < deadline:
         if any(kind in _ROBOT_TYPES for _, kind in published(master)):
@@ -52,7 +70,7 @@ def wait_for_robot(master, patience=_WAIT_FOR_ROBOT, clock=time.monotonic, sleep
     return published(master)
 
 
-def take_options(words):
+def take_options(words: Sequence[str]) -> Tuple[List[str], bool, Optional[str]]:
     """Split the words into those for rviz (remappings) and the two options of our own.
 
     Returns
@@ -63,7 +81,9 @@ def take_options(words):
     frame : str or None
         Fixed frame.
     """
-    remaps, stay, frame, ignored = [], False, None, []
+    remaps: List[str] = []
+    ignored: List[str] = []
+    stay, frame = False, None
     for word in words:
         if ':=' in word:
             remaps.append(word)
@@ -78,8 +98,20 @@ def take_options(words):
     return remaps, stay, frame
 
 
-def no_window(why, stay):
-    """Print why there is no window; wait for a signal if ``stay``, because a required node must not end."""
+def no_window(why: str, stay: bool) -> int:
+    """Print why there is no window.
+
+    Parameters
+    ----------
+    why : str
+    stay : bool
+        Wait for a signal, because a required node must not end.
+
+    Returns
+    -------
+    int
+        Exit code, 0.
+    """
     ends = {signal.SIGINT, signal.SIGTERM}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)      # for sigwait to get them
     say('%s; the simulation runs without a window%s' % (why, ', waiting for the end' if stay else ''))
@@ -88,7 +120,7 @@ def no_window(why, stay):
     return 0
 
 
-def main(words=None):
+def main(words: Optional[Sequence[str]] = None) -> int:
     """Entry point; becomes rviz, or returns the exit code."""
     words = sys.argv[1:] if words is None else words
     if '-h' in words or '--help' in words:
@@ -115,4 +147,3 @@ def main(words=None):
     if not any(word.startswith('__name:=') for word in remaps):
         remaps.append('__name:=gazebo_gui')
     os.execv(rviz, [rviz, '-d', path] + remaps)
-    return 1

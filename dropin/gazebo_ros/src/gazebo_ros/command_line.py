@@ -1,12 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """gzserver's command line, as private parameters of the simulation node.  No ROS here."""
+from __future__ import annotations
+
 import os
-from collections import namedtuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
-Option = namedtuple('Option', 'names values effect')
 
-#: Options of gzserver: spellings, number of values, and its effect: an entry of ServerCommand, or the reason
-#: why it has none ('' if the user need not know).
+class Option(NamedTuple):
+    """An option of gzserver: spellings, number of values, and effect.
+
+    ``effect`` is an entry of ServerCommand, or the reason why there is none; empty if the user need not know.
+    """
+
+    names: Tuple[str, ...]
+    values: int
+    effect: str
+
+
 OPTIONS = (
     Option(('-u', '--pause'), 0, 'paused'),
     Option(('-e', '--physics'), 1, 'engine'),
@@ -55,12 +65,16 @@ class ServerCommand:
         ``help`` or ``version`` if requested.
     """
 
-    def __init__(self):
-        self.world, self.paused, self.seed, self.wants = None, False, None, None
-        self.remaps, self.notes = [], []
+    def __init__(self) -> None:
+        self.world: Optional[str] = None
+        self.seed: Optional[int] = None
+        self.wants: Optional[str] = None
+        self.paused = False
+        self.remaps: List[str] = []
+        self.notes: List[str] = []
 
 
-def parse(words):
+def parse(words: Sequence[str]) -> ServerCommand:
     """Read gzserver's command line; returns a :class:`ServerCommand`.
 
     Options may be anywhere, as ``--name value`` or ``--name=value``; single letters may be joined (``-ur``).  The
@@ -74,7 +88,8 @@ def parse(words):
     """
     command = ServerCommand()
     words = list(words)
-    worlds, doubtful = [], []
+    worlds: List[str] = []
+    doubtful: List[str] = []
     behind_unknown = False
     while words:
         word = words.pop(0)
@@ -93,14 +108,14 @@ def parse(words):
     return command
 
 
-def _take_option(command, word, words):
+def _take_option(command: ServerCommand, word: str, words: List[str]) -> bool:
     """Apply one option, whose value is in the word or the first of ``words``; returns whether it is known."""
     name, equals, value = word.partition('=')
     option = _BY_NAME.get(name)
     if option is None and not word.startswith('--') and len(word) > 2 and word[:2] in _BY_NAME:
         option, name = _BY_NAME[word[:2]], word[:2]
         if option.values:
-            equals, value = True, word[2:]              # -eode
+            equals, value = '=', word[2:]               # -eode
         else:
             words.insert(0, '-' + word[2:])             # -ur
     if option is None:
@@ -114,7 +129,7 @@ def _take_option(command, word, words):
     return True
 
 
-def _apply(command, option, name, value):
+def _apply(command: ServerCommand, option: Option, name: str, value: str) -> None:
     if option.effect == 'paused':
         command.paused = True
     elif option.effect in ('help', 'version'):
@@ -136,7 +151,7 @@ def _apply(command, option, name, value):
         command.notes.append('option %s has no effect: %s' % (name, option.effect))
 
 
-def usage():
+def usage() -> str:
     """Return the help text."""
     lines = ['usage: gzserver [options] [world file] [name:=value ...]', '',
              'Starts the simulation node of m2wr_sim under the name gazebo. A word with := goes to ROS: a remapping,',

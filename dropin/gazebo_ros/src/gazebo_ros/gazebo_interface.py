@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Calls of the simulation's services, with the names and return values of Gazebo's module."""
+from __future__ import annotations
+
 import time
+from typing import TYPE_CHECKING, Any, Optional, Sequence
 
 import rospy
 
 from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
 
+if TYPE_CHECKING:
+    from geometry_msgs.msg import Pose
+
 _SETTLING_TIME = 1.0        # s of wall time between a spawn and the joint positions, as in Gazebo's client
 
 
-def _call(service, kind, told, *arguments):
+def _call(service: str, kind: Any, told: str, *arguments: Any) -> Optional[bool]:
     """Wait for a service and call it; returns its ``success``, or None if the call itself failed."""
     rospy.loginfo('Calling service %s', service)
     try:
@@ -18,21 +24,22 @@ def _call(service, kind, told, *arguments):
         rospy.logerr('Service call failed: %s', error)
         return None
     rospy.loginfo('%s: %s', told, response.status_message)
-    return response.success
+    return bool(response.success)
 
 
-def _wait(service):
+def _wait(service: str) -> None:
     rospy.loginfo('Waiting for service %s', service)
     rospy.wait_for_service(service)
 
 
-def _spawn(name, gazebo_namespace, *arguments):
+def _spawn(name: str, gazebo_namespace: str, *arguments: Any) -> Optional[bool]:
     service = '%s/%s' % (gazebo_namespace.rstrip('/'), name)
     _wait(service)
     return _call(service, SpawnModel, 'Spawn status', *arguments)
 
 
-def spawn_urdf_model_client(model_name, model_xml, robot_namespace, initial_pose, reference_frame, gazebo_namespace):
+def spawn_urdf_model_client(model_name: str, model_xml: str, robot_namespace: str, initial_pose: Pose,
+                            reference_frame: str, gazebo_namespace: str) -> Optional[bool]:
     """Spawn a model described in URDF.
 
     Parameters
@@ -59,13 +66,26 @@ def spawn_urdf_model_client(model_name, model_xml, robot_namespace, initial_pose
                   reference_frame)
 
 
-def spawn_sdf_model_client(model_name, model_xml, robot_namespace, initial_pose, reference_frame, gazebo_namespace):
-    """Spawn a model described in SDF; parameters and result as for :func:`spawn_urdf_model_client`."""
+def spawn_sdf_model_client(model_name: str, model_xml: str, robot_namespace: str, initial_pose: Pose,
+                           reference_frame: str, gazebo_namespace: str) -> Optional[bool]:
+    """Spawn a model described in SDF.
+
+    Parameters
+    ----------
+    model_name, model_xml, robot_namespace, initial_pose, reference_frame, gazebo_namespace
+        As for :func:`spawn_urdf_model_client`.
+
+    Returns
+    -------
+    bool or None
+        As for :func:`spawn_urdf_model_client`.
+    """
     return _spawn('spawn_sdf_model', gazebo_namespace, model_name, model_xml, robot_namespace, initial_pose,
                   reference_frame)
 
 
-def set_model_configuration_client(model_name, model_param_name, joint_names, joint_positions, gazebo_namespace):
+def set_model_configuration_client(model_name: str, model_param_name: str, joint_names: Sequence[str],
+                                   joint_positions: Sequence[float], gazebo_namespace: str) -> Optional[bool]:
     """Set joint positions, one second after the service is available.
 
     Parameters

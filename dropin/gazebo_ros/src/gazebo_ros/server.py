@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """gzserver, debug and perf: the simulation node of m2wr_sim with Gazebo's command line."""
+from __future__ import annotations
+
 import cProfile
 import faulthandler
 import os
@@ -7,8 +9,9 @@ import pstats
 import signal
 import sys
 import tempfile
+from typing import List, Optional, Sequence
 
-from gazebo_ros.command_line import UsageError, parse, usage
+from gazebo_ros.command_line import ServerCommand, UsageError, parse, usage
 from gazebo_ros.stacks import show_stacks_on
 from gazebo_ros.worlds import find
 
@@ -16,13 +19,20 @@ _VERSION = 'gzserver of m2wr_sim, in place of Gazebo classic 11 (gazebo_ros 2.9.
 _PROFILE_ROWS = 30
 
 
-def say(text, program='gzserver'):
-    """Print a line for the user, before ROS is initialised."""
+def say(text: str, program: str = 'gzserver') -> None:
+    """Print a line for the user, before ROS is initialised.
+
+    Parameters
+    ----------
+    text : str
+    program : str
+        Name of the program, printed before the text.
+    """
     sys.stderr.write('%s: %s\n' % (program, text))
     sys.stderr.flush()
 
 
-def node_arguments(command, world):
+def node_arguments(command: ServerCommand, world: str) -> List[str]:
     """Return the words for the simulation node.
 
     Parameters
@@ -43,7 +53,7 @@ def node_arguments(command, world):
     return words + command.remaps
 
 
-def resolve_world(name):
+def resolve_world(name: str) -> str:
     """Return the path of the world; if it does not exist, print a message and return the empty one, as Gazebo does."""
     path, searched = find(name)
     if path is None:
@@ -53,7 +63,7 @@ def resolve_world(name):
     return path or 'empty.world'
 
 
-def prepare(words):
+def prepare(words: Sequence[str]) -> Optional[int]:
     """Turn a command line into that of the simulation node and put it into ``sys.argv``.
 
     Returns
@@ -76,19 +86,19 @@ def prepare(words):
     return None
 
 
-def run_node():
+def run_node() -> int:
     """Run the simulation; returns its exit code.  rospy reads ``sys.argv`` when it is imported, so that comes last."""
     from m2wr_sim.ros.node import main
     return main()
 
 
-def gzserver_main(words=None):
+def gzserver_main(words: Optional[Sequence[str]] = None) -> int:
     """Entry point of ``gzserver``; returns the exit code."""
     code = prepare(sys.argv[1:] if words is None else words)
     return run_node() if code is None else code
 
 
-def debug_main(words=None):
+def debug_main(words: Optional[Sequence[str]] = None) -> int:
     """Entry point of ``debug``: no debugger, but a crash or SIGUSR1 prints the stack of every thread."""
     faulthandler.enable()
     show_stacks_on(signal.SIGUSR1)
@@ -97,7 +107,7 @@ def debug_main(words=None):
     return gzserver_main(words)
 
 
-def perf_main(words=None):
+def perf_main(words: Optional[Sequence[str]] = None) -> int:
     """Entry point of ``perf``: profiles the simulation's own thread and prints its most expensive functions."""
     code = prepare(sys.argv[1:] if words is None else words)
     if code is not None:

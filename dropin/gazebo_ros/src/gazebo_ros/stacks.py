@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The stack of every thread of a running program, on a signal."""
+from __future__ import annotations
+
 import faulthandler
 import os
 import signal
@@ -7,7 +9,7 @@ import sys
 import threading
 
 
-def show_stacks_on(number):
+def show_stacks_on(number: int) -> None:
     """Let a signal print the stack of every thread to stderr; the program continues.
 
     ``faulthandler.register()`` prints from within the signal, while the other threads run on and change what it reads:
@@ -22,10 +24,10 @@ def show_stacks_on(number):
     heard, wake = os.pipe()
     os.set_blocking(wake, False)
 
-    def listen():
+    def listen() -> None:
         while True:
             for number_heard in os.read(heard, 64):
-                if number_heard == number:
+                if number_heard == number and sys.__stderr__ is not None:       # None: started without stderr
                     faulthandler.dump_traceback(sys.__stderr__)
 
     threading.Thread(target=listen, name='stacks', daemon=True).start()

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Search path of world files: as given, GAZEBO_RESOURCE_PATH, exports of packages, the installed folders."""
+from __future__ import annotations
+
 import os
 import xml.etree.ElementTree as ElementTree
+from typing import Any, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import rospkg
 
 from m2wr_node.user_folder import user_folder
 
 
-def exported_folders(rospack):
+def exported_folders(rospack: Any) -> List[str]:
     """Return the folders that packages export as ``<gazebo_ros gazebo_media_path="..."/>``, in order of their names.
 
     Parameters
@@ -19,7 +22,7 @@ def exported_folders(rospack):
     -------
     list of str
     """
-    found = []
+    found: List[str] = []
     for name in sorted(rospack.list()):
         folder = rospack.get_path(name)
         try:
@@ -32,19 +35,19 @@ def exported_folders(rospack):
     return found
 
 
-def shipped_folders(rospack):
+def shipped_folders(rospack: Any) -> List[str]:
     """Return the folders that contain ``worlds/`` of this package and of m2wr_sim."""
     return [rospack.get_path(name) for name in ('gazebo_ros', 'm2wr_sim')]
 
 
-def candidates(name, environment, folders, rospack):
+def candidates(name: str, environment: Mapping[str, str], folders: Sequence[str], rospack: Any) -> Iterator[str]:
     """Yield the possible paths of a world, in order of priority.
 
     Parameters
     ----------
     name : str
         As on the command line: absolute, or relative to any of the places.
-    environment : dict
+    environment : mapping of str to str
         GAZEBO_RESOURCE_PATH of it is read.
     folders : sequence of str
         Folders of the user and of this program.
@@ -66,8 +69,14 @@ def candidates(name, environment, folders, rospack):
         yield os.path.join(folder, 'worlds', name + '.world')
 
 
-def find(name, environment=None, folders=None, rospack=None):
+def find(name: str, environment: Optional[Mapping[str, str]] = None, folders: Optional[Sequence[str]] = None,
+         rospack: Any = None) -> Tuple[Optional[str], List[str]]:
     """Find a world file.
+
+    Parameters
+    ----------
+    name, environment, folders, rospack
+        As for :func:`candidates`; by default those of this process, the user's folder and the present one first.
 
     Returns
     -------
@@ -76,7 +85,7 @@ def find(name, environment=None, folders=None, rospack=None):
     searched : list of str
         The paths that were tried, for the message.
     """
-    searched = []
+    searched: List[str] = []
     for path in candidates(name, os.environ if environment is None else environment,
                            folders or (user_folder(), os.getcwd()), rospack or rospkg.RosPack()):
         path = os.path.abspath(path)

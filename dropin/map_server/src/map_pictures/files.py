@@ -1,30 +1,41 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A map's YAML file and picture as a grid."""
+from __future__ import annotations
+
 import os
-from collections import namedtuple
+from typing import TYPE_CHECKING, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from m2wr_view.map_input import MapInputError, number, origin_of, read_pixels, read_values, yes
 
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Int8Array
+
 MODES = ("trinary", "scale", "raw")
 
-SavedMap = namedtuple("SavedMap", "data resolution origin")
-SavedMap.__doc__ += ": data (H, W) int8, lowest row first; resolution [m]; origin (x, y, yaw) [m, rad]."
+
+class SavedMap(NamedTuple):
+    """A map: ``data`` (H, W) int8, lowest row first; ``resolution`` [m]; ``origin`` (x, y, yaw) [m, rad]."""
+
+    data: Int8Array
+    resolution: float
+    origin: Tuple[float, float, float]
 
 
 class MapError(ValueError):
     """A map cannot be read; the message names the file and what was expected."""
 
 
-def cells(grey, alpha, negate=False, occupied=0.65, free=0.196, mode="trinary"):
+def cells(grey: FloatArray, alpha: Optional[FloatArray], negate: bool = False, occupied: float = 0.65,
+          free: float = 0.196, mode: str = "trinary") -> Int8Array:
     """Return the values (H, W) int8 of a picture, lowest row first.
 
     Parameters
     ----------
     grey : (H, W) float64
         Mean of the colours, 0 to 255, top row first.
-    alpha : (H, W) uint8 or None
+    alpha : (H, W) float64 or None
         Opacity; in the mode ``scale``, pixels that are not opaque are unknown.
     negate : bool
         Whether white is occupied.
@@ -48,12 +59,12 @@ def cells(grey, alpha, negate=False, occupied=0.65, free=0.196, mode="trinary"):
     return data.astype(np.int8)[::-1]
 
 
-def _named(path, error):
+def _named(path: str, error: Exception) -> MapError:
     return MapError("{}: {}".format(path, getattr(error, "strerror", None) or error))
 
 
-def read_picture(path):
-    """Return (grey (H, W) float64, alpha or None) of a picture; raises MapError."""
+def read_picture(path: str) -> Tuple[FloatArray, Optional[FloatArray]]:
+    """Return the mean of the colours and the opacity, if any, of a picture: (H, W) 0 to 255; raises MapError."""
     try:
         pixels = read_pixels(path, lambda picture: "RGBA" if "A" in picture.getbands() or "transparency" in picture.info
                              else "RGB")
@@ -62,11 +73,11 @@ def read_picture(path):
     return pixels[..., :3].mean(axis=2), pixels[..., 3] if pixels.shape[2] == 4 else None
 
 
-def read_map(path):
+def read_map(path: str) -> SavedMap:
     """Return the SavedMap of a YAML file; raises MapError."""
     try:
         values = read_values(path)
-        resolution, origin = number(values, "resolution", 1e-6, 1e6), origin_of(values, 3)
+        resolution, (x, y, yaw) = number(values, "resolution", 1e-6, 1e6), origin_of(values, 3)
         mode = values.get("mode", "trinary")
         if mode not in MODES:
             raise MapInputError("mode is {!r:.60}; expected one of {}".format(mode, ", ".join(MODES)))
@@ -76,4 +87,4 @@ def read_map(path):
     except (OSError, MapInputError) as error:
         raise _named(path, error) from error
     grey, alpha = read_picture(os.path.join(os.path.dirname(os.path.abspath(path)), values["image"]))
-    return SavedMap(cells(grey, alpha, negate, occupied, free, mode), resolution, origin)
+    return SavedMap(cells(grey, alpha, negate, occupied, free, mode), resolution, (x, y, yaw))

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``map_server``: a saved map as a latched topic and a service."""
+from __future__ import annotations
+
 import sys
+from typing import Sequence
 
 import rospy
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -13,7 +16,7 @@ from map_pictures.files import MapError, SavedMap, cells, read_map, read_picture
 USAGE = "usage: map_server MAP.yaml\n       map_server IMAGE RESOLUTION\n"
 
 
-def load(words):
+def load(words: Sequence[str]) -> SavedMap:
     """Return the SavedMap named on the command line; raises MapError."""
     if len(words) == 1:
         return read_map(words[0])
@@ -26,8 +29,15 @@ def load(words):
     return SavedMap(cells(*read_picture(words[0])), resolution, (0.0, 0.0, 0.0))
 
 
-def message_of(saved, frame):
-    """Return the map as a message."""
+def message_of(saved: SavedMap, frame: str) -> ArrayGrid:
+    """Return the map as a message.
+
+    Parameters
+    ----------
+    saved : SavedMap
+    frame : str
+        Frame of the map.
+    """
     message = ArrayGrid()
     message.header.frame_id = frame
     message.header.stamp = message.info.map_load_time = rospy.Time.now()
@@ -38,7 +48,7 @@ def message_of(saved, frame):
     return message
 
 
-def main():
+def main() -> int:
     """Entry point of the executable; returns the exit code."""
     words = rospy.myargv(sys.argv)[1:]
     if words in (["-h"], ["--help"]):

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The meaning of each key.  No ROS, no terminal."""
+from __future__ import annotations
+
+from typing import Tuple
 
 #: key: direction (x, y, z, yaw), each -1, 0 or 1
 DIRECTIONS = {
@@ -51,13 +54,14 @@ class KeyDriver:
         Largest speeds that the keys can set.
     """
 
-    def __init__(self, speed=0.5, turn=1.0, speed_limit=1000.0, turn_limit=1000.0):
+    def __init__(self, speed: float = 0.5, turn: float = 1.0, speed_limit: float = 1000.0,
+                 turn_limit: float = 1000.0) -> None:
         self.speed, self.turn = min(speed, speed_limit), min(turn, turn_limit)
         self._limits = (speed_limit, turn_limit)
         self._direction = _STOPPED
         self._changes = 0
 
-    def press(self, key):
+    def press(self, key: str) -> str:
         """Process one key; returns a text for the user, often empty."""
         if key in DIRECTIONS:
             self._direction = DIRECTIONS[key]
@@ -79,17 +83,17 @@ class KeyDriver:
             said.append(HELP)
         return '\n'.join(said)
 
-    def release(self):
+    def release(self) -> bool:
         """Stop, because there was no key; returns whether this is a change."""
         moved = self._direction != _STOPPED
         self._direction = _STOPPED
         return moved
 
-    def command(self):
+    def command(self) -> Tuple[float, float, float, float]:
         """Return the velocity: linear x, y, z [m/s] and angular z [rad/s]."""
         x, y, z, yaw = self._direction
         return x * self.speed, y * self.speed, z * self.speed, yaw * self.turn
 
-    def speeds(self):
+    def speeds(self) -> str:
         """Return a line with the two speeds."""
         return 'currently:\tspeed %g m/s\tturn %g rad/s' % (self.speed, self.turn)

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node: parameters, the loop between keyboard and topic, and stopping the robot at the end."""
+from __future__ import annotations
+
 import math
 import os
 import signal
 import stat
 import sys
 import time
+from typing import Any, Dict, List, Optional
 
 import rospy
 from geometry_msgs.msg import Twist, TwistStamped
@@ -32,7 +35,7 @@ class ParameterError(Exception):
     """A parameter has a value that cannot be used."""
 
 
-def read_numbers():
+def read_numbers() -> Dict[str, float]:
     """Return the numeric parameters as a dictionary.
 
     Raises
@@ -64,21 +67,22 @@ class Teleop:
         ``frame_id`` of TwistStamped; None: plain Twist.
     """
 
-    def __init__(self, keys, driver, repeat_rate=0.0, key_timeout=0.0, frame=None):
+    def __init__(self, keys: Keys, driver: KeyDriver, repeat_rate: float = 0.0, key_timeout: float = 0.0,
+                 frame: Optional[str] = None) -> None:
         self._keys, self._driver, self._frame = keys, driver, frame
         self._period = 1.0 / repeat_rate if repeat_rate else math.inf
         self._key_timeout = key_timeout or math.inf
         self._publisher = rospy.Publisher('cmd_vel', Twist if frame is None else TwistStamped, queue_size=1)
-        self._signals = []
+        self._signals: List[int] = []
         self._stopped = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda received, _: self._signals.append(received))
         rospy.on_shutdown(self.stop)        # for rosnode kill
 
-    def _ending(self):
+    def _ending(self) -> bool:
         return bool(self._signals) or rospy.is_shutdown()
 
-    def _publish(self, linear_x, linear_y, linear_z, angular_z):
+    def _publish(self, linear_x: float, linear_y: float, linear_z: float, angular_z: float) -> None:
         message = self._publisher.data_class()
         twist = message
         if self._frame is not None:
@@ -87,14 +91,14 @@ class Teleop:
         twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z = linear_x, linear_y, linear_z, angular_z
         self._publisher.publish(message)
 
-    def stop(self):
+    def stop(self) -> None:
         """Send one command of zeros, once."""
         if not self._stopped:
             self._stopped = True
             self._publish(0.0, 0.0, 0.0, 0.0)
             time.sleep(_DELIVERY)
 
-    def wait_for_robot(self):
+    def wait_for_robot(self) -> None:
         """Wait for a subscriber, with a message from time to time."""
         told = time.monotonic()
         while self._publisher.get_num_connections() == 0 and not self._ending():
@@ -103,7 +107,7 @@ class Teleop:
                 print('Waiting for a subscriber of %s' % self._publisher.resolved_name, flush=True)
             time.sleep(_TURN)
 
-    def run(self):
+    def run(self) -> int:
         """Run until Ctrl-C, the end of the input or a shutdown; returns the number of keys."""
         count = 0
         now = time.monotonic()
@@ -126,8 +130,8 @@ class Teleop:
         return count
 
 
-def has_keyboard(stream):
-    """Whether a stream is a terminal or another source of keys; not /dev/null, not a closed stream."""
+def has_keyboard(stream: Any) -> bool:
+    """Return whether a stream is a terminal or another source of keys; not /dev/null, not a closed stream."""
     try:
         descriptor = stream.fileno()
         return os.isatty(descriptor) or not stat.S_ISCHR(os.fstat(descriptor).st_mode)
@@ -135,7 +139,7 @@ def has_keyboard(stream):
         return False
 
 
-def main():
+def main() -> int:
     """Entry point; returns the exit code."""
     if not has_keyboard(sys.stdin):
         sys.stderr.write(_NO_KEYBOARD)
