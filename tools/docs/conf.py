@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Settings of Sphinx for the API reference that tools/docs.sh writes from the docstrings."""
+import ast
+import functools
+import inspect
+import sys
+
+from sphinx import addnodes
+
 project = "m2wr"
 author = "m2wr maintainers"
 copyright = "2026, m2wr maintainers"
@@ -24,3 +31,39 @@ autodoc_mock_imports = [
     "rospkg", "rospy", "rosservice", "rostopic", "sensor_msgs", "std_msgs", "std_srvs", "tf", "tf2_msgs", "tf2_ros",
     "trajectory_msgs", "visualization_msgs",
 ]
+
+
+@functools.lru_cache(maxsize=None)
+def full_names(module):
+    """Return {name: full name} of what a module imports and defines, for type checkers too."""
+    found = {}
+    try:
+        nodes = list(ast.parse(inspect.getsource(sys.modules[module])).body)
+    except (KeyError, OSError, TypeError):
+        return found
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.If):            # if TYPE_CHECKING
+            nodes += node.body
+        elif isinstance(node, ast.ImportFrom):
+            found.update((entry.asname or entry.name, "%s.%s" % (node.module, entry.name)) for entry in node.names)
+        elif isinstance(node, ast.ClassDef):
+            found[node.name] = "%s.%s" % (module, node.name)
+        elif isinstance(node, ast.Assign):
+            found.update((target.id, "%s.%s" % (module, target.id)) for target in node.targets
+                         if isinstance(target, ast.Name))
+    return found
+
+
+def qualify_references(_, document):
+    """Let references in signatures mean what their module means; Sphinx searches all packages for the last part."""
+    for node in document.findall(addnodes.pending_xref):
+        first, dot, rest = node.get("reftarget", "").partition(".")
+        full = full_names(node.get("py:module")).get(first) if node.get("refdomain") == "py" else None
+        if full:
+            node["reftarget"] = full + dot + rest
+
+
+def setup(app):
+    """Register the above."""
+    app.connect("doctree-read", qualify_references)

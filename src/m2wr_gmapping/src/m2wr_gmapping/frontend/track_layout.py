@@ -6,34 +6,50 @@ Array layouts
 ``track`` (TRACK_ROWS, 3) float64
     The motion since the last processed scan, and the calibration of odometry.  One row each:
 
-    REL, EXPECTED       pose by the newest match and odometry since then, and by odometry; from the last processed scan
-    DRIVEN, SINCE       motion by raw odometry since the last processed scan, and since the last match
-    SLACK               variances of the pose from which EXPECTED was propagated
-    MOTION               distance travelled [m] and absolute rotation [rad] since then
-    SIGNED_MOTION       forward distance [m] and rotation [rad] since then, with their signs
+    REL, EXPECTED
+        pose by the newest match and odometry since then, and by odometry; from the last processed scan
+    DRIVEN, SINCE
+        motion by raw odometry since the last processed scan, and since the last match
+    SLACK
+        variances of the pose from which EXPECTED was propagated
+    MOTION
+        distance travelled [m] and absolute rotation [rad] since then
+    SIGNED_MOTION
+        forward distance [m] and rotation [rad] since then, with their signs
     SLIP_TRANSFORM, SLIP
-                        transform from odometry's newest pose to the matched one; MOTION at its first observation,
-                        number of observations
-    DOUBT               score share of a doubtful match that was checked, NO_DOUBT for none; motion [m], [rad] since
-                        then
-    SCALE               scales of odometry's deviations, one row for translation and one for heading; the columns are
-                        the parts caused by distance and by rotation
-    SCALE_EVIDENCE      number of steps that each scale was estimated from; two rows as SCALE
-    BIAS, COVARIANCE    bias of odometry: scale of distance, scale of rotation, rotation per metre; its covariance,
-                        three rows
-    CENTRE              offset of odometry's reference point ahead of the centre of rotation [m], and its variance
-    AHEAD               forward direction of the base in the laser's frame
-    NOISE, NOISE_TURN   user's noise of translation by distance and rotation; of heading by rotation and distance
-    BIAS_INFORMATION    information of the newest processed scan about the bias, three rows
+        transform from odometry's newest pose to the matched one; MOTION at its first observation, number of
+        observations
+    DOUBT
+        score share of a doubtful match that was checked, NO_DOUBT for none; motion [m], [rad] since then
+    SCALE
+        scales of odometry's deviations, one row for translation and one for heading; the columns are the
+        parts caused by distance and by rotation
+    SCALE_EVIDENCE
+        number of steps that each scale was estimated from; two rows as SCALE
+    BIAS, COVARIANCE
+        bias of odometry: scale of distance, scale of rotation, rotation per metre; its covariance, three rows
+    CENTRE
+        offset of odometry's reference point ahead of the centre of rotation [m], and its variance
+    AHEAD
+        forward direction of the base in the laser's frame
+    NOISE, NOISE_TURN
+        user's noise of translation by distance and rotation; of heading by rotation and distance
+    BIAS_INFORMATION
+        information of the newest processed scan about the bias, three rows
     BIAS_INFORMATION_VECTOR
-                        that information times the measured bias
-    APPLIED_BIAS        bias that was removed from odometry up to that scan
-    TRAVELLED           forward distance [m] and rotation [rad] up to that scan, direction of AHEAD [rad]; the rows from
-                        BIAS_INFORMATION on are the last ones
+        that information times the measured bias
+    APPLIED_BIAS
+        bias that was removed from odometry up to that scan
+    TRAVELLED
+        forward distance [m] and rotation [rad] up to that scan, direction of AHEAD [rad]; the rows from
+        BIAS_INFORMATION on are the last ones
 ``ask`` (ASK_ROWS, 3) float64
-    START, WANTED       start pose of a match in ``map``, and the pose by odometry
-    VARIANCES, INVERSE  of the latter along its axes [m^2, m^2, rad^2]
-    WINDOW              largest displacement by a slip [m, rad]
+    START, WANTED
+        start pose of a match in ``map``, and the pose by odometry
+    VARIANCES, INVERSE
+        of the latter along its axes [m^2, m^2, rad^2]
+    WINDOW
+        largest displacement by a slip [m, rad]
 """
 from __future__ import annotations
 
