@@ -43,13 +43,18 @@ def raised_by(function: ast.FunctionDef) -> Set[str]:
     return found - {""}
 
 
+def is_overload(function: ast.FunctionDef) -> bool:
+    """Return whether a function is a signature of ``typing.overload``, which has no docstring."""
+    return any(isinstance(one, ast.Name) and one.id == "overload" for one in function.decorator_list)
+
+
 def public_functions(tree: ast.AST) -> Iterator[ast.FunctionDef]:
     """Yield the functions and methods of a module that a user may call and that do not inherit their docstring."""
     derived = isinstance(tree, ast.ClassDef) and bool(tree.bases)
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from public_functions(node)
-        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not is_overload(node):
             if not derived or ast.get_docstring(node):
                 yield node
 

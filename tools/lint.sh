@@ -62,12 +62,11 @@ lint_ruff() {
     "$LINT_VENV/bin/ruff" check --quiet .
 }
 
-# Sections of docstrings. Not yet: m2wr_sim.
+# Sections of docstrings.
 lint_docstrings() {
     "$PYTHON" tools/check_docstrings.py dropin/*/src dropin/xacro/launcher src/m2wr_course/src \
         src/m2wr_gmapping/src src/m2wr_lockstep/src src/m2wr_node/src \
-        src/m2wr_sim/src/m2wr_sim/{api,control,model/xml,physics,plugins,ros,runtime,sensors} \
-        src/m2wr_tools/src src/motion_plan/src src/m2wr_view/src
+        src/m2wr_sim/src src/m2wr_tools/src src/motion_plan/src src/m2wr_view/src
 }
 
 # Types: setup.cfg says what is checked. Without the paths of a build, so that each checkout gives the same result.

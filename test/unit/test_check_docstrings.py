@@ -32,6 +32,10 @@ def test_complete_docstring_passes(head, docstring, body):
     assert sentences(head, docstring, body) == []
 
 
+def test_overload_needs_no_docstring():
+    assert not list(check_docstrings.faults("@overload\ndef f(a: int, b: int) -> int: ...\n"))
+
+
 def test_override_without_docstring_inherits_it():
     text = "class C%s:\n    def f(self, a, b):%s\n        pass\n"
     assert not list(check_docstrings.faults(text % ("(Base)", "")))

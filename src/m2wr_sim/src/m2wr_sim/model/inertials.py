@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Iterable, Optional, Tuple, Union
 
 import numpy as np
 
 from m2wr_sim.geometry import Vector
 from m2wr_sim.model.sdf.shapes import inertial_moments
 from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Mesh, Sphere
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.urdf.lumping import Part
 
 _NO_SHAPE = 0.1         # m: radius of the sphere that replaces a link without shapes
 
@@ -19,7 +22,7 @@ def mass_fault(inertial: Inertial) -> Optional[Tuple[str, str]]:
     return None if inertial.mass > 0.0 else ("mass is {:g}".format(inertial.mass), "a positive mass in kg")
 
 
-def usable(inertial: Inertial, collisions: Sequence[Collision]) -> Tuple[Inertial, Optional[str]]:
+def usable(inertial: Inertial, collisions: Iterable[Union[Collision, Part]]) -> Tuple[Inertial, Optional[str]]:
     """Return an Inertial that a solver can use, and a message if it is not the given one.
 
     A tensor that is not positive definite, mostly all zeros, is replaced. The new one is that of a solid sphere around
@@ -29,7 +32,7 @@ def usable(inertial: Inertial, collisions: Sequence[Collision]) -> Tuple[Inertia
     ----------
     inertial : Inertial
         Of positive mass.
-    collisions : sequence of Collision
+    collisions : iterable of Collision or Part
 
     Returns
     -------
@@ -46,7 +49,7 @@ def usable(inertial: Inertial, collisions: Sequence[Collision]) -> Tuple[Inertia
     return Inertial(inertial.mass, inertial.pose, (moment, 0.0, 0.0, moment, 0.0, moment)), message
 
 
-def _reach(collision: Collision, centre: Vector) -> float:
+def _reach(collision: Union[Collision, Part], centre: Vector) -> float:
     """Return an upper bound [m] of the distance from a point to the points of a collision; 0 for an infinite shape."""
     shape = collision.geometry
     if isinstance(shape, Box):

@@ -1,9 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """From ``model://NAME`` to the SDF file of that model, on this machine's disk only."""
+from __future__ import annotations
+
 import glob
 import os
+from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
+
+#: Returns the path of the file of a URI, for instance ``model://NAME``; None if it is not on this machine.
+ResolveModel = Callable[[str], Optional[str]]
+#: Returns the folder of a package; raises an exception of any type if there is none.
+ResolvePackage = Callable[[str], str]
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.notes import Notes
 
 NEWEST_SDF = (1, 7)
 HOW_TO_INSTALL = "put its folder into ~/.gazebo/models or into a folder that GAZEBO_MODEL_PATH names"
@@ -11,7 +22,7 @@ _MOST_LISTED = 5          # folders in a message
 _INSTALLED = "/usr/share/gazebo*/models"        # where Gazebo's packages put theirs, its default for GAZEBO_MODEL_PATH
 
 
-def parse_version(text):
+def parse_version(text: Optional[str]) -> Optional[Tuple[int, ...]]:
     """Return an SDF version text such as ``1.6`` as a tuple (1, 6), or None if it is none."""
     try:
         numbers = tuple(int(word) for word in (text or "").strip().split("."))
@@ -20,13 +31,13 @@ def parse_version(text):
     return numbers[:2] if len(numbers) >= 2 else None
 
 
-def _refuse_escape(path, source):
+def _refuse_escape(path: str, source: str) -> None:
     if os.path.isabs(path) or ".." in path.replace("\\", "/").split("/"):
         raise XmlError('{}: the path "{}" leaves the model\'s folder; expected a path below it, without ".."'.format(
             source, path))
 
 
-def exported_paths(packages, attribute):
+def exported_paths(packages: Iterable[str], attribute: str) -> List[str]:
     """Return the folders that packages export as ``<gazebo_ros ATTRIBUTE="${prefix}/..."/>`` in their package.xml.
 
     Parameters
@@ -35,8 +46,12 @@ def exported_paths(packages, attribute):
         Folders of packages; a file that cannot be read is ignored.
     attribute : str
         ``gazebo_model_path`` or ``gazebo_media_path``.
+
+    Returns
+    -------
+    list of str
     """
-    found = []
+    found: List[str] = []
     for folder in packages:
         path = os.path.join(folder, "package.xml")
         try:
@@ -63,19 +78,21 @@ class ModelFolders:
     resources : iterable of str
         Folders that ``file://media/...`` and bare relative paths count from.
     packages : callable, optional
-        Returns the folders of all ROS packages; what those export is searched last.  It is called only when something
-        was found nowhere else, once.
+        Returns the folders of all ROS packages; the folders that those export are searched last.  It is called at most
+        once, if a file was found nowhere else.
     stand_ins : str
-        Folder of models of the same outer size as others that many worlds name; searched after everything else.
+        Folder of replacements for models that many worlds include, with the same outer size; searched last.
     """
 
-    def __init__(self, folders=(), resources=(), packages=None, stand_ins=""):
+    def __init__(self, folders: Iterable[str] = (), resources: Iterable[str] = (),
+                 packages: Optional[Callable[[], Iterable[str]]] = None, stand_ins: str = "") -> None:
         self._stand_ins = stand_ins
         self.folders = tuple(folder for folder in folders if folder)
         self.resources = tuple(folder for folder in resources if folder)
-        self._packages, self._by_package = packages, {}
+        self._packages = packages
+        self._by_package: Dict[str, str] = {}
 
-    def _ask_packages(self):
+    def _ask_packages(self) -> bool:
         """Add what packages export; return whether there are packages."""
         if self._packages is None:
             return False
@@ -85,7 +102,7 @@ class ModelFolders:
         self.resources += tuple(exported_paths(folders, "gazebo_media_path"))
         return True
 
-    def __call__(self, uri):
+    def __call__(self, uri: str) -> Optional[str]:
         """Return the path of the file of a URI, or None if it is not on this machine.
 
         Parameters
@@ -106,7 +123,7 @@ class ModelFolders:
             found = self._first([os.path.join(self._stand_ins, uri[len("model://"):].strip("/"))])
         return found
 
-    def stood_in(self, path):
+    def stood_in(self, path: str) -> str:
         """Return the name of the model that a stand-in at ``path`` replaces; empty if it is not a stand-in."""
         if not self._stand_ins:
             return ""
@@ -114,7 +131,7 @@ class ModelFolders:
         return "" if inside.startswith(os.pardir) else inside.split(os.sep)[0]
 
     @staticmethod
-    def _first(candidates):
+    def _first(candidates: Iterable[str]) -> Optional[str]:
         for candidate in candidates:
             if os.path.isfile(candidate):
                 return candidate
@@ -123,7 +140,7 @@ class ModelFolders:
                 return found
         return None
 
-    def _candidates(self, uri):
+    def _candidates(self, uri: str) -> List[str]:
         scheme, mark, rest = uri.partition("://")
         if not mark:
             scheme, rest = "file", uri
@@ -140,17 +157,30 @@ class ModelFolders:
         _refuse_escape(rest.lstrip("/"), uri)
         return [rest] if os.path.isabs(rest) else [os.path.join(folder, rest) for folder in self.resources]
 
-    def __str__(self):
+    def __str__(self) -> str:
         names = list(self.folders[:_MOST_LISTED])
         if len(self.folders) > _MOST_LISTED:
             names.append("and %d folders that packages or GAZEBO_MODEL_PATH name" % (len(self.folders) - _MOST_LISTED))
         return ", ".join(names) if names else "no folders"
 
 
-def standard_folders(share, environment, packages=None):
+def standard_folders(share: str, environment: Mapping[str, str],
+                     packages: Optional[Callable[[], Iterable[str]]] = None) -> ModelFolders:
     """Return the :class:`ModelFolders` of a program started in ``environment``, in Gazebo's order.
 
-    ``share`` is the folder that holds ``models`` and ``stand_ins`` of this package.
+
+    Parameters
+    ----------
+    share : str
+        Folder with ``models`` and ``stand_ins`` of this package.
+    environment : mapping
+        Environment variables.
+    packages : callable, optional
+        See :class:`ModelFolders`.
+
+    Returns
+    -------
+    ModelFolders
     """
     home = os.path.join(os.path.expanduser("~"), ".gazebo", "models")
     listed = [environment.get(name, "").split(":") for name in ("GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH")]
@@ -160,7 +190,7 @@ def standard_folders(share, environment, packages=None):
                         os.path.join(share, "stand_ins"))
 
 
-def tell_stand_in(notes, folders, path):
+def tell_stand_in(notes: Notes, folders: Optional[ResolveModel], path: str) -> None:
     """Report once for each model that a stand-in is used, if the file at ``path`` belongs to one.
 
     Parameters
@@ -176,10 +206,10 @@ def tell_stand_in(notes, folders, path):
             name, HOW_TO_INSTALL), ("stand-in", name))
 
 
-def _file_in_folder(folder):
+def _file_in_folder(folder: str) -> Optional[str]:
     """Return the newest SDF file that the folder's model.config names and this package reads, or None.
 
-    Where all are newer than that, the oldest of them is tried.
+    If all are newer than that, the oldest of them is tried.
     """
     for name in ("model.config", "manifest.xml"):
         config = os.path.join(folder, name)
@@ -189,7 +219,7 @@ def _file_in_folder(folder):
     return plain if os.path.isfile(plain) else None
 
 
-def _file_in_config(config, folder):
+def _file_in_config(config: str, folder: str) -> str:
     root = parse_xml(read_file(config), config)
     listed = [(parse_version(element.get("version")) or (1, 0), (element.text or "").strip())
               for element in root.iter("sdf") if (element.text or "").strip()]

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Mesh files (.stl, .obj, .dae) -> triangles in metres, z up; independent of URDF and SDF.
+"""Reads mesh files (.stl, .obj, .dae) as triangles in metres, z up; independent of URDF and SDF.
 
-The formats are read by trimesh and pycollada, imported when the first mesh is met.
+The formats are read by trimesh and pycollada, which are imported with the first mesh.
 """
+from __future__ import annotations
+
 import io
 import logging
 import os
@@ -10,28 +12,36 @@ import re
 import stat
 import warnings
 from collections import OrderedDict, namedtuple
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Tuple
 
 import numpy as np
 from lxml import etree
 
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, shorten
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    #: Names, vertices, triangles.
+    _Part = Tuple[Tuple[str, ...], NDArray[Any], NDArray[Any]]
+
 log = logging.getLogger(__name__)
 
 MAX_TRIANGLES = 2000000
 MAX_MESH_BYTES = 512 * 1024 * 1024
 FARTHEST_VERTEX = 1e6           # m
-_SLOW_BYTES = 8 * 1024 * 1024   # from here on it is said that a file is being read
+_SLOW_BYTES = 8 * 1024 * 1024   # for larger files a log message is written
 _KEPT_FILES = 64
 _FORMATS = (".stl", ".obj", ".dae")
 
 MeshPart = namedtuple("MeshPart", "names vertices triangles")
 """One part of a mesh file: its names, vertices (n, 3) [m], triangles (m, 3) int32."""
 
-_files = OrderedDict()          # (path, size, time of change) -> parts; many models share files
+# (path, size, time of change) -> parts; many models share files
+_files: OrderedDict[Tuple[str, int, int], Tuple[MeshPart, ...]] = OrderedDict()
 
 
-def read_mesh_file(path):
+def read_mesh_file(path: str) -> Tuple[MeshPart, ...]:
     """Read a mesh file.
 
     Parameters
@@ -80,9 +90,10 @@ def read_mesh_file(path):
     return parts
 
 
-def _checked(path, parts):
-    """Return the parts that have triangles with an area; XmlError where none has or a number is not usable."""
-    kept, count = [], 0
+def _checked(path: str, parts: Iterable[Tuple[Iterable[str], Any, Any]]) -> Tuple[MeshPart, ...]:
+    """Return the parts with triangles that have an area; raise XmlError if there are none or a number is invalid."""
+    kept: List[MeshPart] = []
+    count = 0
     for names, vertices, triangles in parts:
         vertices = _rows_of_three(vertices, np.float64, path, "vertices", "three coordinates")
         triangles = _rows_of_three(triangles, np.int64, path, "faces", "three corners")
@@ -104,16 +115,16 @@ def _checked(path, parts):
     return tuple(kept)
 
 
-def _rows_of_three(rows, kind, path, what, expected):
-    """Return an array (n, 3); XmlError where a file has rows of another length."""
+def _rows_of_three(rows: Any, kind: type, path: str, what: str, expected: str) -> NDArray[Any]:
+    """Return an array (n, 3); raise XmlError if a file has rows of another length."""
     rows = np.ascontiguousarray(rows, dtype=kind)
     if rows.size and (rows.ndim != 2 or rows.shape[1] != 3):
         raise XmlError("{}: {} of the shape {}; expected {} each".format(path, what, rows.shape, expected))
     return rows.reshape(-1, 3)
 
 
-def has_area(corners):
-    """Return which of the triangles (m, 3 corners, 3) are more than a line: those have a normal."""
+def has_area(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which of the triangles (m, 3 corners, 3) have an area, and so a normal."""
     one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     three = two - one
     longest = np.maximum(np.maximum((one * one).sum(axis=1), (two * two).sum(axis=1)), (three * three).sum(axis=1))
@@ -121,10 +132,10 @@ def has_area(corners):
     return np.sqrt((normal * normal).sum(axis=1)) > 1e-12 * longest
 
 
-def _read_plain(content, path, kind):
+def _read_plain(content: bytes, path: str, kind: str) -> List[_Part]:
     """Return [(names, vertices, triangles)] of an STL or OBJ file."""
     trimesh = _trimesh(path)
-    options = dict(process=False)
+    options: Dict[str, bool] = dict(process=False)
     if kind == "obj":
         options.update(split_object=True, group_material=False, skip_materials=True, maintain_order=True)
     if kind == "obj" or _is_text_stl(content):
@@ -143,13 +154,13 @@ def _read_plain(content, path, kind):
             path, kind.upper(), shorten(str(error) or repr(error), 200))) from None
 
 
-def _is_text_stl(content):
-    """Tell a text from a binary STL, whose header may begin with "solid", too."""
+def _is_text_stl(content: bytes) -> bool:
+    """Return whether an STL is text; the header of a binary one may begin with "solid", too."""
     begin = content[:4000].lower()
     return begin.lstrip().startswith(b"solid") and (b"facet" in begin or b"endsolid" in begin)
 
 
-def _as_utf8(content):
+def _as_utf8(content: bytes) -> bytes:
     """Return a text as UTF-8; names and comments in it may be in any encoding."""
     try:
         content.decode("utf-8")
@@ -158,7 +169,7 @@ def _as_utf8(content):
         return content.decode("latin-1").encode("utf-8")
 
 
-def _whole_binary_stl(content, path):
+def _whole_binary_stl(content: bytes, path: str) -> bytes:
     """Return header and triangles of a binary STL, without the bytes after them."""
     stated = int.from_bytes(content[80:84], "little")
     if stated * 50 + 84 > len(content):
@@ -174,7 +185,7 @@ _NO_SHAPES = ("library_materials", "library_effects", "library_images", "library
 _SCHEMA = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
 
 
-def _shapes_of_collada(content, path):
+def _shapes_of_collada(content: bytes, path: str) -> bytes:
     """Return a COLLADA file without colours, pictures, cameras and lights, where references often lead nowhere."""
     root = parse_xml(content, path)
     if etree.QName(root).localname != "COLLADA":
@@ -187,7 +198,7 @@ def _shapes_of_collada(content, path):
     return _SCHEMA + re.sub(br"""^<[^\s>]*|\sxmlns=("[^"]*"|'[^']*')""", b"", begin) + end + rest
 
 
-def _read_collada(content, path):
+def _read_collada(content: bytes, path: str) -> List[_Part]:
     """Return [(names, vertices, triangles)] of a COLLADA file, one for each instance of a geometry."""
     content = _shapes_of_collada(content, path)
     collada = _collada(path)
@@ -195,7 +206,7 @@ def _read_collada(content, path):
         document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])
         # Gazebo's loader reads the unit and ignores <up_axis>
         to_metres = np.diag([float(document.assetInfo.unitmeter or 1.0)] * 3 + [1.0])
-        found = []
+        found: List[_Part] = []
         scene = document.scene or (document.scenes[0] if len(document.scenes) else None)
         if scene is None:
             for geometry in document.geometries:
@@ -211,7 +222,7 @@ def _read_collada(content, path):
             path, shorten(str(error) or repr(error), 200))) from None
 
 
-def _walk(collada, node, matrix, names, found):
+def _walk(collada: Any, node: Any, matrix: NDArray[np.float64], names: Tuple[str, ...], found: List[_Part]) -> None:
     """Collect the geometries below a node; ``matrix`` (4, 4) takes its parent's coordinates to metres."""
     if isinstance(node, collada.scene.GeometryNode):
         found.extend(_collada_parts(node.geometry, matrix, names))
@@ -225,7 +236,7 @@ def _walk(collada, node, matrix, names, found):
             _walk(collada, child, matrix @ node.matrix, own or names, found)
 
 
-def _collada_parts(geometry, matrix, names):
+def _collada_parts(geometry: Any, matrix: NDArray[np.float64], names: Tuple[str, ...]) -> List[_Part]:
     names = names + tuple(name for name in (geometry.name, geometry.id) if name)
     parts = []
     for primitive in geometry.primitives:
@@ -239,7 +250,7 @@ def _collada_parts(geometry, matrix, names):
     return parts
 
 
-def _trimesh(path):
+def _trimesh(path: str) -> Any:
     try:
         import trimesh
     except ImportError as error:
@@ -247,7 +258,7 @@ def _trimesh(path):
     return trimesh
 
 
-def _collada(path):
+def _collada(path: str) -> Any:
     try:
         import collada
     except ImportError as error:

@@ -1,27 +1,37 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<mesh>``, ``<heightmap>`` and ``<polyline>`` of SDF, ``<mesh>`` of URDF -> Mesh and Heightmap records.
 
-A shape whose file cannot be found or read is named in the notes, with its element, and left out; the rest loads.
+A shape whose file cannot be found or read is left out with a warning that names its element; the rest is loaded.
 """
+from __future__ import annotations
+
 import os
 import posixpath
+from typing import TYPE_CHECKING, Any, List, Optional, Sequence
 
 import numpy as np
 
 from m2wr_sim.errors import SimError
-from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MAX_TRIANGLES, read_mesh_file
+from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MAX_TRIANGLES, MeshPart, read_mesh_file
 from m2wr_sim.model.mesh.polyline import extrude
 from m2wr_sim.model.model_folders import tell_stand_in
 from m2wr_sim.model.types import Heightmap, Mesh
 from m2wr_sim.model.xml.safe import XmlError, fail, file_of, parse_vector, place
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.model.mesh.shape_element import ShapeElement
+    from m2wr_sim.model.model_folders import ResolveModel, ResolvePackage
+    from m2wr_sim.model.notes import Notes
 
 _DEFAULT_SAMPLING = 2       # SDF's
 _PICTURES = ("PNG", "PPM", "BMP", "GIF", "JPEG", "TIFF")     # others may start programs to be read
 _MAX_PIXELS = 4096 * 4096
 
 
-def _below(rest):
-    """Return ``NAME/path`` without doubled slashes and steps back; XmlError where those lead out of NAME."""
+def _below(rest: str) -> str:
+    """Return ``NAME/path`` without double slashes and ``..``; raise XmlError if these lead out of NAME."""
     name, _, inside = rest.replace("\\", "/").lstrip("/").partition("/")
     inside = posixpath.normpath("./" + inside.lstrip("/"))
     if name == ".." or inside.split("/")[0] == "..":
@@ -43,13 +53,14 @@ class MeshReader:
         ``resolve_package(name)`` gives the folder of a package.
     """
 
-    def __init__(self, notes, resolve_model=None, resolve_package=None):
+    def __init__(self, notes: Notes, resolve_model: Optional[ResolveModel] = None,
+                 resolve_package: Optional[ResolvePackage] = None) -> None:
         self._notes, self._resolve_model, self._resolve_package = notes, resolve_model, resolve_package
 
     # ---- elements ----------------------------------------------------------------------------------------------
 
-    def mesh(self, node):
-        """Read ``<mesh>`` of SDF, a Node; returns a Mesh, or None where it has to be left out (noted).
+    def mesh(self, node: ShapeElement) -> Optional[Mesh]:
+        """Read ``<mesh>`` of SDF; return None, after a warning, if it is left out.
 
         Raises
         ------
@@ -65,12 +76,25 @@ class MeshReader:
         name, centred = submesh.text("name") or None, submesh.flag("center", False)
         return self._mesh(node.element, uri, scale, name, bool(name) and centred)
 
-    def urdf_mesh(self, element, filename, scale):
-        """Return the Mesh of a URDF ``<mesh>``, or None where it has to be left out (noted)."""
+    def urdf_mesh(self, element: Any, filename: str, scale: Optional[Sequence[float]]) -> Optional[Mesh]:
+        """Return the Mesh of a URDF ``<mesh>``; None, after a warning, if it is left out.
+
+        Parameters
+        ----------
+        element : lxml element
+            For messages.
+        filename : str
+            URI or path.
+        scale : (3,) sequence of float, optional
+
+        Returns
+        -------
+        Mesh or None
+        """
         return self._mesh(element, filename, tuple(float(value) for value in scale or (1.0, 1.0, 1.0)), None, False)
 
-    def heightmap(self, node):
-        """Read ``<heightmap>``, a Node; returns a Heightmap, or None where it has to be left out (noted).
+    def heightmap(self, node: ShapeElement) -> Optional[Heightmap]:
+        """Read ``<heightmap>``; return None, after a warning, if it is left out.
 
         The brightest pixel has the height of ``<size>``, black is 0; between pixels heights are interpolated, so
         that each pixel gives ``<sampling>`` samples a side.
@@ -83,7 +107,7 @@ class MeshReader:
         uri, element = node.text("uri"), node.element
         if not uri:
             node.fail("<uri> is missing or empty", "the picture with the heights there")
-        size, position = node.strict_vector("size", 3, (1.0, 1.0, 1.0)), node.vector("pos", 3, (0.0,) * 3)
+        size, position = node.strict_vector("size", 3, (1.0, 1.0, 1.0)), node.vector("pos", 3, (0.0, 0.0, 0.0))
         if min(size[0], size[1]) <= 0.0 or max(abs(value) for value in size) > FARTHEST_VERTEX:
             fail(node.child("size").element, "size is {:g} {:g} {:g}".format(*size),
                  "a positive extent in x and y, of at most {:g} m".format(FARTHEST_VERTEX))
@@ -92,21 +116,23 @@ class MeshReader:
             path = self._find(uri, element)
             levels = _read_levels(path)
         except SimError as error:
-            return self._leave_out(element, "heightmap {}: {}".format(uri, error))
+            self._leave_out(element, "heightmap {}: {}".format(uri, error))
+            return None
         heights = _heights(levels, abs(size[2]), size[2] < 0.0)
         wanted = sampling
         while sampling > 1 and _cells(heights, sampling) > MAX_TRIANGLES // 2:
             sampling -= 1
         if _cells(heights, sampling) > MAX_TRIANGLES // 2:
-            return self._leave_out(element, "heightmap {}: the picture has {} x {} pixels; expected at most {} in "
-                                   "all".format(uri, heights.shape[1], heights.shape[0], MAX_TRIANGLES // 2))
+            self._leave_out(element, "heightmap {}: the picture has {} x {} pixels; expected at most {} in all".format(
+                uri, heights.shape[1], heights.shape[0], MAX_TRIANGLES // 2))
+            return None
         if sampling != wanted:
             self._notes.add("{}: heightmap {}: <sampling> {} would make more than {} triangles; using {}.".format(
                 place(element), uri, wanted, MAX_TRIANGLES, sampling))
         return Heightmap(_sampled(heights, sampling), (size[0], size[1]), position, path)
 
-    def polyline(self, nodes):
-        """Read the ``<polyline>`` elements of one geometry, which make one body; returns a Mesh.
+    def polyline(self, nodes: Sequence[ShapeElement]) -> Mesh:
+        """Read the ``<polyline>`` elements of one geometry, which make one body.
 
         Raises
         ------
@@ -121,7 +147,7 @@ class MeshReader:
             if len(corners) < 3:
                 node.fail("there are {} different <point> elements".format(len(corners)), "at least three")
             outlines.append(corners)
-            node.text("height")         # that of the first counts for all
+            node.text("height")         # the first one is used for all
         height = nodes[0].positive("height")
         if max(height, max(abs(value) for corners in outlines for corner in corners for value in corner)) \
                 > FARTHEST_VERTEX:
@@ -133,11 +159,12 @@ class MeshReader:
 
     # ---- files -------------------------------------------------------------------------------------------------
 
-    def _mesh(self, element, uri, scale, submesh, centred):
+    def _mesh(self, element: Any, uri: str, scale: Sequence[float], submesh: Optional[str],
+              centred: bool) -> Optional[Mesh]:
         try:
             path = self._find(uri, element)
             tell_stand_in(self._notes, self._resolve_model, path)
-            parts = read_mesh_file(path)
+            parts: Sequence[MeshPart] = read_mesh_file(path)
             if submesh is not None:
                 known = sorted({name for part in parts for name in part.names})
                 parts = [part for part in parts if submesh in part.names]
@@ -145,7 +172,8 @@ class MeshReader:
                     raise XmlError('{}: it has no submesh "{}"; expected one of {}'.format(
                         path, submesh, ", ".join(known) or "none"))
         except SimError as error:
-            return self._leave_out(element, "mesh {}: {}".format(uri, error))
+            self._leave_out(element, "mesh {}: {}".format(uri, error))
+            return None
         starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
         vertices = np.concatenate([part.vertices for part in parts])
         triangles = np.concatenate([part.triangles + np.int32(start) for part, start in zip(parts, starts)])
@@ -154,17 +182,18 @@ class MeshReader:
             vertices = vertices - 0.5 * (used.min(axis=0) + used.max(axis=0))
         vertices = np.ascontiguousarray(vertices * scale)
         if not np.all(np.abs(vertices) <= FARTHEST_VERTEX):
-            return self._leave_out(element, "mesh {}: scaled by {:g} {:g} {:g} it reaches beyond {:g} m".format(
+            self._leave_out(element, "mesh {}: scaled by {:g} {:g} {:g} it reaches beyond {:g} m".format(
                 uri, *scale, FARTHEST_VERTEX))
+            return None
         if np.prod(np.sign(scale)) < 0.0:       # a mirror turns the faces inside out
             triangles = triangles[:, ::-1]
         return Mesh(vertices, np.ascontiguousarray(triangles, dtype=np.int32), path)
 
-    def _leave_out(self, element, reason):
+    def _leave_out(self, element: Any, reason: str) -> None:
         self._notes.add("{}: {}; this collision is left out.".format(
             place(element), reason.rstrip(".")))
 
-    def _find(self, uri, element):
+    def _find(self, uri: str, element: Any) -> str:
         """Return the path of a URI.
 
         Raises
@@ -175,10 +204,11 @@ class MeshReader:
         scheme, mark, rest = uri.strip().partition("://")
         scheme, rest = (scheme.lower(), rest) if mark else ("", uri.strip())
         if scheme in ("", "file") and os.path.isabs(rest):
-            candidates = [rest]
+            candidates: List[Optional[str]] = [rest]
         elif scheme in ("", "file"):
-            candidates = [os.path.join(os.path.dirname(file_of(element)), rest)]
-            if self._resolve_model is not None and not os.path.isfile(candidates[0]):
+            beside = os.path.join(os.path.dirname(file_of(element)), rest)
+            candidates = [beside]
+            if self._resolve_model is not None and not os.path.isfile(beside):
                 candidates.append(self._resolve_model("file://" + rest))
         elif scheme in ("model", "package"):
             rest = _below(rest)
@@ -194,10 +224,10 @@ class MeshReader:
             ", ".join(os.path.dirname(candidate) or "." for candidate in candidates if candidate)
             or str(self._resolve_model or "no folders")))
 
-    def _in_packages(self, scheme, rest):
-        """Return where a ``model://`` or ``package://`` path may lie; Gazebo takes one for the other."""
+    def _in_packages(self, scheme: str, rest: str) -> List[Optional[str]]:
+        """Return candidates for a ``model://`` or ``package://`` path; Gazebo accepts one for the other."""
         name, _, inside = rest.partition("/")
-        found = []
+        found: List[Optional[str]] = []
         if scheme == "package" or self._resolve_model is None:
             found.append(self._package_path(name, inside, scheme == "package"))
         if scheme == "package" and self._resolve_package is None and self._resolve_model is not None:
@@ -206,7 +236,7 @@ class MeshReader:
             found.append(self._resolve_model("model://" + rest))
         return found
 
-    def _package_path(self, name, inside, asked):
+    def _package_path(self, name: str, inside: str, asked: bool) -> Optional[str]:
         if self._resolve_package is None:
             return None
         try:
@@ -218,7 +248,7 @@ class MeshReader:
             return None
 
 
-def _read_levels(path):
+def _read_levels(path: str) -> NDArray[np.float64]:
     """Return the brightness of a picture's pixels, (rows, columns) float64 from 0 to 1; row 0 is the top."""
     try:
         from PIL import Image
@@ -249,19 +279,19 @@ def _read_levels(path):
     return levels
 
 
-def _heights(levels, height, inverted):
-    """Scale brightness so that the brightest pixel is ``height`` [m]; ``inverted``: so that black is."""
+def _heights(levels: NDArray[np.float64], height: float, inverted: bool) -> NDArray[np.float64]:
+    """Scale brightness so that the brightest pixel, or black if ``inverted``, has ``height`` [m]."""
     brightest = levels.max()
     shares = levels / brightest if brightest > 0.0 else levels
     return height * ((1.0 - shares) if inverted else shares)
 
 
-def _cells(heights, sampling):
+def _cells(heights: NDArray[np.float64], sampling: int) -> int:
     return ((heights.shape[0] - 1) * sampling) * ((heights.shape[1] - 1) * sampling)
 
 
-def _sampled(heights, sampling):
-    """Put ``sampling`` - 1 interpolated samples between every two, in both directions."""
+def _sampled(heights: NDArray[np.float64], sampling: int) -> NDArray[np.float64]:
+    """Insert ``sampling`` - 1 interpolated samples between neighbours, in both directions."""
     if sampling == 1:
         return np.ascontiguousarray(heights)
     for axis in (0, 1):

@@ -6,11 +6,14 @@ file.  These tables define how the rest is reported; docs/reference/sdf.md shows
 (``python3 -m m2wr_sim.model.sdf.elements`` prints its table), and tests hold both against the readers.  Elements of one
 name in different places have rows of their own (``physics/ode``, ``friction/ode``).
 """
+from __future__ import annotations
+
 import re
 import sys
+from typing import FrozenSet, Iterable, List
 
 
-def _words(text):
+def _words(text: str) -> FrozenSet[str]:
     return frozenset(text.split())
 
 
@@ -181,7 +184,7 @@ ROWS = {
 }
 
 
-def table():
+def table() -> List[str]:
     """Return the lines of the table in docs/reference/sdf.md: a row of elements in each."""
     lines = ["| in | read | differs from Gazebo | no effect, one INFO line | not read, reported |",
              "|---|---|---|---|---|"]
@@ -193,7 +196,7 @@ def table():
     return lines
 
 
-def _listed(tags):
+def _listed(tags: Iterable[str]) -> str:
     return ", ".join("`{}`".format(tag) for tag in sorted(tags))
 
 

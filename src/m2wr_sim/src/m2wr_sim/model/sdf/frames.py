@@ -1,12 +1,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses that are given relative to other elements of a model or world (``relative_to``), brought to one frame."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Dict, Iterable, Optional, Tuple
 
 from m2wr_sim.geometry import IDENTITY, compose, invert, normalise_quaternion, quaternion_from_rpy
 from m2wr_sim.model.xml.safe import XmlError, fail, parse_float, shorten
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.notes import Notes
+    from m2wr_sim.model.sdf.node import Node
 
-def _numbers(leaf, count, expected):
+
+def _numbers(leaf: Node, count: int, expected: str) -> Tuple[float, ...]:
     """Return the numbers of a pose; missing ones are 0 with a warning, as in Gazebo."""
     text = leaf.own_text()
     try:
@@ -21,7 +29,7 @@ def _numbers(leaf, count, expected):
     return (numbers + (0.0,) * count)[:count]
 
 
-def raw_pose(node):
+def raw_pose(node: Node) -> Tuple[Pose, Optional[str]]:
     """Return an element's own ``<pose>`` and the name it is relative to.
 
     Parameters
@@ -43,11 +51,12 @@ def raw_pose(node):
     if not leaf.own_text():
         return IDENTITY, relative_to
     if leaf.attribute("rotation_format") == "quat_xyzw":
-        numbers = _numbers(leaf, 7, "seven numbers: x y z and a quaternion x y z w")
-        return (numbers[:3], normalise_quaternion(numbers[3:])), relative_to
-    numbers = _numbers(leaf, 6, "six numbers: x y z roll pitch yaw")
-    turn = tuple(math.radians(value) for value in numbers[3:]) if degrees else numbers[3:]
-    return (numbers[:3], quaternion_from_rpy(*turn)), relative_to
+        x, y, z, *quaternion = _numbers(leaf, 7, "seven numbers: x y z and a quaternion x y z w")
+        return ((x, y, z), normalise_quaternion(quaternion)), relative_to
+    x, y, z, roll, pitch, yaw = _numbers(leaf, 6, "six numbers: x y z roll pitch yaw")
+    if degrees:
+        roll, pitch, yaw = math.radians(roll), math.radians(pitch), math.radians(yaw)
+    return ((x, y, z), quaternion_from_rpy(roll, pitch, yaw)), relative_to
 
 
 class Frames:
@@ -56,29 +65,53 @@ class Frames:
     Parameters
     ----------
     notes : Notes
-        Receives the names that do not exist here.
+        Gets warnings about unknown names.
     roots : tuple of str
         Names of the frame that everything is resolved to.
     """
 
-    def __init__(self, notes, roots=("__model__",)):
+    def __init__(self, notes: Notes, roots: Tuple[str, ...] = ("__model__",)) -> None:
         self._notes = notes
         self._roots = roots
-        self._given = {}
-        self._resolved = {}
+        self._given: Dict[str, Tuple[Pose, Optional[str], Node]] = {}
+        self._resolved: Dict[str, Pose] = {}
 
-    def add(self, name, pose, relative_to, node):
-        """Name a frame: its pose and what that is relative to (None: the root frame).  The first of a name wins."""
+    def add(self, name: str, pose: Pose, relative_to: Optional[str], node: Node) -> None:
+        """Add a named frame, unless there is one of this name.
+
+        Parameters
+        ----------
+        name : str
+        pose : pose
+            Pose of the frame in ``relative_to``.
+        relative_to : str or None
+            Name of another frame; None for the root frame.
+        node : Node
+            Its element, for messages.
+        """
         self._given.setdefault(name, (pose, relative_to, node))
 
-    def has(self, name):
+    def has(self, name: str) -> bool:
         """Return whether there is a frame of this name."""
         return name in self._given or name in self._roots
 
-    def resolve(self, name, node=None, asking=()):
+    def resolve(self, name: Optional[str], node: Optional[Node] = None, asking: Tuple[str, ...] = ()) -> Pose:
         """Return the pose of a named frame in the root frame.
 
         For an unknown name there is a warning and the root frame is used.
+
+        Parameters
+        ----------
+        name : str or None
+            None for the root frame.
+        node : Node, optional
+            The element with the name, for the warning; none without it.
+        asking : tuple of str
+            Names that are being resolved.
+
+        Returns
+        -------
+        pose
 
         Raises
         ------
@@ -100,7 +133,7 @@ class Frames:
             self._resolved[name] = compose(self.resolve(relative_to, given_at, asking + (name,)), pose)
         return self._resolved[name]
 
-    def settle(self):
+    def settle(self) -> None:
         """Break cycles of frames with a warning: the first of a cycle is placed in the root frame."""
         for name, (pose, _, node) in self._given.items():
             try:
@@ -111,15 +144,26 @@ class Frames:
                 self._notes.add("{}; using the pose of {} in the enclosing frame.".format(what, name))
                 self._resolved[name] = pose
 
-    def pose_in(self, node, carrier):
-        """Return an element's pose in the frame ``carrier``, to which it is relative by default."""
+    def pose_in(self, node: Node, carrier: str) -> Pose:
+        """Return an element's pose in the frame ``carrier``, to which it is relative by default.
+
+        Parameters
+        ----------
+        node : Node
+        carrier : str
+            Name of a frame.
+
+        Returns
+        -------
+        pose
+        """
         pose, relative_to = raw_pose(node)
         if relative_to is None or relative_to == carrier:
             return pose
         return compose(invert(self.resolve(carrier)), compose(self.resolve(relative_to, node), pose))
 
 
-def _some(names, limit=8):
+def _some(names: Iterable[str], limit: int = 8) -> str:
     """Return names for a message, not more than a few."""
     listed = sorted(names)
     return ", ".join(listed[:limit]) + (", ..." if len(listed) > limit else "") if listed else "none"

@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<joint>`` of SDF -> Joint, with the axis conventions of the SDF versions."""
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Callable, Collection, Mapping, Optional, Sequence, Tuple
 
 from m2wr_sim.geometry import IDENTITY, compose, rotate, rotate_inverse
 from m2wr_sim.model.types import Axis, Joint
 from m2wr_sim.model.xml.safe import fail
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.sdf.frames import Frames
+    from m2wr_sim.model.sdf.node import Node
 
 NO_LIMIT = 1e16
 
@@ -14,20 +22,37 @@ _MOST_NAMES = 12        # of links in a message
 _DYNAMICS = ("damping", "friction", "spring_stiffness", "spring_reference")
 
 
-def unit(element, vector):
-    """Return a vector scaled to length one; XmlError if it has no length."""
+def unit(element: Any, vector: Sequence[float]) -> Vector:
+    """Return a vector scaled to length one; XmlError if it has no length.
+
+    Parameters
+    ----------
+    element : lxml element
+        For the message.
+    vector : (3,) sequence of float
+
+    Returns
+    -------
+    tuple of 3 floats
+
+    Raises
+    ------
+    XmlError
+        If the length is 0.
+    """
+    x, y, z = vector
     length = math.sqrt(sum(value * value for value in vector))
     if length < 1e-9:
         fail(element, "the axis has no length", "a direction such as 0 0 1")
-    return tuple(value / length for value in vector)
+    return (x / length, y / length, z / length)
 
 
-def clamp_limit(value):
+def clamp_limit(value: float) -> float:
     """Return a joint limit with infinity replaced by +-1e16, which means no limit."""
     return max(-NO_LIMIT, min(NO_LIMIT, value))
 
 
-def _axis(node, joint, model_from_joint, frames, version):
+def _axis(node: Node, joint: Node, model_from_joint: Pose, frames: Frames, version: Tuple[int, ...]) -> Axis:
     """Read one axis; ``model_from_joint`` is the joint frame in the model frame."""
     solver, defaults = joint.child("physics").child("ode"), Axis()
     stop = solver.child("limit")
@@ -56,20 +81,35 @@ def _axis(node, joint, model_from_joint, frames, version):
                 **{name: dynamics.number(name, 0.0) for name in _DYNAMICS})
 
 
-def _no_limit(value):
+def _no_limit(value: float) -> float:
     return -1.0 if math.isinf(value) else value
 
 
-def named_end(node, tag, model, known):
+def named_end(node: Node, tag: str, model: str, known: Callable[[str], bool]) -> str:
     """Return the name of a joint's parent or child; empty where it has none.
 
     If a name is not ``known(name)``, the prefix of the joint's model is removed.
+
+    Parameters
+    ----------
+    node : Node
+        The joint.
+    tag : str
+        ``parent`` or ``child``.
+    model : str
+        Name of the model.
+    known : callable
+        ``known(name)`` returns whether the model has a link or frame of this name.
+
+    Returns
+    -------
+    str
     """
     end = node.text(tag) or node.child(tag).text("link") or ""
     return end[len(model) + 2:] if end.startswith(model + "::") and not known(end) else end
 
 
-def _end(node, tag, links, model):
+def _end(node: Node, tag: str, links: Collection[str], model: str) -> str:
     """Return the name of a joint's parent or child; XmlError where it names no link."""
     end = named_end(node, tag, model, links.__contains__)
     if not end:
@@ -82,7 +122,8 @@ def _end(node, tag, links, model):
     return end
 
 
-def read_joint(node, links, frames, version, model=""):
+def read_joint(node: Node, links: Mapping[str, Pose], frames: Frames, version: Tuple[int, ...],
+               model: str = "") -> Optional[Joint]:
     """Read one ``<joint>``.
 
     Parameters
@@ -95,12 +136,12 @@ def read_joint(node, links, frames, version, model=""):
     version : tuple of int
         SDF version; up to 1.4 axes are given in the model frame.
     model : str
-        Name of the model, which may be a prefix of a link's.
+        Name of the model; link names may begin with it.
 
     Returns
     -------
     Joint or None
-        None for a joint type that has no counterpart here (noted).
+        None for a type that is not supported (a warning is added).
 
     Raises
     ------
@@ -118,14 +159,14 @@ def read_joint(node, links, frames, version, model=""):
     if kind not in _KINDS:
         node.fail('joint type is "{}"'.format(kind), "one of " + ", ".join(_KINDS))
     parent, child = _end(node, "parent", links, model), _end(node, "child", links, model)
-    bolted = kind == "fixed" and child == "world" and parent != "world"
-    if bolted:                  # the same the other way round, and where on the link does not matter
+    to_world = kind == "fixed" and child == "world" and parent != "world"
+    if to_world:                # exchanged, this is the same joint; its place on the link does not matter
         parent, child = child, parent
     if child == parent:
         node.fail('parent and child are both "{}"'.format(child), "two different links")
     if child == "world":
         fail(node.child("child").element, "child is the world", "the moving link as child and the world as parent")
-    pose = IDENTITY if bolted else frames.pose_in(node, child)
+    pose = IDENTITY if to_world else frames.pose_in(node, child)
     model_from_joint = compose(links[child], pose)
     axis = _axis(node.child("axis"), node, model_from_joint, frames, version)
     second = node.child("axis2")

@@ -1,24 +1,37 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<light>`` of SDF -> Light: light is not simulated, but services report lights by name."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Tuple
+
 from m2wr_sim.model.sdf.frames import raw_pose
 from m2wr_sim.model.types import Light
 
+Colour = Tuple[float, float, float, float]        # red, green, blue, alpha
+if TYPE_CHECKING:
+    from m2wr_sim.model.sdf.node import Node
 
-def _colour(node, tag, default):
+
+def _colour(node: Node, tag: str, default: Colour) -> Colour:
     """Return red, green, blue and alpha; files write three or four numbers."""
-    count = 4 if len((node.text(tag) or "").split()) > 3 else 3
-    return tuple(node.vector(tag, count, default)) + (1.0,) * (4 - count) if node.text(tag) else default
+    text = node.text(tag)
+    if not text:
+        return default
+    count = 4 if len(text.split()) > 3 else 3
+    red, green, blue, alpha = (*(node.vector(tag, count, default) or default), 1.0)[:4]
+    return (red, green, blue, alpha)
 
 
-def read_light(node):
-    """Read one ``<light>``, a Node; XmlError if its name is missing."""
+def read_light(node: Node) -> Light:
+    """Read one ``<light>``; raise XmlError if its name is missing."""
     base, attenuation = Light(node.name()), node.child("attenuation")
     light = Light(
         name=base.name, kind=node.attribute("type") or "point", pose=raw_pose(node)[0],
-        diffuse=_colour(node, "diffuse", base.diffuse)[:4], specular=_colour(node, "specular", base.specular)[:4],
-        attenuation=tuple(attenuation.number(tag, default) for tag, default in zip(
-            ("constant", "linear", "quadratic"), base.attenuation)),
-        direction=tuple(node.vector("direction", 3, base.direction)),
+        diffuse=_colour(node, "diffuse", base.diffuse), specular=_colour(node, "specular", base.specular),
+        attenuation=(attenuation.number("constant", base.attenuation[0]),
+                     attenuation.number("linear", base.attenuation[1]),
+                     attenuation.number("quadratic", base.attenuation[2])),
+        direction=node.vector("direction", 3, base.direction),
         cast_shadows=node.flag("cast_shadows", base.cast_shadows))
     node.done()
     return light

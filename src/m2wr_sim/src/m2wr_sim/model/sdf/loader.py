@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """SDF files: worlds for the simulator to load, and models for spawning.
 
-Reads SDF 1.4 to 1.7.  What cannot be used is left out in its smallest part (a collision, a joint, a model, an include)
-and named in the ``notes`` with file, line, element and what was expected; so are ignored elements.  What has no part
-in the simulation (colours, scene, window layout, sound) is gathered in one quiet sentence, the ``remarks``.
+Reads SDF 1.4 to 1.7.  The smallest part that cannot be used (a collision, a joint, a model, an include) is left out; a
+warning in the ``notes`` names file, line, element and what was expected.  There are also warnings about ignored
+elements.  Elements without effect on the simulation (colours, scene, window layout, sound) are listed in one sentence,
+the ``remarks``.
 """
+from __future__ import annotations
+
 import logging
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
 
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.notes import Notes
@@ -18,20 +22,24 @@ from m2wr_sim.model.sdf.physics import read_physics, read_state
 from m2wr_sim.model.types import World
 from m2wr_sim.model.xml.safe import errors_as, fail, parse_xml, read_file
 
+if TYPE_CHECKING:
+    from m2wr_sim.model.model_folders import ResolveModel
+    from m2wr_sim.model.types import Light, Model
+
 log = logging.getLogger(__name__)
 
-_SLOW_BYTES = 4 * 1024 * 1024       # from here on it is said that a document is being read
+_SLOW_BYTES = 4 * 1024 * 1024       # for larger documents a log message is written
 
 
 class _Contents:
     """The models and lights of a world or file while it is being read; the first of a name wins."""
 
-    def __init__(self, notes):
+    def __init__(self, notes: Notes) -> None:
         self._notes = notes
-        self.models = {}
-        self.lights = {}
+        self.models: Dict[str, Tuple[Model, Node, Optional[str]]] = {}
+        self.lights: Dict[str, Light] = {}
 
-    def add_model(self, model, node, relative_to):
+    def add_model(self, model: Model, node: Node, relative_to: Optional[str]) -> None:
         if not model.links:
             self._notes.add('{}: model "{}" has no link; it is skipped.'.format(node.line, model.name))
         elif model.name in self.models:
@@ -40,25 +48,27 @@ class _Contents:
         else:
             self.models[model.name] = (model, node, relative_to)
 
-    def add_light(self, light, node):
+    def add_light(self, light: Light, node: Node) -> None:
         if light.name in self.lights:
             self._notes.add('{}: a light "{}" is there already; this one is skipped.'.format(node.line, light.name))
         self.lights.setdefault(light.name, light)
 
-    def read(self, parent, context):
-        """Read every model, include and light that is a child of ``parent``, a Node."""
+    def read(self, parent: Node, context: SdfContext) -> None:
+        """Read every model, include and light in ``parent``."""
         nodes = {tag: iter(parent.children(tag)) for tag in ("model", "include", "light")}
         for tag in parent.tags():
             if tag not in nodes:
                 continue
             child = next(nodes[tag])
             relative_to = raw_pose(child)[1]
+            model: Optional[Model] = None
+            lights: Tuple[Optional[Light], ...] = ()
             if tag == "include":
                 model, lights = read_include(child, context)
             elif tag == "model":
-                model, lights = self._notes.attempt("this model", read_model, child, context), ()
+                model = self._notes.attempt("this model", read_model, child, context)
             else:
-                model, lights = None, (self._notes.attempt("this light", read_light, child),)
+                lights = (self._notes.attempt("this light", read_light, child),)
             if model is not None:
                 self.add_model(model, child, relative_to)
             elif tag != "light" or lights[0] is None:
@@ -67,8 +77,8 @@ class _Contents:
                 if light is not None:
                     self.add_light(light, child)
 
-    def placed(self, parent):
-        """Return the models in load order, with poses relative to other models or frames brought to the world."""
+    def placed(self, parent: Node) -> Tuple[Model, ...]:
+        """Return the models in load order; poses relative to other models or frames are converted to the world."""
         frames = Frames(self._notes, roots=("world",))
         for name, (model, node, relative_to) in self.models.items():
             frames.add(name, model.pose, relative_to, node)
@@ -77,11 +87,7 @@ class _Contents:
         return tuple(replace(model, pose=frames.resolve(name)) for name, (model, _, _) in self.models.items())
 
 
-def _is_text(path_or_text):
-    return isinstance(path_or_text, bytes) or "<" in path_or_text
-
-
-def _world_element(root, notes):
+def _world_element(root: Any, notes: Notes) -> Any:
     worlds = root.findall("world")
     if not worlds:
         fail(root, "the file has no <world>", "one <world>")
@@ -90,14 +96,15 @@ def _world_element(root, notes):
     return worlds[0]
 
 
-def _parse(text, source):
-    """Return the root element; long documents are announced, since they take a while."""
+def _parse(text: Union[str, bytes], source: str) -> Any:
+    """Return the root element; long documents are logged, because they take a while."""
     if len(text) > _SLOW_BYTES:
         log.info("reading %s (%d MB)", source, len(text) // 2 ** 20)
     return parse_xml(text, source)
 
 
-def load_world(path_or_text, source=None, resolve_model=None):
+def load_world(path_or_text: Union[str, bytes], source: Optional[str] = None,
+               resolve_model: Optional[ResolveModel] = None) -> World:
     """Load a world.
 
     Parameters
@@ -105,7 +112,7 @@ def load_world(path_or_text, source=None, resolve_model=None):
     path_or_text : str or bytes
         Path of an SDF ``.world`` file, or the document itself (bytes, or text with a ``<`` in it).
     source : str or None
-        Name for messages; the path where there is one.
+        Name for messages; default: the path, if there is one.
     resolve_model : callable or None
         Finds included models: ``resolve_model("model://NAME")`` gives the path of an SDF file or None; see
         :class:`m2wr_sim.model.model_folders.ModelFolders`.
@@ -113,27 +120,26 @@ def load_world(path_or_text, source=None, resolve_model=None):
     Returns
     -------
     World
-        Models in load order; changes that the stored state makes to the list of models are applied.
+        Models in load order; insertions and deletions of the stored state are applied.
 
     Raises
     ------
     WorldError
-        If the file is missing, is no XML, or holds no world; the message names file, line and what was expected.
-        Everything else that is wrong costs only its own part of the world: see the ``notes``.
+        If the file is missing, is not XML, or has no world; the message names file, line and what was expected.  Other
+        errors only remove their own part of the world, see the ``notes``.
     """
     with errors_as(WorldError):
-        if _is_text(path_or_text):
+        if isinstance(path_or_text, bytes) or "<" in path_or_text:
             text, source = path_or_text, source or "world"
         else:
-            source = source or path_or_text
-            text = read_file(path_or_text)
+            text, source = read_file(path_or_text), source or path_or_text
         notes = Notes()
         root = _parse(text, source)
         check_root(root, notes)
         return _read_world(Node(_world_element(root, notes), notes), SdfContext(notes, resolve_model))
 
 
-def _read_world(node, context):
+def _read_world(node: Node, context: SdfContext) -> World:
     notes = context.notes
     contents = _Contents(notes)
     contents.read(node, context)
@@ -150,8 +156,16 @@ def _read_world(node, context):
     return replace(world, notes=notes.sentences(), remarks=notes.remarks())
 
 
-def load_sdf_models(text, source="model_xml", resolve_model=None):
-    """Load the models of an SDF document; see :func:`load_sdf`.
+def load_sdf_models(text: Union[str, bytes], source: str = "model_xml",
+                    resolve_model: Optional[ResolveModel] = None) -> List[Model]:
+    """Load the models of an SDF document.
+
+    Parameters
+    ----------
+    text : str or bytes
+    source : str
+    resolve_model : callable or None
+        As for :func:`load_sdf`.
 
     Returns
     -------
@@ -160,7 +174,7 @@ def load_sdf_models(text, source="model_xml", resolve_model=None):
     Raises
     ------
     ModelError
-        Also where the document holds lights alone.
+        As :func:`load_sdf`, and if the document has only lights.
     """
     models, lights = load_sdf(text, source, resolve_model)
     if not models:
@@ -168,17 +182,20 @@ def load_sdf_models(text, source="model_xml", resolve_model=None):
     return models
 
 
-def load_sdf(text, source="model_xml", resolve_model=None, most_parts=None):
+def load_sdf(text: Union[str, bytes], source: str = "model_xml", resolve_model: Optional[ResolveModel] = None,
+             most_parts: Optional[int] = None) -> Tuple[List[Model], List[Light]]:
     """Load the models and lights of an SDF document, for spawning.
 
     Parameters
     ----------
     text : str or bytes
         ``<sdf>`` with models in it, or with a world that holds or includes them.
-    source, resolve_model
+    source : str
+        Name for messages.
+    resolve_model : callable or None
         As for :func:`load_world`.
     most_parts : int or None
-        Most links and collisions, together; a model that goes beyond is left out.
+        Greatest number of links and collisions together; a model beyond it is left out.
 
     Returns
     -------
@@ -189,7 +206,7 @@ def load_sdf(text, source="model_xml", resolve_model=None, most_parts=None):
     Raises
     ------
     ModelError
-        If the document is malformed, or holds neither model nor light that can be used.
+        If the document is malformed, or has no usable model or light.
     """
     with errors_as(ModelError):
         notes = Notes()

@@ -1,11 +1,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<model>`` and ``<include>`` of SDF -> Model; nested models are flattened into their outermost one."""
+from __future__ import annotations
+
 import logging
 import os
 from dataclasses import dataclass, field, replace
-from typing import Any, Callable, Dict, Optional, Tuple
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    Dict,
+    Iterable,
+    List,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+    TypeVar,
+    Union,
+)
 
-from m2wr_sim.geometry import compose, invert
+from m2wr_sim.geometry import IDENTITY, compose, invert
 from m2wr_sim.model.inertials import mass_fault, usable
 from m2wr_sim.model.mesh.shapes import MeshReader
 from m2wr_sim.model.model_folders import HOW_TO_INSTALL, NEWEST_SDF, parse_version, tell_stand_in
@@ -20,33 +35,50 @@ from m2wr_sim.model.sdf.shapes import inertial_doubt, read_collision, read_inert
 from m2wr_sim.model.types import Heightmap, Link, Model, Plane
 from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_xml, path_of, read_file
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.model_folders import ResolveModel
+    from m2wr_sim.model.types import Collision, Inertial, Joint, Light, PluginSpec, Visual
+
+    _Shape = TypeVar("_Shape", Collision, Visual)
+    _Found = TypeVar("_Found")
+    _Included = Tuple[Optional[Model], Tuple[Light, ...]]
+
 log = logging.getLogger(__name__)
 
 MAX_NESTING = 32
-_PROGRESS = 10000       # links between two lines about how far reading has come
+_PROGRESS = 10000       # links between two log messages about the progress
 
 
 @dataclass
 class SdfContext:
-    """What reading one SDF document carries along: notes, the model finder, and the files being included."""
+    """State of reading one SDF document: notes, the model finder, and the files being included."""
 
     notes: Notes
-    resolve_model: Optional[Callable[[str], Optional[str]]] = None
+    resolve_model: Optional[ResolveModel] = None
     including: Tuple[str, ...] = ()
     roots: Dict[str, Any] = field(default_factory=dict)     # file -> parsed root or its XmlError, each is parsed once
-    models: Dict[Any, Any] = field(default_factory=dict)    # (file, static) -> model as the file has it, or XmlError
+    # (file, static) -> model as in the file, or XmlError
+    models: Dict[Tuple[str, Optional[bool]], Union[Model, XmlError]] = field(default_factory=dict)
     nesting: int = 0
     most_parts: Optional[int] = None                        # links and collisions together; None: any number
     links: int = 0
     parts: int = 0
 
-    def count(self, node, collisions):
+    def count(self, node: Node, collisions: int) -> None:
         """Count a link and log the progress from time to time.
+
+        Parameters
+        ----------
+        node : Node
+            The link.
+        collisions : int
+            Number of its collisions.
 
         Raises
         ------
         XmlError
-            If there are more links and collisions than wanted.
+            If there are more than ``most_parts`` links and collisions.
         """
         self.links += 1
         self.parts += 1 + collisions
@@ -57,13 +89,24 @@ class SdfContext:
                       "at most {}".format(self.most_parts))
 
 
-def version_of(element):
+def version_of(element: Any) -> Tuple[int, ...]:
     """Return the SDF version of an element's document, (1, 6) by default."""
     return parse_version(element.getroottree().getroot().get("version")) or (1, 6)
 
 
-def check_root(root, notes):
-    """Raise XmlError unless ``root`` is ``<sdf>`` (or ``<gazebo>`` of the first files); note a too new version."""
+def check_root(root: Any, notes: Notes) -> None:
+    """Check root element and version of a document; a version that is too new gives a warning.
+
+    Parameters
+    ----------
+    root : lxml element
+    notes : Notes
+
+    Raises
+    ------
+    XmlError
+        If it is not ``<sdf>``, or ``<gazebo>`` of the first files.
+    """
     if root.tag not in ("sdf", "gazebo"):
         fail(root, "the root element is <{}>".format(root.tag), "<sdf>")
     if version_of(root) > NEWEST_SDF:
@@ -71,9 +114,11 @@ def check_root(root, notes):
             line_of(root), root.get("version"), *NEWEST_SDF))
 
 
-def _read_shapes(node, tag, reader, frames, link_name):
+def _read_shapes(node: Node, tag: str, reader: Callable[[Node, Pose], Optional[_Shape]], frames: Frames,
+                 link_name: str) -> Tuple[_Shape, ...]:
     """Return the collisions or visuals of a link; ``reader(node, pose)`` reads one."""
-    shapes, names = [], set()
+    shapes: List[_Shape] = []
+    names: Set[str] = set()
     for child in node.children(tag):
         shape = node.notes.attempt("this " + tag, reader, child, frames.pose_in(child, link_name))
         if shape is None:
@@ -87,10 +132,10 @@ def _read_shapes(node, tag, reader, frames, link_name):
     return tuple(shapes)
 
 
-def _inertial(node, name, frames, static, collisions):
+def _inertial(node: Node, name: str, frames: Frames, static: bool, collisions: Sequence[Collision]) -> Inertial:
     """Return the Inertial of a link; XmlError where a moving one would have no mass."""
     inertial_node = node.child("inertial")
-    inertial = read_inertial(inertial_node, frames.pose_in(inertial_node, name) if inertial_node else None)
+    inertial = read_inertial(inertial_node, frames.pose_in(inertial_node, name) if inertial_node else IDENTITY)
     if static:
         return inertial
     fault = mass_fault(inertial)
@@ -103,10 +148,10 @@ def _inertial(node, name, frames, static, collisions):
     return inertial
 
 
-def _read_link(node, frames, static, self_collide, files):
+def _read_link(node: Node, frames: Frames, static: bool, self_collide: bool, files: MeshReader) -> Link:
     """Read one ``<link>``; XmlError only where it moves and has no mass."""
     name, notes, decay = node.name(), node.notes, node.child("velocity_decay")
-    collisions = _read_shapes(node, "collision", lambda *arguments: read_collision(*arguments, files), frames, name)
+    collisions = _read_shapes(node, "collision", lambda child, pose: read_collision(child, pose, files), frames, name)
     inertial = _inertial(node, name, frames, static, collisions)
     if not static and any(isinstance(collision.geometry, (Plane, Heightmap)) for collision in collisions):
         notes.add("{}: a plane or heightmap in a model that is not static stays where the model is loaded.".format(
@@ -118,7 +163,7 @@ def _read_link(node, frames, static, self_collide, files):
             child.ignore()
         else:
             sensors.append(sensor)
-    raw_pose(node)      # its place is in the frames already
+    raw_pose(node)      # marks it as read; the frames have it already
     link = Link(
         name=name, pose=frames.resolve(name), inertial=inertial, collisions=collisions,
         visuals=_read_shapes(node, "visual", read_visual, frames, name), sensors=tuple(sensors),
@@ -129,9 +174,9 @@ def _read_link(node, frames, static, self_collide, files):
     return link
 
 
-def _scoped(prefix, model, model_from_nested):
-    """Return links, joints and nested names of a nested model, named and placed as the outer model has them."""
-    def scope(name):
+def _scoped(prefix: str, model: Model, model_from_nested: Pose) -> Tuple[List[Link], List[Joint], List[str]]:
+    """Return links, joints and nested names of a nested model, with names and poses in the outer model."""
+    def scope(name: str) -> str:
         return name if name == "world" else prefix + "::" + name
 
     links = [replace(link, name=scope(link.name), pose=compose(model_from_nested, link.pose),
@@ -143,15 +188,15 @@ def _scoped(prefix, model, model_from_nested):
     return links, joints, [prefix] + [scope(name) for name in model.nested]
 
 
-def _nested_plugins(model, model_from_nested):
-    """Return the model plugins of a nested model, which know its links and joints by their own names."""
+def _nested_plugins(model: Model, model_from_nested: Pose) -> List[PluginSpec]:
+    """Return the model plugins of a nested model; they use its own names of links and joints."""
     return [replace(plugin, scope="::".join(filter(None, (model.name, plugin.scope))),
                     frame=compose(model_from_nested, plugin.frame)) for plugin in model.plugins]
 
 
-def _named_once(nodes, kind, notes):
-    """Return [(name, node)], leaving out those without a name and later ones of a name already used (noted)."""
-    found = {}
+def _named_once(nodes: Iterable[Node], kind: str, notes: Notes) -> List[Tuple[str, Node]]:
+    """Return [(name, node)] without those that have no name or a name already used; these get a warning."""
+    found: Dict[str, Node] = {}
     for node in nodes:
         name = notes.attempt("this " + kind, node.name)
         if name in found:
@@ -164,9 +209,11 @@ def _named_once(nodes, kind, notes):
     return list(found.items())
 
 
-def _nested_models(node, context, static):
+def _nested_models(node: Node, context: SdfContext, static: bool) -> List[Tuple[Model, Node, Optional[str]]]:
     """Return [(Model, node, relative_to)] of the models inside a model, both inline and included."""
-    found, names, notes = [], set(), context.notes
+    found: List[Tuple[Model, Node, Optional[str]]] = []
+    names: Set[str] = set()
+    notes = context.notes
     models, includes = iter(node.children("model")), iter(node.children("include"))
     for tag in node.tags():
         if tag not in ("model", "include"):
@@ -174,7 +221,7 @@ def _nested_models(node, context, static):
         child = next(models if tag == "model" else includes)
         relative_to, is_static = raw_pose(child)[1], child.flag("static", False)
         if tag == "model":
-            model = notes.attempt("this model", read_model, child, context, static)
+            model: Optional[Model] = notes.attempt("this model", read_model, child, context, static)
         else:
             model = read_include(child, context, static)[0]
         if model is None:
@@ -191,11 +238,13 @@ def _nested_models(node, context, static):
     return found
 
 
-def _frames_of(node, link_nodes, joint_nodes, nested):
+def _frames_of(node: Node, link_nodes: List[Tuple[str, Node]], joint_nodes: List[Tuple[str, Node]],
+               nested: List[Tuple[Model, Node, Optional[str]]]) -> Frames:
     """Return the Frames of a model: links, joints, ``<frame>`` elements, nested models and their links."""
     frames = Frames(node.notes)
     for name, child in link_nodes:
-        frames.add(name, *raw_pose(child), child)
+        pose, relative_to = raw_pose(child)
+        frames.add(name, pose, relative_to, child)
     for model, child, relative_to in nested:
         frames.add(model.name, model.pose, relative_to, child)
         for link in model.links:
@@ -210,15 +259,22 @@ def _frames_of(node, link_nodes, joint_nodes, nested):
     return frames
 
 
-def add_frames(node, frames):
-    """Add the ``<frame>`` elements of a model or world."""
+def add_frames(node: Node, frames: Frames) -> None:
+    """Add the ``<frame>`` elements of a model or world.
+
+    Parameters
+    ----------
+    node : Node
+        ``<model>`` or ``<world>``.
+    frames : Frames
+    """
     for name, child in _named_once(node.children("frame"), "frame", node.notes):
         pose, relative_to = raw_pose(child)
         frames.add(name, pose, relative_to or child.attribute("attached_to") or None, child)
 
 
-def read_plugins(node):
-    """Return the PluginSpecs of the ``<plugin>`` elements in a node; those that cannot be read are left out (noted)."""
+def read_plugins(node: Node) -> List[PluginSpec]:
+    """Return the ``<plugin>`` elements in a node; those that cannot be read are left out with a warning."""
     found = []
     for child in node.children("plugin"):
         found.append(node.notes.attempt("this plugin", read_plugin, child.element, None, node.notes))
@@ -226,9 +282,10 @@ def read_plugins(node):
     return [plugin for plugin in found if plugin is not None]
 
 
-def _joints(node, joint_nodes, links, frames):
-    """Return the Joints that can be made; the others are left out (noted), as in Gazebo."""
-    poses, joints = {link.name: link.pose for link in links}, []
+def _joints(node: Node, joint_nodes: List[Tuple[str, Node]], links: Sequence[Link], frames: Frames) -> List[Joint]:
+    """Return the joints that can be made; the others are left out with a warning, as in Gazebo."""
+    poses = {link.name: link.pose for link in links}
+    joints: List[Joint] = []
     for _, child in joint_nodes:
         joint = node.notes.attempt("this joint", read_joint, child, poses, frames, version_of(node.element),
                                    node.name())
@@ -239,14 +296,14 @@ def _joints(node, joint_nodes, links, frames):
     return joints
 
 
-def _put_down(node, pose, name, frames):
-    """Return the model's pose, where what ``<pose>`` places is another frame of it (SDF 1.8)."""
+def _placed(node: Node, pose: Pose, name: str, frames: Frames) -> Pose:
+    """Return the pose of a model whose ``<pose>`` is that of one of its frames (``placement_frame`` of SDF 1.8)."""
     if not name:
         return pose
     return compose(pose, invert(frames.resolve(name, node)))
 
 
-def read_model(node, context, static=None):
+def read_model(node: Node, context: SdfContext, static: Optional[bool] = None) -> Model:
     """Read one ``<model>``.
 
     Parameters
@@ -255,18 +312,18 @@ def read_model(node, context, static=None):
     context : SdfContext
         Receives notes; finds included models.
     static : bool or None
-        Given by an include or an outer model, wins over the model's own ``<static>``.
+        Set by an include or an outer model; takes precedence over the model's own ``<static>``.
 
     Returns
     -------
     Model
-        ``pose`` is the model's own; links of nested models carry scoped names and poses in this model's frame.
+        ``pose`` is the model's own; links of nested models have scoped names, and poses in this model's frame.
 
     Raises
     ------
     XmlError
-        Where it has no name, a link that moves has no mass, or models are nested too deep.  Whatever else
-        is unusable is left out with a warning.
+        If it has no name, a link that moves has no mass, or models are nested too deep.  Other unusable parts are left
+        out with a warning.
     """
     name, notes = node.name(), context.notes
     if context.nesting >= MAX_NESTING:
@@ -281,18 +338,20 @@ def read_model(node, context, static=None):
     frames = _frames_of(node, link_nodes, joint_nodes, nested)
     self_collide = node.flag("self_collide", False)
     files = MeshReader(notes, context.resolve_model)
-    links = []
+    links: List[Link] = []
     for _, child in link_nodes:
         links.append(_read_link(child, frames, static, self_collide, files))
         context.count(child, len(links[-1].collisions))
-    plugins, joints, nested_names = read_plugins(node), [], []
-    for model, _, _ in nested:
-        more_links, more_joints, more_names = _scoped(model.name, model, frames.resolve(model.name))
+    plugins = read_plugins(node)
+    joints: List[Joint] = []
+    nested_names: List[str] = []
+    for inner, _, _ in nested:
+        more_links, more_joints, more_names = _scoped(inner.name, inner, frames.resolve(inner.name))
         links, joints, nested_names = links + more_links, joints + more_joints, nested_names + more_names
-        plugins.extend(_nested_plugins(model, frames.resolve(model.name)))
+        plugins.extend(_nested_plugins(inner, frames.resolve(inner.name)))
     joints += _joints(node, joint_nodes, links, frames)
     _tell_canonical(node, links)
-    pose = _put_down(node, raw_pose(node)[0], node.attribute("placement_frame"), frames)
+    pose = _placed(node, raw_pose(node)[0], node.attribute("placement_frame"), frames)
     model = Model(name=name, links=tuple(links), joints=tuple(joints), pose=pose, static=static,
                   plugins=tuple(plugins), nested=tuple(nested_names),
                   allow_auto_disable=node.flag("allow_auto_disable", True))
@@ -300,15 +359,15 @@ def read_model(node, context, static=None):
     return model
 
 
-def _tell_canonical(node, links):
+def _tell_canonical(node: Node, links: Sequence[Link]) -> None:
     canonical = node.attribute("canonical_link")
     if canonical and links and canonical != links[0].name:
         node.notes.add('{}: attribute canonical_link of <model> is "{}"; the first link, "{}", stands for the model '
                        'here.'.format(node.line, canonical, links[0].name))
 
 
-def _find_included(node, context):
-    """Return (path, root element) of the file an include names, or None where it is not on this machine (noted)."""
+def _find_included(node: Node, context: SdfContext) -> Optional[Tuple[str, Any]]:
+    """Return (path, root element) of the file of an include; None, after a warning, if it is not on this machine."""
     uri = node.text("uri")
     if not uri:
         node.fail("<uri> is missing or empty", "model://NAME there")
@@ -331,13 +390,13 @@ def _find_included(node, context):
     return path, _or_raise(context.roots[path])
 
 
-def _or_raise(found):
+def _or_raise(found: Union[_Found, XmlError]) -> _Found:
     if isinstance(found, XmlError):
         raise found
     return found
 
 
-def _included_model(element, path, static, context):
+def _included_model(element: Any, path: str, static: Optional[bool], context: SdfContext) -> Model:
     """Return the model in an included file; each file is read once for each ``static``.
 
     Raises
@@ -357,7 +416,7 @@ def _included_model(element, path, static, context):
     return _or_raise(context.models[key])
 
 
-def read_include(node, context, static=None):
+def read_include(node: Node, context: SdfContext, static: Optional[bool] = None) -> _Included:
     """Read one ``<include>``: the named model with the include's own name, pose, static and plugins.
 
     An include that cannot be used, because its file is malformed, leaves its folder or includes itself, is left out
@@ -373,9 +432,9 @@ def read_include(node, context, static=None):
     Returns
     -------
     model : Model or None
-        None where the file holds a light, or nothing of use, or is not on this machine (both noted).
+        None if the file has a light, or, after a warning, if it is unusable or not on this machine.
     lights : tuple of Light
-        The light that the file holds, if any.
+        The light in the file, if any.
     """
     found = context.notes.attempt("this include", _read_include, node, context, static,
                                   subject=("include", node.text("uri")) if node.text("uri") else None)
@@ -386,7 +445,7 @@ def read_include(node, context, static=None):
     return found
 
 
-def _read_include(node, context, static):
+def _read_include(node: Node, context: SdfContext, static: Optional[bool]) -> _Included:
     found = _find_included(node, context)
     plugins = read_plugins(node)
     name, own_static, placed = node.text("name") or None, node.flag("static", None), node.text("placement_frame")
@@ -415,7 +474,7 @@ def _read_include(node, context, static):
     return replace(model, name=name or model.name, plugins=model.plugins + tuple(plugins)), ()
 
 
-def _tell_merge(node):
+def _tell_merge(node: Node) -> None:
     if node.attribute("merge").lower() in ("true", "1"):
         node.notes.add("{}: unsupported attribute merge of <include> ignored; the included model stays a "
                        "nested model, its links are NAME::LINK.".format(node.line), ("attribute", "include", "merge"))

@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<physics>`` and ``<state>`` of an SDF world -> Physics, WorldState."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Iterator, Optional, Tuple
+
 from m2wr_sim.model.sdf.frames import raw_pose
 from m2wr_sim.model.types import ModelStateEntry, Physics, WorldState
 from m2wr_sim.model.xml.safe import fail, parse_int, parse_vector
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.sdf.node import Node
 
 _SOLVERS = ("quick", "world")
 LATEST = 2 ** 31        # s, of a stored time; a time stamp holds 2^32
 
 
-def _profile(world):
-    """Return the active ``<physics>``, a Node: the one marked default, else the first; false if there is none."""
+def _profile(world: Node) -> Node:
+    """Return the active ``<physics>``: the one marked default, else the first; a false Node if there is none."""
     profiles = world.children("physics")
     if not profiles:
         return world.child("physics")
@@ -26,7 +34,7 @@ def _profile(world):
     return chosen
 
 
-def read_physics(world):
+def read_physics(world: Node) -> Physics:
     """Read the physics of a world.
 
     Parameters
@@ -37,7 +45,7 @@ def read_physics(world):
     Returns
     -------
     Physics
-        A number that is unusable, e.g. a step size that is not positive, is noted and has its default.
+        An invalid number, for instance a step size that is not positive, has its default; a warning is added.
     """
     node, base = _profile(world), Physics()
     solver, constraints = node.child("ode").child("solver"), node.child("ode").child("constraints")
@@ -60,7 +68,7 @@ def read_physics(world):
     return physics
 
 
-def _sim_time_ns(element, text, what):
+def _sim_time_ns(element: Any, text: str, what: str) -> int:
     """Return ``<sim_time>seconds nanoseconds</sim_time>`` as integer nanoseconds."""
     words = text.split()
     if len(words) != 2:
@@ -72,12 +80,12 @@ def _sim_time_ns(element, text, what):
     return total
 
 
-def _velocity(element, text, what):
-    numbers = parse_vector(element, text, 6, what)
-    return numbers[:3], numbers[3:]
+def _velocity(element: Any, text: str, what: str) -> Tuple[Vector, Vector]:
+    x, y, z, roll, pitch, yaw = parse_vector(element, text, 6, what)
+    return (x, y, z), (roll, pitch, yaw)
 
 
-def _link_states(node, prefix=""):
+def _link_states(node: Node, prefix: str = "") -> Iterator[Tuple[str, Optional[Pose], Optional[Tuple[Vector, Vector]]]]:
     for link in node.children("link"):
         name = node.notes.attempt("this stored state", link.name)
         if name is not None:
@@ -90,7 +98,7 @@ def _link_states(node, prefix=""):
             yield from _link_states(model, prefix + name + "::")
 
 
-def _model_state(node):
+def _model_state(node: Node) -> ModelStateEntry:
     scale = node.vector("scale", 3, (1.0, 1.0, 1.0))
     if any(abs(value - 1.0) > 1e-9 for value in scale):
         node.notes.add("{}: the scale of a stored state is not applied; sizes are the model's own.".format(
@@ -99,8 +107,8 @@ def _model_state(node):
                            links=tuple(_link_states(node)))
 
 
-def read_state(world):
-    """Read the first ``<state>`` of a world, or return None; later ones have no effect and are noted."""
+def read_state(world: Node) -> Optional[WorldState]:
+    """Read the first ``<state>`` of a world; return None if there is none. Later ones are ignored with a warning."""
     states = world.children("state")
     if not states:
         return None

@@ -1,8 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<sensor>`` elements -> Sensor, the same for SDF files and for URDF ``<gazebo>`` blocks."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Callable, Optional, Tuple
+
 from m2wr_sim.model.plugin_spec import read_plugin
 from m2wr_sim.model.sdf.frames import raw_pose
 from m2wr_sim.model.types import Noise, RayScan, Sensor
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.sdf.node import Node
+    from m2wr_sim.model.types import PluginSpec
 
 RAY_KINDS = ("ray", "gpu_ray")
 NOISE_KINDS = ("none", "custom", "gaussian", "gaussian_quantized")
@@ -15,10 +24,20 @@ OTHER_KINDS = ("camera", "depth", "depth_camera", "multicamera", "rgbd_camera", 
                "rfidtag", "sonar", "wireless_receiver", "wireless_transmitter", "lidar", "gpu_lidar", "custom", "none")
 
 
-def read_noise(node, dynamic_bias=False):
+def read_noise(node: Node, dynamic_bias: bool = False) -> Noise:
     """Read ``<noise>``; a missing one gives no noise, an element without type is gaussian, as in SDF.
 
-    An unknown type gives a warning and no noise.  ``dynamic_bias``: whether the sensor has a bias that changes.
+    An unknown type gives a warning and no noise.
+
+    Parameters
+    ----------
+    node : Node
+    dynamic_bias : bool
+        Whether the sensor has a bias that changes.
+
+    Returns
+    -------
+    Noise
     """
     if not node:
         return Noise()
@@ -39,15 +58,15 @@ def read_noise(node, dynamic_bias=False):
                  node.number("bias_stddev", 0.0, 0.0), node.number("precision", 0.0, 0.0), *bias)
 
 
-def _fan(node, default):
+def _fan(node: Node, default: Tuple[int, float, float, float]) -> Tuple[int, float, float, float]:
     """Return samples, resolution, least and greatest angle of ``<horizontal>`` or ``<vertical>``."""
     samples, resolution, low, high = default
     return (node.whole("samples", samples, 1), node.positive("resolution", resolution),
             node.number("min_angle", low), node.number("max_angle", high))
 
 
-def read_ray(node):
-    """Read ``<ray>`` (a missing one: all defaults) into a RayScan."""
+def read_ray(node: Node) -> RayScan:
+    """Read ``<ray>``; a missing one gives the defaults."""
     base, scan, limits = RayScan(), node.child("scan"), node.child("range")
     across = _fan(scan.child("horizontal"), (base.samples, base.resolution, base.min_angle, base.max_angle))
     upwards = _fan(scan.child("vertical"), (base.vertical_samples, base.vertical_resolution, base.vertical_min_angle,
@@ -58,15 +77,16 @@ def read_ray(node):
                        "taken.".format(node.place, across[0], upwards[0], across[1], upwards[1], MOST_RAYS,
                                        base.samples))
         across, upwards = (base.samples, 1.0) + across[2:], (1, 1.0) + upwards[2:]
-    return RayScan(*across, *upwards, range_min=limits.number("min", 0.0, 0.0),
+    return RayScan(across[0], across[1], across[2], across[3], upwards[0], upwards[1], upwards[2], upwards[3],
+                   range_min=limits.number("min", 0.0, 0.0),
                    range_max=limits.number("max", 0.0, 0.0), range_resolution=limits.number("resolution", 0.0),
                    noise=read_noise(node.child("noise")))
 
 
-def read_imu(node):
-    """Read ``<imu>`` (a missing one: no noise) into the noise of angular velocity x y z and linear acceleration x y z.
+def read_imu(node: Node) -> Tuple[Noise, ...]:
+    """Return the noise of ``<imu>``: of angular velocity x y z and linear acceleration x y z; empty if it is missing.
 
-    SDF 1.5 has one ``<noise>`` an axis, earlier versions one for the rates and one for the accelerations.
+    SDF 1.5 has one ``<noise>`` for each axis, earlier versions one for the rates and one for the accelerations.
     """
     if not node:
         return ()
@@ -78,14 +98,14 @@ def read_imu(node):
                  for quantity in ("angular_velocity", "linear_acceleration") for axis in "xyz")
 
 
-def _early_noise(node, kind):
+def _early_noise(node: Node, kind: str) -> Noise:
     if not node or kind not in NOISE_KINDS:
         return Noise()
     return Noise(kind=kind, mean=node.number("mean", 0.0), stddev=node.number("stddev", 0.0, 0.0),
                  bias_mean=node.number("bias_mean", 0.0), bias_stddev=node.number("bias_stddev", 0.0, 0.0))
 
 
-def read_sensor(node, link_name, resolve_pose=None):
+def read_sensor(node: Node, link_name: str, resolve_pose: Optional[Callable[[Node], Pose]] = None) -> Sensor:
     """Read one ``<sensor>`` of a link.
 
     Parameters
@@ -93,15 +113,15 @@ def read_sensor(node, link_name, resolve_pose=None):
     node : Node
         The sensor; ``name`` and ``type`` are required.
     link_name : str
-        The link that carries it, kept in its plugins' ``reference``.
+        The link that carries it; its plugins get it as ``reference``.
     resolve_pose : callable or None
-        ``resolve_pose(node) -> pose`` in the link frame, where poses may be relative to other frames.
+        ``resolve_pose(node) -> pose`` in the link frame, if poses may be relative to other frames.
 
     Returns
     -------
     Sensor
-        ``ray`` is filled for ray and gpu_ray only, ``imu_noise`` for imu, ``contact_collisions`` for contact; other
-        kinds keep name, rate, pose and plugins.
+        ``ray`` is set only for ray and gpu_ray, ``imu_noise`` for imu, ``contact_collisions`` for contact; other kinds
+        have name, rate, pose and plugins.
 
     Raises
     ------
@@ -134,7 +154,7 @@ def read_sensor(node, link_name, resolve_pose=None):
     return sensor
 
 
-def _tell_idle(node, name, kind, plugins):
+def _tell_idle(node: Node, name: str, kind: str, plugins: Tuple[PluginSpec, ...]) -> None:
     """Report a sensor without measurements: its type is unknown, or it has no plugin."""
     if kind not in READ_KINDS + OTHER_KINDS:
         node.notes.add('{}: sensor "{}" is of the unknown type "{}" (expected one of {}); it measures nothing by '

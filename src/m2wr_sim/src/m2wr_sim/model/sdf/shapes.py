@@ -1,42 +1,55 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """``<geometry>``, ``<surface>``, ``<collision>``, ``<visual>`` and ``<inertial>`` of SDF -> plain records."""
+from __future__ import annotations
+
 import math
 from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, Optional, Tuple
 
 import numpy as np
 
 from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Plane, Sphere, Surface, Visual
 from m2wr_sim.model.xml.safe import fail
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.mesh.shapes import MeshReader
+    from m2wr_sim.model.sdf.node import Node
+    from m2wr_sim.model.types import Geometry
+
 READABLE = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline")
 KNOWN_UNUSED = ("image", "capsule", "ellipsoid")
 FROM_FILES = ("mesh", "heightmap", "polyline")
 
 
-def _box(node):
-    return Box(node.extent("size", 3))
+def _box(node: Node) -> Box:
+    x, y, z = node.extent("size", 3)
+    return Box((x, y, z))
 
 
-def _cylinder(node):
+def _cylinder(node: Node) -> Cylinder:
     return Cylinder(node.positive("radius"), node.positive("length"))
 
 
-def _sphere(node):
+def _sphere(node: Node) -> Sphere:
     return Sphere(node.positive("radius"))
 
 
-def _plane(node):
-    normal = node.vector("normal", 3, (0.0, 0.0, 1.0))
+def _plane(node: Node) -> Plane:
+    normal = x, y, z = node.vector("normal", 3, (0.0, 0.0, 1.0))
     length = math.sqrt(sum(value * value for value in normal))
     if length < 1e-9:
         fail(node.child("normal").element, "normal has no length", "a direction such as 0 0 1")
-    return Plane(tuple(value / length for value in normal), node.vector("size", 2, (1.0, 1.0)))
+    return Plane((x / length, y / length, z / length), node.vector("size", 2, (1.0, 1.0)))
 
 
-_READERS = {"box": _box, "cylinder": _cylinder, "sphere": _sphere, "plane": _plane}
+_READERS: Dict[str, Callable[[Node], Geometry]] = {
+    "box": _box, "cylinder": _cylinder, "sphere": _sphere, "plane": _plane}
 
 
-def read_geometry(parent, files=None):
+def read_geometry(parent: Node, files: Optional[MeshReader] = None) -> Optional[Geometry]:
     """Read the ``<geometry>`` of a collision or visual.
 
     Parameters
@@ -44,13 +57,13 @@ def read_geometry(parent, files=None):
     parent : Node
         ``<collision>`` or ``<visual>``.
     files : MeshReader or None
-        Reads meshes, heightmaps and polylines; None for visuals, of which only plain shapes are kept.
+        Reads meshes, heightmaps and polylines; None for visuals, of which only simple shapes are kept.
 
     Returns
     -------
     Box, Sphere, Cylinder, Plane, Mesh, Heightmap or None
-        None where the geometry is empty, is one of SDF's that has no counterpart here (noted), or names a file that
-        cannot be used (noted).
+        None if the geometry is empty, not supported, or names a file that cannot be used; for the last two a warning is
+        added.
 
     Raises
     ------
@@ -70,12 +83,18 @@ def read_geometry(parent, files=None):
         fail(geometry.child(tag).element, 'unknown geometry "{}"'.format(tag), expected)
     if tag == "polyline":
         outlines = geometry.children(tag)
-        return _unopened(outlines) if files is None else files.polyline(outlines)
+        if files is not None:
+            return files.polyline(outlines)
+        _ignore(outlines)
+        return None
     shape = geometry.child(tag)
     if tag in _READERS:
         return _READERS[tag](shape)
     if tag in FROM_FILES:
-        return _unopened([shape]) if files is None else getattr(files, tag)(shape)
+        if files is not None:
+            return files.mesh(shape) if tag == "mesh" else files.heightmap(shape)
+        _ignore([shape])
+        return None
     uri = shape.text("uri")
     shape.ignore()
     parent.notes.add("{}: geometry {}{} is not supported; this {} is left out.".format(
@@ -83,13 +102,13 @@ def read_geometry(parent, files=None):
     return None
 
 
-def _unopened(shapes):
-    """Pass over shapes of a visual that only a viewer would need."""
+def _ignore(shapes: Iterable[Node]) -> None:
+    """Ignore shapes of a visual that only a viewer needs."""
     for shape in shapes:
         shape.ignore()
 
 
-def _torsion(node):
+def _torsion(node: Node) -> None:
     """Report torsional friction if it has an effect in Gazebo, which needs a patch radius."""
     if not node:
         return
@@ -100,8 +119,18 @@ def _torsion(node):
             node.line), ("unread", "friction", "torsional"))
 
 
-def read_surface(node, base=Surface()):     # noqa: B008  (cannot be changed)
-    """Read ``<surface>``, a Node, over the values of ``base``; a missing one returns ``base``."""
+def read_surface(node: Node, base: Surface = Surface()) -> Surface:     # noqa: B008  (cannot be changed)
+    """Read ``<surface>``; values that are missing are those of ``base``.
+
+    Parameters
+    ----------
+    node : Node
+    base : Surface
+
+    Returns
+    -------
+    Surface
+    """
     if not node:
         return base
     friction, contact, bounce = node.child("friction"), node.child("contact"), node.child("bounce")
@@ -122,8 +151,8 @@ def read_surface(node, base=Surface()):     # noqa: B008  (cannot be changed)
         collide_without_contact=contact.flag("collide_without_contact", base.collide_without_contact))
 
 
-def _bitmask(contact, default):
-    def parse(element, text, what):
+def _bitmask(contact: Node, default: int) -> int:
+    def parse(element: Any, text: str, what: str) -> int:
         try:
             value = int(text, 0)
         except ValueError:
@@ -134,10 +163,21 @@ def _bitmask(contact, default):
     return contact.value("collide_bitmask", default, parse)
 
 
-def read_collision(node, pose, files=None):
-    """Read ``<collision>``; ``pose`` is its pose in the link frame.  None where its geometry has no counterpart.
+def read_collision(node: Node, pose: Pose, files: Optional[MeshReader] = None) -> Optional[Collision]:
+    """Read ``<collision>``.
 
-    ``files`` is the :class:`~m2wr_sim.model.mesh.shapes.MeshReader` of the document.
+    Parameters
+    ----------
+    node : Node
+    pose : pose
+        Of the collision in the link frame.
+    files : MeshReader, optional
+        See :func:`read_geometry`.
+
+    Returns
+    -------
+    Collision or None
+        None if it has no usable geometry, see :func:`read_geometry`.
 
     Raises
     ------
@@ -152,8 +192,19 @@ def read_collision(node, pose, files=None):
                                                    laser_retro=retro, max_contacts=contacts)
 
 
-def read_visual(node, pose):
-    """Read ``<visual>``; ``pose`` is its pose in the link frame.  None where its geometry is not drawn here.
+def read_visual(node: Node, pose: Pose) -> Optional[Visual]:
+    """Read ``<visual>``.
+
+    Parameters
+    ----------
+    node : Node
+    pose : pose
+        Of the visual in the link frame.
+
+    Returns
+    -------
+    Visual or None
+        None if its geometry is not drawn.
 
     Raises
     ------
@@ -161,49 +212,65 @@ def read_visual(node, pose):
         If it has no name or no usable geometry.
     """
     name, geometry, material = node.name(), read_geometry(node), node.child("material")
-    rgba, script = None, material.child("script").text("name")
+    colour: Optional[Tuple[float, ...]] = None
+    script = material.child("script").text("name")
     for tag in ("ambient", "diffuse"):          # diffuse wins
         count = 3 if len((material.text(tag) or "").split()) == 3 else 4
-        rgba = material.vector(tag, count, None) or rgba
+        colour = material.vector(tag, count, None) or colour
     if geometry is None:
         return None
-    rgba = None if rgba is None else rgba + (1.0,) * (4 - len(rgba))
+    rgba = None
+    if colour is not None:
+        red, green, blue, alpha = (*colour, 1.0)[:4]
+        rgba = (red, green, blue, alpha)
     return Visual(name=name, geometry=geometry, pose=pose, rgba=rgba, material=script)
 
 
-def read_inertial(node, pose):
-    """Read ``<inertial>`` (a missing one: mass 1, unit tensor); ``pose`` is the centre of mass frame in the link frame.
+def read_inertial(node: Node, pose: Pose) -> Inertial:
+    """Read ``<inertial>``; a missing one has mass 1 and the unit tensor.
 
-    Mass and tensor come as they are: see :mod:`m2wr_sim.model.inertials`.
+    Mass and tensor are not checked: see :mod:`m2wr_sim.model.inertials`.
+
+    Parameters
+    ----------
+    node : Node
+    pose : pose
+        Frame of the centre of mass in the link frame.
+
+    Returns
+    -------
+    Inertial
     """
     if not node:
         return Inertial()
     tensor = node.child("inertia")
-    unit = (("ixx", 1.0), ("ixy", 0.0), ("ixz", 0.0), ("iyy", 1.0), ("iyz", 0.0), ("izz", 1.0))
-    return Inertial(node.number("mass", 1.0), pose, tuple(tensor.number(key, default) for key, default in unit))
+    return Inertial(node.number("mass", 1.0), pose, (
+        tensor.number("ixx", 1.0), tensor.number("ixy", 0.0), tensor.number("ixz", 0.0), tensor.number("iyy", 1.0),
+        tensor.number("iyz", 0.0), tensor.number("izz", 1.0)))
 
 
-def inertia_matrix(inertial):
+def inertia_matrix(inertial: Inertial) -> NDArray[np.float64]:
     """Return the (3, 3) tensor of an Inertial in its own centre of mass frame [kg m^2]."""
     xx, xy, xz, yy, yz, zz = inertial.inertia
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 @lru_cache(maxsize=4096)
-def _moments(tensor):
-    if not all(map(math.isfinite, tensor)):         # as of bodies lumped over a distance beyond all measure
-        return (math.nan,) * 3
+def _moments(tensor: Tuple[float, ...]) -> Tuple[float, float, float]:
+    if not all(map(math.isfinite, tensor)):         # for instance of bodies lumped over an extreme distance
+        return (math.nan, math.nan, math.nan)
     xx, xy, xz, yy, yz, zz = tensor
-    return tuple(np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])))
+    low, middle, high = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).tolist()
+    return (low, middle, high)
 
 
-def inertial_moments(inertial):
+def inertial_moments(inertial: Inertial) -> Tuple[float, float, float]:
     """Return the three principal moments of an Inertial [kg m^2], the least first; nan if the tensor is not finite."""
     return _moments(tuple(inertial.inertia))
 
 
-def inertial_doubt(inertial):
-    """Return a sentence part if no real body has this tensor (triangle inequality broken), else None."""
+def inertial_doubt(inertial: Inertial) -> Optional[str]:
+    """Return a message if no real body has this tensor, because it violates the triangle inequality, else None."""
     low, middle, high = _moments(tuple(inertial.inertia))
     if low > 0.0 and high > (low + middle) * (1.0 + 1e-6):
         return "principal moments {:g}, {:g}, {:g}: the largest exceeds the sum of the others, which no real body " \

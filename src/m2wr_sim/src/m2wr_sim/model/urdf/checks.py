@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a URDF document must satisfy before it is converted, checked where line numbers are still known.
+"""Checks a URDF document before it is converted, while line numbers are known.
 
-The rules are those of urdfdom, which refuses the whole document at the first breach, and a few more that the physics
-needs (finite numbers).
+The rules are those of urdfdom, which rejects the whole document at the first error, and a few more for the physics
+(finite numbers).
 """
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, Any, Collection, Dict, Iterable, Sequence, Set, Tuple
 
 from m2wr_sim.model.xml.safe import fail, parse_float, parse_vector, path_of, place, required_name
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.notes import Notes
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 SHAPES = ("box", "cylinder", "sphere", "mesh")
 
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_NUMBERS = {   # tag -> attribute -> how many numbers
+_NUMBERS: Dict[str, Dict[str, int]] = {   # tag -> attribute -> how many numbers
     "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "box": {"size": 3}, "cylinder": {"radius": 1, "length": 1},
     "sphere": {"radius": 1}, "mesh": {"scale": 3}, "mass": {"value": 1}, "inertia": dict.fromkeys(_INERTIA, 1),
     "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1), "dynamics": {"damping": 1, "friction": 1},
@@ -24,8 +30,19 @@ _MOST_NAMES = 12        # of links in a message
 _POSITIVE = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 
 
-def attribute_numbers(element, attribute, count):
-    """Return the ``count`` finite numbers in an attribute."""
+def attribute_numbers(element: Any, attribute: str, count: int) -> Tuple[float, ...]:
+    """Return the ``count`` finite numbers in an attribute.
+
+    Parameters
+    ----------
+    element : lxml element
+    attribute : str
+    count : int
+
+    Returns
+    -------
+    tuple of float
+    """
     what = "attribute " + attribute
     text = element.get(attribute)
     if count == 1:
@@ -33,7 +50,7 @@ def attribute_numbers(element, attribute, count):
     return parse_vector(element, text, count, what)
 
 
-def _check_numbers(parent):
+def _check_numbers(parent: Any) -> None:
     for element in parent.iter("*"):
         for attribute in _REQUIRED.get(element.tag, ()):
             if element.get(attribute) is None:
@@ -45,10 +62,10 @@ def _check_numbers(parent):
             attribute_numbers(element, attribute, count)
 
 
-def check_size(shape):
+def check_size(shape: Any) -> None:
     """Raise XmlError unless a box, cylinder or sphere has an extent; a mesh may have any scale.
 
-    Kept apart from :func:`check_urdf`, for such a shape is left out while the robot stays.
+    It is not part of :func:`check_urdf`, because only such a shape is left out, not the robot.
     """
     for attribute in _POSITIVE.get(shape.tag, ()):
         values = attribute_numbers(shape, attribute, _NUMBERS[shape.tag][attribute])
@@ -57,7 +74,7 @@ def check_size(shape):
                  "positive numbers" if len(values) > 1 else "a positive number")
 
 
-def _check_inertial(link):
+def _check_inertial(link: Any) -> None:
     for inertial in link.findall("inertial"):
         mass, tensor = inertial.find("mass"), inertial.find("inertia")
         if mass is None:
@@ -66,7 +83,7 @@ def _check_inertial(link):
             fail(inertial, "<inertia> is missing", "<inertia ixx=... ixy=... ixz=... iyy=... iyz=... izz=.../> there")
 
 
-def _check_geometry(link, notes):
+def _check_geometry(link: Any, notes: Notes) -> None:
     for tag in ("visual", "collision"):
         for part in link.findall(tag):
             geometry = part.find("geometry")
@@ -84,7 +101,7 @@ def _check_geometry(link, notes):
                 geometry.remove(further)
 
 
-def _check_joint(joint, links):
+def _check_joint(joint: Any, links: Collection[str]) -> None:
     kind = (joint.get("type") or "").strip()
     if kind not in JOINT_KINDS:
         fail(joint, 'joint type is "{}"'.format(kind), "one of " + ", ".join(JOINT_KINDS))
@@ -106,8 +123,8 @@ def _check_joint(joint, links):
             fail(axis, 'the axis "{}" has no length'.format(axis.get("xyz")), "a direction such as 0 0 1")
 
 
-def _unique(elements, kind):
-    found = {}
+def _unique(elements: Iterable[Any], kind: str) -> Dict[str, Any]:
+    found: Dict[str, Any] = {}
     for element in elements:
         name = required_name(element)
         if name in found:
@@ -117,14 +134,14 @@ def _unique(elements, kind):
     return found
 
 
-def some_names(names):
-    """Return names as a text for a message, the first ones of many."""
+def some_names(names: Sequence[str]) -> str:
+    """Return names as a text for a message; of many names only the first ones."""
     return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
 
 
-def _check_tree(root, links, joints):
-    """Return the root link's name; XmlError unless links and joints form one tree."""
-    parent_joint = {}
+def _check_tree(root: Any, links: Dict[str, Any], joints: Dict[str, Any]) -> str:
+    """Return the name of the root link; raise XmlError unless links and joints form one tree."""
+    parent_joint: Dict[str, Any] = {}
     for joint in joints.values():
         child = joint.find("child").get("link")
         if child in parent_joint:
@@ -135,7 +152,7 @@ def _check_tree(root, links, joints):
     if len(roots) != 1:
         fail(root, "there is no root link, the joints form a ring" if not roots else
              "there are {} root links ({})".format(len(roots), some_names(roots)), "one link that is no joint's child")
-    safe = set()                        # links from which the root is reached
+    safe: Set[str] = set()              # links from which the root is reached
     for name in links:
         seen = {name}
         while name in parent_joint and name not in safe:
@@ -148,15 +165,15 @@ def _check_tree(root, links, joints):
     return roots[0]
 
 
-def check_urdf(root, notes):
+def check_urdf(root: Any, notes: Notes) -> Tuple[Dict[str, Any], Dict[str, Any], str]:
     """Check a parsed URDF document.
 
     Parameters
     ----------
     root : lxml element
-        The document's root; what follows the shape in a ``<geometry>`` is taken out of it.
+        The document's root; elements after the shape in a ``<geometry>`` are removed.
     notes : Notes
-        Told of that.
+        Gets warnings about them.
 
     Returns
     -------
@@ -168,7 +185,7 @@ def check_urdf(root, notes):
     Raises
     ------
     XmlError
-        Naming file, line, element, what was found and what was expected.
+        With file, line, element, what was found and what was expected.
     """
     if root.tag != "robot":
         fail(root, "entity format is invalid: the root element is <{}>".format(path_of(root)), "<robot> for a URDF")

@@ -4,7 +4,23 @@
 A value is an element's text or its ``value`` attribute.  A block with ``reference`` belongs to that link or
 joint, one without to the model.
 """
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import (
+    TYPE_CHECKING,
+    AbstractSet,
+    Any,
+    Callable,
+    Collection,
+    Dict,
+    Iterable,
+    List,
+    Optional,
+    Sequence,
+    Tuple,
+    TypeVar,
+)
 
 from m2wr_sim.geometry import compose
 from m2wr_sim.model.plugin_spec import read_plugin, tag_value
@@ -14,6 +30,15 @@ from m2wr_sim.model.sdf.shapes import read_surface
 from m2wr_sim.model.urdf.checks import some_names
 from m2wr_sim.model.urdf.lumping import LUMP_MARK
 from m2wr_sim.model.xml.safe import XmlError, fail, line_of, parse_float, parse_int, parse_vector, shorten
+
+_Value = TypeVar("_Value")
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.notes import Notes
+    from m2wr_sim.model.types import Axis, Collision, PluginSpec, Sensor, Visual
+
+    #: Link -> its place in the order, elements for collisions, last ``<material>`` or None.
+    Tagged = Dict[str, Tuple[int, List[Any], Any]]
 
 _MOST_PLACES = 10       # of a mark in a name; names that are made here have one
 _SURFACE_TAGS = {"mu1": "mu", "mu2": "mu2", "kp": "kp", "kd": "kd", "minDepth": "min_depth", "maxVel": "max_vel"}
@@ -38,13 +63,13 @@ _INSTEAD = {
 }
 
 
-def tag_float(element):
-    """Return the number an extension tag holds."""
+def tag_float(element: Any) -> float:
+    """Return the number in an extension tag."""
     return parse_float(element, tag_value(element), element.tag)
 
 
-def tag_bool(element):
-    """Return the truth value an extension tag holds: true, yes, 1 or false, no, 0."""
+def tag_bool(element: Any) -> bool:
+    """Return the truth value in an extension tag: true, yes, 1 or false, no, 0."""
     word = tag_value(element).lower()
     if word not in ("true", "yes", "1", "false", "no", "0"):
         fail(element, '{} is "{}"'.format(element.tag, shorten(word)), "true or false")
@@ -64,9 +89,11 @@ class GazeboTags:
         Gets warnings about unknown references and unsupported tags.
     """
 
-    def __init__(self, root, links, joints, notes):
+    def __init__(self, root: Any, links: Collection[str], joints: Collection[str], notes: Notes) -> None:
         self._notes = notes
-        self._links, self._joints, self._model = {}, {}, []
+        self._links: Dict[str, List[Any]] = {}
+        self._joints: Dict[str, List[Any]] = {}
+        self._model: List[Any] = []
         for block in root.findall("gazebo"):
             reference = (block.get("reference") or "").strip()
             if not reference:
@@ -82,7 +109,7 @@ class GazeboTags:
                                                     some_names(sorted(joints)) or "none"))
         self._note_unread()
 
-    def _note_unread(self):
+    def _note_unread(self) -> None:
         both = set(self._links) & set(self._joints)
         for name, elements in self._links.items():
             joint_tags, joint_quiet = (_JOINT_TAGS, _JOINT_QUIET) if name in both else (frozenset(), frozenset())
@@ -93,7 +120,7 @@ class GazeboTags:
                 self._unread(elements, _JOINT_TAGS, _JOINT_QUIET, 'joint "{}"'.format(name))
         self._unread(self._model, _MODEL_TAGS, _MODEL_QUIET, "the model")
 
-    def _unread(self, elements, known, quiet, owner):
+    def _unread(self, elements: Iterable[Any], known: AbstractSet[str], quiet: AbstractSet[str], owner: str) -> None:
         for element in elements:
             if element.tag in known:
                 continue
@@ -105,7 +132,7 @@ class GazeboTags:
                 line_of(element), element.tag, owner, "; " + instead if instead else ""),
                 ("gazebo", element.tag, owner.split(" ")[0]))
 
-    def _value(self, element, parse, default):
+    def _value(self, element: Any, parse: Callable[[Any], _Value], default: _Value) -> _Value:
         """Return ``parse(element)``; for an invalid value log a warning and return the default."""
         try:
             return parse(element)
@@ -113,33 +140,65 @@ class GazeboTags:
             self._notes.add("{}; using {}.".format(error, shown(default)))
             return default
 
-    def _last(self, elements, tag):
+    def _last(self, elements: Iterable[Any], tag: str) -> Any:
         """Return the last element of a tag (later blocks win), or None."""
         found = [element for element in elements if element.tag == tag]
         return found[-1] if found else None
 
     # -- the model ----------------------------------------------------------------------------------------------
 
-    def model_switch(self, tag, default):
-        """Return a model-level truth value such as ``static``."""
+    def model_switch(self, tag: str, default: bool) -> bool:
+        """Return a model-level truth value such as ``static``.
+
+        Parameters
+        ----------
+        tag : str
+        default : bool
+            Default if the tag is missing or invalid.
+
+        Returns
+        -------
+        bool
+        """
         element = self._last(self._model, tag)
         return default if element is None else self._value(element, tag_bool, default)
 
-    def model_plugins(self):
-        """Return the PluginSpecs of the model, in document order; what cannot be read is left out (noted)."""
+    def model_plugins(self) -> Tuple[PluginSpec, ...]:
+        """Return the plugins of the model, in document order; those that cannot be read are left out with a warning."""
         found = (self._notes.attempt("this plugin", read_plugin, element, None, self._notes)
                  for element in self._model if element.tag == "plugin")
         return tuple(plugin for plugin in found if plugin is not None)
 
     # -- joints -------------------------------------------------------------------------------------------------
 
-    def joint_switch(self, joint, tag):
-        """Return a joint-level truth value, False where it is not given."""
+    def joint_switch(self, joint: str, tag: str) -> bool:
+        """Return a joint-level truth value; False if it is missing.
+
+        Parameters
+        ----------
+        joint : str
+        tag : str
+
+        Returns
+        -------
+        bool
+        """
         element = self._last(self._joints.get(joint, ()), tag)
         return False if element is None else self._value(element, tag_bool, False)
 
-    def joint_axis(self, joint, axis):
-        """Return an Axis with the stops and springs of the joint's tags."""
+    def joint_axis(self, joint: str, axis: Axis) -> Axis:
+        """Return an Axis with the stops and springs of the joint's tags.
+
+        Parameters
+        ----------
+        joint : str
+        axis : m2wr_sim.model.types.Axis
+            Without these tags.
+
+        Returns
+        -------
+        m2wr_sim.model.types.Axis
+        """
         elements = self._joints.get(joint, ())
         for tag, name in _AXIS_TAGS.items():
             element = self._last(elements, tag)
@@ -149,20 +208,20 @@ class GazeboTags:
 
     # -- links --------------------------------------------------------------------------------------------------
 
-    def tagged(self, sources):
+    def tagged(self, sources: Sequence[str]) -> Tagged:
         """Return which tags may reach the collisions and visuals of a link, for :meth:`collision` and :meth:`material`.
 
         Parameters
         ----------
         sources : sequence of str
-            The link and those lumped into it, in the order in which their tags count (later ones win).
+            The link and those lumped into it, in the order in which their tags are applied (later ones win).
 
         Returns
         -------
         dict
-            Name of a link -> (its place in that order, elements for collisions, last ``<material>`` or None).
+            Name of a link -> (its index in that order, elements for collisions, last ``<material>`` or None).
         """
-        found = {}
+        found: Tagged = {}
         for index, source in enumerate(sources):
             elements = self._links.get(source, ())
             mine = [element for element in elements if element.tag in _COLLISION_TAGS or element.tag == "collision"]
@@ -171,7 +230,7 @@ class GazeboTags:
                 found[source] = index, mine, material
         return found
 
-    def collision(self, collision, origin, carrier, tagged):
+    def collision(self, collision: Collision, origin: str, carrier: str, tagged: Tagged) -> Collision:
         """Return a Collision with the tags that reach it.
 
         Parameters
@@ -201,7 +260,7 @@ class GazeboTags:
                                 line_of(element), element.tag, origin, collision.name, origin))
         return collision
 
-    def _apply(self, collision, element):
+    def _apply(self, collision: Collision, element: Any) -> Collision:
         tag = element.tag
         if tag == "maxContacts":
             return replace(collision, max_contacts=self._value(
@@ -222,19 +281,33 @@ class GazeboTags:
         value = self._value(element, parse, getattr(collision.surface, name))
         return replace(collision, surface=replace(collision.surface, **{name: value}))
 
-    def material(self, visual, carrier, tagged):
-        """Return the Gazebo material name that reaches a Visual, or None; the rule is that of collisions."""
+    def material(self, visual: Visual, carrier: str, tagged: Tagged) -> Optional[str]:
+        """Return the Gazebo material name that reaches a Visual, or None; the rule is that of collisions.
+
+        Parameters
+        ----------
+        visual : Visual
+            With its final name.
+        carrier : str
+            Link that carries it now.
+        tagged : dict
+            Of the carrier; see :meth:`tagged`.
+
+        Returns
+        -------
+        str or None
+        """
         found = None
         for source in _reaching(visual.name, carrier, tagged, "_visual"):
             if tagged[source][2] is not None:
                 found = tag_value(tagged[source][2]) or None
         return found
 
-    def link_values(self, sources):
+    def link_values(self, sources: Sequence[str]) -> Dict[str, Any]:
         """Return the keyword arguments of Link that the tags of these links set; later ones win."""
-        values = {}
+        values: Dict[str, Any] = {}
 
-        def take(name, element, parse, default):
+        def take(name: str, element: Any, parse: Callable[[Any], _Value], default: _Value) -> None:
             values[name] = self._value(element, parse, values.get(name, default))
 
         for element in (element for source in sources for element in self._links.get(source, ())):
@@ -253,21 +326,22 @@ class GazeboTags:
                         take(name, element.find(child), tag_float, 0.0)
         return values
 
-    def sensors(self, carrier, lumped):
+    def sensors(self, carrier: str, lumped: Sequence[Tuple[str, Pose]]) -> Tuple[Sensor, ...]:
         """Return the Sensors on a link.
 
         Parameters
         ----------
         carrier : str
         lumped : sequence of (str, Pose)
-            Links lumped into the carrier with their frames' poses in it; the sensors of those are moved along.
+            Links lumped into the carrier, with the poses of their frames in it; their sensors move to the carrier.
 
         Notes
         -----
         The pose is the lumped frame's pose times the sensor's own; one given with ``relative_to`` stays as it is.
         """
         found = []
-        for source, carrier_from_source in [(carrier, None)] + list(lumped):
+        everywhere: List[Tuple[str, Optional[Pose]]] = [(carrier, None), *lumped]
+        for source, carrier_from_source in everywhere:
             for element in self._links.get(source, ()):
                 if element.tag != "sensor":
                     continue
@@ -285,10 +359,10 @@ class GazeboTags:
         return tuple(found)
 
 
-def _reaching(name, carrier, tagged, kind="_collision"):
-    """Return the links of ``tagged`` whose tags reach a collision or visual, in the order in which they count.
+def _reaching(name: str, carrier: str, tagged: Tagged, kind: str = "_collision") -> List[str]:
+    """Return the links of ``tagged`` whose tags reach a collision or visual, in the order in which they are applied.
 
-    Looks up the links in the name instead of trying all: a document may hold thousands of both.
+    The links are found from the name instead of trying all, because a document may have thousands of both.
     """
     if LUMP_MARK not in name:
         return [carrier] if carrier in tagged else []
@@ -298,9 +372,10 @@ def _reaching(name, carrier, tagged, kind="_collision"):
                   key=lambda source: tagged[source][0])
 
 
-def _places(name, part):
-    """Return where a part of a name begins, of many places the first ones."""
-    places, at = [], name.find(part)
+def _places(name: str, part: str) -> List[int]:
+    """Return the indices at which a part of a name begins; of many only the first ones."""
+    places: List[int] = []
+    at = name.find(part)
     while at >= 0 and len(places) < _MOST_PLACES:
         places.append(at)
         at = name.find(part, at + 1)

@@ -4,8 +4,11 @@
 The document is checked (:mod:`.checks`), read (:mod:`.reader`), its fixed joints are merged away
 (:mod:`.lumping`), and the ``<gazebo>`` blocks (:mod:`.gazebo_tags`) are applied to what is left.
 """
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, NoReturn, Optional, Set, Tuple, Union
 
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import IDENTITY, compose, quaternion_from_rpy, rpy_from_quaternion
@@ -20,10 +23,18 @@ from m2wr_sim.model.urdf.reader import NO_MASS, parse_robot, read_body, read_con
 from m2wr_sim.model.urdf.xacro_text import xacro_in
 from m2wr_sim.model.xml.safe import XmlError, errors_as, fail, line_of, parse_xml, place
 
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose, Vector
+    from m2wr_sim.model.model_folders import ResolveModel, ResolvePackage
+    from m2wr_sim.model.types import PluginSpec
+    from m2wr_sim.model.urdf.lumping import Body, Connection
 
-def _drop_massless(bodies, connections, order, root, elements, notes):
-    """Return the surviving link names: a link without mass is removed with its joint and all links below it."""
-    children, dropped = children_of(connections), set()
+
+def _drop_massless(bodies: Dict[str, Body], connections: List[Connection], order: List[str], root: str,
+                   elements: Dict[str, Any], notes: Notes) -> List[str]:
+    """Return the names of the remaining links: a link without mass is removed with its joint and all links below it."""
+    children = children_of(connections)
+    dropped: Set[str] = set()
     for name in order:
         inertial = bodies[name].inertial
         if name in dropped or (name == WORLD and name == root) or (inertial is not None and inertial.mass > NO_MASS):
@@ -42,7 +53,7 @@ def _drop_massless(bodies, connections, order, root, elements, notes):
     return [name for name in order if name not in dropped and not (name == WORLD and name == root)]
 
 
-def _negative_mass(elements, names):
+def _negative_mass(elements: Dict[str, Any], names: Iterable[str]) -> Any:
     """Return the first ``<mass>`` below 0 of these links, or None."""
     for mass in (elements[name].find("inertial/mass") for name in names):
         if mass is not None and float(mass.get("value")) < 0.0:
@@ -50,7 +61,7 @@ def _negative_mass(elements, names):
     return None
 
 
-def _refuse_nothing(root, elements):
+def _refuse_nothing(root: Any, elements: Dict[str, Any]) -> NoReturn:
     """Raise XmlError: no link is left of the robot."""
     negative = _negative_mass(elements, elements)
     if negative is not None:
@@ -60,8 +71,9 @@ def _refuse_nothing(root, elements):
          "with <inertial> is fixed to")
 
 
-def _link(body, pose, element, tags, notes):
-    """Return the finished Link of a surviving body."""
+def _link(body: Body, pose: Pose, element: Any, tags: GazeboTags, notes: Notes) -> Link:
+    """Return the Link of a body that remains."""
+    assert body.inertial is not None, "links without mass have been removed"
     inertial, problem = usable(body.inertial, body.collisions)
     if problem is not None:
         notes.add("{}: {}.".format(place(element if element.find("inertial") is None else element.find("inertial")),
@@ -79,27 +91,28 @@ def _link(body, pose, element, tags, notes):
                 **dict({"self_collide": tags.model_switch("self_collide", False)}, **tags.link_values(sources)))
 
 
-def _offset(plugin, tag, notes):
+def _offset(plugin: PluginSpec, tag: str, notes: Notes) -> Vector:
     text = plugin.find(tag)
     try:
-        numbers = tuple(float(word) for word in text.split()) if text else (0.0, 0.0, 0.0)
+        numbers: Tuple[float, ...] = tuple(float(word) for word in text.split()) if text else (0.0, 0.0, 0.0)
     except ValueError:
         numbers = ()
     if len(numbers) != 3 or not all(math.isfinite(number) for number in numbers):
         notes.add('{}: {} is "{}"; expected three numbers; using 0 0 0.'.format(plugin.where, tag, text))
         return (0.0, 0.0, 0.0)
-    return numbers
+    return (numbers[0], numbers[1], numbers[2])
 
 
-def _retarget(plugin, lumped, notes):
-    """Return a model plugin whose ``bodyName`` or ``frameName`` names a lumped link, pointed at the carrying link.
+def _retarget(plugin: PluginSpec, lumped: Dict[str, Tuple[str, Pose]], notes: Notes) -> PluginSpec:
+    """Return a model plugin; ``bodyName`` or ``frameName`` of a lumped link is replaced by the carrying link.
 
     The lumped link's pose in the carrier is composed with ``xyzOffset`` and ``rpyOffset`` [m, rad].
     """
     for tag in ("bodyName", "frameName"):
-        if plugin.find(tag) not in lumped:
+        target = plugin.find(tag)
+        if target is None or target not in lumped:
             continue
-        carrier, carrier_from_lumped = lumped[plugin.find(tag)]
+        carrier, carrier_from_lumped = lumped[target]
         own = (_offset(plugin, "xyzOffset", notes), quaternion_from_rpy(*_offset(plugin, "rpyOffset", notes)))
         position, orientation = compose(carrier_from_lumped, own)
         kept = tuple((name, carrier if name == tag else text) for name, text in plugin.parameters
@@ -110,7 +123,7 @@ def _retarget(plugin, lumped, notes):
     return plugin
 
 
-def _joints(connections, order, notes):
+def _joints(connections: List[Connection], order: List[str], notes: Notes) -> Tuple[Joint, ...]:
     """Return the Joints that are left, in the order of their child links; floating and planar ones have no joint."""
     joints, places = [], {name: place for place, name in enumerate(order)}
     for connection in sorted(connections, key=lambda connection: places[connection.child]):
@@ -123,7 +136,7 @@ def _joints(connections, order, notes):
     return tuple(joints)
 
 
-def _link_poses(order, connections):
+def _link_poses(order: List[str], connections: List[Connection]) -> Dict[str, Pose]:
     """Return link name -> pose in the model frame with every joint at zero."""
     by_child = {connection.child: connection for connection in connections}
     poses = {WORLD: IDENTITY}
@@ -133,8 +146,8 @@ def _link_poses(order, connections):
     return poses
 
 
-def _document(text, source):
-    """Return the root element of the URDF; xacro is refused, for it is a program that runs while it is expanded."""
+def _document(text: Union[str, bytes], source: str) -> Any:
+    """Return the root element of the URDF; xacro is refused, because it is a program that runs when it is expanded."""
     root = parse_xml(text, source)
     found = xacro_in(root) if root.tag == "robot" else None
     if found:
@@ -144,17 +157,18 @@ def _document(text, source):
     return root
 
 
-def _origin(element):
+def _origin(element: Any) -> Pose:
     """Return the pose in the xyz and rpy attributes of an ``<origin>``; identity without it."""
     if element is None:
         return IDENTITY
-    xyz = attribute_numbers(element, "xyz", 3) if element.get("xyz") is not None else (0.0, 0.0, 0.0)
+    x, y, z = attribute_numbers(element, "xyz", 3) if element.get("xyz") is not None else (0.0, 0.0, 0.0)
     rpy = attribute_numbers(element, "rpy", 3) if element.get("rpy") is not None else (0.0, 0.0, 0.0)
-    return xyz, quaternion_from_rpy(*rpy)
+    return (x, y, z), quaternion_from_rpy(*rpy)
 
 
-def load_urdf(text, source="robot_description", model_name=None, resolve_package=None, honour_collision_surface=True,
-              resolve_model=None):
+def load_urdf(text: Union[str, bytes], source: str = "robot_description", model_name: Optional[str] = None,
+              resolve_package: Optional[ResolvePackage] = None, honour_collision_surface: bool = True,
+              resolve_model: Optional[ResolveModel] = None) -> Model:
     """Convert a robot description the way Gazebo does.
 
     Parameters
@@ -164,7 +178,7 @@ def load_urdf(text, source="robot_description", model_name=None, resolve_package
     source : str
         Name of the document for messages.
     model_name : str or None
-        Name of the model; the robot's own where None.
+        Name of the model; None: the name of the robot.
     resolve_package : callable or None
         ``resolve_package(name) -> folder``, for ``package://`` of collision meshes.
     honour_collision_surface : bool

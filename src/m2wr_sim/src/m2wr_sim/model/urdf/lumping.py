@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Merging links over fixed joints, and the names that collisions and visuals bear afterwards (Gazebo's rules).
+"""Merges links over fixed joints, and names collisions and visuals afterwards, by Gazebo's rules.
 
 Works on mutable records: a :class:`Body` for each URDF link, a :class:`Connection` for each URDF joint.
 """
+from __future__ import annotations
+
 from dataclasses import dataclass, field
-from typing import Any, List, Optional, Tuple
+from typing import TYPE_CHECKING, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -12,17 +14,23 @@ from m2wr_sim.geometry import IDENTITY, compose, matrix_from_quaternion
 from m2wr_sim.model.sdf.shapes import inertia_matrix
 from m2wr_sim.model.types import Axis, Inertial, Pose, Surface
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from m2wr_sim.geometry import Quaternion
+    from m2wr_sim.model.types import Geometry
+
 WORLD = "world"
 LUMP_MARK = "_fixed_joint_lump__"
 
 
 @dataclass
 class Part:
-    """A collision or visual on its way: URDF name ('' where unnamed), link it came from, shape, pose, extras."""
+    """A collision or visual: URDF name (empty if it has none), link of the URDF, shape, pose, surface or colour."""
 
     name: str
     origin: str
-    geometry: Any
+    geometry: Geometry
     pose: Pose = IDENTITY
     surface: Surface = Surface()
     rgba: Optional[Tuple[float, float, float, float]] = None
@@ -30,7 +38,7 @@ class Part:
 
 @dataclass
 class Body:
-    """A URDF link; ``lumped`` holds (link name, that link's frame in this one's) of what was merged into it."""
+    """A URDF link; ``lumped`` has (name, pose in this link) of each link that was merged into it."""
 
     name: str
     inertial: Optional[Inertial] = None
@@ -55,13 +63,14 @@ class Connection:
     reduced: bool = False
 
 
-def merge_inertials(base, added, base_from_added=IDENTITY):
+def merge_inertials(base: Optional[Inertial], added: Optional[Inertial],
+                    base_from_added: Pose = IDENTITY) -> Optional[Inertial]:
     """Return the inertial of two bodies joined rigidly.
 
     Parameters
     ----------
     base, added : Inertial or None
-        None counts as no mass.
+        None means no mass.
     base_from_added : Pose
         The added link's frame in the base link's frame.
 
@@ -73,36 +82,44 @@ def merge_inertials(base, added, base_from_added=IDENTITY):
     """
     if added is None:
         return base
-    base = Inertial(0.0, IDENTITY, (0.0,) * 6) if base is None else base
+    base = Inertial(0.0, IDENTITY, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)) if base is None else base
     added_pose = compose(base_from_added, added.pose)
     mass = base.mass + added.mass
     orientation = base.pose[1]
     base_centre, added_centre = np.array(base.pose[0]), np.array(added_pose[0])
     centre = added_centre if mass <= 0.0 else (base.mass * base_centre + added.mass * added_centre) / mass
     tensor = _about(base, orientation, base_centre - centre) + _about(added, added_pose[1], added_centre - centre)
-    turn = matrix_from_quaternion(orientation)
-    tensor = turn.T @ tensor @ turn
-    return Inertial(mass, (tuple(float(value) for value in centre), orientation),
-                    tuple(float(value) for value in tensor[np.triu_indices(3)]))
+    rotation = matrix_from_quaternion(orientation)
+    tensor = rotation.T @ tensor @ rotation
+    x, y, z = centre.tolist()
+    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
+    return Inertial(mass, ((x, y, z), orientation), (xx, xy, xz, yy, yz, zz))
 
 
-def _about(inertial, orientation, offset):
-    """Return a tensor in link axes about a point that lies ``-offset`` from the inertial's centre of mass."""
-    turn = matrix_from_quaternion(orientation)
-    return turn @ inertia_matrix(inertial) @ turn.T + inertial.mass * (
+def _about(inertial: Inertial, orientation: Quaternion, offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a tensor in link axes about a point at ``-offset`` from the centre of mass of the inertial."""
+    rotation = matrix_from_quaternion(orientation)
+    return rotation @ inertia_matrix(inertial) @ rotation.T + inertial.mass * (
         offset @ offset * np.eye(3) - np.outer(offset, offset))
 
 
-def children_of(connections):
+def children_of(connections: Iterable[Connection]) -> Dict[str, List[Connection]]:
     """Return link name -> its child connections, in alphabetical order of joint names."""
-    children = {}
+    children: Dict[str, List[Connection]] = {}
     for connection in sorted(connections, key=lambda connection: connection.name):
         children.setdefault(connection.parent, []).append(connection)
     return children
 
 
-def depth_first(root, children):
-    """Yield link names, root first, depth first, siblings in the order of ``children``."""
+def depth_first(root: str, children: Mapping[str, Sequence[Connection]]) -> Iterator[str]:
+    """Yield link names, root first, depth first, siblings in the order of ``children``.
+
+    Parameters
+    ----------
+    root : str
+    children : dict
+        See :func:`children_of`.
+    """
     stack = [root]
     while stack:
         name = stack.pop()
@@ -110,22 +127,22 @@ def depth_first(root, children):
         stack.extend(connection.child for connection in reversed(children.get(name, ())))
 
 
-def lump(bodies, connections, root):
+def lump(bodies: Dict[str, Body], connections: List[Connection], root: str) -> List[str]:
     """Merge every link behind a reduced joint into its parent, deepest first; works in place.
 
     Parameters
     ----------
     bodies : dict
-        Link name -> Body; merged ones are taken out.
+        Link name -> Body; merged ones are removed.
     connections : list of Connection
-        Reduced ones are taken out; the others get the surviving parent and their pose in it.
+        Reduced ones are removed; the others get the remaining parent and their pose in it.
     root : str
         Name of the root link; no link is merged into a root called ``world``.
 
     Returns
     -------
     list of str
-        Names of the surviving links, in the order in which Gazebo lists them.
+        Names of the remaining links, in the order of Gazebo.
     """
     children = children_of(connections)
     order = list(depth_first(root, children))
@@ -136,9 +153,9 @@ def lump(bodies, connections, root):
         for connection in reduced[name]:
             bodies[name].inertial = merge_inertials(bodies[name].inertial, bodies[connection.child].inertial,
                                                     connection.pose)
-    frames = {}                         # merged link -> the body that carries it, and its frame in that
+    frames: Dict[str, Tuple[Body, Pose]] = {}       # merged link -> the body that carries it, and its frame in that
     for name in order:
-        carrier, frame = frames.get(name, (bodies[name], None))
+        carrier, frame = frames[name] if name in frames else (bodies[name], None)
         for connection in reduced[name]:
             frames[connection.child] = carrier, _within(frame, connection.pose)
         if frame is not None:
@@ -147,16 +164,16 @@ def lump(bodies, connections, root):
     for connection in connections:
         if connection.parent in frames:
             carrier, frame = frames[connection.parent]
-            connection.parent, connection.pose = carrier.name, _within(frame, connection.pose)
+            connection.parent, connection.pose = carrier.name, compose(frame, connection.pose)
     return [name for name in order if name not in frames or by_child.get(name) is None]
 
 
-def _within(frame, pose):
+def _within(frame: Optional[Pose], pose: Pose) -> Pose:
     return pose if frame is None else compose(frame, pose)
 
 
-def _merge(carrier, body, frame):
-    """Hand the parts of a merged link over to the one that carries it."""
+def _merge(carrier: Body, body: Body, frame: Pose) -> None:
+    """Move the parts of a merged link to the one that carries it."""
     for mine, others in ((carrier.collisions, body.collisions), (carrier.visuals, body.visuals)):
         for part in others:
             part.name, part.pose = part.name or part.origin, compose(frame, part.pose)
@@ -164,11 +181,24 @@ def _merge(carrier, body, frame):
     carrier.lumped.append((body.name, frame))
 
 
-def part_names(link, parts, suffix):
-    """Return the SDF names of a link's collisions (``suffix`` ``_collision``) or visuals (``_visual``).
+def part_names(link: str, parts: Sequence[Part], suffix: str) -> List[str]:
+    """Return the SDF names of a link's collisions or visuals.
 
-    The name is the URDF name, or the old link's where there is none, plus the suffix; from the second part on plus
-    ``_n``; a name that does not begin with the carrying link's gets ``<link>_fixed_joint_lump__`` in front.
+    The name is the URDF name, or that of the original link if there is none, plus the suffix; from the second part on
+    plus ``_n``.  A name that does not begin with the name of the carrying link gets the prefix
+    ``<link>_fixed_joint_lump__``.
+
+    Parameters
+    ----------
+    link : str
+        Link that carries the parts.
+    parts : list of Part
+    suffix : str
+        ``_collision`` or ``_visual``.
+
+    Returns
+    -------
+    list of str
     """
     names = []
     for index, part in enumerate(parts):

@@ -3,10 +3,13 @@
 
 That parser drops names of collisions and visuals, ``<surface>`` and ``<gazebo>``; they come from the XML itself.
 """
+from __future__ import annotations
+
 import copy
 import re
 import threading
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, Optional, Tuple
 
 import urdf_parser_py.urdf as urdf_model
 import urdf_parser_py.xml_reflection as xml_reflection
@@ -21,7 +24,14 @@ from m2wr_sim.model.urdf.checks import check_size
 from m2wr_sim.model.urdf.lumping import Body, Connection, Part
 from m2wr_sim.model.xml.safe import XmlError, line_of, place, shorten
 
-NO_MASS = 1e-6                # below it Gazebo takes a mass for zero
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.mesh.shapes import MeshReader
+    from m2wr_sim.model.notes import Notes
+    from m2wr_sim.model.types import Geometry
+    from m2wr_sim.model.urdf.gazebo_tags import GazeboTags
+
+NO_MASS = 1e-6                # kg; for Gazebo a smaller mass is zero
 
 _LOCK = threading.Lock()      # urdf_parser_py reports through a module global
 _UNKNOWN = re.compile(r'Unknown (tag|attribute) "(.+)" in (/\S+)')
@@ -39,8 +49,8 @@ _INSTEAD = {
 
 
 @contextmanager
-def _reports_to(report):
-    """Send what urdf_parser_py would print to stderr to ``report`` instead."""
+def _reports_to(report: Callable[[str], None]) -> Iterator[None]:
+    """Pass the messages that urdf_parser_py would print to stderr to ``report``."""
     with _LOCK:
         before = xml_core.on_error, xml_reflection.on_error
         xml_core.on_error = xml_reflection.on_error = report
@@ -50,8 +60,8 @@ def _reports_to(report):
             xml_core.on_error, xml_reflection.on_error = before
 
 
-def _for_parser(root):
-    """Return a copy of the document without what urdf_parser_py does not know but this package reads itself."""
+def _for_parser(root: Any) -> Any:
+    """Return a copy of the document without the elements that only this package reads."""
     robot = copy.deepcopy(root)
     for tag in ("gazebo", "transmission", "origin", "static"):
         for element in robot.findall(tag):
@@ -67,23 +77,34 @@ def _for_parser(root):
     return robot
 
 
-def parse_robot(root, source, notes):
+def parse_robot(root: Any, source: str, notes: Notes) -> Any:
     """Return the urdf_parser_py Robot of a checked document; unsupported elements are added to the notes.
+
+    Parameters
+    ----------
+    root : lxml element
+    source : str
+        Name of the document for messages.
+    notes : Notes
+
+    Returns
+    -------
+    urdf_parser_py.urdf.Robot
 
     Raises
     ------
     XmlError
-        If that parser refuses the document for a reason the checks do not know.
+        If that parser rejects the document for a reason that the checks do not know.
     """
     robot = _for_parser(root)
 
-    def report(message):
+    def report(message: str) -> None:
         match = _UNKNOWN.match(message)
         found = robot.xpath(match.group(3)) if match else []
-        if not found:
+        if match is None or not found:
             notes.add("{}: {}.".format(source, shorten(message.strip(), 300).rstrip(".")))
             return
-        parent, (kind, name) = found[0], match.groups()[:2]
+        parent, kind, name = found[0], match.group(1), match.group(2)
         instead = _INSTEAD.get((parent.tag, name))
         shown = "<{}>".format(name) if kind == "tag" else "attribute {}".format(name)
         notes.aside("{}: {} in <{}> is not part of URDF and is ignored{}.".format(
@@ -97,14 +118,15 @@ def parse_robot(root, source, notes):
                 source, shorten(str(error) or repr(error), 300))) from None
 
 
-def _pose(origin):
+def _pose(origin: Any) -> Pose:
     if origin is None:
         return IDENTITY
-    return tuple(origin.xyz or (0.0, 0.0, 0.0)), quaternion_from_rpy(*(origin.rpy or (0.0, 0.0, 0.0)))
+    x, y, z = origin.xyz or (0.0, 0.0, 0.0)
+    return (x, y, z), quaternion_from_rpy(*(origin.rpy or (0.0, 0.0, 0.0)))
 
 
-def _geometry(geometry, element, files):
-    """Return the shape of a URDF geometry; None for the mesh of a visual, and for one that cannot be read (noted).
+def _geometry(geometry: Any, element: Any, files: MeshReader) -> Optional[Geometry]:
+    """Return the shape of a URDF geometry; None for the mesh of a visual, and, after a warning, for one not read.
 
     Raises
     ------
@@ -113,7 +135,8 @@ def _geometry(geometry, element, files):
     """
     check_size(element.find("geometry")[0])
     if isinstance(geometry, urdf_model.Box):
-        return Box(tuple(geometry.size))
+        x, y, z = geometry.size
+        return Box((x, y, z))
     if isinstance(geometry, urdf_model.Cylinder):
         return Cylinder(geometry.radius, geometry.length)
     if isinstance(geometry, urdf_model.Sphere):
@@ -123,7 +146,7 @@ def _geometry(geometry, element, files):
     return None
 
 
-def _own_surface(element, honoured, notes):
+def _own_surface(element: Any, honoured: bool, notes: Notes) -> Surface:
     """Return the Surface of a ``<surface>`` in a URDF collision: friction and slip only."""
     surface = element.find("surface")
     if surface is None:
@@ -141,8 +164,26 @@ def _own_surface(element, honoured, notes):
     return Surface(mu=read.mu, mu2=read.mu2, slip1=read.slip1, slip2=read.slip2)
 
 
-def read_body(link, element, colours, honour_surface, notes, files):
-    """Return the Body of one link; urdf_parser_py keeps the document's order, so parts pair up with elements."""
+def read_body(link: Any, element: Any, colours: Dict[str, Any], honour_surface: bool, notes: Notes,
+              files: MeshReader) -> Body:
+    """Return the Body of one link.
+
+    Parameters
+    ----------
+    link : urdf_parser_py.urdf.Link
+    element : lxml element
+        Its element in the document.
+    colours : dict
+        Name of a material -> colour.
+    honour_surface : bool
+        Whether a ``<surface>`` in a collision is used.
+    notes : Notes
+    files : MeshReader
+
+    Returns
+    -------
+    Body
+    """
     body = Body(link.name)
     if link.inertial is not None:
         tensor = link.inertial.inertia
@@ -150,6 +191,7 @@ def read_body(link, element, colours, honour_surface, notes, files):
                                  (tensor.ixx, tensor.ixy, tensor.ixz, tensor.iyy, tensor.iyz, tensor.izz))
         if body.inertial.mass > NO_MASS and inertial_doubt(body.inertial) is not None:
             notes.add("{}: {}.".format(place(element.find("inertial")), inertial_doubt(body.inertial)))
+    # urdf_parser_py keeps the order of the document
     for part, part_element in zip(link.collisions, element.findall("collision")):
         geometry = notes.attempt("this collision", _geometry, part.geometry, part_element, files)
         if geometry is not None:
@@ -163,14 +205,17 @@ def read_body(link, element, colours, honour_surface, notes, files):
     return body
 
 
-def _colour(material, colours):
+def _colour(material: Any, colours: Dict[str, Any]) -> Optional[Tuple[float, float, float, float]]:
     if material is None:
         return None
     colour = material.color or colours.get(material.name)
-    return None if colour is None or colour.rgba is None else tuple(colour.rgba)
+    if colour is None or colour.rgba is None:
+        return None
+    red, green, blue, alpha = colour.rgba
+    return (red, green, blue, alpha)
 
 
-def _axis(joint, element, notes):
+def _axis(joint: Any, element: Any, notes: Notes) -> Axis:
     """Return the Axis of a moving joint, with URDF's default direction and Gazebo's limits."""
     axis_element = element.find("axis")
     if axis_element is not None and any(word.strip("+-0.") for word in (axis_element.get("rpy") or "").split()):
@@ -190,8 +235,21 @@ def _axis(joint, element, notes):
     return Axis(xyz=xyz, damping=damping, friction=friction, lower=lower, upper=upper, effort=effort, velocity=velocity)
 
 
-def read_connection(joint, element, tags, notes):
-    """Return the Connection of one joint, with the switches that keep a fixed joint from being merged away."""
+def read_connection(joint: Any, element: Any, tags: GazeboTags, notes: Notes) -> Connection:
+    """Return the Connection of one joint; tags may prevent that a fixed joint is removed by merging.
+
+    Parameters
+    ----------
+    joint : urdf_parser_py.urdf.Joint
+    element : lxml element
+        Its element in the document.
+    tags : GazeboTags
+    notes : Notes
+
+    Returns
+    -------
+    Connection
+    """
     kind, axis, reduced = joint.type, Axis(), False
     if kind == "fixed":
         if tags.joint_switch(joint.name, "preserveFixedJoint"):

@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Raw xacro text -> plain URDF text, through the xacro module of ROS.
 
-A xacro document is a program: its expressions are Python, and it reads any file. So only what the user named on a
-command line or in a call is expanded, never what came over a topic, service or parameter.
+A xacro document is a program: its expressions are Python, and it can read any file. So only documents that the user
+named on a command line or in a call are expanded, never those from a topic, service or parameter.
 """
+from __future__ import annotations
+
 import io
 import os
 import re
 import threading
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Iterator, Mapping, Optional
 from xml.parsers.expat import ExpatError
 
 from m2wr_sim.model.xml.safe import XmlError, line_of, parse_xml, read_file, shorten
+
+if TYPE_CHECKING:
+    from m2wr_sim.model.model_folders import ResolvePackage
 
 _FIND = re.compile(r"\$\(find\s+([^)\s]+)\s*\)")
 _EXPRESSION = re.compile(r"\$[{(]")
 _LOCK = threading.Lock()     # the xacro module keeps its state in globals
 
 
-def xacro_in(root):
+def xacro_in(root: Any) -> Optional[str]:
     """Return where a parsed document holds a xacro element, or ``${...}`` or ``$(...)`` in an attribute; else None."""
     for element in root.iter("*"):
         if element.prefix == "xacro" or element.tag.rstrip("}").startswith("{http://www.ros.org/wiki/xacro"):
@@ -29,27 +35,37 @@ def xacro_in(root):
     return None
 
 
-def expanded(text, source, resolve_package=None):
+def expanded(text: str, source: str, resolve_package: Optional[ResolvePackage] = None) -> str:
     """Return a description from a file the user named, expanded if it is xacro; other text is returned unchanged.
 
-    Never for text that came over a topic, service or parameter: xacro evaluates Python expressions. Parameters and
-    errors as of :func:`expand_xacro`.
+    Must not be used for text from a topic, service or parameter, because xacro evaluates Python expressions.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+    resolve_package : callable or None
+        As for :func:`expand_xacro`.
+
+    Returns
+    -------
+    str
     """
     root = parse_xml(text, source)
     return expand_xacro(text, source, resolve_package) if root.tag == "robot" and xacro_in(root) else text
 
 
 @contextmanager
-def _prepared(xacro, resolve_package):
+def _prepared(xacro: Any, resolve_package: Optional[ResolvePackage]) -> Iterator[None]:
     """Let xacro find packages through the caller and read its includes through the safe parser's checks."""
-    eval_extension, parse = xacro.eval_extension, xacro.parse
+    eval_extension, parse, find = xacro.eval_extension, xacro.parse, resolve_package
 
-    def find_first(text):
-        if resolve_package is not None:
-            text = _FIND.sub(lambda match: _folder(match.group(1), resolve_package), text)
+    def find_first(text: str) -> str:
+        if find is not None:
+            text = _FIND.sub(lambda match: _folder(match.group(1), find), text)
         return eval_extension(text) if _EXPRESSION.search(text) else text
 
-    def checked_parse(inp, filename=None):
+    def checked_parse(inp: Any, filename: Optional[str] = None) -> Any:
         if inp is None and filename is not None and os.path.isfile(filename):
             data = read_file(filename)
             parse_xml(data, filename, strict=True)
@@ -63,7 +79,7 @@ def _prepared(xacro, resolve_package):
         xacro.eval_extension, xacro.parse = eval_extension, parse
 
 
-def _folder(package, resolve_package):
+def _folder(package: str, resolve_package: ResolvePackage) -> str:
     try:
         folder = resolve_package(package)
     except Exception as error:     # rospkg and others raise their own kinds
@@ -74,7 +90,7 @@ def _folder(package, resolve_package):
     return str(folder)
 
 
-def _location(xacro, source):
+def _location(xacro: Any, source: str) -> str:
     """Return the file and macro that xacro was working on, for messages."""
     files = [name for name in (getattr(xacro, "filestack", None) or []) if name]
     text = str(files[-1]) if files else source
@@ -85,7 +101,8 @@ def _location(xacro, source):
     return text
 
 
-def expand_xacro(text, source, resolve_package=None, arguments=None):
+def expand_xacro(text: str, source: str, resolve_package: Optional[ResolvePackage] = None,
+                 arguments: Optional[Mapping[str, str]] = None) -> str:
     """Run xacro over a document.
 
     Parameters
@@ -93,9 +110,9 @@ def expand_xacro(text, source, resolve_package=None, arguments=None):
     text : str
         The xacro document.
     source : str
-        Its name for messages; where it is a file's path, relative includes start from there.
+        Its name for messages; if it is the path of a file, relative includes start from there.
     resolve_package : callable or None
-        ``resolve_package(name) -> folder`` for ``$(find name)``; None leaves that to xacro.
+        ``resolve_package(name) -> folder`` for ``$(find name)``; None: xacro finds packages itself.
     arguments : dict or None
         Values for ``xacro:arg``.
 
@@ -106,7 +123,7 @@ def expand_xacro(text, source, resolve_package=None, arguments=None):
     Raises
     ------
     XmlError
-        If xacro is not installed or the document does not expand; names file, line or macro as far as known.
+        If xacro is not installed, or the document does not expand; with file, line or macro, as far as known.
     """
     try:
         import xacro
