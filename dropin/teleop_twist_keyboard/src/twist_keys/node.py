@@ -13,6 +13,7 @@ from typing import Any, Dict, List, Optional
 import rospy
 from geometry_msgs.msg import Twist, TwistStamped
 
+from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 from twist_keys.keys import HELP, QUIT, KeyDriver
 from twist_keys.terminal import Keys
@@ -77,7 +78,7 @@ class Teleop:
         self._stopped = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda received, _: self._signals.append(received))
-        rospy.on_shutdown(self.stop)        # for rosnode kill
+        at_shutdown(self.stop)              # for rosnode kill
 
     def _ending(self) -> bool:
         return bool(self._signals) or rospy.is_shutdown()
