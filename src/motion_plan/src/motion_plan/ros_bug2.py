@@ -21,18 +21,9 @@ from m2wr_node.ros.shutdown import at_shutdown
 from motion_plan.bug2 import STATE_DESCRIPTIONS, Bug2, State
 from motion_plan.ros_bug2_markers import Bug2Markers
 from motion_plan.ros_diagnostics import Diagnostics, Report
+from motion_plan.ros_parameters import NodeError, optional_number, required_number
 from motion_plan.ros_poses import PoseError, planar_in
-from motion_plan.ros_support import (
-    SCAN_TOPIC,
-    NodeError,
-    Senses,
-    choose_rhythm,
-    optional_number,
-    required_number,
-    run_node,
-    wait_for_clock,
-    wait_while,
-)
+from motion_plan.ros_support import SCAN_TOPIC, Senses, choose_rhythm, run_node, wait_for_clock, wait_while
 
 if TYPE_CHECKING:
     from motion_plan.planar_types import Point, Pose

@@ -12,17 +12,8 @@ from motion_plan.go_to_point import GoToPoint
 from motion_plan.obstacle_avoidance import ObstacleAvoidance
 from motion_plan.regions import READING_LASER_BOUNDS, SECTOR_NAMES
 from motion_plan.ros_diagnostics import Diagnostics, Report
-from motion_plan.ros_support import (
-    SCAN_TOPIC,
-    NodeError,
-    Rhythm,
-    Senses,
-    Switchable,
-    choose_rhythm,
-    required_number,
-    run_node,
-    wait_for_clock,
-)
+from motion_plan.ros_parameters import NodeError, required_number
+from motion_plan.ros_support import SCAN_TOPIC, Rhythm, Senses, Switchable, choose_rhythm, run_node, wait_for_clock
 from motion_plan.wall_follower import WallFollower
 from motion_plan.wall_guard import WallGuard
 

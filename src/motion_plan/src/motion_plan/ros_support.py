@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shared by the nodes: parameters, logging, the loop, and conversion of messages to plain values."""
+"""Shared by the nodes: start and end, logging, the loop, and conversion of messages to plain values."""
 from __future__ import annotations
 
 import logging
@@ -23,6 +23,7 @@ from m2wr_node.ros.starting import start_node
 from motion_plan.angles import yaw_of_quaternion
 from motion_plan.pose_history import PoseHistory
 from motion_plan.regions import RegionReader, ScanError
+from motion_plan.ros_parameters import NodeError
 from motion_plan.surroundings import Surroundings
 
 if TYPE_CHECKING:
@@ -45,10 +46,6 @@ class SpinningNode(Protocol):
 
     def spin(self) -> Optional[int]:
         """Run the node; return its exit code, None for 0."""
-
-
-class NodeError(Exception):
-    """A node cannot run; the text is one sentence for the user."""
 
 
 class RosoutHandler(logging.Handler):
@@ -107,75 +104,6 @@ def _end_the_run() -> None:
         deadline = time.monotonic() + PARTING_SECONDS
         while not rospy.is_shutdown() and time.monotonic() < deadline:
             time.sleep(0.02)
-
-
-def required_number(name: str, meaning: str, launch_file: str) -> float:
-    """Return a required global parameter as a float.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    meaning : str
-        What the parameter is, for messages.
-    launch_file : str
-        One that sets it, for messages.
-
-    Raises
-    ------
-    NodeError
-        If it is missing, not a number or not finite; the text says how to set it.
-    """
-    if not rospy.has_param(name):
-        raise NodeError('parameter "%s" (%s) is not set: set it with "rosparam set %s VALUE" or start the node by '
-                        '"roslaunch motion_plan %s", which sets it' % (name, meaning, name, launch_file))
-    return finite_number(name, rospy.get_param(name), meaning)
-
-
-def optional_number(name: str, default: float, meaning: str) -> float:
-    """Return a global parameter as a finite float.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    default : float
-        Value if it is not set.
-    meaning : str
-        What the parameter is, for messages.
-
-    Raises
-    ------
-    NodeError
-        If it is not a finite number.
-    """
-    return finite_number(name, rospy.get_param(name, default), meaning)
-
-
-def finite_number(name: str, value: Any, meaning: str) -> float:
-    """Return the value of a parameter as a float.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    value : object
-        As rospy.get_param returns it.
-    meaning : str
-        What the parameter is, for messages.
-
-    Raises
-    ------
-    NodeError
-        If it is not a finite number.
-    """
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if isinstance(value, bool) or not math.isfinite(number):
-        raise NodeError('parameter "%s" (%s) is %r: expected a finite number' % (name, meaning, value))
-    return number
 
 
 def wait_while(condition: Callable[[], bool], sentence: Callable[[], str]) -> None:

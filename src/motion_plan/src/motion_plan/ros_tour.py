@@ -10,7 +10,8 @@ from geometry_msgs.msg import Twist
 
 from m2wr_node.node_help import answer_help
 from m2wr_node.ros.shutdown import at_shutdown
-from motion_plan.ros_support import NodeError, Senses, choose_rhythm, finite_number, run_node
+from motion_plan.ros_parameters import NodeError, finite_number
+from motion_plan.ros_support import Senses, choose_rhythm, run_node
 from motion_plan.tour import Tour, TourError
 
 if TYPE_CHECKING:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The ROS layer without a master: parameters and messages."""
+"""The ROS layer without a master: messages, and the switch."""
 import math
 
 import pytest
@@ -7,36 +7,6 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 
 from motion_plan import ros_support
-
-
-@pytest.fixture
-def parameters(monkeypatch):
-    """A parameter server that is a dict."""
-    values = {}
-    monkeypatch.setattr(ros_support.rospy, 'has_param', values.__contains__)
-    monkeypatch.setattr(ros_support.rospy, 'get_param', lambda name, default=None: values.get(name, default))
-    return values
-
-
-def test_missing_parameter_is_one_sentence_with_the_remedy(parameters):
-    with pytest.raises(ros_support.NodeError) as error:
-        ros_support.required_number('des_pos_x', 'x of the goal in metres', 'bug2.launch')
-    text = str(error.value)
-    assert 'des_pos_x' in text and 'rosparam set des_pos_x' in text and 'roslaunch motion_plan bug2.launch' in text
-    assert '\n' not in text
-
-
-@pytest.mark.parametrize('value', [math.nan, math.inf, 'here', None, [1], True])
-def test_a_parameter_that_is_no_number_is_named(parameters, value):
-    parameters['des_pos_y'] = value
-    with pytest.raises(ros_support.NodeError, match='des_pos_y.*finite'):
-        ros_support.required_number('des_pos_y', 'y of the goal', 'bug2.launch')
-
-
-@pytest.mark.parametrize('value', [3, -2.5, '4.5'])
-def test_numbers_are_taken(parameters, value):
-    parameters['des_pos_y'] = value
-    assert ros_support.required_number('des_pos_y', 'y of the goal', 'bug2.launch') == float(value)
 
 
 def odometry(x=1.0, yaw=0.3):
