@@ -103,7 +103,7 @@ def save_picture(path: str, data: Int8Array, resolution: float, origin: FloatArr
         Side of a cell [m].
     origin : (2,) float
         Middle of cell (0, 0) in the frame of the map [m].
-    truth : Truth
+    truth : m2wr_tools.map_comparison.agreement.Truth
         The world in the frame of the map.
     """
     Image.fromarray(np.ascontiguousarray(picture(data, resolution, origin, truth).repeat(SCALE, 0).repeat(SCALE, 1))
