@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The state of the simulation on ``/diagnostics``; nothing is built without a subscriber."""
+from __future__ import annotations
+
 import time
-from typing import Any, Dict, List, Optional, Set, Tuple
+from typing import TYPE_CHECKING, Dict, List, Optional, Set, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -9,6 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from m2wr_sim.process_memory import memory_mb
 from m2wr_sim.ros.convert import stamp_of
 from m2wr_sim.ros.ports import RosSimulator
+
+if TYPE_CHECKING:
+    from m2wr_lockstep.server.ros.lockstep import Lockstep
 
 _PERIOD = 1.0           # s of wall time
 _SHARE = 0.9            # of a rate; lower rates are reported
@@ -33,7 +38,7 @@ class Diagnostics:
     lockstep : Lockstep, optional
     """
 
-    def __init__(self, simulator: RosSimulator, factor: float, lockstep: Any = None) -> None:
+    def __init__(self, simulator: RosSimulator, factor: float, lockstep: Optional[Lockstep] = None) -> None:
         self._simulator, self._factor, self._lockstep = simulator, factor, lockstep
         self._publisher = simulator.ports.advertise("/diagnostics", DiagnosticArray, 10, "")
         self._last = (time.monotonic(), simulator.now_ns, simulator.steps)

@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node's loop: one thread owns the world, other threads send it requests."""
+from __future__ import annotations
+
 import math
 import queue
 import threading
 import time
-from typing import Any, Callable, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Optional, Tuple, TypeVar
 
 from m2wr_sim.runtime.simulator import Simulator
+
+if TYPE_CHECKING:
+    from m2wr_lockstep.server.ros.lockstep import Lockstep
+
+_Result = TypeVar("_Result")
 
 _BATCH_NS = 10000000        # of simulated time between two checks of the request queue
 _BATCH_WALL = 0.05          # s of wall time, at most, of a batch; viewers would see longer ones as jumps
@@ -121,7 +128,7 @@ class Loop:
     """
 
     def __init__(self, simulator: Simulator, factor: float, stopping: Callable[[], bool], on_turn: Callable[[], Any],
-                 lockstep: Any = None) -> None:
+                 lockstep: Optional[Lockstep] = None) -> None:
         self._simulator, self._stopping, self._on_turn = simulator, stopping, on_turn
         self._lockstep, self._served = lockstep, False
         self._factor, self._pacer = factor, Pacer(factor)
@@ -153,7 +160,7 @@ class Loop:
             simulator.paused = True
         return ""
 
-    def call(self, function: Callable[[], Any]) -> Any:
+    def call(self, function: Callable[[], _Result]) -> _Result:
         """Run ``function()`` in the loop's thread between two steps and return its result."""
         request = _Request(function)
         self._put(request)
@@ -263,8 +270,8 @@ class Loop:
         watched = asked or self._debt > 0.0
         began, spent = (time.monotonic(), time.thread_time()) if watched else (0.0, 0.0)
         while simulator.now_ns + step_ns <= end_ns:
-            if lazily:
-                advance(end_ns, True)
+            if lazily:                  # not in lockstep
+                simulator.advance(end_ns, True)
             else:
                 advance(end_ns)
             if self._served or self._requests.qsize() and self._debt <= _MAX_LAG:

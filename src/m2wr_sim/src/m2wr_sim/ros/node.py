@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from dataclasses import replace
-from typing import Any, Callable, List, Optional, Tuple
+from typing import Callable, List, Optional, Tuple
 
 import rosgraph
 import rospy
@@ -65,19 +65,19 @@ def _claim_time() -> None:
     make_own_clock()
 
 
-def _note_signals() -> List[Any]:
-    """Only record SIGINT and SIGTERM, in the list returned; the loop checks it between two batches of steps.
+def _note_signals() -> List[str]:
+    """Only record SIGINT and SIGTERM, as texts in the list returned; the loop checks it between two batches of steps.
 
     rospy's handler shuts down inside the signal handler. The interrupted thread may be publishing or registering, and
     would then wait forever for a lock that it holds. While the node registers, nothing checks the list, so another
     thread shuts down.
     """
-    noted: List[Any] = []
+    noted: List[str] = []
 
-    def on_signal(number: int, _: Any) -> None:
-        noted.append(number)
+    def on_signal(number: int, _: object) -> None:
+        noted.append("signal-%d" % number)
         if not rospy.core.is_initialized():
-            threading.Thread(target=rospy.signal_shutdown, args=("signal-%d" % number,), daemon=True).start()
+            threading.Thread(target=rospy.signal_shutdown, args=(noted[-1],), daemon=True).start()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
