@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from typing import Sequence, Union
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -16,3 +18,4 @@ if TYPE_CHECKING:
     Uint16Array = NDArray[np.uint16]
     Uint8Array = NDArray[np.uint8]
     BoolArray = NDArray[np.bool_]
+    Vector = Union[Sequence[float], FloatArray]      # a few numbers that are read one by one

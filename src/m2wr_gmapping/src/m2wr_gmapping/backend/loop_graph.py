@@ -34,7 +34,7 @@ OBSERVED_RATIO = 0.085          # least ratio of the eigenvalues of an observed 
 OUTLIER = 12.0              # squared residual that halves the weight of a loop closure [covariances]
 SMOOTHING_FACTOR = 10.0           # the smoothed bias changes slower than the filtered one by this factor
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
-Link = Tuple[int, int, Any, Any]
+Link = Tuple[int, int, "FloatArray", "FloatArray"]
 FIRST_NODES, ACCOUNT_ROWS = 1024, TRACK_ROWS - BIAS_INFORMATION
 BY_STEP = "_step_information", "_step_variances", "_accounts", "_leverages"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Optional, Tuple
+from typing import TYPE_CHECKING, Optional, Tuple, Union
 
 import numpy as np
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.place_search import Scene
     from m2wr_gmapping.frontend.matcher import FastMatcher
+    from m2wr_gmapping.frontend.scan import ScanReading
 
 FINE_REACH = 5.0            # old nodes within this distance make the map of the fine match [m]
 MERGED_NODES = 4.0          # additional nodes per metre of a segment that is matched together [1/m]
@@ -32,7 +33,7 @@ MERGED_SPACING, MERGED_BEAMS = 0.1, 400     # cell with one beam for a match of 
 
 
 #: Nearest old node, result row (13,), old nodes (A,) of the map, supported information (6,).
-FineMatch = Tuple[int, Any, Any, Any]
+FineMatch = Tuple[int, "FloatArray", "IndexArray", "FloatArray"]
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,8 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     return int(around[0]), row, around, _supported_information(matcher, maps, reading, row)
 
 
-def _supported_information(matcher: FastMatcher, maps: TileMaps, reading: Any, row: FloatArray) -> FloatArray:
+def _supported_information(matcher: FastMatcher, maps: TileMaps, reading: Union[ScanReading, MergedScan],
+                           row: FloatArray) -> FloatArray:
     """Return the information (6,) of a match that its cost supports along the weakest direction.
 
     Normals of noisy end points are inclined, so a plain wall seems to give information along itself. Real information

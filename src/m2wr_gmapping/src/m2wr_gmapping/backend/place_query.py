@@ -2,14 +2,14 @@
 """The query of a place search: end points of the newest scans, placed in one frame and thinned."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Sequence, Tuple
+from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.frontend import correlative_kernels as ck
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.array_types import FloatArray, IndexArray, Vector
     from m2wr_gmapping.frontend.scan import ScanReading
 
 QUERY_REACH = 12.0          # farther end points are ignored, which limits the raster [m]
@@ -44,7 +44,7 @@ def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanRea
     return points[:, :count]
 
 
-def placed(pose: Any, points: FloatArray) -> Tuple[FloatArray, FloatArray]:
+def placed(pose: Vector, points: FloatArray) -> Tuple[FloatArray, FloatArray]:
     """Transform points from the frame ``pose`` into its parent frame.
 
     Parameters

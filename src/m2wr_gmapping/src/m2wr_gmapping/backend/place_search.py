@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def _raster(pose: FloatArray, query: FloatArray, path: FloatArray, reference: In
 
 def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, reference: IndexArray,
                   readings: Sequence[ScanReading], window: float, turn: float, raster_cell: float,
-                  allowed: Optional[Callable[[FloatArray], Any]] = None) -> FloatArray:
+                  allowed: Optional[Callable[[FloatArray], Uint8Array]] = None) -> FloatArray:
     """Search the query around ``pose`` in a raster of the reference nodes' end points.
 
     Parameters
@@ -335,7 +335,7 @@ def _search_along_corridor(scene: Scene, old: IndexArray, query: FloatArray, ref
     along = best[5:7] - best[:2]
     along = along / max(float(np.hypot(*along)), 1e-9)      # the rival may have the same position
 
-    def allowed(middles: FloatArray) -> FloatArray:
+    def allowed(middles: FloatArray) -> Uint8Array:
         x, y = np.meshgrid(middles, middles)
         beside = np.abs(along[0] * y - along[1] * x) <= APART
         near = _allowed(middles, away, np.zeros(len(away)), np.full(len(away), np.inf))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from m2wr_gmapping.se2 import compose
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from numpy.typing import ArrayLike
+
+    from m2wr_gmapping.array_types import FloatArray, Vector
 
 CROSS = 0.3     # share of the noise along a direction that motion across it adds
 
@@ -29,7 +31,7 @@ class MotionNoise:
     trans_rot: float = 0.1
     rot_rot: float = 0.2
 
-    def deviations(self, step: Any) -> FloatArray:
+    def deviations(self, step: Vector) -> FloatArray:
         """Return the standard deviations (3,) of a step (3,) x, y, theta, in the frame where the step starts."""
         dx, dy, turn = abs(step[0]), abs(step[1]), abs(step[2])
         return np.array([
@@ -38,7 +40,7 @@ class MotionNoise:
             self.rot_rot * turn + self.rot_trans * math.hypot(dx, dy)])
 
 
-def sample_motion(poses: Any, step: Any, noise: MotionNoise, normals: Any) -> FloatArray:
+def sample_motion(poses: ArrayLike, step: ArrayLike, noise: MotionNoise, normals: ArrayLike) -> FloatArray:
     """Move every particle by an odometry step plus noise.
 
     Parameters
@@ -62,9 +64,9 @@ def sample_motion(poses: Any, step: Any, noise: MotionNoise, normals: Any) -> Fl
     ValueError
         If ``poses`` and ``normals`` differ in shape or the step is not finite.
     """
-    poses, step, normals = np.asarray(poses, float), np.asarray(step, float), np.asarray(normals, float)
-    if poses.shape != normals.shape:
-        raise ValueError("one row of normals a particle: {} poses, {} normals".format(poses.shape, normals.shape))
-    if not np.isfinite(step).all():
-        raise ValueError("odometry step {} is not finite".format(step.tolist()))
-    return compose(poses, step + noise.deviations(step) * normals)
+    old, moved, rows = np.asarray(poses, float), np.asarray(step, float), np.asarray(normals, float)
+    if old.shape != rows.shape:
+        raise ValueError("one row of normals a particle: {} poses, {} normals".format(old.shape, rows.shape))
+    if not np.isfinite(moved).all():
+        raise ValueError("odometry step {} is not finite".format(moved.tolist()))
+    return compose(old, moved + noise.deviations(moved) * rows)

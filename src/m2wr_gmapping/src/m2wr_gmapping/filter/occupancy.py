@@ -11,7 +11,10 @@ import numpy as np
 from m2wr_gmapping.filter.occupancy_kernels import CELLS, SIDE, UNKNOWN, add_scan, read_out
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
     from m2wr_gmapping.array_types import FloatArray, Int8Array
+    from m2wr_gmapping.frontend.scan import ScanReading
 
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
@@ -46,7 +49,7 @@ class Occupancy:
 
     Parameters
     ----------
-    limits : tuple of float
+    limits : (4,) float
         xmin, ymin, xmax, ymax [m]: the initial extent. It grows with the scans and never shrinks.
     resolution : float
     threshold : float
@@ -55,7 +58,8 @@ class Occupancy:
         Greatest size of the grid; beams that leave it are cut.
     """
 
-    def __init__(self, limits: Any, resolution: float, threshold: float, most_cells: int = 100000000) -> None:
+    def __init__(self, limits: Sequence[float], resolution: float, threshold: float,
+                 most_cells: int = 100000000) -> None:
         self._resolution, self._threshold, self._most_cells = resolution, threshold, most_cells
         xmin, ymin, xmax, ymax = limits
         columns, rows = (max(1, math.ceil(span / resolution) // PATCH) for span in (xmax - xmin, ymax - ymin))
@@ -64,7 +68,7 @@ class Occupancy:
         self._shift = np.zeros(2, np.int64)             # its column and row
         self._table = np.full((rows, columns), -1, np.int32)
         self._used = np.zeros(1, np.int64)
-        self._blocks: Dict[str, Any] = dict(
+        self._blocks: Dict[str, NDArray[Any]] = dict(
             hits=np.empty((FIRST_BLOCKS, CELLS), np.int32), visits=np.empty((FIRST_BLOCKS, CELLS), np.int32),
             values=np.empty((FIRST_BLOCKS, CELLS), np.int8), changed=np.zeros(FIRST_BLOCKS, bool))
         self._poses = np.zeros((0, 3))  # poses at which the scans were counted
@@ -83,7 +87,7 @@ class Occupancy:
         for array in self._blocks.values():
             array.resize((new,) + array.shape[1:], refcheck=False)      # in place, without a second copy
 
-    def update(self, path: Any, readings: Sequence[Any], exact: bool = False) -> None:
+    def update(self, path: ArrayLike, readings: Sequence[ScanReading], exact: bool = False) -> None:
         """Update the counts to a path and its readings.
 
         Scans with an unchanged pose are not traced again, nor, unless ``exact``, those with a small change: the best
@@ -98,24 +102,24 @@ class Occupancy:
         exact : bool
             Whether scans that moved by less than a third of a cell are traced again.
         """
-        path = np.asarray(path, float)
-        known = min(len(self._poses), len(path))
+        nodes = np.asarray(path, float)
+        known = min(len(self._poses), len(nodes))
         limit = 0.0 if exact else np.array([SAME_CELLS * self._resolution, SAME_CELLS * self._resolution, SAME_TURN])
-        kept = (np.abs(path[:known] - self._poses[:known]) <= limit).all(axis=1)
+        kept = (np.abs(nodes[:known] - self._poses[:known]) <= limit).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # faster to start from an empty map
             self._empty()
             changed, known = np.zeros(0, int), 0
         for k in changed:
             self._count(self._poses[k], readings[k], -1)
-        for k in list(changed) + list(range(known, len(path))):
-            self._cover(path[k], readings[k])
-            self._count(path[k], readings[k], 1)
-        poses = path.copy()
+        for k in list(changed) + list(range(known, len(nodes))):
+            self._cover(nodes[k], readings[k])
+            self._count(nodes[k], readings[k], 1)
+        poses = nodes.copy()
         poses[:known][kept[:known]] = self._poses[:known][kept[:known]]
         self._poses = poses
 
-    def _count(self, pose: FloatArray, reading: Any, sign: int) -> None:
+    def _count(self, pose: FloatArray, reading: ScanReading, sign: int) -> None:
         self.traced += 1
         blocks, done = self._blocks, 0
         while True:
@@ -126,7 +130,7 @@ class Occupancy:
                 return
             self._more_blocks()
 
-    def _cover(self, pose: FloatArray, reading: Any) -> None:
+    def _cover(self, pose: FloatArray, reading: ScanReading) -> None:
         """Grow the grid so that a scan fits, in the same steps as gmapping."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         x = pose[0] + c * reading.rays[0] - s * reading.rays[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from typing import TYPE_CHECKING, Any, Optional, Sequence
+from typing import TYPE_CHECKING, Optional, Sequence, Union
 
 import numpy as np
 
@@ -17,9 +17,15 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.track_layout import DEPENDENT
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.config import GmappingConfig
+    from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
+    from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
+
+    Matcher = Union[FastMatcher, HillClimbMatcher]
 
 FROZEN_HITS = 20            # the mean of so many hits is accurate to a few millimetres
 POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least standard deviation of a proposal [m, m, rad]
@@ -45,8 +51,7 @@ class ParticleFilter:
     Parameters
     ----------
     config : GmappingConfig
-    matcher : object
-        ``match(maps, reading, starts, predictions, prior, minimum_score)`` returning result rows of ``match_kernels``.
+    matcher : FastMatcher or HillClimbMatcher
     start : (3,) float64
         Pose of all particles before the first scan, in ``map``.
 
@@ -60,7 +65,7 @@ class ParticleFilter:
         Weights at the last processed scan, before resampling unless the number of particles changed; sum 1.
     """
 
-    def __init__(self, config: GmappingConfig, matcher: Any, start: Any) -> None:
+    def __init__(self, config: GmappingConfig, matcher: Matcher, start: ArrayLike) -> None:
         count = config["particles"]
         self._least, self._most = config["min_particles"], count
         self._matcher, self._noise = matcher, config.noise
@@ -157,14 +162,14 @@ class ParticleFilter:
         self.tree.extend(self.poses)
         return self.maps.register_all(self.poses, reading.points)
 
-    def begin_on(self, ground: Any) -> None:
+    def begin_on(self, ground: ScanReading) -> None:
         """Give all particles one initial map: the end points (2, M) of ``ground``, relative to their pose."""
         self.tree.extend(self.poses)
         if ground.points.shape[1]:
             self.maps.register_path(0, self.poses[:1], [ground])
             self.maps.resample(np.zeros(self.count, np.int64))
 
-    def replace_past(self, path: FloatArray, readings: Sequence[Any]) -> None:
+    def replace_past(self, path: FloatArray, readings: Sequence[ScanReading]) -> None:
         """Give all particles one common past along corrected poses.
 
         The individual maps of the other particles are dropped, so all particles restart at the end of the path.
@@ -173,7 +178,7 @@ class ParticleFilter:
         ----------
         path : (K, 3) float64
             Corrected poses of the best particle at all processed scans.
-        readings : sequence of K objects with ``points``
+        readings : sequence of K ScanReading
             Scans of the path's nodes.
         """
         for particle in range(self.count):

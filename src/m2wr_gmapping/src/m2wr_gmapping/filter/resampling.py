@@ -2,15 +2,17 @@
 """Weights of a particle set: normalising, effective number, entropy, low-variance resampling."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Optional
+from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from m2wr_gmapping.array_types import FloatArray, IndexArray
 
 
-def normalise(log_weights: Any, gain: float) -> FloatArray:
+def normalise(log_weights: ArrayLike, gain: float) -> FloatArray:
     """Return normalised weights of smoothed log-weights.
 
     Parameters
@@ -20,8 +22,8 @@ def normalise(log_weights: Any, gain: float) -> FloatArray:
     gain : float
         Divisor of the log-weights (gmapping: ogain times the number of particles).
     """
-    log_weights = np.asarray(log_weights, float)
-    weights = np.exp((log_weights - log_weights.max()) / gain)
+    logs = np.asarray(log_weights, float)
+    weights: FloatArray = np.exp((logs - logs.max()) / gain)
     return weights / weights.sum()
 
 

@@ -11,6 +11,7 @@ from m2wr_gmapping.filter import tile_kernels as kernels
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.frontend.scan import ScanReading
 
 CELLS_A_SIDE = 1 << kernels.SHIFT
 MARGIN = 2                  # margin of spare tiles around the used ones
@@ -141,7 +142,7 @@ class TileMaps:
                 return
             self._more_tiles()
 
-    def register_path(self, particle: int, path: FloatArray, readings: Sequence[Any]) -> None:
+    def register_path(self, particle: int, path: FloatArray, readings: Sequence[ScanReading]) -> None:
         """Register the end points of readings along a path in the map of one particle.
 
         Parameters
@@ -150,7 +151,7 @@ class TileMaps:
             Index of the particle.
         path : (K, 3) float64
             Poses of the readings in ``map`` [m, m, rad].
-        readings : sequence of K objects with ``points``
+        readings : sequence of K ScanReading
             Scans of the path's nodes.
         """
         for k, reading in enumerate(readings):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any, Tuple
+from typing import TYPE_CHECKING, Protocol, Tuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
@@ -37,6 +37,14 @@ SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in stan
 SLIP_CONTINUES = 0.05       # difference from odometry that indicates a slip before this scan [m, rad]
 SLIP_COST = 6.0                 # negative logarithm of the probability of a slip
 MINIMUM_SCORE_CAP = 0.5         # share of the beams; most good matches do not reach a higher minimumScore
+
+
+class Beams(Protocol):
+    """A scan as the matcher reads it."""
+
+    @property
+    def beams(self) -> FloatArray:
+        """Matched end points (7, M), in the layout of ``match_kernels``."""
 
 
 class FastMatcher:
@@ -94,7 +102,7 @@ class FastMatcher:
         tk.project_all_onto_degenerate(results, predictions)      # see _tied
         return results
 
-    def match_one(self, maps: TileMaps, particle: int, reading: Any, start: FloatArray, prediction: FloatArray,
+    def match_one(self, maps: TileMaps, particle: int, reading: Beams, start: FloatArray, prediction: FloatArray,
                   prior: FloatArray) -> FloatArray:
         """Match in the map of one particle.
 
@@ -104,7 +112,7 @@ class FastMatcher:
             Maps of the particles.
         particle : int
             Index of the particle.
-        reading : ScanReading
+        reading : ScanReading or another object with ``beams``
             The scan.
         start : (3,) float64
             Start pose in ``map``.
@@ -187,7 +195,7 @@ class FastMatcher:
         return row, slipped
 
     def search(self, maps: TileMaps, particle: int, reading: ScanReading, prediction: FloatArray,
-               window: Any) -> FloatArray:
+               window: Vector) -> FloatArray:
         """Search a window around the prediction.
 
         Parameters

@@ -18,7 +18,9 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan_kernels import classify_ranges, with_normals
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
+    from numpy.typing import ArrayLike
+
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Vector
 
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
@@ -30,7 +32,7 @@ class ScanError(ValueError):
     """A scan or the mount of its laser cannot be used; the message says what was found and expected."""
 
 
-def rotation(quaternion: Any) -> FloatArray:
+def rotation(quaternion: ArrayLike) -> FloatArray:
     """Return the rotation matrix (3, 3) of a quaternion x, y, z, w of any length but 0."""
     x, y, z, w = np.asarray(quaternion, float) / np.linalg.norm(quaternion)
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -38,7 +40,7 @@ def rotation(quaternion: Any) -> FloatArray:
                      [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
 
 
-def _parts(quaternion: Any) -> Tuple[float, float, float, float, float]:
+def _parts(quaternion: Vector) -> Tuple[float, float, float, float, float]:
     """Return x, y, z, w of a quaternion, and 2 / squared length; NaN if the length is 0."""
     x, y, z, w = (float(value) for value in quaternion)
     squared = x * x + y * y + z * z + w * w
@@ -80,8 +82,8 @@ class LaserModel:
 
     @classmethod
     def from_message(cls, angle_min: float, angle_max: float, angle_increment: float, count: int, range_min: float,
-                     range_max: float, base_from_laser: Any = None, max_range: Optional[float] = None,
-                     max_urange: Optional[float] = None) -> LaserModel:
+                     range_max: float, base_from_laser: Optional[Tuple[Vector, Vector]] = None,
+                     max_range: Optional[float] = None, max_urange: Optional[float] = None) -> LaserModel:
         """Create the model from the fields of a LaserScan.
 
         Parameters
@@ -164,7 +166,7 @@ class LaserModel:
         """Cosine and sine of the scan's centre in the laser's own frame."""
         return math.cos(self.centre), math.sin(self.centre)
 
-    def sensor_pose(self, translation: Any, quaternion: Any) -> FloatArray:
+    def sensor_pose(self, translation: Vector, quaternion: Vector) -> FloatArray:
         """Return the planar pose of the centred laser from a transform of the laser.
 
         Parameters
@@ -185,7 +187,7 @@ class LaserModel:
         aside = by * (x * y + w * z) * c + (1.0 - by * (x * x + z * z)) * s
         return np.array([translation[0], translation[1], math.atan2(aside, ahead)], float)
 
-    def slope(self, quaternion: Any) -> Tuple[float, float]:
+    def slope(self, quaternion: Vector) -> Tuple[float, float]:
         """Return the rise along x and y of the centred laser [m/m], from the quaternion of its transform."""
         x, y, z, w, by = _parts(quaternion)
         c, s = self._middle
@@ -193,7 +195,7 @@ class LaserModel:
         side = 1.0 if by * (x * x + y * y) <= 1.0 else -1.0         # upside down: the y axis is mirrored
         return ahead * c + aside * s, side * (aside * c - ahead * s)
 
-    def reading(self, ranges: Any, skip: int = 0, gap: float = 0.0) -> ScanReading:
+    def reading(self, ranges: ArrayLike, skip: int = 0, gap: float = 0.0) -> ScanReading:
         """Create the reading of one scan.
 
         Parameters
@@ -216,13 +218,13 @@ class LaserModel:
         """
         if isinstance(ranges, tuple) and ranges:        # as in messages; the fastest conversion
             ranges = array("d", ranges)
-        ranges = np.array(ranges, float)
-        if ranges.shape != self.angles.shape:
+        metres = np.array(ranges, float)
+        if metres.shape != self.angles.shape:
             raise ScanError("the scan has {} ranges; expected {} as in the first one".format(
-                ranges.size, self.angles.size))
+                metres.size, self.angles.size))
         if self.reverse:
-            ranges = np.ascontiguousarray(ranges[::-1])
-        return ScanReading(self, ranges, skip, gap)
+            metres = np.ascontiguousarray(metres[::-1])
+        return ScanReading(self, metres, skip, gap)
 
 
 class ScanReading:
@@ -257,7 +259,7 @@ class ScanReading:
         with_normals(self.points, NORMAL_REACH, NORMAL_SIDE, min(laser.limits[2:]), SLIDE_STRAIGHT, beams)
         self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams
 
-    def level_part(self, slope: Any, lift: float) -> ScanReading:
+    def level_part(self, slope: Vector, lift: float) -> ScanReading:
         """Return the reading without end points that are more than ``lift`` above or below the plane of a level laser.
 
         Such an end point shows a wall at another height, or the floor. Its beam clears space only where it is level.

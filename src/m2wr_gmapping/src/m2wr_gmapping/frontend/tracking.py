@@ -12,14 +12,14 @@ from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend import tracking_kernels as tk
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
 
 
-def new_track(noise: MotionNoise, ahead: Any = (1.0, 0.0)) -> FloatArray:
+def new_track(noise: MotionNoise, ahead: Vector = (1.0, 0.0)) -> FloatArray:
     """Return the ``track`` of ``track_layout`` before the first scan.
 
     Parameters
@@ -59,7 +59,7 @@ class Tracker:
     """
 
     def __init__(self, matcher: FastMatcher, noise: MotionNoise, dense: bool, recalibration: Any,
-                 ahead: Any = (1.0, 0.0)) -> None:
+                 ahead: Vector = (1.0, 0.0)) -> None:
         self._matcher, self._dense = matcher, dense
         self._track, self._ask = new_track(noise, ahead), np.zeros((tl.ASK_ROWS, 3))
         self.recalibration = recalibration
