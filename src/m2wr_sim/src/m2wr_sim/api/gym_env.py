@@ -52,11 +52,11 @@ class GoToGoalEnv(gymnasium.Env):
 
     Observation, a dictionary of float32 arrays:
 
-    ========== =========== ======================================================================================
-    ``scan``   (beams,)    least range of each group of neighbouring beams [m], the longest range for no hit
-    ``goal``   (2,)        the goal in the robot's frame: x ahead, y to the left [m]
-    ``velocity`` (2,)      linear x [m/s], angular z [rad/s] by odometry
-    ========== =========== ======================================================================================
+    ============ =========== ====================================================================================
+    ``scan``     (beams,)    least range of each group of neighbouring beams [m], the longest range for no hit
+    ``goal``     (2,)        the goal in the robot's frame: x ahead, y to the left [m]
+    ``velocity`` (2,)        linear x [m/s], angular z [rad/s] by odometry
+    ============ =========== ====================================================================================
 
     Action: (2,) float32, linear x [m/s] and angular z [rad/s]; clipped to the limits.
 

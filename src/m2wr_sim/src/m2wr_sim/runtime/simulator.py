@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from m2wr_sim.runtime.ports import Ports
     from m2wr_sim.sensors.ray_scene import RayScene
 
-__all__ = ["SimConfig", "Simulator"]
-
 log = logging.getLogger(__name__)
 
 _CONTACTS_KEPT = 1000

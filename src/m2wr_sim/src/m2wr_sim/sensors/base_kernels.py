@@ -46,7 +46,7 @@ if HAVE_NUMBA:
 
 @kernel
 def atan_unit(x: float) -> float:
-    """Arc tangent for |x| <= 1 to 1.1e-5 rad (Abramowitz and Stegun, 4.4.47)."""
+    """Arc tangent for x from -1 to 1, to 1.1e-5 rad (Abramowitz and Stegun, 4.4.47)."""
     q = x * x
     return x * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351))))
 
