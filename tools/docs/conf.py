@@ -55,11 +55,21 @@ def full_names(module):
     return found
 
 
+def full_name(module, name):
+    """Return the full name of a name in a module, or in a module from which it exports something; None if unknown."""
+    known = full_names(module)
+    exported = [known[one] for one in getattr(sys.modules.get(module), "__all__", ()) if one in known]
+    for source in [module] + [full.rpartition(".")[0] for full in exported]:
+        if name in full_names(source):
+            return full_names(source)[name]
+    return None
+
+
 def qualify_references(_, document):
     """Let references in signatures mean what their module means; Sphinx searches all packages for the last part."""
     for node in document.findall(addnodes.pending_xref):
         first, dot, rest = node.get("reftarget", "").partition(".")
-        full = full_names(node.get("py:module")).get(first) if node.get("refdomain") == "py" else None
+        full = full_name(node.get("py:module"), first) if node.get("refdomain") == "py" else None
         if full:
             node["reftarget"] = full + dot + rest
 
