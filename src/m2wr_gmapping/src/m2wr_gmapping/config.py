@@ -176,6 +176,15 @@ class GmappingConfig:
         """Return all values by their public names."""
         return dict(self.values)
 
+    def score_warning(self, ranges: int) -> Optional[str]:
+        """Return a warning if no scan with so many ranges can reach ``minimumScore``, else None."""
+        beams = ranges // (self["lskip"] + 1)
+        if self["minimumScore"] < beams:
+            return None
+        return "minimumScore {:g} can never be reached: a score is at most the beams matched, {} here; {}".format(
+            self["minimumScore"], beams, "no scan will be matched" if self["compatible"]
+            else "half the beams of a scan are used instead")
+
     @property
     def noise(self) -> MotionNoise:
         """The motion noise (MotionNoise)."""

@@ -73,3 +73,11 @@ def test_initial_map_with_too_many_cells_is_refused():
     with pytest.raises(ConfigError, match="200000 x 200000 cells of delta 0.001 m; expected at most"):
         GmappingConfig.from_mapping({"delta": 0.001})
     assert GmappingConfig.from_mapping({"delta": 0.01})["delta"] == 0.01
+
+
+@pytest.mark.parametrize("compatible, effect", [(True, "no scan will be matched"), (False, "half the beams")])
+def test_a_score_above_the_number_of_beams_causes_a_warning(compatible, effect):
+    config = GmappingConfig.from_mapping({"minimumScore": 90, "lskip": 1, "compatible": compatible})
+    assert config.score_warning(182) is None
+    warning = config.score_warning(180)
+    assert "minimumScore 90 can never be reached" in warning and "90 here" in warning and effect in warning

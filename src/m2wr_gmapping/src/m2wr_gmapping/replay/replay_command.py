@@ -231,11 +231,9 @@ class Replay:
         laser = LaserModel.from_message(
             scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
             mount, self._config["maxRange"], self._config["maxUrange"])
-        beams = len(scan.ranges) // (self._config["lskip"] + 1)
-        if self._config["minimumScore"] >= beams:
-            log.warning("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
-                        self._config["minimumScore"], beams, "no scan will be matched" if self._config["compatible"]
-                        else "half the beams of a scan are used instead")
+        warning = self._config.score_warning(len(scan.ranges))
+        if warning is not None:
+            log.warning("%s", warning)
         self.mapper = self._beginning.mapper(self._config, laser)
         self._laser_frame = scan.header.frame_id.lstrip("/")
         return self.mapper

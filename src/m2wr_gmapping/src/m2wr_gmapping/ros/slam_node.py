@@ -284,11 +284,9 @@ class SlamNode:
         laser = LaserModel.from_message(
             scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
             mount, config["maxRange"], config["maxUrange"])
-        beams = len(scan.ranges) // (config["lskip"] + 1)
-        if config["minimumScore"] >= beams:
-            rospy.logwarn("minimumScore %g can never be reached: a score is at most the beams matched, %d here; %s",
-                          config["minimumScore"], beams, "no scan will be matched" if config["compatible"]
-                          else "half the beams of a scan are used instead")
+        warning = config.score_warning(len(scan.ranges))
+        if warning is not None:
+            rospy.logwarn("%s", warning)
         self._laser_frame = frame(scan.header.frame_id)
         loaded = self._beginning.loaded
         if loaded is not None:
