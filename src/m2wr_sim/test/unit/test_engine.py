@@ -1,30 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bodies, joints and contacts in the engine, against closed forms; and that what is removed is gone."""
-import gc
+"""Bodies in the engine, against closed forms; frames, contacts, and models that are refused."""
 import math
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
 
-from conftest import SOURCE
 from m2wr_sim.errors import ModelError
 from m2wr_sim.geometry import compose, quaternion_from_rpy, rotate
-from m2wr_sim.model.types import (
-    Axis,
-    Box,
-    Collision,
-    Cylinder,
-    Inertial,
-    Joint,
-    Link,
-    Model,
-    Physics,
-    Plane,
-    Sphere,
-    Surface,
-)
+from m2wr_sim.model.types import Box, Collision, Cylinder, Inertial, Joint, Link, Model, Physics, Plane, Sphere, Surface
 from m2wr_sim.physics.engine import ContactEvent, settings_from_physics
 
 GRAVITY = 9.8
@@ -38,13 +21,6 @@ def root_of(engine, index):
 
 def state_of(engine, index=-1):
     return engine.link_state(root_of(engine, index))
-
-
-def pendulum(kind, axis=Axis(xyz=(0.0, 1.0, 0.0)), parent="world", offset=(0.0, 0.0, 0.0)):
-    """Return a model of one or two links with one joint of a kind at the origin of the child."""
-    base = () if parent == "world" else (Link("base", inertial=replace(SMALL, mass=1000.0), gravity=False),)
-    arm = Link("arm", inertial=replace(SMALL, pose=(offset, (0.0, 0.0, 0.0, 1.0))))
-    return Model("pendulum", base + (arm,), (Joint("joint", kind, parent, "arm", axis=axis),))
 
 
 # -- falling and resting ------------------------------------------------------------------------------------------
@@ -218,130 +194,6 @@ def test_a_contact_is_reported_once_until_it_ends(make_engine, build):
     assert len(again) == 1 and 540 <= again[0].step <= 570
 
 
-# -- joints -------------------------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize("parent", ["world", "base"])
-def test_a_driven_hinge_counts_full_turns(make_engine, parent):
-    engine = make_engine(1, [pendulum("revolute", parent=parent)])
-    joint = engine.handles[0].joints["joint"]
-    engine.set_joint_motor(joint, -9.0, 5.0)
-    engine.step(3000)
-    assert engine.joint_rate(joint) == pytest.approx(-9.0, rel=1e-3)
-    inertia = 0.01 if parent == "world" else 0.005      # two equal bodies turn against each other
-    spin_up = 9.0 * inertia / 5.0               # s: rate times inertia over torque
-    assert engine.joint_angle(joint) == pytest.approx(-9.0 * (3.0 - 0.5 * spin_up), rel=1e-3)
-
-
-@pytest.mark.parametrize("batch", [7, 10, 100])
-@pytest.mark.parametrize("step_ms, rates, torque", [(1, (12.0, -5.0, 30.0), 0.5), (1, (300.0, -900.0), 50.0),
-                                                    (5, (200.0, -300.0), 10.0)])
-def test_angles_do_not_depend_on_the_batch(make_engine, step_ms, rates, torque, batch):
-    angles = []
-    for size in (1, batch):
-        engine = make_engine(step_ms, [pendulum("revolute")])
-        joint = engine.handles[0].joints["joint"]
-        for rate in rates:
-            engine.set_joint_motor(joint, rate, torque)
-            for left in range(2100, 0, -size):
-                engine.step(min(size, left))
-        angles.append(engine.joint_angle(joint))
-    assert angles[0] == angles[1]
-
-
-def test_the_sign_of_a_hinge_is_that_of_its_axis(make_engine):
-    engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0)))])
-    engine.set_joint_motor(engine.handles[0].joints["joint"], 1.0, 5.0)
-    engine.step(500)
-    assert state_of(engine).angular_velocity[2] == pytest.approx(1.0, rel=1e-3)
-
-
-@pytest.mark.parametrize("rate", [1.0, -1.0])
-def test_a_hinge_stops_at_its_limits(make_engine, rate):
-    engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0), lower=-0.5, upper=0.8))])
-    joint = engine.handles[0].joints["joint"]
-    engine.set_joint_motor(joint, rate, 0.5)
-    engine.step(3000)
-    assert engine.joint_angle(joint) == pytest.approx(0.8 if rate > 0 else -0.5, abs=2e-2)
-
-
-def test_a_pendulum_swings_with_its_period(make_engine):
-    engine = make_engine(1, [pendulum("revolute", offset=(0.05, 0.0, -0.5))])
-    joint, crossings, before = engine.handles[0].joints["joint"], [], None
-    for step in range(6000):
-        engine.step(1)
-        offset = engine.joint_angle(joint) - math.atan2(0.05, 0.5)      # about where it hangs still
-        if before is not None and before < 0.0 <= offset:
-            crossings.append(step)
-        before = offset
-    length = math.hypot(0.05, 0.5)
-    period = 2 * math.pi * math.sqrt((0.01 + length ** 2) / (GRAVITY * length))
-    measured = (crossings[-1] - crossings[0]) * 1e-3 / (len(crossings) - 1)
-    assert len(crossings) >= 3 and measured == pytest.approx(period, rel=0.01)
-
-
-def test_joint_damping_slows_exponentially(make_engine):
-    engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0), damping=0.02))])
-    joint = engine.handles[0].joints["joint"]
-    engine.set_link_velocity(root_of(engine, 0), (0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
-    engine.step(500)
-    assert engine.joint_rate(joint) == pytest.approx(5.0 * math.exp(-0.02 / 0.01 * 0.5), rel=0.01)
-
-
-def test_the_fudge_factor_tones_a_motor_down_that_leaves_a_stop(make_engine):
-    rates = []
-    for factor in (None, 1.0, 0.1):
-        engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0), lower=0.0, upper=0.8,
-                                                           fudge_factor=factor))])
-        joint, = engine.handles[0].joints.values()
-        engine.set_joint_motor(joint, 3.0, 0.01)
-        engine.step(1)
-        rates.append(engine.joint_rate(joint))
-    assert rates[0] == rates[1] > rates[2]
-
-
-def test_joint_friction_stops_at_a_steady_rate(make_engine):
-    engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0), friction=0.05))])
-    joint = engine.handles[0].joints["joint"]
-    engine.set_link_velocity(root_of(engine, 0), (0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
-    engine.step(500)
-    assert engine.joint_rate(joint) == pytest.approx(5.0 - 0.05 / 0.01 * 0.5, rel=0.01)
-    engine.step(1000)
-    assert engine.joint_rate(joint) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_motor_reaches_its_rate_only_as_its_torque_allows(make_engine):
-    engine = make_engine(1, [pendulum("revolute", Axis(xyz=(0.0, 0.0, 1.0)))])
-    joint = engine.handles[0].joints["joint"]
-    engine.set_joint_motor(joint, 100.0, 0.1)
-    engine.step(500)
-    assert engine.joint_rate(joint) == pytest.approx(0.1 / 0.01 * 0.5, rel=0.01)
-    engine.set_joint_motor_force(joint, 0.0)
-    engine.step(500)
-    assert engine.joint_rate(joint) == pytest.approx(5.0, rel=0.01)
-
-
-def test_a_slider_moves_along_its_axis(make_engine):
-    engine = make_engine(1, [pendulum("prismatic", Axis(xyz=(1.0, 0.0, 0.0), lower=-0.2, upper=0.3))])
-    joint = engine.handles[0].joints["joint"]
-    engine.set_joint_motor(joint, 0.5, 50.0)
-    engine.step(400)
-    spin_up = 0.5 * 1.0 / 50.0                  # s: speed times mass over force
-    assert engine.joint_angle(joint) == pytest.approx(0.5 * (0.4 - 0.5 * spin_up), rel=5e-3)
-    assert engine.joint_rate(joint) == pytest.approx(0.5, rel=1e-3)
-    engine.step(1000)
-    assert engine.joint_angle(joint) == pytest.approx(0.3, abs=5e-3)
-    assert state_of(engine).position[1:] == pytest.approx((0.0, 0.0), abs=1e-3)
-
-
-@pytest.mark.parametrize("kind", ["fixed", "ball", "universal"])
-def test_other_joints_hold_their_anchor(make_engine, kind):
-    engine = make_engine(1, [pendulum(kind, offset=(0.3, 0.0, 0.0))])
-    engine.step(700)
-    position, orientation, _, _ = state_of(engine)
-    assert position == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
-    assert (abs(orientation[3]) > 0.999) is (kind == "fixed")
-
-
 # -- frames -------------------------------------------------------------------------------------------------------
 
 def test_a_links_velocity_is_that_of_its_frame_not_of_its_mass(make_engine):
@@ -394,7 +246,7 @@ def test_collisions_are_listed_in_load_order(make_engine, m2wr, build):
     assert all(moves for _, _, moves in rows)
 
 
-# -- what cannot be built -----------------------------------------------------------------------------------------
+# -- refused models -----------------------------------------------------------------------------------------------
 
 BROKEN = {
     "no such shape": (Link("l", inertial=SMALL, collisions=(Collision("c", "mesh"),)),
@@ -440,118 +292,3 @@ def test_only_the_worlds_sound_settings_are_taken():
     assert (settings.step_ns, settings.solver, settings.gravity) == (2000000, "quick", (0, 0, -3.7))
     assert (settings.erp, settings.cfm, settings.surface_layer) == (0.8, 1e-5, 1e-4)
     assert (settings.iterations, settings.max_contacts) == (1, 1)
-
-
-# -- what is gone is gone -----------------------------------------------------------------------------------------
-
-CHURN = """
-import resource
-import conftest
-from m2wr_sim.api.loading import read_robot
-from m2wr_sim.physics.engine import EngineSettings
-engine = conftest.factory.make_engine("%s", EngineSettings(step_ns=2000000))
-engine.add_model(conftest.ground(), conftest.at())
-robot = read_robot("m2wr")
-sizes = []
-for turn in range(%d):
-    handles = [engine.add_model(robot, conftest.at(x=2.0 * k, z=0.1), "robot%%d" %% k) for k in range(4)]
-    handles.append(engine.add_model(conftest.box("box", 0.6, 0, 0.3), conftest.at(0.6, 0, 0.3)))
-    for handle in handles[:4]:
-        engine.set_joint_motor(handle.joints["joint_left_wheel"], 5.0, 5.0)
-    engine.step(10)
-    for handle in handles:
-        engine.remove_model(handle)
-    with open("/proc/self/statm") as stream:
-        sizes.append(int(stream.read().split()[1]) * resource.getpagesize())
-print(sizes[-1] - sizes[len(sizes) // 5])
-"""
-
-LITTER = """
-import conftest
-from m2wr_sim.physics.engine import EngineSettings
-kept = []
-for turn in range(3):
-    engine = conftest.factory.make_engine("%s", EngineSettings())
-    handles = [engine.add_model(model, model.pose) for model in (
-        conftest.ground(), conftest.box("a", 0, 0, 0.3, static=False), conftest.box("b", 2, 0, 0.3))]
-    engine.step(50)
-    kept.append((engine, handles, kept))        # a cycle, and nothing is closed
-"""
-
-
-def run_python(program):
-    return subprocess.run([sys.executable, "-c", program], cwd=str(SOURCE.parent / "test" / "unit"), timeout=60,
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
-
-
-def test_memory_is_level_over_fifty_spawns_and_deletions(engine_kind):
-    result = run_python(CHURN % (engine_kind, 50))
-    assert result.returncode == 0, result.stderr
-    assert int(result.stdout) < 2 ** 20
-
-
-@pytest.mark.parametrize("end", ["", "del engine, handles, kept; import gc; gc.collect()",
-                                 "engine.close(); engine.close()"])
-def test_a_program_with_engines_left_open_ends_well(engine_kind, end):
-    result = run_python(LITTER % engine_kind + end)
-    assert (result.returncode, result.stderr) == (0, "")
-
-
-def test_what_was_removed_is_not_felt_any_more(make_engine, build):
-    engine = make_engine(2, [build.ground(), build.box("step", 0, 0, 0.25),
-                             build.box("slab", 0.2, 0, 0.25, static=False)])
-    for handle in engine.handles[1:]:
-        engine.remove_model(handle)
-    engine.handles.append(engine.add_model(build.sphere("ball", 0, 0, 1.0, static=False), build.at(z=1.0)))
-    engine.step(800)
-    assert state_of(engine).position[2] == pytest.approx(0.25, abs=1e-3)
-    with pytest.raises(KeyError):
-        engine.link_pose(engine.handles[1].links["link"])
-
-
-def test_contact_of_two_bodies_is_reported_once(make_engine, build):
-    engine = make_engine(models=[build.ground()])
-    for index in range(3):
-        engine.add_model(build.box("box%d" % index, 0.0, 0.0, 0.25 + 0.501 * index, static=False),
-                         build.at(0.0, 0.0, 0.25 + 0.501 * index))
-    for _ in range(300):
-        engine.step(1)
-    pairs = [(contact.first, contact.second) for contact in engine.drain_contact_events()]
-    assert pairs and all(pair == tuple(sorted(pair)) for pair in pairs)
-    assert len(pairs) == len(set(pairs)) == 2
-
-
-def test_contact_of_a_model_spawned_again_is_reported(make_engine, build):
-    engine = make_engine(models=[build.ground(), build.box("table", 0.0, 0.0, 0.5, (1.0, 1.0, 1.0), static=False)])
-    for _ in range(2):
-        handle = engine.add_model(build.box("cup", 0.0, 0.0, 1.2495, static=False), build.at(0.0, 0.0, 1.2495))
-        engine.step(50)
-        events = engine.drain_contact_events()
-        assert [(event.first.split("::")[0], event.second.split("::")[0]) for event in events] == [
-            ("cup", "table")]
-        engine.remove_model(handle)
-
-
-def test_reset_with_a_model_without_shapes(make_engine, build):
-    """An empty space that is taken out of another and put back once made libode end the process."""
-    ghost = Model("ghost", (Link("link", inertial=SMALL, gravity=False),))
-    crates = [build.box(name, 0.1 * index, 0.0, 0.3 + 0.4 * index, static=False) for index, name in enumerate("ab")]
-    engine = make_engine(1, [build.ground(), crates[0], ghost])
-    engine.step(300)
-    engine.forget()
-    engine.add_model(crates[1], crates[1].pose)
-    engine.step(300)
-    assert all(math.isfinite(value) for value in state_of(engine, 1).position)
-
-
-def test_a_closed_engine_holds_no_body(make_engine, build):
-    def bodies():
-        gc.collect()
-        return sum(type(found).__name__ == "Body" and type(found).__module__ == "ode" for found in gc.get_objects())
-
-    before = bodies()
-    engine = make_engine(1, [build.ground(), build.box("box", 0, 0, 0.3, static=False)])
-    engine.step(50)
-    assert bodies() == before + 1
-    engine.close()              # libode frees bodies with their world: releasing one later would abort the process
-    assert bodies() == before
