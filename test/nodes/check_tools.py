@@ -122,7 +122,7 @@ class Tools(unittest.TestCase):
     def test_an_obstacle_inside_the_robot_gives_a_warning(self):
         done = tool("add_obstacle", "box", "--size", 0.1, 0.1, 0.02, "--at", X, Y)
         self.assertEqual(done.returncode, 0)
-        self.assertIn("where the robot m2wr is", done.stderr)
+        self.assertIn("overlaps the robot m2wr", done.stderr)
 
     def clicked(self, x, y, frame="odom"):
         message = PointStamped()
@@ -181,13 +181,14 @@ class Tools(unittest.TestCase):
         live = [entry for entry in told["findings"] if entry["area"] in ("master", "topics", "frames")]
         self.assertEqual([entry for entry in live if entry["level"] != "ok"], [])
         said = " ".join(entry["what"] for entry in live)
-        for words in ("/m2wr/laser/scan", "sensor_laser hangs on odom", "all 4 links", "time: /clock of /gazebo"):
+        for words in ("/m2wr/laser/scan", "sensor_laser: transforms up to odom", "all 4 links",
+                      "time: /clock of /gazebo"):
             self.assertIn(words, said)
 
         scans = rospy.Publisher("/other_scan", LaserScan, queue_size=1)      # advertised, but no messages
         done = process("doctor", "--quiet")
         self.assertEqual(done.returncode, 2, done.stdout)
-        self.assertIn("/other_scan is advertised, but no scan comes", done.stdout)
+        self.assertIn("/other_scan is advertised, but no scan is received", done.stdout)
         scans.unregister()
 
 

@@ -70,8 +70,8 @@ class Connection:
             host, port = uri[len("rosrpc://"):].rsplit(":", 1)
             return host, int(port)
         except ValueError:
-            raise CallError("the master says that service %s is at %r; expected rosrpc://HOST:PORT" % (
-                self._service, uri)) from None
+            raise CallError("the master gives %r as address of service %s; expected rosrpc://HOST:PORT" % (
+                uri, self._service)) from None
 
     def _shake_hands(self, caller: str) -> None:
         fields = {"callerid": caller, "service": self._service, "md5sum": self._kind._md5sum, "persistent": "1"}

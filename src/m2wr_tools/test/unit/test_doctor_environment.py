@@ -16,8 +16,8 @@ def test_a_sound_environment_has_no_faults():
     ({"ROS_MASTER_URI": "http://localhost:many"}, "problem", ("http://HOST:PORT",)),
     ({"ROS_MASTER_URI": "http://nowhere:11311"}, "problem", ("nowhere", "/etc/hosts")),
     ({"ROS_HOSTNAME": "nowhere"}, "problem", ("no address", "ROS_HOSTNAME=localhost")),
-    ({"ROS_HOSTNAME": ""}, "problem", ("calls itself laptop", "no address")),
-    ({"ROS_HOSTNAME": "other"}, "problem", ("10.0.0.9 is no address of this machine", "unset ROS_IP")),
+    ({"ROS_HOSTNAME": ""}, "problem", ("host name is laptop", "no address")),
+    ({"ROS_HOSTNAME": "other"}, "problem", ("10.0.0.9 is not an address of this machine", "unset ROS_IP")),
     ({"ROS_IP": "127.0.0.1"}, "warning", ("both set", "unset ROS_IP"))])
 def test_faults_of_an_environment(variables, level, words):
     one_fault(environment_findings(**variables), level, *words)
@@ -38,11 +38,11 @@ def test_no_display_is_no_fault():
     machine = FakeMachine()
     machine.environ["DISPLAY"] = ""
     found = environment.check_display(machine)
-    assert not faults(found) and "no DISPLAY" in found[0].what
+    assert not faults(found) and "DISPLAY is not set" in found[0].what
 
 
-@pytest.mark.parametrize("display, words", [(":1", ("nothing answers at DISPLAY :1", "ssh -X")),
-                                            ("screen", ("like :0",)), ("other:10.0", ("nothing answers",))])
+@pytest.mark.parametrize("display, words", [(":1", ("DISPLAY :1 does not answer", "ssh -X")),
+                                            ("screen", ("like :0",)), ("other:10.0", ("does not answer",))])
 def test_a_display_that_is_not_there(display, words):
     machine = FakeMachine()
     machine.environ["DISPLAY"] = display

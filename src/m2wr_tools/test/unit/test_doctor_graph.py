@@ -34,7 +34,7 @@ def test_ports_of_cpp_nodes_that_others_can_reach_are_told():
     texts = [entry.what for entry in graph.check_master(FakeMachine(open_everywhere={4001}), running)]
     assert any(text.startswith("/rosout: XML-RPC port open to other machines") for text in texts), texts
     texts = [entry.what for entry in graph.check_master(FakeMachine(), running)]
-    assert "all nodes listen at the loopback address only" in texts
+    assert "all nodes listen on the loopback address only" in texts
 
 
 def test_only_sockets_bound_to_every_address_count_as_open():
@@ -53,7 +53,7 @@ def test_no_master_is_no_fault_here_and_one_elsewhere():
     machine = FakeMachine()
     machine.environ["ROS_MASTER_URI"] = "http://other:11311"
     one_fault(graph.check_master(machine, None), "warning", "other:11311", "unset ROS_MASTER_URI")
-    one_fault(graph.check_master(FakeMachine(open_ports={("localhost", 11311)}), None), "problem", "no ROS master")
+    one_fault(graph.check_master(FakeMachine(open_ports={("localhost", 11311)}), None), "problem", "not a ROS master")
 
 
 @pytest.mark.parametrize("changes, level, words", [
@@ -73,8 +73,8 @@ def test_a_dead_simulator_publishes_no_clock():
 
 
 @pytest.mark.parametrize("senders, takers, words", [
-    (["/teleop", "/go_to_point"], ["/gazebo"], ("2 nodes may command /cmd_vel", "rosnode kill")),
-    (["/teleop"], [], ("no robot listens", "spawn"))])
+    (["/teleop", "/go_to_point"], ["/gazebo"], ("2 nodes publish /cmd_vel", "rosnode kill")),
+    (["/teleop"], [], ("no robot subscribes", "spawn"))])
 def test_faults_of_commands(senders, takers, words):
     state = make_graph(publishers={"/cmd_vel": senders}, subscribers={"/cmd_vel": takers})
     one_fault(graph.check_topics(state), "warning", *words)

@@ -65,7 +65,7 @@ def test_robots_that_start_inside_walls_stay_inside(layout):
 
 
 def test_too_many_for_the_room_is_an_error_with_the_numbers():
-    with pytest.raises(WorldError, match=r"only \d+ of 40 robots find a place around \(0, 0\): 1.2 m apart"):
+    with pytest.raises(WorldError, match=r"only \d+ of 40 places found around \(0, 0\): 1.2 m apart"):
         find_places(world(*walls(2.0)), 40)
 
 

@@ -209,7 +209,7 @@ def test_a_wall_between_two_points():
 
 def test_one_that_stands_in_the_robot_is_warned_of(capsys):
     run_add("box --at 0.3 0")
-    assert "where the robot m2wr is" in capsys.readouterr().err
+    assert "overlaps the robot m2wr" in capsys.readouterr().err
     run_add("box --at 3 0")
     assert capsys.readouterr().err == ""
 

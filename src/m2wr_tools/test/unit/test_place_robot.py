@@ -71,7 +71,7 @@ def test_a_pose_in_the_map_is_brought_into_the_world(warnings):
 def test_what_cannot_be_done_is_told_and_changes_nothing(warnings, name, pose, said):
     model = Model()
     PlaceRobot(name, "odom", model.get_state, model.set_state, transform=lost).take(pose)
-    assert model.set == [] and len(warnings) == 1 and said in warnings[0] and "stays where it is" in warnings[0]
+    assert model.set == [] and len(warnings) == 1 and said in warnings[0] and "is not moved" in warnings[0]
 
 
 @pytest.mark.parametrize("nodes, told", [(["/me"], 1), (["/me", "/bug2"], 0)])

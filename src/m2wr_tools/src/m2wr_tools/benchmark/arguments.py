@@ -11,7 +11,7 @@ from m2wr_tools.benchmark import reference
 
 #: Other simulators, by the names of :data:`m2wr_tools.benchmark.others.MAKERS`.
 OTHERS = ("mujoco", "mujoco-tuned", "pybullet")
-_PURPOSE = "How fast the simulation runs here, one case or a table of them."
+_PURPOSE = "Measure the speed of the simulation, in one case or in a table of cases."
 _LONGEST_STEP = 0.02            # s
 
 
@@ -46,16 +46,16 @@ def parser() -> argparse.ArgumentParser:
                       help="simulated seconds (default: %(default)s)")
     made.add_argument("--engine", choices=ENGINES, default="auto", help="default: %(default)s")
     made.add_argument("--clients", type=int, choices=(0, 1), default=0,
-                      help="1: the whole node with a process that listens to every topic of the robots, /clock and /tf")
+                      help="1: the whole node with a subscriber of all topics of the robots, /clock and /tf")
     made.add_argument("--node", action="store_true", help="the whole node, without a subscriber")
     made.add_argument("--soak", type=_whole(1), metavar="MINUTES",
-                      help="the whole node for so many simulated minutes: its memory after each")
+                      help="run the whole node for this simulated time and print its memory after each minute")
     made.add_argument("--factor", type=float, default=0.0,
-                      help="real-time factor asked of the node; 0: as fast as it can (default)")
+                      help="requested real-time factor of the node; 0: as fast as possible (default)")
     made.add_argument("--simulator", choices=sorted(OTHERS), help="measure another simulator in the same case")
     made.add_argument("--compare", choices=["c"] + sorted(OTHERS),
-                      help="c: time the physics loop against the same loop written in C; others: physics and scans in "
-                      "turns with that simulator (to be installed from PyPI)")
+                      help="c: time the physics loop against the same loop written in C; others: alternating runs of "
+                      "physics and scans with that simulator (install it from PyPI)")
     made.add_argument("--json", action="store_true", help="print one line of JSON")
     made.add_argument("--table", action="store_true",
                       help="measure the cases of docs/explanation/performance.md and print its tables")

@@ -102,7 +102,7 @@ def _shape(collision: Collision, number: int, pose: Pose) -> str:
     elif isinstance(geometry, Sphere):
         sizes = (geometry.radius,)
     else:
-        raise SimError("the loop in C knows no %s" % type(geometry).__name__)
+        raise SimError("the loop in C does not support %s" % type(geometry).__name__)
     return _line(_NAMES[type(geometry)], number, *(tuple(pose[0]) + ode_quaternion(pose[1]) + sizes))
 
 
@@ -173,7 +173,7 @@ def world_text(world: World, robot: Model, places: Iterable[Vector], rates: Dict
     lines: List[str] = []
     for model in world.models:
         if not model.static:
-            raise SimError("the loop in C knows static worlds only; model \"%s\" can move" % model.name)
+            raise SimError("the loop in C supports static worlds only; model \"%s\" can move" % model.name)
         lines.extend(_static_lines(model, classes))
     for place in places:
         lines.extend(_robot_lines(robot, (place, (0.0, 0.0, 0.0, 1.0)), rates, force, classes))

@@ -125,7 +125,7 @@ def compare_with_c(options: argparse.Namespace, folder: str) -> Dict[str, Any]:
                                      in_process.FORCE, settings, 1, steps)
             (c_us,), c_position = c_loop.run_loop(program, text)
             if position != c_position:
-                raise SimError("the two loops did not do the same: the first robot ended at %s here and at %s in C"
+                raise SimError("the results of the two loops differ: the first robot ended at %s here and at %s in C"
                                % (position, c_position))
             pairs.append((engine_us, c_us, bounded_us))
             progress((repeat + 1) / options.repeats)

@@ -58,7 +58,7 @@ class _Lines:
         Raises
         ------
         SimError
-            If it does not come in time, or the process has ended.
+            After a time limit, or if the process has ended.
         """
         deadline = time.monotonic() + _PATIENCE
         while True:
@@ -67,7 +67,7 @@ class _Lines:
             except queue.Empty:
                 raise SimError("waited %g s for %s" % (_PATIENCE, what)) from None
             if found is None:
-                raise SimError("the listening process ended while %s was waited for" % what)
+                raise SimError("the subscribing process ended before %s" % what)
             if found and found[0] == word:
                 return found[1].strip() if len(found) > 1 else ""
 
@@ -150,7 +150,7 @@ class WholeNode:
         except SimError as error:
             said = self._log()
             self.close()
-            raise SimError("%s; the node said last: %s" % (error, said)) from error
+            raise SimError("%s; last output of the node: %s" % (error, said)) from error
         except BaseException:
             self.close()
             raise

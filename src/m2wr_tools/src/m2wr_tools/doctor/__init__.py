@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Looks at a machine and at a running system, and says what is wrong and what to do about it.
+"""Checks a machine and a running system; reports faults and what to do about them.
 
-Only the standard library is imported before a check needs more, so that it also runs where something is missing.
+Only the standard library is imported until a check needs more, so it also runs on an incomplete installation.
 """

@@ -65,9 +65,9 @@ def check(machine: Machine, packages: PackageList) -> List[Finding]:
              for entry in missing if (entry.kind, entry.name) == ("program", _PYTHON)]
     missing = [entry for entry in missing if (entry.kind, entry.name) != ("program", _PYTHON)]
     if missing:
-        found.append(warning(_AREA, "missing, though programs written for Gazebo expect it: %s" % ", ".join(
+        found.append(warning(_AREA, "missing, but expected by programs written for Gazebo: %s" % ", ".join(
             _describe(entry) for entry in missing), _install(machine, missing)))
-    return found or [ok(_AREA, "%d modules, programs and libraries that programs written for Gazebo expect are there",
+    return found or [ok(_AREA, "%d modules, programs and libraries expected by programs for Gazebo are installed",
                         len(entries))]
 
 

@@ -48,8 +48,8 @@ def _guarded(area: str, check: Callable[..., List[Finding]], *arguments: Any) ->
     try:
         return check(*arguments)
     except Exception as error:
-        return [warning(area, "a check failed itself: %s: %s" % (type(error).__name__, error),
-                        "what it would have looked at is not known")]
+        return [warning(area, "the check itself failed: %s: %s" % (type(error).__name__, error),
+                        "its result is not known")]
 
 
 def _listen(state: Graph) -> List[Finding]:
@@ -103,9 +103,9 @@ def main(argv: Optional[List[str]] = None, machine: Optional[Machine] = None) ->
     parser = argparse.ArgumentParser(prog="doctor", description="Check installation, environment, display, master, "
                                      "topics and frames, and say what to do. Exit code 0: all is well; 1: warnings; 2: "
                                      "problems.")
-    parser.add_argument("--json", action="store_true", help="for programs")
+    parser.add_argument("--json", action="store_true", help="JSON output, for programs")
     parser.add_argument("--quiet", action="store_true", help="only warnings and problems")
-    parser.add_argument("--not-running", action="store_true", help="leave out what needs a running simulation")
+    parser.add_argument("--not-running", action="store_true", help="skip checks that need a running simulation")
     words = [word for word in (sys.argv[1:] if argv is None else argv) if ":=" not in word]
     given = parser.parse_args(words)
     logging.getLogger("rosout").setLevel(logging.ERROR)

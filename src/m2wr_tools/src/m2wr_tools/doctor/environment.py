@@ -43,10 +43,10 @@ def _master_name(machine: Machine) -> List[Finding]:
     value = machine.environ.get("ROS_MASTER_URI")
     if address is None:
         return [problem(_ENVIRONMENT, "ROS_MASTER_URI is \"%s\"" % value,
-                        "it must be like http://HOST:PORT: export ROS_MASTER_URI=%s" % _MASTER)]
+                        "expected http://HOST:PORT: export ROS_MASTER_URI=%s" % _MASTER)]
     if not machine.addresses(address[0]):
         return [problem(_ENVIRONMENT, "the host of ROS_MASTER_URI, %s, has no address" % address[0],
-                        "export ROS_MASTER_URI=%s, or put the host into /etc/hosts" % _MASTER)]
+                        "export ROS_MASTER_URI=%s, or add the host to /etc/hosts" % _MASTER)]
     return [ok(_ENVIRONMENT, "ROS_MASTER_URI: %s", value or _MASTER + " (not set, the default)")]
 
 
@@ -55,22 +55,23 @@ def _own_name(machine: Machine) -> List[Finding]:
     environ = machine.environ
     variable = next((name for name in ("ROS_HOSTNAME", "ROS_IP") if environ.get(name)), None)
     host = environ[variable] if variable else machine.host_name()
-    what = "%s is %s" % (variable, host) if variable else "this machine calls itself %s" % host
+    what = "%s is %s" % (variable, host) if variable else "the host name is %s" % host
     addresses = machine.addresses(host)
     if not addresses:
-        return [problem(_ENVIRONMENT, what + ", which has no address: nodes cannot reach one another",
-                        "export ROS_HOSTNAME=localhost, where all runs on one machine")]
+        return [problem(_ENVIRONMENT, what + ", which has no address: nodes cannot connect to each other",
+                        "export ROS_HOSTNAME=localhost, if all nodes run on one machine")]
     if not any(machine.is_local(address) for address in addresses):
-        return [problem(_ENVIRONMENT, "%s, but %s is no address of this machine: nodes cannot reach one another" % (
-            what, addresses[0]), "unset ROS_IP ROS_HOSTNAME, or export ROS_HOSTNAME=localhost")]
+        return [problem(_ENVIRONMENT, "%s, but %s is not an address of this machine: nodes cannot connect to each other"
+                        % (what, addresses[0]), "unset ROS_IP ROS_HOSTNAME, or export ROS_HOSTNAME=localhost")]
     found = [ok(_ENVIRONMENT, what)] if variable else _open(machine)
     elsewhere = _master_elsewhere(machine)
     if variable and elsewhere and all(address.startswith(_LOOPBACK) for address in addresses):
         found.append(problem(
-            _ENVIRONMENT, "the master is on %s, but %s: nodes there cannot reach those here" % (elsewhere, what),
+            _ENVIRONMENT, "the master is on %s, but %s: nodes there cannot connect to nodes here" % (elsewhere, what),
             "export ROS_IP=, with the address of this machine in that network, and unset ROS_HOSTNAME"))
     if environ.get("ROS_IP") and environ.get("ROS_HOSTNAME"):
-        found.append(warning(_ENVIRONMENT, "ROS_IP and ROS_HOSTNAME are both set; ROS_HOSTNAME counts", "unset ROS_IP"))
+        found.append(warning(_ENVIRONMENT, "ROS_IP and ROS_HOSTNAME are both set; the latter is used",
+                             "unset ROS_IP"))
     return found
 
 
@@ -85,30 +86,30 @@ def _open(machine: Machine) -> List[Finding]:
     """Report that nodes listen at every address if no variable limits them."""
     elsewhere = _master_elsewhere(machine)
     if elsewhere:
-        return [ok(_ENVIRONMENT, "nodes are open to other machines, for the master is on %s", elsewhere)]
-    return [warning(_ENVIRONMENT, "neither ROS_IP nor ROS_HOSTNAME is set: nodes and master take connections from "
-                    "every machine of the network, and ROS asks none for a password",
-                    "where all runs on one machine: source devel/setup.bash of the workspace again, or export "
+        return [ok(_ENVIRONMENT, "nodes accept connections from other machines, as the master is on %s", elsewhere)]
+    return [warning(_ENVIRONMENT, "neither ROS_IP nor ROS_HOSTNAME is set: nodes and master accept connections from "
+                    "every machine of the network, without a password",
+                    "if all nodes run on one machine: source devel/setup.bash of the workspace again, or export "
                     "ROS_IP=127.0.0.1")]
 
 
 def _disk(machine: Machine) -> List[Finding]:
     home = machine.environ.get("ROS_HOME") or os.path.join(machine.environ.get("HOME", "/"), ".ros")
     places = (("logs (ROS_LOG_DIR)", machine.environ.get("ROS_LOG_DIR") or os.path.join(home, "log"), problem,
-               "export ROS_LOG_DIR=/tmp/roslog, or mend the rights of that folder"),
-              ("bags and pictures, the present folder", machine.folder, warning,
+               "export ROS_LOG_DIR=/tmp/roslog, or correct the permissions of that folder"),
+              ("bags and pictures (working directory)", machine.folder, warning,
                "start roslaunch in another folder, or give record:= and pictures:= an absolute path"))
     found = []
     for what, folder, level, cure in places:
         free = machine.free_bytes(folder)
         if not machine.writable(folder):
-            found.append(level(_ENVIRONMENT, "%s cannot be written, the place of %s" % (folder, what), cure))
+            found.append(level(_ENVIRONMENT, "%s is not writable; it is the folder for %s" % (folder, what), cure))
         elif free is not None and free < _ENOUGH:
             found.append((problem if free < _LITTLE else warning)(
-                _ENVIRONMENT, "only %d MB are free in %s, the place of %s" % (free >> 20, folder, what),
+                _ENVIRONMENT, "only %d MB are free in %s, the folder for %s" % (free >> 20, folder, what),
                 "rosclean purge deletes old logs; old bags are in the folders roslaunch was started in"))
         else:
-            found.append(ok(_ENVIRONMENT, "%s can be written%s: %s", folder,
+            found.append(ok(_ENVIRONMENT, "%s is writable%s: %s", folder,
                             "" if free is None else ", %d GB free" % (free >> 30), what))
     return found
 
@@ -117,9 +118,9 @@ def check_display(machine: Machine) -> List[Finding]:
     """Return the findings on the display, rviz and films."""
     found = _screen(machine)
     if not machine.which("Xvfb"):
-        found.append(warning(_DISPLAY, "Xvfb is missing: no rviz over a virtual display", "sudo apt install xvfb"))
+        found.append(warning(_DISPLAY, "Xvfb is missing: no rviz on a virtual display", "sudo apt install xvfb"))
     if not machine.which("ffmpeg"):
-        found.append(warning(_DISPLAY, "ffmpeg is missing: pictures:=run.mp4 cannot be made, .gif can",
+        found.append(warning(_DISPLAY, "ffmpeg is missing: pictures:=run.mp4 is not possible, .gif is",
                              "sudo apt install ffmpeg"))
     return found
 
@@ -127,26 +128,26 @@ def check_display(machine: Machine) -> List[Finding]:
 def _screen(machine: Machine) -> List[Finding]:
     name = machine.environ.get("DISPLAY", "")
     if not name:
-        return [ok(_DISPLAY, "no DISPLAY: launch files leave rviz out; pictures:=true draws without a display")]
+        return [ok(_DISPLAY, "DISPLAY is not set: launch files start no rviz; pictures:=true draws without a display")]
     local, remote = _LOCAL_DISPLAY.match(name), _DISPLAY_NAME.match(name)
     if local:
         there = machine.accepts_unix("/tmp/.X11-unix/X" + local.group(1))
     elif remote:
         there = machine.accepts(remote.group(1), _X_PORT + int(remote.group(2)))
     else:
-        return [warning(_DISPLAY, "DISPLAY is \"%s\"" % name, "it must be like :0; unset DISPLAY, or gui:=false")]
+        return [warning(_DISPLAY, "DISPLAY is \"%s\"" % name, "expected a name like :0; unset DISPLAY, or gui:=false")]
     if not there:
-        return [warning(_DISPLAY, "nothing answers at DISPLAY %s: rviz cannot start" % name,
+        return [warning(_DISPLAY, "DISPLAY %s does not answer: rviz cannot start" % name,
                         "unset DISPLAY, or gui:=false; over ssh: ssh -X, in a container: share /tmp/.X11-unix")]
     return [ok(_DISPLAY, "DISPLAY %s answers", name)] + _graphics(machine)
 
 
 def _graphics(machine: Machine) -> List[Finding]:
     if not machine.which("glxinfo"):
-        return []       # nothing to ask with; rviz says itself what is wrong
+        return []       # cannot be checked; rviz reports it
     code, text = machine.run(["glxinfo", "-B"])
     renderer = re.search(r"OpenGL renderer string:\s*(.*)", text)
     if code != 0 or renderer is None:
-        return [warning(_DISPLAY, "OpenGL does not work on this display: rviz will end at once",
+        return [warning(_DISPLAY, "OpenGL does not work on this display: rviz will exit at once",
                         "export LIBGL_ALWAYS_SOFTWARE=1, or gui:=false")]
     return [ok(_DISPLAY, "OpenGL: %s", renderer.group(1))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""One thing that was looked at."""
+"""The result of one check."""
 from __future__ import annotations
 
 from typing import Iterable, NamedTuple

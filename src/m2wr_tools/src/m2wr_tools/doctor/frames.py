@@ -181,8 +181,8 @@ def _scans(seen: Seen, standing: bool) -> List[Finding]:
             found.append(ok(_TOPICS, "%s: %d scans in %.1f s, frame %s", topic, stream.count, _LISTEN,
                             some(frame for frame, _ in stream.frames)))
         elif not standing:
-            found.append(problem(_TOPICS, "%s is advertised, but no scan comes" % topic,
-                                 "look into the log of its publisher: a plugin that failed is named there"))
+            found.append(problem(_TOPICS, "%s is advertised, but no scan is received" % topic,
+                                 "read the log of its publisher, which names a plugin that failed"))
     return found
 
 
@@ -237,17 +237,17 @@ def _tree(graph: Graph, seen: Seen) -> List[Finding]:
         return [ok(_FRAMES, "robot_state_publisher does not run, and nothing reads /tf; rviz and mapping need it: "
                             "roslaunch m2wr_description rvis.launch starts it with rviz")]
     if not frames:
-        return [problem(_FRAMES, "there are no transforms at all", _start_publisher(graph))] if wanted else []
+        return [problem(_FRAMES, "there are no transforms", _start_publisher(graph))] if wanted else []
     for frame in sorted(wanted):
         if frame not in frames:
-            found.append(problem(_FRAMES, "the laser's frame \"%s\" is in no transform; there are %s" % (
+            found.append(problem(_FRAMES, "the laser's frame \"%s\" is not in any transform; frames: %s" % (
                 frame, some(frames)), _start_publisher(graph)))
         elif odometry and not any(_above(seen, frame) & _above(seen, other) for other in odometry):
             found.append(problem(
                 _FRAMES, "no transform from %s to the laser's frame %s: its tree ends at %s" % (
                     some(odometry), frame, some(_tops(seen, frame))), _start_publisher(graph)))
     if wanted and not found:
-        found.append(ok(_FRAMES, "%s hang%s on %s", some(wanted), "s" if len(wanted) == 1 else "",
+        found.append(ok(_FRAMES, "%s: transforms up to %s", some(wanted),
                         some(set().union(*(_tops(seen, frame) for frame in wanted)))))
     return found
 
@@ -264,8 +264,8 @@ def _frames_unused(graph: Graph) -> bool:
 
 def _start_publisher(graph: Graph) -> str:
     if _publisher_runs(graph):
-        return "robot_state_publisher runs: look whether joint_states come (rostopic hz /joint_states) and whether " \
-               "its robot_description is that of this robot"
+        return "robot_state_publisher runs: check that joint_states are published (rostopic hz /joint_states) " \
+               "and that its robot_description is that of this robot"
     return "rosrun robot_state_publisher robot_state_publisher (it reads the parameter robot_description); roslaunch " \
            "m2wr_description rvis.launch starts it with rviz"
 
@@ -278,8 +278,8 @@ def _links(graph: Graph, seen: Seen) -> List[Finding]:
     missing = [link for link in seen.links if link not in frames
                and not any(frame.endswith("/" + link) for frame in frames)]
     if missing:
-        return [warning(_FRAMES, "no transform for %s of robot_description; rviz says \"No transform\"" % some(missing),
-                        "for wheels, joint_states must come (rostopic hz /joint_states); for fixed links, "
+        return [warning(_FRAMES, "no transform for %s of robot_description; \"No transform\" in rviz" % some(missing),
+                        "for wheels, joint_states must be published (rostopic hz /joint_states); for fixed links, "
                         "robot_state_publisher must run")]
     return [ok(_FRAMES, "all %d links of robot_description have transforms", len(seen.links))]
 

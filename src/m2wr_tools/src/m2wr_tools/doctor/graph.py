@@ -61,7 +61,7 @@ def _ask(address: str, method: str, *arguments: object) -> Any:
 def read_graph(environ: Mapping[str, str]) -> Optional[Graph]:
     """Return the Graph of the master that ROS_MASTER_URI names, or None if there is no master.
 
-    No node is made for it, so it also works where a node would hang.
+    It starts no node, so it also works if a node would hang.
     """
     address = master_address(environ)
     if address is None:
@@ -102,21 +102,21 @@ def check_master(machine: Machine, graph: Optional[Graph]) -> List[Finding]:
         if address is None:
             return []           # reported by the check of the environment
         if machine.accepts(*address):
-            return [problem(_MASTER, "something that is no ROS master answers at %s:%d" % address,
+            return [problem(_MASTER, "%s:%d is used by a program that is not a ROS master" % address,
                             "choose another port: export ROS_MASTER_URI=http://localhost:11312")]
         if not any(machine.is_local(place) for place in machine.addresses(address[0])):
             return [warning(_MASTER, "no master at %s:%d, on another machine" % address,
                             "start it there, or unset ROS_MASTER_URI to work on this one")]
-        return [ok(_MASTER, "no master at %s:%d: nothing runs, so nothing that runs was checked", *address)]
+        return [ok(_MASTER, "no master at %s:%d: the checks of running nodes are skipped", *address)]
     found = [ok(_MASTER, "the master answers, %d nodes", len(graph.nodes))]
     for name in graph.silent:
         host = urlparse(graph.nodes.get(name, "")).hostname
         if host and not machine.addresses(host):
-            found.append(problem(_MASTER, "node %s says it is at %s, which has no address here" % (name, host),
+            found.append(problem(_MASTER, "node %s is registered at host %s, which has no address here" % (name, host),
                                  "export ROS_HOSTNAME=localhost (or an address) before that node is started"))
         else:
             found.append(warning(_MASTER, "node %s is registered, but does not answer" % name,
-                                 "it died, or hangs: rosnode cleanup"))
+                                 "it has exited or hangs: rosnode cleanup"))
     return found + _reachable(machine, graph) + _time(graph)
 
 
@@ -131,20 +131,20 @@ def _reachable(machine: Machine, graph: Graph) -> List[Finding]:
     names = [name for name, address in graph.nodes.items() if urlparse(address).port in ports
              and any(machine.is_local(place) for place in machine.addresses(urlparse(address).hostname or ""))]
     if not names:
-        return [ok(_MASTER, "all nodes listen at the loopback address only")]
+        return [ok(_MASTER, "all nodes listen on the loopback address only")]
     return [ok(_MASTER, "%s: XML-RPC port open to other machines, as roscpp always opens it; in a network that is not "
-               "yours, close it with a firewall", some(names))]
+               "trusted, close it with a firewall", some(names))]
 
 
 def _time(graph: Graph) -> List[Finding]:
     clocks = graph.publishers.get("/clock", [])
     alive = [name for name in clocks if name not in graph.silent]
     if len(alive) > 1:
-        return [problem(_MASTER, "%d nodes publish /clock: %s; time jumps to and fro" % (len(alive), some(alive)),
+        return [problem(_MASTER, "%d nodes publish /clock: %s; time jumps back and forth" % (len(alive), some(alive)),
                         "stop all but one: rosnode kill %s" % sorted(alive)[-1])]
     if graph.sim_time and not alive:
-        return [problem(_MASTER, "/use_sim_time is true, but nothing publishes /clock: nodes hang without a word",
-                        "start the simulation (roslaunch m2wr_sim bug2.launch), or where none is to run: rosparam set "
+        return [problem(_MASTER, "/use_sim_time is true, but nothing publishes /clock: nodes wait without a message",
+                        "start the simulation (roslaunch m2wr_sim bug2.launch), or without a simulation: rosparam set "
                         "/use_sim_time false")]
     if alive and not graph.sim_time:
         return [warning(_MASTER, "%s publishes /clock, but /use_sim_time is %s: nodes use the wall clock" % (
@@ -162,10 +162,10 @@ def check_topics(graph: Graph) -> List[Finding]:
         senders = set(graph.publishers.get(topic, [])) - set(graph.silent)
         takers = set(graph.subscribers.get(topic, [])) - set(graph.silent)
         if len(senders - _TURNS) + bool(senders & _TURNS) > 1:
-            found.append(warning(_TOPICS, "%d nodes may command %s: %s; the robot follows the last command" % (
+            found.append(warning(_TOPICS, "%d nodes publish %s: %s; the robot follows the last command" % (
                 len(senders), topic, some(senders)), "stop all but one: rosnode kill NAME"))
         elif senders and not takers:
-            found.append(warning(_TOPICS, "%s commands %s, but no robot listens" % (some(senders), topic),
+            found.append(warning(_TOPICS, "%s publishes %s, but no robot subscribes to it" % (some(senders), topic),
                                  _other_robots(graph, topic)))
         elif takers:
             found.append(ok(_TOPICS, "%s: from %s to %s", topic, some(senders) or "no publisher", some(takers)))
@@ -176,7 +176,7 @@ def _other_robots(graph: Graph, topic: str) -> str:
     others = [name for name, kind in graph.types.items() if kind == "geometry_msgs/Twist" and name != topic
               and graph.subscribers.get(name)]
     if others:
-        return "robots listen to %s: start the node with cmd_vel:=%s" % (some(others), sorted(others)[0])
+        return "robots subscribe to %s: start the node with cmd_vel:=%s" % (some(others), sorted(others)[0])
     return "spawn a robot: roslaunch m2wr_description spawn.launch"
 
 

@@ -136,7 +136,7 @@ def _foreign_python(machine: Machine) -> List[Finding]:
             if code != 0:
                 found.append(warning(
                     _AREA, "the first %s on PATH is %s, which cannot import rospy" % (name, first),
-                    "scripts of others that begin with \"#!/usr/bin/env %s\" will fail: put /usr/bin first "
+                    "scripts that begin with \"#!/usr/bin/env %s\" will fail: set /usr/bin first "
                     "(export PATH=/usr/bin:$PATH), or leave the conda or pyenv environment" % name))
     own = "python%d.%d" % machine.version[:2]
     strange = [entry for entry in machine.environ.get("PYTHONPATH", "").split(":")
@@ -144,7 +144,7 @@ def _foreign_python(machine: Machine) -> List[Finding]:
                       for part in entry.split("/")) or "conda" in entry.lower()]
     if strange:
         found.append(warning(_AREA, "PYTHONPATH holds modules of another Python: %s" % some(strange),
-                             "take them out: unset PYTHONPATH, then source the workspace again"))
+                             "remove them: unset PYTHONPATH, then source the workspace again"))
     return found
 
 
@@ -156,7 +156,7 @@ def _modules(machine: Machine) -> List[Finding]:
     for name, (package, loss) in WANTED.items():
         if not machine.has_module(name):
             found.append(warning(_AREA, "Python module %s is missing: %s" % (name, loss), _get(package)))
-    return found or [ok(_AREA, "%d Python modules are there", len(NEEDED) + len(WANTED))]
+    return found or [ok(_AREA, "%d Python modules are installed", len(NEEDED) + len(WANTED))]
 
 
 def _get(package: str) -> str:
@@ -180,7 +180,7 @@ def _workspace(machine: Machine, packages: PackageList) -> List[Finding]:
         found.append(problem(_AREA, "rospack does not find %s" % some(missing), "make build, then " + _SOURCE))
     for root in packages.roots():
         if not machine.exists(root):
-            found.append(warning(_AREA, "ROS_PACKAGE_PATH names %s, which is not there" % root,
+            found.append(warning(_AREA, "ROS_PACKAGE_PATH names %s, which does not exist" % root,
                                  "a workspace was moved or deleted: in a new shell, source only what is there"))
     for name in PACKAGES:
         copies = packages.copies(name)
@@ -196,7 +196,7 @@ def _workspace(machine: Machine, packages: PackageList) -> List[Finding]:
                 "setting ROS_PACKAGE_PATH"))
         elif len(copies) > 1:
             found.append(warning(
-                _AREA, "package %s is there %d times; %s is used, %s is shadowed" % (
+                _AREA, "package %s exists %d times; %s is used, %s is shadowed" % (
                     name, len(copies), used, some(path for path in copies if path != os.path.realpath(used or ""))),
                 "source one workspace only, in a new shell, or delete the other copy"))
     for name, level in (("robot_state_publisher", problem), ("xacro", problem), ("rviz", warning)):
@@ -219,17 +219,17 @@ def _executables(machine: Machine, packages: PackageList) -> List[Finding]:
                 found.append(problem(_AREA, "%s is not executable, so rosrun does not find it" % path,
                                      "chmod +x %s" % path))
             elif first.startswith(b"#!") and first.endswith(b"\r\n"):
-                found.append(problem(_AREA, "%s has line ends of Windows: the system looks for \"python3\\r\"" % path,
+                found.append(problem(_AREA, "%s has Windows line endings: the system looks for \"python3\\r\"" % path,
                                      "sed -i 's/\\r$//' %s" % path))
     if not count:
         return [problem(_AREA, "there are no executables: the workspace is not built", "make build, then " + _SOURCE)]
-    return found or [ok(_AREA, "%d executables are there", count)]
+    return found or [ok(_AREA, "%d executables found", count)]
 
 
 def _kernels(machine: Machine, packages: PackageList) -> Finding:
     """Check that compiled kernels are kept, so that not every start compiles."""
     if not machine.has_module("numba"):
-        return ok(_AREA, "no numba, so there is nothing to compile")
+        return ok(_AREA, "numba is not installed: no kernels to compile")
     import m2wr_sim
     folder = packages.find("m2wr_sim") or ""
     kept = [path for place in m2wr_sim.__path__ for path in machine.below(place) if path.endswith(".nbi")]
@@ -238,7 +238,7 @@ def _kernels(machine: Machine, packages: PackageList) -> Finding:
                        "nothing to do, or now: %s -m m2wr_sim.warm_up" % machine.python)
     if not kept and not machine.environ.get("NUMBA_CACHE_DIR") and not machine.writable(
             os.path.join(machine.environ.get("HOME", "/"), ".cache", "numba")):
-        return warning(_AREA, "compiled kernels cannot be kept: neither %s nor ~/.cache can be written" % folder,
-                       "name a folder in NUMBA_CACHE_DIR")
+        return warning(_AREA, "compiled kernels cannot be stored: neither %s nor ~/.cache is writable" % folder,
+                       "set NUMBA_CACHE_DIR to a writable folder")
     return ok(_AREA, "%d compiled kernels are cached", len(kept)) if kept else ok(
-        _AREA, "compiled kernels are kept in a folder of the user's")
+        _AREA, "compiled kernels are stored in a folder of the user")

@@ -15,7 +15,7 @@ _LISTENS = "0A"             # state TCP_LISTEN of Linux, as /proc/net/tcp writes
 
 
 class Machine:
-    """Questions about this machine and this process; every answer comes within a few seconds.
+    """Information about this machine and this process; every method returns within a few seconds.
 
     Attributes
     ----------

@@ -129,7 +129,7 @@ class Truth:
 
     def _surfaces(self, step: float) -> FloatArray:
         """Return points (N, 2), a ``step`` [m] apart, along all borders, without those inside another obstacle."""
-        if step != self._step:              # one map is like the other: most of the time goes into this
+        if step != self._step:              # kept for the next map: this takes most of the time
             found = []
             for index, corners in enumerate(self._corners):
                 points = self._border(corners, step)

@@ -40,7 +40,7 @@ def read_saved(path: str) -> Tuple[Int8Array, float, FloatArray]:
         grey = read_pixels(image, lambda picture: "L")[::-1]
         resolution, origin = number(values, "resolution", 1e-6, 1e6), np.array(origin_of(values)[:2])
     except (OSError, MapInputError) as error:
-        raise WorldError("%s: no map that can be read (%s); expected a YAML file of map_saver"
+        raise WorldError("%s: cannot be read as a map (%s); expected a YAML file of map_saver"
                          % (path, error)) from error
     return np.select([grey > 250, grey < 5], [0, 100], -1).astype(np.int8), resolution, origin
 

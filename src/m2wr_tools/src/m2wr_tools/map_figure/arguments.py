@@ -6,7 +6,7 @@ import argparse
 
 from m2wr_tools.robot_height import LASER_HEIGHT
 
-_PURPOSE = "Draws a saved map over the world it was made in, with the way that was driven."
+_PURPOSE = "Draw a saved map over the world it was made in, with the path of the robot."
 
 
 def parser() -> argparse.ArgumentParser:
@@ -17,7 +17,7 @@ def parser() -> argparse.ArgumentParser:
     add("--world", metavar="WORLD|BAG", help="world file, name of a world of m2wr_sim, or a bag with "
         "/gazebo/world_markers")
     add("--trajectory", nargs="+", default=[], metavar="FILE",
-        help="ways to draw, lines 'stamp x y z qx qy qz qw' as slam_gmapping_replay writes them")
+        help="paths to draw, with lines 'stamp x y z qx qy qz qw' as slam_gmapping_replay writes them")
     add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
         help="pose of the map frame in the world [m, rad] (0 0 0)")
     add("--height", type=float, default=LASER_HEIGHT,

@@ -34,7 +34,7 @@ ENDINGS = (".png", ".svg", ".pdf")
 
 
 class FigureError(ValueError):
-    """A picture cannot be drawn or written; says why."""
+    """A picture cannot be drawn or written; the message gives the reason."""
 
 
 def _placed(points: FloatArray, offset: Sequence[float]) -> FloatArray:
@@ -61,7 +61,7 @@ def _bounds(saved: SavedMap, ways: Sequence[Tuple[str, FloatArray]]) -> FloatArr
     points = [np.stack([columns, rows], -1) * saved.resolution + saved.origin] if len(rows) else []
     points += [way[:, :2] for _, way in ways if len(way)]
     if not points:
-        raise FigureError("map {}: nothing is known in it and there is no way to draw".format(saved.name))
+        raise FigureError("map {}: it has no known cells, and there is no path to draw".format(saved.name))
     known = np.concatenate(points)
     return np.stack([known.min(axis=0) - MARGIN, known.max(axis=0) + MARGIN])
 
@@ -96,7 +96,7 @@ def map_figure(saved: SavedMap, outlines: Sequence[Outline] = (), ways: Sequence
     width, height = right - left
     figure = Figure(figsize=(WIDTH, min(3.0 * WIDTH, 1.2 + WIDTH * height / width)), dpi=DOTS_PER_INCH,
                     facecolor="white")
-    FigureCanvasAgg(figure)         # this figure's own canvas: whatever backend the caller uses stays as it is
+    FigureCanvasAgg(figure)         # a canvas of its own: the backend of the caller is not changed
     axes = figure.add_subplot(1, 1, 1)
     # where cell (0, 0) has its middle at the origin, the picture begins half a cell before it
     edge = np.asarray(saved.origin) - 0.5 * saved.resolution

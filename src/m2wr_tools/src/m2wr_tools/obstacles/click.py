@@ -113,7 +113,7 @@ class ClickObstacles:
         outline = outline_of(obstacle.kind, obstacle.size, (place, quaternion_from_rpy(0.0, 0.0, self._config.yaw)))
         robots = overlapped_robots(outline, self._world.robots(), robot_footprint())
         if robots:
-            rospy.logwarn("click_obstacles: nothing is added at (%.2f, %.2f): it would stand in the robot %s", x, y,
+            rospy.logwarn("click_obstacles: nothing is added at (%.2f, %.2f): it would overlap the robot %s", x, y,
                           ", ".join(robots))
             return
         name = self._world.add(obstacle, place, self._config.yaw)
@@ -175,6 +175,6 @@ def main() -> int:
         return 1
     node = ClickObstacles(config, World(config.namespace))
     rospy.Subscriber("clicked_point", PointStamped, node.click, queue_size=10)
-    rospy.loginfo("click_obstacles: click with rviz's \"Publish Point\" to put a %s there", config.obstacle.kind)
+    rospy.loginfo("click_obstacles: click with rviz's \"Publish Point\" to add a %s", config.obstacle.kind)
     node.run()
     return 0

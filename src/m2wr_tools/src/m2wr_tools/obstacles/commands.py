@@ -31,27 +31,27 @@ def _parser(name: str, text: str) -> argparse.ArgumentParser:
 
 def make_add_parser() -> argparse.ArgumentParser:
     """Return the parser of add_obstacle."""
-    parser = _parser("add_obstacle", "Put an obstacle into a running simulation. Heights count from the underside: 0 "
-                                     "stands on the floor.")
+    parser = _parser("add_obstacle", "Add an obstacle to a running simulation. Heights are those of the underside: 0 "
+                                     "is on the floor.")
     add = parser.add_argument
-    add("kind", choices=sorted(KINDS) + ["random", "wall"], help="shape; random: any, of any colour and size")
+    add("kind", choices=sorted(KINDS) + ["random", "wall"], help="shape; random: random shape, colour and size")
     add("--size", type=float, nargs="+", metavar="METRES",
         help="box: LENGTH WIDTH HEIGHT; cylinder: RADIUS HEIGHT; sphere: RADIUS; wall: THICKNESS HEIGHT")
     add("--at", type=float, nargs="+", metavar="METRES", help="X Y, or X Y Z")
     add("--yaw", type=float, metavar="RAD", help="heading (0)")
     add("--from", dest="start", type=float, nargs=2, metavar=("X", "Y"), help="one end of a wall")
     add("--to", dest="end", type=float, nargs=2, metavar=("X", "Y"), help="its other end")
-    add("--near", metavar="MODEL", help="in place of --at: anywhere free around this robot")
-    add("--within", type=float, default=2.0, metavar="METRES", help="with --near: at most so far away (%(default)s)")
+    add("--near", metavar="MODEL", help="instead of --at: at a free place near this robot")
+    add("--within", type=float, default=2.0, metavar="METRES", help="with --near: maximum distance (%(default)s)")
     add("--clearance", type=float, default=0.3, metavar="METRES",
-        help="with --near: at least so far from everything (%(default)s)")
-    add("--count", type=int, default=1, metavar="N", help="with --near: how many (%(default)s)")
-    add("--seed", type=int, default=0, help="with --near: another seed, other places (%(default)s)")
+        help="with --near: minimum distance from all objects (%(default)s)")
+    add("--count", type=int, default=1, metavar="N", help="with --near: number of obstacles (%(default)s)")
+    add("--seed", type=int, default=0, help="with --near: seed of the random places (%(default)s)")
     weight = parser.add_mutually_exclusive_group()
-    weight.add_argument("--static", action="store_true", help="nothing moves it (the default)")
-    weight.add_argument("--mass", type=float, metavar="KG", help="a robot can push it")
+    weight.add_argument("--static", action="store_true", help="the obstacle is static (default)")
+    weight.add_argument("--mass", type=float, metavar="KG", help="mass; a robot can push it")
     add("--colour", "--color", default=None, metavar="COLOUR", help="%s, or #rrggbb" % ", ".join(sorted(COLOURS)))
-    add("--name", default="", help="name of the model; with --count the stem of the names (obstacle1, ...)")
+    add("--name", default="", help="name of the model; with --count the beginning of the names (obstacle1, ...)")
     return parser
 
 
@@ -59,19 +59,19 @@ def _check_add(parser: argparse.ArgumentParser, given: argparse.Namespace) -> No
     """Exit with code 2 if options contradict each other."""
     if given.kind == "wall":
         if not (given.start and given.end) or given.at or given.near or given.yaw is not None:
-            parser.error("a wall goes from one point to another: --from X Y --to X Y, without --at, --near and --yaw")
+            parser.error("a wall needs --from X Y --to X Y, without --at, --near and --yaw")
         if given.size and len(given.size) != 2:
             parser.error("--size of a wall is THICKNESS HEIGHT")
     elif given.start or given.end:
-        parser.error("--from and --to belong to a wall")
+        parser.error("--from and --to are for a wall only")
     elif (given.at is None) == (given.near is None):
         parser.error("expected either --at X Y [Z] or --near MODEL")
     if given.at and len(given.at) not in (2, 3):
         parser.error("--at takes X Y or X Y Z")
     if given.near is None and given.count != 1:
-        parser.error("--count goes with --near")
+        parser.error("--count needs --near")
     if given.near is not None and given.yaw is not None:
-        parser.error("--yaw goes with --at; with --near it is drawn")
+        parser.error("--yaw needs --at; with --near it is random")
     if not 1 <= given.count <= 100:
         parser.error("--count is %d; expected 1 to 100" % given.count)
     if given.seed < 0:
@@ -79,7 +79,7 @@ def _check_add(parser: argparse.ArgumentParser, given: argparse.Namespace) -> No
     if not (0.0 < given.within <= 100.0 and 0.0 <= given.clearance <= 10.0):
         parser.error("expected --within above 0, up to 100 m, and --clearance from 0 to 10 m")
     if given.kind == "random" and (given.size or given.colour):
-        parser.error("random draws size and colour as well: leave out --size and --colour")
+        parser.error("random chooses size and colour too: omit --size and --colour")
 
 
 def read_obstacle(given: argparse.Namespace, generator: np.random.Generator) -> Obstacle:
@@ -122,8 +122,8 @@ def _say_added(name: str, obstacle: Obstacle, place: Vector, yaw: float, robots:
     from m2wr_tools.obstacles.world import outline_of, overlapped_robots
     outline = outline_of(obstacle.kind, obstacle.size, (place, quaternion_from_rpy(0.0, 0.0, yaw)))
     for robot in overlapped_robots(outline, robots, footprint):
-        sys.stderr.write("warning: %s stands where the robot %s is, and will throw it about; \"rosrun m2wr_sim "
-                         "move_obstacle %s --at X Y\" puts it elsewhere\n" % (name, robot, name))
+        sys.stderr.write("warning: %s overlaps the robot %s and will push it away; \"rosrun m2wr_sim "
+                         "move_obstacle %s --at X Y\" moves it\n" % (name, robot, name))
 
 
 def add_obstacle(given: argparse.Namespace, world: World) -> None:
@@ -183,10 +183,10 @@ def start_to_listen() -> None:
 
 def make_move_parser() -> argparse.ArgumentParser:
     """Return the parser of move_obstacle."""
-    parser = _parser("move_obstacle", "Put a model of a running simulation somewhere else, at rest.")
+    parser = _parser("move_obstacle", "Move a model of a running simulation; it is at rest afterwards.")
     parser.add_argument("name", help="name of the model")
     parser.add_argument("--at", type=float, nargs="+", required=True, metavar="METRES", help="X Y, or X Y Z")
-    parser.add_argument("--yaw", type=float, metavar="RAD", help="heading, standing upright; default: as it is")
+    parser.add_argument("--yaw", type=float, metavar="RAD", help="heading, upright; default: the present attitude")
     return parser
 
 
@@ -209,9 +209,9 @@ def move_obstacle(given: argparse.Namespace, world: World) -> None:
 
 def make_delete_parser() -> argparse.ArgumentParser:
     """Return the parser of delete_obstacle."""
-    parser = _parser("delete_obstacle", "Take models out of a running simulation; robots stay.")
+    parser = _parser("delete_obstacle", "Delete models from a running simulation, except robots.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="names of models")
-    parser.add_argument("--all", action="store_true", help="everything that add_obstacle and clicks have put there")
+    parser.add_argument("--all", action="store_true", help="all obstacles added by add_obstacle and by clicks")
     return parser
 
 
@@ -235,7 +235,7 @@ def delete_obstacle(given: argparse.Namespace, world: World) -> None:
 
 def make_list_parser() -> argparse.ArgumentParser:
     """Return the parser of list_obstacles."""
-    return _parser("list_obstacles", "List the obstacles that add_obstacle and clicks have put into a simulation.")
+    return _parser("list_obstacles", "List the obstacles in a simulation that add_obstacle and clicks have added.")
 
 
 def list_obstacles(_: argparse.Namespace, world: World) -> None:

@@ -259,7 +259,7 @@ class World:
         """
         self._known(name)
         if not robots_too and self.kind_of(name)[0] == "robot":
-            raise ObstacleError("\"%s\" is a robot; \"rosservice call %s/delete_model %s\" deletes it all the same"
+            raise ObstacleError("\"%s\" is a robot; \"rosservice call %s/delete_model %s\" deletes it anyway"
                                 % (name, self._root, name))
         self._call("delete_model", DeleteModel, name)
 
@@ -374,5 +374,5 @@ class Places:
         from m2wr_view.outlines import footprint_distances
         if any(_gap(outline, pose, self._footprint) < self._clearance for pose in self._robots.values()):
             return False
-        nowhere = np.zeros((1, 3))
-        return all(footprint_distances(nowhere, solid, [outline])[0] >= self._clearance for solid in self._solids)
+        origin = np.zeros((1, 3))
+        return all(footprint_distances(origin, solid, [outline])[0] >= self._clearance for solid in self._solids)

@@ -44,7 +44,7 @@ def find_places(world: World, count: int, layout: str = "grid", centre: Sequence
         Number of robots.
     layout : str
         ``grid``: squares of ``spacing``, nearest to the centre first, all heading ``yaw``; ``circle``: rings around the
-        centre, heading outwards; ``random``: anywhere near the centre, any heading.
+        centre, heading outwards; ``random``: random places near the centre, random headings.
     centre : (float, float)
         x, y [m] around which to place them.
     spacing : float
@@ -66,7 +66,7 @@ def find_places(world: World, count: int, layout: str = "grid", centre: Sequence
     ValueError
         If an argument makes no sense.
     WorldError
-        If the world has not so many places.
+        If the world has too few places.
     """
     if layout not in LAYOUTS:
         raise ValueError("layout %r; expected one of %s" % (layout, ", ".join(LAYOUTS)))
@@ -86,8 +86,8 @@ def find_places(world: World, count: int, layout: str = "grid", centre: Sequence
         if len(places) == count:
             return places
         if reach >= _WIDEST or free.closed:
-            raise WorldError("only %d of %d robots find a place around (%g, %g): %g m apart, %g m from all in the "
-                             "world; take fewer, another centre or less spacing"
+            raise WorldError("only %d of %d places found around (%g, %g): %g m apart, %g m from all obstacles; "
+                             "use fewer robots, another centre or less spacing"
                              % (len(places), count, centre[0], centre[1], spacing, radius))
         reach *= 2.0
 
@@ -139,7 +139,7 @@ def _anywhere(free: _Free, spacing: float, count: int,
 class _Free:
     """The cells around a centre from which and to which a disc can go.
 
-    ``closed`` tells that walls end the free area before ``reach`` does.
+    ``closed``: walls enclose the free area within ``reach``.
     """
 
     def __init__(self, outlines: Iterable[FloatArray], centre: Sequence[float], reach: float, radius: float) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Puts a robot where rviz's tool "2D Pose Estimate" points: at the same height, upright, at rest.
+"""Places a robot at the pose of rviz's tool "2D Pose Estimate": at the same height, upright, at rest.
 
 It also warns if the tool "2D Nav Goal" is used and no node drives to goals.
 """
@@ -71,7 +71,7 @@ class PlaceRobot:
             if not answer.success:
                 raise PoseError(answer.status_message)
         except (PoseError, rospy.ServiceException, rospy.ROSException) as error:
-            rospy.logwarn("place_robot: the pose from %s is refused: %s; model \"%s\" stays where it is",
+            rospy.logwarn("place_robot: the pose from %s is refused: %s; model \"%s\" is not moved",
                           rospy.resolve_name(_TOPIC), error, self._model)
             return
         rospy.loginfo("place_robot: model \"%s\" is at (%.2f, %.2f), heading %.2f rad", self._model, *pose)
@@ -108,7 +108,7 @@ def check_goal(_: PoseStamped, system_state: Optional[Callable[[], Any]] = None)
     except (rosgraph.MasterException, OSError):
         return              # the run is ending
     if not others_at(topic, own, subscriptions):
-        rospy.logwarn("2D Nav Goal: no node takes goals from %s, so nothing drives there. Bug 2 does, for the model "
+        rospy.logwarn("2D Nav Goal: no node takes goals from %s, so no robot drives there. Bug 2 does, for the model "
                       "m2wr: roslaunch m2wr_sim bug2.launch, or in a simulation that runs: roslaunch motion_plan "
                       "bug2.launch", topic)
 
@@ -116,7 +116,7 @@ def check_goal(_: PoseStamped, system_state: Optional[Callable[[], Any]] = None)
 def main() -> int:
     """Entry point; returns the exit code."""
     parser = argparse.ArgumentParser(prog="place_robot", description=(
-        "Put a robot where rviz's tool \"2D Pose Estimate\" points; a node that runs until it is stopped."), epilog=(
+        "Place a robot at the pose of rviz's tool \"2D Pose Estimate\"; runs until it is stopped."), epilog=(
         "Parameters: _model:=NAME of the robot (m2wr), _frame:=NAME of the tf frame with the world axes (odom)."))
     parser.parse_args(rospy.myargv(sys.argv)[1:])
     start_node("place_robot", disable_rostime=True)

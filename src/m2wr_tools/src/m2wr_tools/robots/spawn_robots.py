@@ -28,22 +28,22 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="spawn_robots", formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-        description="Put copies of a robot into a running simulation: NAME1, NAME2, ... in namespaces of these names.")
-    parser.add_argument("--robots", type=int, default=3, metavar="N", help="how many")
+        description="Add copies of a robot to a running simulation: NAME1, NAME2, ... in namespaces of these names.")
+    parser.add_argument("--robots", type=int, default=3, metavar="N", help="number of robots")
     parser.add_argument("--name", default="robot", help="name of the robots, without their numbers")
-    parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first")
-    parser.add_argument("--param", default="robot_description", help="parameter that holds their description")
-    parser.add_argument("--world", default="", help="world file to look for free places in; default: the simulation's")
-    parser.add_argument("--layout", choices=LAYOUTS, default="grid", help="squares, rings, or anywhere")
+    parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first robot")
+    parser.add_argument("--param", default="robot_description", help="parameter with their description")
+    parser.add_argument("--world", default="", help="world file to find free places; default: the simulation's")
+    parser.add_argument("--layout", choices=LAYOUTS, default="grid", help="square grid, rings, or random places")
     parser.add_argument("--x", type=float, default=0.0, help="centre of the robots [m]")
     parser.add_argument("--y", type=float, default=0.0, help="centre of the robots [m]")
     parser.add_argument("--z", type=float, default=0.1, help="height of the robots' frames [m]")
     parser.add_argument("--yaw", type=float, default=0.0, help="heading, for the grid [rad]")
-    parser.add_argument("--spacing", type=float, default=1.2, help="least distance of two robots [m]")
-    parser.add_argument("--radius", type=float, default=0.45, help="kept free of the world around each [m]")
-    parser.add_argument("--seed", type=int, default=0, help="of the layout random")
+    parser.add_argument("--spacing", type=float, default=1.2, help="minimum distance between two robots [m]")
+    parser.add_argument("--radius", type=float, default=0.45, help="radius without obstacles around each robot [m]")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random layout")
     parser.add_argument("--odom-frame", default="odom", help="robots' odometry frame, without prefix")
-    parser.add_argument("--world-frame", default="none", help="fixed frame to hang the odometry frames on, or none")
+    parser.add_argument("--world-frame", default="none", help="fixed frame, parent of the odometry frames, or none")
     parser.add_argument("--unpause", action="store_true", help="continue the simulation when all are spawned")
     parser.add_argument("--gazebo-namespace", default="/gazebo", help="where the simulation's services are")
     return parser
@@ -55,7 +55,7 @@ def places_in(arguments: argparse.Namespace) -> List[Tuple[float, float, float]]
     Raises
     ------
     SpawnError
-        If the world cannot be read, or has not so many places.
+        If the world cannot be read, or has too few places.
     """
     parameter = arguments.gazebo_namespace.rstrip("/") + "/world"
     name = arguments.world or rospy.get_param(parameter, "")
@@ -149,7 +149,7 @@ def main(argv: Optional[List[str]] = None) -> int:
         places = places_in(arguments)
         started = time.monotonic()
         spawn_all(arguments, names, places)
-        rospy.loginfo("%d robots (%s ... %s) stand in the world after %.1f s", len(names), names[0], names[-1],
+        rospy.loginfo("%d robots (%s ... %s) added within %.1f s", len(names), names[0], names[-1],
                       time.monotonic() - started)
         wanted = arguments.world_frame not in ("", "none")
         frames = hang_on(arguments.world_frame, arguments.odom_frame, names) if wanted else None

@@ -50,11 +50,11 @@ class Wanderer:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="wander_robots", description="Drive robots about, away from what they see.",
+    parser = argparse.ArgumentParser(prog="wander_robots", description="Drive robots with obstacle avoidance.",
                                      formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    parser.add_argument("--robots", type=int, default=3, metavar="N", help="how many")
+    parser.add_argument("--robots", type=int, default=3, metavar="N", help="number of robots")
     parser.add_argument("--name", default="robot", help="name of the robots, without their numbers")
-    parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first")
+    parser.add_argument("--first", type=int, default=1, metavar="K", help="number of the first robot")
     arguments = parser.parse_args(rospy.myargv(argv)[1:])
     start_node("wander_robots", anonymous=True)
     logging.getLogger("motion_plan").setLevel(logging.WARNING)      # no line for each decision of each robot

@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import List, Optional
 
-_PURPOSE = ("The demonstration: Bug 2 from start to goal without a display; prints a table, draws a picture, "
-            "keeps the bag.")
+_PURPOSE = ("Run Bug 2 from start to goal without a display; print a table, draw a picture and "
+            "keep the bag.")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -18,7 +18,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--goal", nargs=2, type=float, default=(0.0, -4.0), metavar=("X", "Y"), help="default: 0 -4")
     parser.add_argument("--seed", type=int, default=0, help="seed of the laser's noise")
     parser.add_argument("--real-time-factor", type=float, default=0.0,
-                        help="simulated seconds per second (default: 0, as fast as it can; the result is the same)")
+                        help="simulated seconds per second (default: 0, as fast as possible; the result is the same)")
     parser.add_argument("--timeout", type=float, default=900.0, help="wall seconds allowed (default: %(default)s)")
     parser.add_argument("--out", default="demo_output", help="folder for bag and picture (default: %(default)s)")
     return parser

@@ -162,7 +162,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code."""
     parser = argparse.ArgumentParser(prog="experiment", usage=_USAGE, description=__doc__.split("\n")[0])
     parser.add_argument("--port", type=int,
-                        help="port for a ROS master of this run's own; default: as ROS_MASTER_URI says")
+                        help="port for a separate ROS master; default: the master of ROS_MASTER_URI")
     parser.add_argument("--timeout", type=float,
                         help="wall seconds after which the run counts as failed; default: none")
     parser.add_argument("package")

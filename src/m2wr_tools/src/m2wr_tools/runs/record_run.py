@@ -122,7 +122,7 @@ def rescue(path: str) -> str:
                 pass
             count = bag.get_message_count()
     except Exception as error:          # rosbag raises errors of any kind; and there may be no space
-        return "what was recorded is in %s; when there is room, `rosbag reindex %s` makes a readable bag of it (%s)" % (
+        return "the recorded part is in %s; with free disk space, `rosbag reindex %s` makes it readable (%s)" % (
             left, left, error)
     if not count:
         return "nothing was recorded"
@@ -252,15 +252,15 @@ class Keeper:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code: 0, 1 where less was recorded than was wanted, 2 on misuse."""
-    parser = argparse.ArgumentParser(prog="record_run", description="rosbag record for launch files: whatever happens "
-                                     "to the recording, the run continues and the recorded part can be read.")
+    parser = argparse.ArgumentParser(prog="record_run", description="rosbag record for launch files: if the recording "
+                                     "fails, the run continues and the recorded part is readable.")
     name = parser.add_mutually_exclusive_group(required=True)
     name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag")
-    name.add_argument("-o", dest="prefix", metavar="PREFIX", help="the same, with the time behind")
+    name.add_argument("-o", dest="prefix", metavar="PREFIX", help="beginning of the name; the time is appended")
     parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place; the bag "
                         "shows each topic in the order in which it was recorded")
     parser.add_argument("--all", action="store_true",
-                        help="record all other topics too, as they come up, but those that match " + _NOT_OF_ALL)
+                        help="record all other topics too, except those that match " + _NOT_OF_ALL)
     parser.add_argument("topics", nargs="+", metavar="TOPIC")
     given = parser.parse_args(sys.argv[1:] if argv is None else argv)
     path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))

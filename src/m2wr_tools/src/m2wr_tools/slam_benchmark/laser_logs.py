@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 PACKED = ("", ".xz", ".gz")
 EPOCH = 1000.0              # added to the stamps of a CARMEN log, which may start at 0; ROS treats 0 as unset [s]
 RANGE_MIN, RANGE_MAX = 0.05, 80.0       # a beam without a return is about 81.9 m in logs
-FINE_FROM = 182             # logs with at least so many beams have a resolution of 0.5 degrees
+FINE_FROM = 182             # logs with at least this number of beams have a resolution of 0.5 degrees
 
 
 class LogError(ValueError):
-    """A log or a ground truth file cannot be read; the message says which and why."""
+    """A log or a ground truth file cannot be read; the message names it and gives the reason."""
 
 
 @dataclass(frozen=True)
