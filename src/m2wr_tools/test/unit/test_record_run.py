@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 import rosbag
@@ -125,23 +126,56 @@ def keeper(tmp_path, monkeypatch):
         program.write_text(FAKE.format(python=sys.executable, act=act))
         program.chmod(0o755)
         monkeypatch.setattr(record_run, "find_recorder", lambda: str(program))
-        return Keeper(str(tmp_path / "run.bag"), ["/talk"])
+        return Keeper(str(tmp_path / "run.bag"), ["/talk", "__name:=record"])
     yield make
     for number, handler in before.items():
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_lets_the_recorder_close_its_bag(keeper, tmp_path, number):
-    ready = tmp_path / "run.bag.ready"
-
-    def interrupt():
+def interrupt_when(path, number):
+    """Send this process a signal as soon as a file exists."""
+    def wait():
         deadline = time.monotonic() + 20.0
-        while not ready.exists() and time.monotonic() < deadline:
+        while not path.exists() and time.monotonic() < deadline:
             time.sleep(0.01)
         os.kill(os.getpid(), number)
 
-    threading.Thread(target=interrupt, daemon=True).start()
+    threading.Thread(target=wait, daemon=True).start()
+
+
+@pytest.fixture
+def master(monkeypatch):
+    """Return the list of registrations that a master still has, as (topic, node)."""
+    registered = [("/clock", "/record"), ("/clock", "/bug2")]
+
+    class Master:
+        def lookupNode(self, caller, name):     # noqa: N802, names of the ROS master API
+            return (1, "", "http://127.0.0.1:9/") if name in [node for _, node in registered] else (-1, "unknown", "")
+
+        def getSystemState(self, caller):       # noqa: N802
+            return 1, "", ([], [[topic, [node]] for topic, node in registered], [])
+
+        def unregisterSubscriber(self, caller, topic, address):     # noqa: N802
+            registered.remove((topic, caller))
+            return 1, "", 1
+
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
+        server.register_instance(Master())
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:%d" % server.server_address[1])
+        yield registered
+        server.shutdown()
+
+
+def test_a_late_registration_of_the_recorder_is_removed(keeper, master, tmp_path):
+    interrupt_when(tmp_path / "run.bag.ready", signal.SIGINT)
+    keeper("work").record()
+    assert master == [("/clock", "/bug2")]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_lets_the_recorder_close_its_bag(keeper, tmp_path, number):
+    interrupt_when(tmp_path / "run.bag.ready", number)
     keeper("work").record()
     assert (tmp_path / "run.bag").exists()
 

@@ -16,7 +16,8 @@ import sys
 import tempfile
 import threading
 import time
-from typing import List, Optional, Sequence
+import xmlrpc.client
+from typing import Any, List, Optional, Sequence
 
 import rosbag
 import rosgraph
@@ -24,6 +25,7 @@ import rosgraph.names
 import rospkg
 import rospy
 
+from m2wr_node.ros.is_there import PatientTransport
 from m2wr_node.ros.starting import register
 from m2wr_node.user_folder import from_user
 from m2wr_tools.runs.bag_order import settle_times
@@ -140,7 +142,7 @@ def _has_messages(path: str) -> bool:
 
 
 def leave_master(argv: Sequence[str]) -> None:
-    """Unregister a recorder that died; otherwise the master would list it forever.
+    """Unregister a recorder that has ended; otherwise the master may list it forever.
 
     Parameters
     ----------
@@ -151,21 +153,23 @@ def leave_master(argv: Sequence[str]) -> None:
     if not names:
         return
     name = rosgraph.names.ns_join(rosgraph.names.get_ros_namespace(argv=argv), names[0])
-    master = rosgraph.Master(name)
+    master: Any = xmlrpc.client.ServerProxy(rosgraph.get_master_uri(), transport=PatientTransport())
     try:
-        address = master.lookupNode(name)
-        publishers, subscribers, services = master.getSystemState()
+        code, _, address = master.lookupNode(name, name)
+        if code != 1:
+            return          # it has left by itself
+        publishers, subscribers, services = master.getSystemState(name)[2]
         for topic, nodes in publishers:
             if name in nodes:
-                master.unregisterPublisher(topic, address)
+                master.unregisterPublisher(name, topic, address)
         for topic, nodes in subscribers:
             if name in nodes:
-                master.unregisterSubscriber(topic, address)
+                master.unregisterSubscriber(name, topic, address)
         for service, nodes in services:
             if name in nodes:
-                master.unregisterService(service, master.lookupService(service))
-    except (OSError, http.client.HTTPException, rosgraph.MasterException, ValueError):
-        return              # there is no master any more, or the name is gone
+                master.unregisterService(name, service, master.lookupService(name, service)[2])
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error, ValueError, TypeError, IndexError):
+        return              # there is no master any more
 
 
 def _die_with_parent() -> None:
@@ -205,17 +209,11 @@ class Keeper:
         # in its own session it receives no signal but ours; a full disk is an error, not a signal that ends it
         recorder = subprocess.Popen(command + self._options + self._words, start_new_session=True,
                                     restore_signals=False, preexec_fn=_die_with_parent)
-        while recorder.poll() is None and not self._ending.wait(_LOOK):
-            continue
-        if recorder.poll() is None:
-            recorder.send_signal(signal.SIGINT)
-            try:
-                recorder.wait(_CLOSING)
-            except subprocess.TimeoutExpired:
-                recorder.kill()
-                recorder.wait()
-                raise RecordError("the recorder did not close its file within %g s; %s" % (
-                    _CLOSING, rescue(self._path))) from None
+        try:
+            self._await_end(recorder)
+        finally:
+            # `record -a` subscribes in a thread of its own, which may register after the recorder has left the master
+            leave_master(self._words)
         code = recorder.returncode
         if os.path.exists(self._path + ".active") or (code != 0 and not self._ending.is_set()):
             raise RecordError("the recorder ended with %s; is the disk full (df -h %s)? %s" % (
@@ -229,6 +227,20 @@ class Keeper:
             except (OSError, ValueError) as error:
                 sys.stderr.write("record: the bag is complete, but where several nodes publish on one topic, readers "
                                  "may show another order than was recorded: %s\n" % error)
+
+    def _await_end(self, recorder: subprocess.Popen[bytes]) -> None:
+        """Wait for the recorder, or for a signal and then until it has closed its file; RecordError if it does not."""
+        while recorder.poll() is None and not self._ending.wait(_LOOK):
+            continue
+        if recorder.poll() is None:
+            recorder.send_signal(signal.SIGINT)
+            try:
+                recorder.wait(_CLOSING)
+            except subprocess.TimeoutExpired:
+                recorder.kill()
+                recorder.wait()
+                raise RecordError("the recorder did not close its file within %g s; %s" % (
+                    _CLOSING, rescue(self._path))) from None
 
     def wait(self) -> None:
         """Wait for a signal."""
@@ -272,7 +284,6 @@ def main(argv: Optional[List[str]] = None) -> int:
     except RecordError as error:
         sys.stderr.write("record: %s. The run continues without a recording.\n" % error)
         sys.stderr.flush()
-        leave_master(sys.argv)
         if lockstep:
             keeper.listen()
         else:
