@@ -13,7 +13,7 @@ from test_layers import imports_of, is_standard
 PROVIDERS = {
     "PIL": "python3-pil", "cairo": "python3-cairo", "lxml": "python3-lxml", "matplotlib": "python3-matplotlib",
     "numba": "python3-numba", "llvmlite": "python3-numba", "numpy": "python3-numpy", "ode": "python3-pyode",
-    "rospkg": "python3-rospkg", "yaml": "python3-yaml", "urdf_parser_py": "urdfdom_py",
+    "rospkg": "python3-rospkg", "scipy": "python3-scipy", "yaml": "python3-yaml", "urdf_parser_py": "urdfdom_py",
     "mpl_toolkits": "python3-matplotlib",
     "collada": None, "gymnasium": None, "trimesh": None,
 }
