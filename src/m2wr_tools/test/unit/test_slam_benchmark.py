@@ -216,6 +216,17 @@ def test_words_that_do_not_fit_are_told_at_once(tmp_path, monkeypatch, capsys, w
     assert caught.value.code == command.USAGE and told in capsys.readouterr().err
 
 
+def test_closed_loops_are_counted_for_each_set():
+    def run(name, error):
+        return {"set": name, "particles": 30, "score": error and {"again_metres": error}}
+
+    text = table.closed([run("default", 0.1), run("report", 0.2), run("default", 0.4), run("default", None),
+                         run("default", 0.2)])
+    assert "default, 30 particles: loops closed (mean error at revisits at most 0.3 m) in 2 of 3 runs" in text
+    assert "median 0.200 m, worst 0.400 m" in text
+    assert "report, 30 particles" in text and "in 1 of 1 runs" in text
+
+
 def test_a_run_that_fails_says_why(folder, capsys):
     assert command.main([str(folder), "--sets", "default", "--seeds", "1", "--particles", "2", "--set", "delta=0"]) == 1
     assert "parameter delta is 0" in capsys.readouterr().err

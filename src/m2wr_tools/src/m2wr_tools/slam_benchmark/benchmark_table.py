@@ -11,6 +11,7 @@ BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
 HEAD = ("log", "set", "particles", "beams", "processed", "CPU ms a processed scan", "wall ms", "CPU ms a map",
         "peak MiB", "truth", "error", "loop closures", "worst seed",
         "worst seed, loop closures")
+CLOSED = 0.3                # mean error at revisits up to which loops count as closed: half a door's width [m]
 
 
 def _mean(values: Iterable[Optional[float]]) -> Any:
@@ -44,6 +45,19 @@ def row(runs: List[Dict[str, Any]]) -> Tuple[str, ...]:
             error("again_metres", "again_degrees", max))
 
 
+def closed(results: List[Dict[str, Any]]) -> str:
+    """Return a line for each set and number of particles: how many runs closed their loops, and their errors."""
+    groups: Dict[Tuple[str, int], List[float]] = OrderedDict()
+    for run in results:
+        if run["score"] and "again_metres" in run["score"]:
+            groups.setdefault((run["set"], run["particles"]), []).append(run["score"]["again_metres"])
+    return "".join("\n\n{}, {} particles: loops closed (mean error at revisits at most {:g} m) in {} of {} runs; that "
+                   "error: median {:.3f} m, worst {:.3f} m.".format(
+                       name, particles, CLOSED, sum(error <= CLOSED for error in errors), len(errors),
+                       sorted(errors)[(len(errors) - 1) // 2], max(errors))
+                   for (name, particles), errors in groups.items())
+
+
 def markdown(results: List[Dict[str, Any]]) -> str:
     """Return the table of all runs: one row per log, set and number of particles, with means over the seeds."""
     groups: Dict[Tuple[str, str, int], List[Dict[str, Any]]] = OrderedDict()
@@ -52,7 +66,7 @@ def markdown(results: List[Dict[str, Any]]) -> str:
     lines = ["| {} |".format(" | ".join(HEAD)), "|" + "---|" * len(HEAD)]
     lines += ["| {} |".format(" | ".join(row(runs))) for runs in groups.values()]
     seeds = sorted({len(runs) for runs in groups.values()})
-    return "\n".join(lines) + "\n\nMeans over {} seeds; memory and worst seed: the largest.\n".format(
+    return "\n".join(lines) + closed(results) + "\n\nMeans over {} seeds; memory and worst seed: the largest.\n".format(
         seeds[0] if len(seeds) == 1 else "{} to {}".format(seeds[0], seeds[-1]))
 
 
