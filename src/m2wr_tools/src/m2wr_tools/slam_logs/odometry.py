@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Odometry from the rotation of two wheels, with the errors of real encoders and calibrations."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Tuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from m2wr_tools.array_types import FloatArray
+    from m2wr_tools.slam_logs.drive import Drive
+
+RADIUS, SEPARATION = 0.1, 0.4       # of m2wr's wheels [m]
+
+
+@dataclass(frozen=True)
+class OdometryErrors:
+    """What is wrong with odometry.
+
+    Attributes
+    ----------
+    radius : (float, float)
+        Relative error of the radius of the left and the right wheel.
+    separation : float
+        Relative error of the distance between the wheels.
+    noise : float
+        Standard deviation of the distance of one wheel [m], per square root of a metre.
+    ticks : int
+        Steps of the encoder in one revolution; 0: exact.
+    slips : tuple of (int, float)
+        Number of a turn on the spot, and by how much odometry reports less than the robot has turned [rad].
+    """
+
+    radius: Tuple[float, float] = (0.0, 0.0)
+    separation: float = 0.0
+    noise: float = 0.0
+    ticks: int = 0
+    slips: Tuple[Tuple[int, float], ...] = ()
+
+
+def integrate(drive: Drive, errors: OdometryErrors, rng: np.random.Generator) -> FloatArray:
+    """Return the poses (K, 3) of odometry [m, m, rad], from (0, 0, 0).
+
+    Each step is an arc: the heading in its middle counts, as in Borenstein and Feng, Measurement and correction of
+    systematic odometry errors in mobile robots, IEEE Transactions on Robotics and Automation 12, 1996.
+
+    Parameters
+    ----------
+    drive : Drive
+    errors : OdometryErrors
+    rng : numpy.random.Generator
+        For the noise.
+    """
+    wheels = drive.wheels
+    if errors.ticks:
+        step = 2.0 * math.pi / errors.ticks
+        wheels = np.floor(wheels / step) * step
+    travelled = np.diff(wheels, axis=0) * RADIUS * (1.0 + np.array(errors.radius))
+    travelled += rng.normal(0.0, 1.0, travelled.shape) * errors.noise * np.sqrt(np.abs(travelled))
+    turned = (travelled[:, 1] - travelled[:, 0]) / (SEPARATION * (1.0 + errors.separation))
+    for number, missing in errors.slips:
+        begin, end = drive.spins[number]
+        turned[begin:end] -= missing / (end - begin)
+    yaw = np.concatenate([[0.0], np.cumsum(turned)])
+    middle = yaw[:-1] + 0.5 * turned
+    forward = travelled.mean(axis=1)
+    steps = np.column_stack([forward * np.cos(middle), forward * np.sin(middle)])
+    return np.column_stack([np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), yaw])

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Logs made by the simulator: odometry and scans against closed forms, sets, files and the command."""
+import json
+import math
+from concurrent.futures import Future
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import rosbag
+
+from m2wr_gmapping.se2 import compose, inverse
+from m2wr_tools.buildings.floor_plan import WALL_THICKNESS, FloorPlan
+from m2wr_tools.slam_benchmark.trajectory_errors import rows
+from m2wr_tools.slam_logs import log_files, log_sets, make_command
+from m2wr_tools.slam_logs.drive import Drive, Driver, StuckError, drive
+from m2wr_tools.slam_logs.log_files import EPOCH, arrivals, drift, write
+from m2wr_tools.slam_logs.log_sets import SETS, Faults, MadeLog, make, recipe
+from m2wr_tools.slam_logs.odometry import RADIUS, SEPARATION, OdometryErrors, integrate
+from m2wr_tools.slam_logs.sensing import MOUNT, LaserErrors, scans
+
+NO_SHAPES = dict(boxes=np.empty((0, 5)), pillars=np.empty((0, 3)))
+CORNERS = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0], [0.0, 0.0]])
+ROOM = FloorPlan("room", np.hstack([CORNERS[:-1], CORNERS[1:]]), np.zeros(4, bool),
+                 places=np.array([[1.5, 1.5], [6.0, 1.5], [6.0, 4.5]]), **NO_SHAPES)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """Return a drive along two sides of the room, with a turn on the spot."""
+    driver = Driver(ROOM, np.array([1.5, 1.5, 0.0]), 1)
+    driver.follow(ROOM.places[1:2])
+    driver.spin(2.0 * math.pi)
+    driver.follow(ROOM.places[2:])
+    return driver.record()
+
+
+def still(pose, count=2):
+    return Drive(0.1 * np.arange(count), np.tile(pose, (count, 1)), np.zeros((count, 2)), [])
+
+
+def test_the_robot_reaches_the_places(driven):
+    assert np.hypot(*(driven.poses[-1, :2] - ROOM.places[2])) < 0.2
+    assert 7.0 < driven.length < 9.0
+    (begin, end), = driven.spins
+    assert np.unwrap(driven.poses[begin:end + 1, 2])[-1] - driven.poses[begin, 2] > 2.0 * math.pi - 0.2
+
+
+def test_odometry_of_exact_wheels_agrees_with_the_pose(driven):
+    found = integrate(driven, OdometryErrors(), np.random.default_rng(1))
+    true = compose(inverse(driven.poses[0]), driven.poses[-1])
+    assert np.hypot(*(found[-1, :2] - true[:2])) < 0.01 * driven.length
+    assert math.remainder(found[-1, 2] - true[2], 2.0 * math.pi) == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize("errors, expected", [
+    (OdometryErrors(), (2.0, 1.0)), (OdometryErrors(radius=(0.1, 0.1)), (2.2, 1.1)),
+    (OdometryErrors(separation=0.25), (2.0, 0.8)), (OdometryErrors(slips=((0, 0.4),)), (2.0, 0.6))])
+def test_errors_of_odometry_are_those_of_the_formula(errors, expected):
+    """Driving 2 m straight, then turning by 1 rad."""
+    straight, turn = 2.0 / RADIUS, 0.5 * SEPARATION / RADIUS
+    wheels = np.vstack([np.linspace([0.0, 0.0], [straight, straight], 11),
+                        np.linspace([straight, straight], [straight - turn, straight + turn], 11)[1:]])
+    found = integrate(Drive(np.arange(21.0), np.zeros((21, 3)), wheels, [(10, 20)]), errors, np.random.default_rng(1))
+    assert found[-1, [0, 2]] == pytest.approx(expected)
+
+
+def test_encoder_steps_are_rounded_down():
+    wheels = np.array([[0.0, 0.0], [0.3, 0.3], [2.0, 2.0]])
+    done = Drive(np.arange(3.0), np.zeros((3, 3)), wheels, [])
+    found = integrate(done, OdometryErrors(ticks=4), np.random.default_rng(1))
+    assert found[:, 0] == pytest.approx([0.0, 0.0, 0.5 * math.pi * RADIUS])
+
+
+@pytest.mark.parametrize("mount, ahead", [((0.0, 0.0, 0.0), 3.0), ((0.05, 0.0, 0.0), 2.95),
+                                          ((0.0, 0.0, math.pi), 5.0)])
+def test_ranges_are_measured_from_the_true_mount(mount, ahead):
+    laser = LaserErrors(beams=3, field=math.radians(1.0), noise=0.0, mount=mount)
+    _, ranges = scans(ROOM, still((5.0 - MOUNT[0], 3.0, 0.0)), 1, laser, np.random.default_rng(1))
+    assert ranges[0, 1] == pytest.approx(ahead - 0.5 * WALL_THICKNESS, abs=1e-4)
+
+
+def test_glass_reflects_near_the_perpendicular_only():
+    inner = np.vstack([ROOM.walls, [[6.0, 0.0, 6.0, 6.0]]])
+    plan = replace(ROOM, walls=inner, glass=np.array([False] * 4 + [True]))
+    laser = LaserErrors(beams=3, field=math.radians(60.0), noise=0.0)
+    _, ranges = scans(plan, still((4.0 - MOUNT[0], 3.0, 0.0)), 1, laser, np.random.default_rng(1))
+    assert ranges[0, 1] == pytest.approx(2.0 - 0.5 * WALL_THICKNESS, abs=1e-4)
+    slanted = (4.0 - 0.5 * WALL_THICKNESS) / math.cos(math.radians(30.0))
+    assert ranges[0, [0, 2]] == pytest.approx(slanted, abs=1e-3)
+
+
+def test_people_walk_and_stay_away_from_the_robot():
+    laser = LaserErrors(beams=360, field=2.0 * math.pi, noise=0.0, people=3)
+    _, ranges = scans(ROOM, still((4.0, 3.0, 0.0), 60), 1, laser, np.random.default_rng(2))
+    _, empty = scans(ROOM, still((4.0, 3.0, 0.0), 60), 1, replace(laser, people=0), np.random.default_rng(2))
+    seen = np.abs(ranges - empty) > 0.1
+    assert (seen[0] != seen[-1]).any() and seen.any(axis=1).all()
+
+
+def test_buildings_without_two_connected_places_are_refused():
+    with pytest.raises(StuckError, match="1 places to visit; expected at least 2"):
+        drive(replace(ROOM, places=ROOM.places[:1]), 10.0, np.random.default_rng(1))
+    walled = replace(ROOM, walls=np.vstack([ROOM.walls, [[3.0, 0.0, 3.0, 6.0]]]), places=ROOM.places[:2])
+    with pytest.raises(StuckError, match="no other place .* can be reached"):
+        drive(walled, 10.0, np.random.default_rng(1))
+
+
+def test_sets_have_different_logs_of_the_same_kinds():
+    names = {name: [recipe(name, number) for number in range(8)] for name in SETS}
+    one, other = names["development"], names["exam"]
+    assert [log.kind for log in one] == [log.kind for log in other]
+    assert not {log.laser.range_max for log in one} & {log.laser.range_max for log in other}
+    assert recipe("exam", 5) == other[5]
+    with pytest.raises(ValueError, match="expected a number from 0 of development or exam"):
+        recipe("training", 1)
+
+
+def short(name, number):
+    """Return the recipe of a drive of a few metres in a hall."""
+    return replace(recipe(name, 1), length=4.0, name="%s_%d" % (name, number),
+                   laser=LaserErrors(beams=90, people=1), faults=Faults(0.2, 0.05, 0.1))
+
+
+def test_a_log_is_repeated_to_the_byte(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_sets, "recipe", short)
+    paths = []
+    for folder in ("one", "other"):
+        (tmp_path / folder).mkdir()
+        paths.append(write(make("exam", 3), str(tmp_path / folder), np.random.default_rng(1)))
+    assert open(paths[0], "rb").read() == open(paths[1], "rb").read()
+    truth = rows(paths[0][:-len("bag")] + "graph", 4)
+    with rosbag.Bag(paths[0]) as bag:
+        stamps = [message.header.stamp.to_sec() for _, message, _ in bag.read_messages(topics=["/scan"])]
+    assert 0.6 * len(truth) < len(stamps) < 0.95 * len(truth)
+    assert set(np.round(stamps, 4)) <= set(np.round(truth[:, 0], 4)) and stamps != sorted(stamps)
+    details = json.load(open(paths[0][:-len("bag")] + "json"))
+    assert details["laser"]["beams"] == 90 and details["metres"] > 4.0
+
+
+@pytest.fixture
+def plain_log():
+    """Return a log without a drive, of 1000 scans."""
+    count = 1000
+    poses = np.zeros((count, 3))
+    return MadeLog(recipe("exam", 0), ROOM, Drive(0.1 * np.arange(count), poses, np.zeros((count, 2)), []), poses,
+                   np.arange(count), np.zeros((count, 1), np.float32))
+
+
+@pytest.mark.parametrize("faults, changed", [
+    (Faults(), 0), (Faults(dropped=0.3), 300), (Faults(swapped=0.1), 100), (Faults(late=0.1), 100)])
+def test_faults_have_the_share_that_is_requested(plain_log, faults, changed):
+    log = replace(plain_log, recipe=replace(plain_log.recipe, faults=faults))
+    found = arrivals(log, np.random.default_rng(1))
+    late = sum(time > stamp + 1e-6 for time, stamp in ((time, 0.1 * index) for time, index in found))
+    assert (1000 - len(found)) + late == pytest.approx(changed, abs=50)
+    assert found == sorted(found)
+
+
+def test_drift_is_relative_to_the_length():
+    poses = np.array([[1.0, 1.0, 0.5 * math.pi], [1.0, 11.0, 0.5 * math.pi]])
+    done = Drive(np.arange(2.0), poses, np.zeros((2, 2)), [])
+    log = MadeLog(recipe("exam", 0), ROOM, done, np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]), np.arange(2),
+                  np.zeros((2, 1), np.float32))
+    assert drift(log) == pytest.approx(0.1)
+    assert EPOCH > 0.0 and log_files.DELAY > 0.0
+
+
+def test_the_command_keeps_logs_and_reports_failures(tmp_path, monkeypatch, capsys):
+    made = []
+
+    class Here:
+        """Runs jobs in this process."""
+
+        def __init__(self, _):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return False
+
+        def submit(self, function, *arguments):
+            future = Future()
+            future.set_result(function(*arguments))
+            return future
+
+    def fake(name, number):
+        made.append(number)
+        if number == 2:
+            raise StuckError("the robot is stuck")
+        return replace(log_of_a_set, recipe=recipe(name, number))
+
+    count = 4
+    done = Drive(np.arange(float(count)), np.zeros((count, 3)), np.zeros((count, 2)), [])
+    log_of_a_set = MadeLog(recipe("exam", 0), ROOM, done, np.zeros((count, 3)), np.arange(count),
+                           np.ones((count, 1), np.float32))
+    monkeypatch.setattr(make_command, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(log_sets, "make", fake)
+    folder = str(tmp_path / "logs")
+    assert make_command.main([folder, "--set", "exam", "--first", "1", "--count", "3"]) == make_command.FAILED
+    assert "1 of 3 logs could not be made: exam_002" in capsys.readouterr().err
+    assert make_command.main([folder, "--set", "exam", "--first", "1", "--count", "1"]) == 0
+    assert made == [1, 2, 3] and "there already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words, told", [
+    (["x", "--count", "0"], "expected at least 1"), (["x", "--count", "-1"], "expected"),
+    (["x", "--set", "other"], "invalid choice: 'other'"), ([], "folder")])
+def test_bad_arguments_are_refused(words, told, capsys):
+    with pytest.raises(SystemExit) as error:
+        make_command.main(words)
+    assert error.value.code == 2 and told in capsys.readouterr().err
