@@ -113,3 +113,25 @@ def test_every_picture_is_shown_and_small():
         assert size < (1500000 if name.endswith(".gif") else 200000), "%s has %d bytes" % (name, size)
         total += size
     assert total < 3000000
+
+
+def test_modules_named_in_the_architecture_exist():
+    """A name without a folder is that of a file beside the one named before it; without a package, in m2wr_sim."""
+    text = text_of("docs/explanation/architecture.md")
+    rows, missing, count = re.findall(r"^\| (.+) \| (.+) \|$", text, re.M), [], 0
+    for row in rows:
+        folder = ""
+        for name in re.findall(r"`([\w/]+(?:\.py|/))`", " ".join(row)):
+            if name.startswith("test/"):
+                continue
+            package = name.split("/")[0]
+            if os.path.isdir(os.path.join(ROOT, "src", package)):
+                path = os.path.join("src", package, "src", name)
+            else:
+                beside = os.path.join(folder, name)
+                path = beside if folder and os.path.exists(os.path.join(ROOT, beside)) else os.path.join(
+                    "src/m2wr_sim/src/m2wr_sim", name)
+            folder, count = os.path.dirname(path.rstrip("/")), count + 1
+            if not os.path.exists(os.path.join(ROOT, path)):
+                missing.append("%s: %s" % (name, path))
+    assert count > 30 and not missing, missing
