@@ -28,8 +28,6 @@ LETTERS = 0.7
 MOST_POINTS = 100
 #: Empty lines below a text: seen from above, it is beside its object and not on it.
 BELOW, FAR_BELOW = '\n ', '\n \n '
-#: Spaces after a text, which is centred: it is to the left of its point, not on the m-line.
-ASIDE = 5 * ' '
 
 
 def _marker(kind: int, name: str, number: int, frame: str, colour: Tuple[float, float, float],
@@ -95,7 +93,7 @@ class Bug2Markers:
             for index, point in list(enumerate(points))[-MOST_POINTS:]:
                 markers.append(_marker(Marker.SPHERE, name, index, frame, colour, (0.22, 0.22, 0.22), (*point, 0.11)))
                 markers.append(_text(name + '_text', index, frame, colour, (*point, LABEL),
-                                     '%s%d%s' % (letter, index + 1, ASIDE + BELOW)))
+                                     '%s%d%s' % (letter, index + 1, BELOW)))
         state = _text('state', 0, base_frame, STATE_COLOURS.get(bug.state, TEXT), (0.0, 0.0, STATE_HEIGHT),
                       STATE_DESCRIPTIONS[bug.state] + FAR_BELOW)
         state.frame_locked = True       # rviz moves it with the robot, so no messages are needed without changes
