@@ -10,7 +10,7 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.ros.scan_input import Intake
+from m2wr_gmapping.ros.scan_input import BAD_HEADER, BUFFER, NO_TRANSFORM, OUT_OF_ORDER, QUEUE_FULL, Intake
 
 
 def waiting_scan(frame, seconds):
@@ -98,7 +98,7 @@ def test_scans_leave_in_order_once_their_transform_is_known(intake):
     found = [intake._ready() for _ in range(4)]
     assert [round(entry[0].header.stamp.to_sec(), 3) for entry in found[:3]] == [1.2, 1.3, 1.4]
     assert found[3] is None and intake.waiting == 5
-    assert (intake.early, intake.dropped, intake.without_transform) == (2, 0, 0)
+    assert (intake.early, intake.lost) == (2, {})
 
 
 def test_scans_before_the_first_transform_are_not_dropped(intake):
@@ -115,7 +115,7 @@ def test_scans_before_the_first_transform_are_not_dropped(intake):
     assert round(intake._ready()[0].header.stamp.to_sec(), 3) == 1.15
     intake.on_scan(waiting_scan("laser", 1.3))
     assert intake._ready() is not None
-    assert (intake.early, intake.dropped, intake.without_transform) == (1, 1, 1)
+    assert (intake.early, intake.lost) == (1, {NO_TRANSFORM: 1})
 
 
 def test_second_parent_of_odom_is_reported_once(monkeypatch):
@@ -143,7 +143,7 @@ def test_unknown_frame_does_not_block_other_scans(intake):
     intake.on_scan(waiting_scan("nowhere", 1.0))
     intake.on_scan(waiting_scan("laser", 1.1))
     intake.on_transforms(TFMessage([transform("odom", "laser", 1.05), transform("odom", "laser", 1.2)]))
-    assert intake._ready()[0].header.frame_id == "laser" and intake.without_transform == 1
+    assert intake._ready()[0].header.frame_id == "laser" and intake.lost == {NO_TRANSFORM: 1}
 
 
 def stamps_taken(intake, seconds):
@@ -259,4 +259,36 @@ def test_full_queue_without_transforms_is_fast(intake, monkeypatch):
     for k in range(400):
         intake.on_scan(waiting_scan("laser", 2.0 + 0.1 * k))
     monkeypatch.setattr(intake, "_buffer", Buffer())
+    intake._look_up()
     assert intake._ready() is None and len(asked) == 1
+
+
+def test_a_waiting_scan_keeps_its_transform_longer_than_the_buffer(intake):
+    stamps = [10.0 + 0.5 * k for k in range(400)]           # 200 s; the buffer holds 60 s
+    assert stamps[-1] - stamps[0] > 3.0 * BUFFER
+    intake.on_transforms(TFMessage([transform("odom", "laser", 9.9)]))
+    for seconds in stamps:
+        intake.on_scan(waiting_scan("laser", seconds))
+        intake.on_transforms(TFMessage([transform("odom", "laser", seconds + 0.1)]))
+    taken = [intake._ready() for _ in range(len(stamps) + 1)]
+    assert [round(entry[0].header.stamp.to_sec(), 3) for entry in taken[:-1]] == stamps and taken[-1] is None
+    assert not intake.lost
+
+
+def test_lost_scans_are_counted_by_reason_and_the_first_is_reported(intake, monkeypatch):
+    told = []
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *words: told.append(text % words if words else text))
+    intake._limit = 4
+    intake.on_transforms(TFMessage([transform("odom", "laser", 1.0)]))
+    assert stamps_taken(intake, [1.1]) == [1.1]
+    intake.on_scan(waiting_scan("laser", 1.1))              # the same again
+    bad = waiting_scan("laser", 1.2)
+    bad.header.stamp.secs = 2**32 - 1
+    intake.on_scan(bad)
+    intake.on_scan(waiting_scan("nowhere", 1.2))
+    assert stamps_taken(intake, [1.3]) == [1.3]
+    for k in range(7):
+        intake.on_scan(waiting_scan("laser", 2.0 + k))
+    assert intake.lost == {OUT_OF_ORDER: 1, BAD_HEADER: 1, NO_TRANSFORM: 1, QUEUE_FULL: 3} and intake.dropped == 6
+    assert len(told) == 4 and "odom -> nowhere" in told[2] and "the queue of 4 scans is full" in told[3]
+    assert "dropped so far: 4 of 10 scans (bad header: 1, no transform: 1, out of order: 1, queue full: 1)" in told[3]

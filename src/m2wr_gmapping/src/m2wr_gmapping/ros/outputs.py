@@ -26,6 +26,7 @@ from m2wr_gmapping.ros.message_conversion import (
     pose_message,
     poses_message,
 )
+from m2wr_gmapping.ros.scan_input import NO_TRANSFORM, Intake
 from m2wr_gmapping.se2 import compose, inverse
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.mapper import Mapper, Update
     from m2wr_gmapping.ros.message_conversion import ArrayGrid
-    from m2wr_gmapping.ros.scan_input import Intake
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SHORTEST_WAIT, LONGEST_WAIT = 0.001, 0.05     # between two polls of the clock [s], wall
@@ -316,7 +316,8 @@ class Diagnostics:
                   ("maps", self._maps.made),
                   ("last map [ms]", "%.1f" % self._maps.last_ms),
                   ("mean map [ms]", "%.1f" % (self._maps.total_ms / max(1, self._maps.made))),
-                  ("without transform", intake.without_transform),
+                  ("without transform", intake.lost.get(NO_TRANSFORM, 0)),
+                  *(("dropped, " + reason, count) for reason, count in sorted(intake.lost.items())),
                   ("before the first transform", intake.early), ("peak memory [MiB]", peak_memory_mib())]
         status = DiagnosticStatus(name="%s: mapping" % rospy.get_name().lstrip("/"), hardware_id="slam_gmapping",
                                   level=DiagnosticStatus.OK, message="mapping")

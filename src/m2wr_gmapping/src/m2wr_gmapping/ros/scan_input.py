@@ -2,6 +2,7 @@
 """Queue of scans: each waits until the transform of its laser is known; callbacks never block."""
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -26,6 +27,35 @@ if TYPE_CHECKING:
 BUFFER = 60.0               # length of the transform buffer [s]
 OLD_MESSAGES = 5.0             # time after a jump in which messages with old stamps are ignored [s]
 WAIT_WARNING = 5.0          # wall time after which a waiting scan causes a warning [s]
+LOSS_WARNING = 5.0          # least wall time between two warnings about scans lost for the same reason [s]
+#: Reasons for which a scan is not used.
+QUEUE_FULL, NO_TRANSFORM, OUT_OF_ORDER = "queue full", "no transform", "out of order"
+TIME_JUMP, BAD_HEADER = "jump in time", "bad header"
+
+
+class _Waiting:
+    """A scan in the queue, and its transform as soon as that is known.
+
+    Attributes
+    ----------
+    scan : LaserScan
+    source : str
+        Frame of the laser.
+    found : ((3,), (4,)) or None
+        Translation and quaternion of the laser in the odometry's frame. Stored here, it does not depend on how long
+        the buffer keeps transforms.
+    """
+
+    __slots__ = ("found", "scan", "source")
+
+    def __init__(self, scan: LaserScan) -> None:
+        self.scan, self.source = scan, scan.header.frame_id.lstrip("/")
+        self.found: Optional[Transform] = None
+
+    @property
+    def stamp(self) -> genpy.Time:
+        """Stamp of the scan."""
+        return self.scan.header.stamp
 
 
 class Intake:
@@ -45,10 +75,10 @@ class Intake:
     ----------
     generation : int
         Number of jumps back in time; each one starts a new run.
-    arrived, dropped : int
-        Number of received scans; of scans dropped because the queue was full or no transform can arrive any more.
-    without_transform : int
-        Number of dropped scans without a transform between scans with one.
+    arrived : int
+        Number of received scans.
+    lost : dict
+        Reason -> number of scans that were dropped for it.
     early : int
         Number of scans older than the first transform of their laser, not counted as dropped: after the start or a
         jump in time, scans may arrive first.
@@ -62,7 +92,7 @@ class Intake:
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
         self._far_ahead = FarAhead(BUFFER)
         self._news = threading.Condition()
-        self._waiting: Deque[LaserScan] = deque()
+        self._waiting: Deque[_Waiting] = deque()
         self._frames: Set[str] = set()
         self._rivals: Set[str] = set()      # nodes that publish a parent of the odometry's frame too
         self._present = self._time_before = rospy.Time(0)       # time of the clock, or of the newest scan
@@ -72,8 +102,24 @@ class Intake:
         self._blocked_since: Optional[float] = None         # wall time [s]
         self._closed = False
         self.generation = 0
-        self.arrived = self.dropped = self.without_transform = self.early = 0
+        self.arrived = self.early = 0
+        self.lost: Dict[str, int] = {}
+        self._warned: Dict[str, float] = {}     # reason -> wall time of the last warning [s]
         self.lacks = ""
+
+    @property
+    def dropped(self) -> int:
+        """Number of scans that were dropped, for all reasons together."""
+        return sum(self.lost.values())
+
+    def _lose(self, reason: str, count: int, message: str) -> None:
+        """Count scans that are dropped, and warn at the first one and from time to time."""
+        self.lost[reason] = self.lost.get(reason, 0) + count
+        now = time.monotonic()
+        if now - self._warned.get(reason, -math.inf) >= LOSS_WARNING:
+            self._warned[reason] = now
+            rospy.logwarn("%s; dropped so far: %d of %d scans (%s)", message, self.dropped, self.arrived,
+                          ", ".join("%s: %d" % item for item in sorted(self.lost.items())))
 
     # ---- called by ROS
 
@@ -95,6 +141,7 @@ class Intake:
                     self._look_at_parent(transform.header.frame_id, message)
                 if transform.header.frame_id != self._map or transform.child_frame_id != self._odom:
                     self._put_transform(transform, static)
+            self._look_up()
             if self._waiting:
                 self._news.notify()
 
@@ -136,47 +183,43 @@ class Intake:
             self.arrived += 1
             fault = fault_of(scan.header)
             if fault:
-                self.dropped += 1
-                rospy.logwarn_throttle(5.0, "scan dropped: %s" % fault)
+                self._lose(BAD_HEADER, 1, "scan dropped: %s" % fault)
                 return
             if self._is_before_jump(stamp):
-                self.dropped += 1
+                self._lose(TIME_JUMP, 1, "scan at %.3f dropped: sent before the jump back in time" % stamp.to_sec())
                 return
             last = self._taken_stamp
             if last is None and self._waiting:
-                last = self._waiting[-1].header.stamp
+                last = self._waiting[-1].stamp
             if last is not None and (last - stamp).to_sec() > JUMP:
                 if self._odd_stamp is None or stamp <= self._odd_stamp:
                     self._odd_stamp = stamp
-                    self.dropped += 1
-                    rospy.logwarn_throttle(5.0, "scan at %.3f dropped: the last one was at %.3f; a second such "
-                                           "scan is a jump back in time" % (stamp.to_sec(), last.to_sec()))
+                    self._lose(OUT_OF_ORDER, 1, "scan at %.3f dropped: the last one was at %.3f; a second such scan is "
+                               "a jump back in time" % (stamp.to_sec(), last.to_sec()))
                     return
                 self._jumped("the scans' stamps have", last, stamp, self._taken_stamp is not None)
             self._odd_stamp = None
             if rospy.rostime.is_wallclock():
                 self._present = stamp
             self._put(scan)
+            self._look_up()
             self._news.notify()
 
     def _put(self, scan: LaserScan) -> None:
         """Insert a scan by its stamp, so that scans with stamps far ahead do not block others."""
         waiting, stamp = self._waiting, scan.header.stamp
         place = len(waiting)
-        while place and stamp < waiting[place - 1].header.stamp:
+        while place and stamp < waiting[place - 1].stamp:
             place -= 1
-        before = waiting[place - 1].header.stamp if place else self._taken_stamp
+        before = waiting[place - 1].stamp if place else self._taken_stamp
         if before is not None and stamp <= before:
-            self.dropped += 1
-            rospy.logwarn_throttle(5.0, "scan at %.3f dropped: it arrived after one at %.3f" % (
+            self._lose(OUT_OF_ORDER, 1, "scan at %.3f dropped: it arrived after one at %.3f" % (
                 stamp.to_sec(), before.to_sec()))
             return
-        waiting.insert(place, scan)
+        waiting.insert(place, _Waiting(scan))
         if len(waiting) > self._limit:
             waiting.popleft()
-            self.dropped += 1
-            rospy.logwarn_throttle(5.0, "the queue of %d scans is full: the oldest are dropped (%d of %d so far)" % (
-                self._limit, self.dropped, self.arrived))
+            self._lose(QUEUE_FULL, 1, "the queue of %d scans is full: the oldest are dropped" % self._limit)
 
     def _is_before_jump(self, stamp: genpy.Time) -> bool:
         """Whether a message with this stamp was sent before the last jump back in time."""
@@ -197,7 +240,8 @@ class Intake:
 
     def _jumped(self, what: str, before: genpy.Time, now: genpy.Time, new_run: bool = True) -> None:
         self.generation += bool(new_run)
-        self.dropped += len(self._waiting)
+        if self._waiting:
+            self.lost[TIME_JUMP] = self.lost.get(TIME_JUMP, 0) + len(self._waiting)     # the warning is below
         self._waiting.clear()
         self._buffer.clear()
         self._far_ahead.forget()
@@ -227,38 +271,47 @@ class Intake:
                 self._news.wait(1.0)
         return None
 
-    def _ready(self) -> Optional[Tuple[LaserScan, Transform, int]]:
+    def _look_up(self) -> None:
+        """Find the transforms of waiting scans, before the buffer forgets them."""
         # source -> newest time with a transform, if its first scan has none
         newest: Dict[str, Optional[genpy.Time]] = {}
-        for index, scan in enumerate(self._waiting):
-            source, stamp = scan.header.frame_id.lstrip("/"), scan.header.stamp
-            common = newest.get(source)
-            if source in newest and (common is None or 0 < common.to_nsec() < stamp.to_nsec()):
+        for entry in self._waiting:
+            if entry.found is not None:
+                continue
+            common = newest.get(entry.source)
+            if entry.source in newest and (common is None or 0 < common.to_nsec() < entry.stamp.to_nsec()):
                 continue        # avoids a lookup for all waiting scans with every transform
             try:
-                found = self._buffer.lookup_transform_core(self._odom, source, stamp)
+                found = self._buffer.lookup_transform_core(self._odom, entry.source, entry.stamp)
+                entry.found = transform_parts(found)
             except tf2_ros.TransformException:
-                if source not in newest:
-                    newest[source] = self._newest_common(self._odom, source)
-                continue
-            self._give_up([self._waiting.popleft() for _ in range(index)], source, stamp)
-            self._waiting.popleft()
-            self._taken_stamp = stamp
-            return scan, transform_parts(found), self.generation
+                if entry.source not in newest:
+                    newest[entry.source] = self._newest_common(self._odom, entry.source)
+
+    def _ready(self) -> Optional[Tuple[LaserScan, Transform, int]]:
+        """Return the oldest scan whose transform is known; those before it can no longer be used."""
+        for index, entry in enumerate(self._waiting):
+            if entry.found is not None:
+                self._give_up([self._waiting.popleft() for _ in range(index)], entry.source, entry.stamp)
+                self._waiting.popleft()
+                self._taken_stamp = entry.stamp
+                return entry.scan, entry.found, self.generation
         return None
 
-    def _give_up(self, scans: List[LaserScan], source: str, stamp: genpy.Time) -> None:
+    def _give_up(self, entries: List[_Waiting], source: str, stamp: genpy.Time) -> None:
         """Count scans without a transform that are older than a scan of ``source`` at ``stamp`` with one."""
         early = 0
         if self._taken_stamp is None:
-            early = sum(scan.header.frame_id.lstrip("/") == source for scan in scans)
+            early = sum(entry.source == source for entry in entries)
         if early:
             self.early += early
             rospy.loginfo("skipped %d of the first scans, from %.3f on: older than the first transform %s -> %s; the "
-                          "first one used is of %.3f", early, scans[0].header.stamp.to_sec(), self._odom, source,
+                          "first one used is of %.3f", early, entries[0].stamp.to_sec(), self._odom, source,
                           stamp.to_sec())
-        self.dropped += len(scans) - early
-        self.without_transform += len(scans) - early
+        if len(entries) > early:
+            last = entries[-1]
+            self._lose(NO_TRANSFORM, len(entries) - early, "scan at %.3f dropped: a later one has a transform, it "
+                       "lacks %s" % (last.stamp.to_sec(), self.missing(self._odom, last.source, last.stamp)))
 
     def _newest_common(self, target: str, source: str) -> Optional[genpy.Time]:
         """Return the newest time at which the transform is known, 0 for a static one, None if unknown."""
@@ -274,10 +327,10 @@ class Intake:
         if self._blocked_since is None:
             self._blocked_since = time.monotonic()
         if time.monotonic() - self._blocked_since > WAIT_WARNING:
-            scan = self._waiting[0]
-            self.lacks = "transform %s -> %s" % (self._odom, scan.header.frame_id.lstrip("/"))
+            first = self._waiting[0]
+            self.lacks = "transform %s -> %s" % (self._odom, first.source)
             rospy.logwarn_throttle(WAIT_WARNING, "%d scans wait for %s" % (
-                len(self._waiting), self.missing(self._odom, scan.header.frame_id, scan.header.stamp)))
+                len(self._waiting), self.missing(self._odom, first.source, first.stamp)))
 
     def missing(self, target: str, source: str, stamp: genpy.Time) -> str:
         """Return a message about a missing transform.
