@@ -35,6 +35,15 @@ def driven():
     return driver.record()
 
 
+def test_a_stuck_robot_is_reported_and_can_back_off():
+    driver = Driver(ROOM, np.array([6.0, 3.0, 0.0]), 1)
+    with pytest.raises(StuckError, match="the robot is stuck at"):
+        driver.follow(np.array([[20.0, 3.0]]))              # behind the wall at x = 8
+    before = driver.pose
+    driver.back_off()
+    assert before[0] - driver.pose[0] > 0.3
+
+
 def still(pose, count=2):
     return Drive(0.1 * np.arange(count), np.tile(pose, (count, 1)), np.zeros((count, 2)), [])
 

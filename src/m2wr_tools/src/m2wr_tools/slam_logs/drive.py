@@ -26,6 +26,8 @@ GAIN = 2.0                  # rotation rate per heading error [1/s]
 ARRIVED = 0.15              # distance at which a corner counts as reached [m]
 STUCK_TIME = 8.0            # a robot that has moved less than STUCK_WAY in so long is stuck [s]
 STUCK_WAY = 0.05            # [m]
+BACK_OFF = 10               # records for which a stuck robot drives backwards
+STUCK_MOST = 3              # times in a drive
 WHEELS = ("joint_right_wheel", "joint_left_wheel")      # the report's left wheel, at y > 0, has the joint named right
 
 
@@ -82,6 +84,7 @@ class Driver:
         self._poses: List[Tuple[float, float, float]] = []
         self._wheels: List[Tuple[float, float]] = []
         self._spins: List[Tuple[int, int]] = []
+        self._backed_off = 0                # records at the last time
         self._command(0.0, 0.0)
 
     @property
@@ -96,7 +99,7 @@ class Driver:
         self._poses.append(result.pose)
         self._wheels.append((turned[WHEELS[0]], turned[WHEELS[1]]))
         back = int(STUCK_TIME / PERIOD)
-        if len(self._poses) > back:
+        if len(self._poses) - self._backed_off > back:
             dx, dy, dyaw = np.subtract(self._poses[-1], self._poses[-1 - back])
             if math.hypot(dx, dy) < STUCK_WAY and abs(wrap(dyaw)) < STUCK_WAY and (speed or rate):
                 raise StuckError("the robot is stuck at (%.2f, %.2f) after %.1f s" % (
@@ -125,6 +128,12 @@ class Driver:
             done += float(wrap(self._poses[-1][2] - last))
             last = self._poses[-1][2]
         self._spins.append((begin, len(self._poses) - 1))
+
+    def back_off(self) -> None:
+        """Drive backwards, away from what the robot is stuck at."""
+        self._backed_off = len(self._poses)
+        for _ in range(BACK_OFF):
+            self._command(-CRUISE, 0.0)
 
     def record(self) -> Drive:
         """End the simulation and return what was recorded."""
@@ -180,16 +189,22 @@ def drive(plan: FloorPlan, length: float, rng: np.random.Generator) -> Drive:
         raise StuckError("the building %s has %d places to visit; expected at least 2" % (plan.name, len(plan.places)))
     space = FreeSpace(plan)
     driver = Driver(plan, np.array([*plan.places[0], rng.uniform(-math.pi, math.pi)]), int(rng.integers(2 ** 31)))
-    reached = {tuple(plan.places[0])}
+    reached, stuck = {tuple(plan.places[0])}, 0
     for place in tour(plan, length, rng):
         try:
             corners = space.path(driver.pose[:2], place)
         except NoPathError:
             continue                    # furniture may close a room
-        driver.follow(corners)
-        reached.add(tuple(place))
-        if rng.random() < 0.3:
-            driver.spin(float(rng.choice([-2.0, 2.0])) * math.pi)
+        try:
+            driver.follow(corners)
+            reached.add(tuple(place))
+            if rng.random() < 0.3:
+                driver.spin(float(rng.choice([-2.0, 2.0])) * math.pi)
+        except StuckError:
+            stuck += 1
+            if stuck > STUCK_MOST:
+                break
+            driver.back_off()
     if len(reached) < 2:
         raise StuckError("no other place of the building %s can be reached from the first" % plan.name)
     return driver.record()
