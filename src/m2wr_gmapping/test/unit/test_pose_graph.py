@@ -3,6 +3,8 @@
 import math
 
 import numpy as np
+import pytest
+from scipy.optimize import least_squares
 
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.se2 import between, compose
@@ -44,3 +46,52 @@ def test_loop_is_closed_and_outlier_is_down_weighted():
     assert weights[-1] < 0.01 < 0.5 < weights[-2]
     nominal, _ = optimise(start, pairs, measured, information[:40], robust[:40], 12.0)
     assert np.hypot(*(held - nominal)[:, :2].T).max() < 0.1
+
+
+def random_graph(seed, wrong):
+    """A walk of 12 poses with noisy steps, 6 noisy links, of which ``wrong`` are far off, and full covariances."""
+    rng = np.random.default_rng(seed)
+    truth = [np.zeros(3)]
+    for _ in range(11):
+        truth.append(compose(truth[-1], [1.0, 0.0, rng.uniform(-0.8, 0.8)]))
+    truth = np.array(truth)
+    links = np.array([sorted(rng.choice(12, 2, replace=False)) for _ in range(6)])
+    pairs = np.vstack([np.column_stack([np.arange(11), np.arange(1, 12)]), links])
+    robust = np.arange(len(pairs)) >= 11
+    roots = rng.normal(0.0, 0.01, (len(pairs), 3, 3)) + 0.03 * np.eye(3)
+    covariances = roots @ roots.transpose(0, 2, 1)
+    measured = between(truth[pairs[:, 0]], truth[pairs[:, 1]])
+    measured += np.array([rng.multivariate_normal(np.zeros(3), covariance) for covariance in covariances])
+    measured[11:11 + wrong, :2] += 1.5
+    start = [np.zeros(3)]
+    for step in measured[:11]:
+        start.append(compose(start[-1], step))
+    return np.array(start), pairs, measured, np.linalg.inv(covariances), robust
+
+
+def cost_terms(poses, pairs, measured, roots, robust, kernel):
+    """Terms whose squares add up to the cost: whitened residuals, and one Cauchy term for each robust measurement."""
+    errors = between(measured, between(poses[pairs[:, 0]], poses[pairs[:, 1]]))
+    errors[:, 2] = np.remainder(errors[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+    whitened = np.einsum("eji,ej->ei", roots, errors)
+    cauchy = np.sqrt(kernel * np.log1p((whitened[robust] ** 2).sum(axis=1) / kernel))
+    return np.concatenate([whitened[~robust].ravel(), cauchy])
+
+
+@pytest.mark.parametrize("wrong", [0, 1])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_minimum_is_that_of_another_solver(seed, wrong):
+    """SciPy's trust-region solver minimises the same cost from the result and from the start."""
+    start, pairs, measured, information, robust = random_graph(seed, wrong)
+    kernel, roots = 12.0, np.linalg.cholesky(information)
+
+    def terms(flat):
+        return cost_terms(np.vstack([start[:1], flat.reshape(-1, 3)]), pairs, measured, roots, robust, kernel)
+
+    found, _ = optimise(start, pairs, measured, information, robust, kernel)
+    cost = np.sum(terms(found[1:].ravel()) ** 2)
+    near, far = (least_squares(terms, begin[1:].ravel(), method="lm", max_nfev=4000) for begin in (found, start))
+    assert cost <= 2.0 * min(near.cost, far.cost) * (1.0 + 1e-4)
+    moved = near.x.reshape(-1, 3) - found[1:]
+    assert np.abs(moved[:, :2]).max() < 1e-3
+    assert max(abs(math.remainder(angle, 2.0 * math.pi)) for angle in moved[:, 2]) < 1e-3
