@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import Pool
 from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -72,6 +73,10 @@ def make_one(name: str, number: int, folder: str) -> Tuple[str, str]:
         log.drive.length, log.drive.stamps[-1], len(log.taken), 100.0 * log_files.drift(log))
 
 
+def _make(job: Tuple[str, int, str]) -> Tuple[str, str]:
+    return make_one(*job)
+
+
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Entry point; returns the exit code."""
     made = parser()
@@ -83,20 +88,17 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     except OSError as error:
         made.error("%s: no folder can be made: %s" % (options.folder, error.strerror))
     failed: List[str] = []
-    numbers = range(options.first, options.first + options.count)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        waiting = [pool.submit(make_one, options.set, number, options.folder) for number in numbers]
+    jobs = [(options.set, number, options.folder) for number in range(options.first, options.first + options.count)]
+    # Ctrl-C reaches all processes of a terminal; the first one ends the others
+    with Pool(options.jobs, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         try:
-            for done, future in enumerate(as_completed(waiting), 1):
-                title, line = future.result()
+            for done, (title, line) in enumerate(pool.imap_unordered(_make, jobs), 1):
                 failed += [title] if line.startswith("failed") else []
-                sys.stderr.write("%d of %d: %s: %s\n" % (done, len(waiting), title, line))
+                sys.stderr.write("%d of %d: %s: %s\n" % (done, len(jobs), title, line))
         except KeyboardInterrupt:
-            for future in waiting:
-                future.cancel()
             return INTERRUPTED
     if failed:
         sys.stderr.write("make_logs: %d of %d logs could not be made: %s\n" % (
-            len(failed), len(waiting), ", ".join(failed)))
+            len(failed), len(jobs), ", ".join(failed)))
         return FAILED
     return 0
