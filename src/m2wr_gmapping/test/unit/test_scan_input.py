@@ -263,7 +263,7 @@ def test_full_queue_without_transforms_is_fast(intake, monkeypatch):
     assert intake._ready() is None and len(asked) == 1
 
 
-def test_a_waiting_scan_keeps_its_transform_longer_than_the_buffer(intake):
+def test_a_waiting_scan_keeps_its_transform(intake):
     stamps = [10.0 + 0.5 * k for k in range(400)]           # 200 s; the buffer holds 60 s
     assert stamps[-1] - stamps[0] > 3.0 * BUFFER
     intake.on_transforms(TFMessage([transform("odom", "laser", 9.9)]))
@@ -275,7 +275,7 @@ def test_a_waiting_scan_keeps_its_transform_longer_than_the_buffer(intake):
     assert not intake.lost
 
 
-def test_lost_scans_are_counted_by_reason_and_the_first_is_reported(intake, monkeypatch):
+def test_lost_scans_are_counted_and_reported_by_reason(intake, monkeypatch):
     told = []
     monkeypatch.setattr(rospy, "logwarn", lambda text, *words: told.append(text % words if words else text))
     intake._limit = 4
