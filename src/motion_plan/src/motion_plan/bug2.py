@@ -5,10 +5,11 @@ Selects the active behaviour; the behaviours themselves (`go_to_point`, `wall_fo
 """
 from __future__ import annotations
 
+import abc
 import logging
 import math
 from enum import Enum
-from typing import List, Optional, Sequence, Tuple, Union
+from typing import List, Optional, Sequence, Tuple
 
 from motion_plan.circuit import Circuit
 from motion_plan.planar_types import Point, Pose, Regions
@@ -98,14 +99,10 @@ def _line_value(point: Sequence[float], start: Sequence[float], goal: Point) -> 
         + (goal[0] * start[1]) - (goal[1] * start[0])
 
 
-class ReportRule:
-    """The switch rule as printed: an obstacle ahead; after five counted seconds, the line anywhere."""
+class SwitchRule(abc.ABC):
+    """When Bug 2 changes between driving to the goal and following a wall."""
 
-    def __init__(self, start: Point, goal: Point) -> None:
-        self._start, self._goal = start, goal
-        self._loops = 0
-        self._seconds = 0
-
+    @abc.abstractmethod
     def begin(self, now: float, pose: Pose) -> None:
         """A state was entered.
 
@@ -116,15 +113,11 @@ class ReportRule:
         pose : (float, float, float)
             x, y [m] and yaw [rad] of link_chassis, odometry frame.
         """
-        self._seconds = 0
 
     def end_turn(self) -> None:
-        """Count one period of the 20 Hz loop; twenty are a second."""
-        self._loops += 1
-        if self._loops == REPORT_LOOPS_A_SECOND:
-            self._seconds += 1
-            self._loops = 0
+        """One period of the 20 Hz loop has ended."""
 
+    @abc.abstractmethod
     def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
             scan_age: float) -> Optional[str]:
         """Return why the wall must be followed, or None.
@@ -142,10 +135,8 @@ class ReportRule:
         scan_age : float
             Age of the newest scan [s].
         """
-        if REPORT_FRONT[0] < regions['front'] < REPORT_FRONT[1]:
-            return 'obstacle %.2f m ahead' % regions['front']
-        return None
 
+    @abc.abstractmethod
     def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
         """Return why the wall can be left, or None.
 
@@ -158,13 +149,9 @@ class ReportRule:
         surroundings : Surroundings
             Points of recent scans.
         """
-        distance = distance_to_line(pose, self._start, self._goal)
-        if self._seconds > REPORT_SECONDS and distance < LINE_TOLERANCE:
-            return 'on the line'
-        return None
 
     def unreachable(self, now: float, pose: Pose) -> Optional[str]:
-        """Return None: the printed rule never gives up.
+        """Return why the goal cannot be reached, or None; must be called in every period of wall following.
 
         Parameters
         ----------
@@ -176,11 +163,42 @@ class ReportRule:
         return None
 
     def new_line(self) -> Optional[Point]:
-        """The printed rule keeps its line."""
+        """Return the start (x, y) of a newly defined m-line, once; otherwise None."""
         return None
 
 
-class CompleteRule:
+class ReportRule(SwitchRule):
+    """The rule as printed: an obstacle ahead; after five counted seconds, the line anywhere. It never gives up."""
+
+    def __init__(self, start: Point, goal: Point) -> None:
+        self._start, self._goal = start, goal
+        self._loops = 0
+        self._seconds = 0
+
+    def begin(self, now: float, pose: Pose) -> None:
+        self._seconds = 0
+
+    def end_turn(self) -> None:
+        """Count one period of the 20 Hz loop; twenty are a second."""
+        self._loops += 1
+        if self._loops == REPORT_LOOPS_A_SECOND:
+            self._seconds += 1
+            self._loops = 0
+
+    def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
+            scan_age: float) -> Optional[str]:
+        if REPORT_FRONT[0] < regions['front'] < REPORT_FRONT[1]:
+            return 'obstacle %.2f m ahead' % regions['front']
+        return None
+
+    def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
+        distance = distance_to_line(pose, self._start, self._goal)
+        if self._seconds > REPORT_SECONDS and distance < LINE_TOLERANCE:
+            return 'on the line'
+        return None
+
+
+class CompleteRule(SwitchRule):
     """The textbook's rule: leave only on the m-line, nearer to the goal than the hit point, with a free path."""
 
     def __init__(self, start: Point, goal: Point) -> None:
@@ -196,41 +214,14 @@ class CompleteRule:
         self._new_start: Optional[Point] = None
 
     def begin(self, now: float, pose: Pose) -> None:
-        """A state was entered at time ``now`` [s] and ``pose``.
-
-        Parameters
-        ----------
-        now : float
-            ROS time [s].
-        pose : (float, float, float)
-            x, y [m] and yaw [rad] of link_chassis, odometry frame.
-        """
         self._circuit = Circuit()
         self._hit_distance = self._goal_distance(pose)
         self._line_side = _line_value(pose, self._start, self._goal)
         self._wall_seen = now
         self._anchors = [(now, pose[0], pose[1])] * len(STUCK)
 
-    def end_turn(self) -> None:
-        """This rule does not count periods."""
-
     def hit(self, pose: Pose, speed: Tuple[float, float], regions: Regions, surroundings: Surroundings,
             scan_age: float) -> Optional[str]:
-        """Return why the wall must be followed, or None.
-
-        Parameters
-        ----------
-        pose : (float, float, float)
-            x, y [m] and yaw [rad] of link_chassis, odometry frame.
-        speed : (float, float)
-            Forward [m/s] and angular [rad/s].
-        regions : dict
-            Least range [m] of each laser sector.
-        surroundings : Surroundings
-            Points of recent scans.
-        scan_age : float
-            Age of the newest scan [s].
-        """
         self._too_close = False
         if surroundings.nearest(*axle_of(pose))[0] < ESCAPE_RADIUS:
             self._too_close = True
@@ -241,17 +232,6 @@ class CompleteRule:
         return None
 
     def leave(self, now: float, pose: Pose, surroundings: Surroundings) -> Optional[str]:
-        """Return why the wall can be left, or None.
-
-        Parameters
-        ----------
-        now : float
-            ROS time [s].
-        pose : (float, float, float)
-            x, y [m] and yaw [rad] of link_chassis, odometry frame.
-        surroundings : Surroundings
-            Points of recent scans.
-        """
         crossed = self._crossed_line(pose)
         nearest = surroundings.nearest(*axle_of(pose))[0]
         if nearest < LOST_WALL_DISTANCE:
@@ -277,15 +257,6 @@ class CompleteRule:
         return None
 
     def unreachable(self, now: float, pose: Pose) -> Optional[str]:
-        """Return why the goal cannot be reached, or None; must be called in every period of wall following.
-
-        Parameters
-        ----------
-        now : float
-            ROS time [s].
-        pose : (float, float, float)
-            x, y [m] and yaw [rad] of link_chassis, odometry frame.
-        """
         for index, (distance, time) in enumerate(STUCK):
             since, x, y = self._anchors[index]
             if math.hypot(pose[0] - x, pose[1] - y) > distance:
@@ -303,7 +274,6 @@ class CompleteRule:
         return None
 
     def new_line(self) -> Optional[Point]:
-        """Return the start (x, y) of a newly defined m-line, once; otherwise None."""
         start, self._new_start = self._new_start, None
         return start
 
@@ -372,8 +342,7 @@ class Bug2:
         self.reason = ''
         self.hit_point: Optional[Point] = None
         self.leave_point: Optional[Point] = None
-        self._rule: Union[CompleteRule, ReportRule] = (
-            CompleteRule if self.leave_rule == 'complete' else ReportRule)(self.start, self.goal)
+        self._rule: SwitchRule = (CompleteRule if self.leave_rule == 'complete' else ReportRule)(self.start, self.goal)
         self._rest_since: Optional[float] = None
 
     @property
