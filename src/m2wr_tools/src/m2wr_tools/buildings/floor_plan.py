@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Iterator, Tuple
 
 import numpy as np
 
-from m2wr_sim.geometry import quaternion_from_rpy
+from m2wr_sim.geometry import quaternion_from_rpy, yaw_of
 from m2wr_sim.model.types import Box, Cylinder
 
 if TYPE_CHECKING:
@@ -61,11 +61,11 @@ class FloorPlan:
         for number, (x0, y0, x1, y1) in enumerate(self.walls):
             length = float(np.hypot(x1 - x0, y1 - y0)) + WALL_THICKNESS
             yield ("wall_%d" % number, Box((length, WALL_THICKNESS, HEIGHT)),
-                   _upright(0.5 * (x0 + x1), 0.5 * (y0 + y1), float(np.arctan2(y1 - y0, x1 - x0))))
+                   upright(0.5 * (x0 + x1), 0.5 * (y0 + y1), float(np.arctan2(y1 - y0, x1 - x0))))
         for number, (x, y, length, width, yaw) in enumerate(self.boxes):
-            yield "box_%d" % number, Box((float(length), float(width), HEIGHT)), _upright(x, y, yaw)
+            yield "box_%d" % number, Box((float(length), float(width), HEIGHT)), upright(x, y, yaw)
         for number, (x, y, radius) in enumerate(self.pillars):
-            yield "pillar_%d" % number, Cylinder(float(radius), HEIGHT), _upright(x, y, 0.0)
+            yield "pillar_%d" % number, Cylinder(float(radius), HEIGHT), upright(x, y)
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (K, 2) from the nearest surface (K,) [m]; negative inside a wall or pillar."""
@@ -86,24 +86,17 @@ class FloorPlan:
     def sdf(self) -> str:
         """Return a world file of SDF 1.6 that this simulator and Gazebo load: floor, sun and the parts as one model."""
         parts = []
-        for name, shape, (position, _) in self.parts():
+        for name, shape, (position, orientation) in self.parts():
             if isinstance(shape, Box):
                 geometry = "<box><size>%s</size></box>" % _words(shape.size)
             else:
                 geometry = "<cylinder><radius>%s</radius><length>%s</length></cylinder>" % (
                     _words((shape.radius,)), _words((shape.length,)))
-            pose = "<pose>%s</pose>" % _words((*position, 0.0, 0.0, self._yaw_of(name)))
+            pose = "<pose>%s</pose>" % _words((*position, 0.0, 0.0, yaw_of(orientation)))
             for kind in ("collision", "visual"):
                 parts.append('        <{0} name="{1}_{0}">{2}<geometry>{3}</geometry></{0}>'.format(
                     kind, name, pose, geometry))
         return _WORLD.format(name=self.name, parts="\n".join(parts))
-
-    def _yaw_of(self, part: str) -> float:
-        kind, number = part.rsplit("_", 1)
-        if kind == "wall":
-            x0, y0, x1, y1 = self.walls[int(number)]
-            return float(np.arctan2(y1 - y0, x1 - x0))
-        return float(self.boxes[int(number), 4]) if kind == "box" else 0.0
 
 
 _WORLD = """<?xml version="1.0"?>
@@ -126,7 +119,16 @@ def _words(values: Tuple[float, ...]) -> str:
     return " ".join(_SDF_NUMBERS.format(value) for value in values)
 
 
-def _upright(x: float, y: float, yaw: float) -> Pose:
+def upright(x: float, y: float, yaw: float = 0.0) -> Pose:
+    """Return the pose of a wall, box or pillar that stands on the floor.
+
+    Parameters
+    ----------
+    x, y : float
+        [m]
+    yaw : float
+        [rad]
+    """
     return (float(x), float(y), 0.5 * HEIGHT), quaternion_from_rpy(0.0, 0.0, float(yaw))
 
 

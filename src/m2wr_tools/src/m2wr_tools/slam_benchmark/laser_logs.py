@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 PACKED = ("", ".xz", ".gz")
-EPOCH = 1000.0              # added to the stamps of a CARMEN log, which may start at 0; ROS treats 0 as unset [s]
+EPOCH = 1000.0              # added to the stamps of a log, which may start at 0; ROS treats 0 as unset [s]
 RANGE_MIN, RANGE_MAX = 0.05, 80.0       # a beam without a return is about 81.9 m in logs
 FINE_FROM = 182             # logs with at least this number of beams have a resolution of 0.5 degrees
 
@@ -114,7 +114,17 @@ def odometry(path: str) -> Tuple[FloatArray, FloatArray]:
     return np.array([row[0] for row in rows]), np.array([row[1] for row in rows]).reshape(-1, 3)
 
 
-def _transform(parent: str, child: str, stamp: Any, x: float, y: float, yaw: float) -> TransformStamped:
+def planar_transform(parent: str, child: str, stamp: Any, x: float, y: float, yaw: float) -> TransformStamped:
+    """Return the message of a transform in the plane.
+
+    Parameters
+    ----------
+    parent, child : str
+        Frames.
+    stamp : rospy.Time
+    x, y, yaw : float
+        Pose of the child in the parent [m, m, rad].
+    """
     message = TransformStamped(child_frame_id=child)
     message.header.stamp, message.header.frame_id = stamp, parent
     message.transform.translation.x, message.transform.translation.y = x, y
@@ -159,8 +169,8 @@ def write_bag(log: Log, path: str, laser_x: float = 0.0) -> None:
         with rosbag.Bag(path, "w") as bag:
             for seconds, pose, ranges in records(log.path):
                 stamp = rospy.Time.from_sec(EPOCH + seconds)
-                bag.write("/tf", TFMessage([_transform("odom", "base_link", stamp, *pose),
-                                            _transform("base_link", "laser", stamp, laser_x, 0.0, 0.0)]), stamp)
+                bag.write("/tf", TFMessage([planar_transform("odom", "base_link", stamp, *pose),
+                                            planar_transform("base_link", "laser", stamp, laser_x, 0.0, 0.0)]), stamp)
                 if ranges is not None:
                     bag.write("/scan", _scan(ranges, stamp), stamp)
     except (OSError, EOFError, lzma.LZMAError) as error:

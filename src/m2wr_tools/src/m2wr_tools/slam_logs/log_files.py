@@ -5,22 +5,22 @@ from __future__ import annotations
 import json
 import math
 import os
+from dataclasses import asdict
 from typing import TYPE_CHECKING, List, Tuple
 
 import numpy as np
 import rosbag
 import rospy
-from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.io.atomic_files import write_atomically
+from m2wr_tools.slam_benchmark.laser_logs import EPOCH, planar_transform
 from m2wr_tools.slam_logs.sensing import MOUNT, RANGE_MIN
 
 if TYPE_CHECKING:
     from m2wr_tools.slam_logs.log_sets import MadeLog
 
-EPOCH = 1000.0              # added to all stamps; ROS treats 0 as unset [s]
 DELAY = 2.0                 # greatest delay of a late scan [s]
 
 
@@ -43,14 +43,6 @@ def arrivals(log: MadeLog, rng: np.random.Generator) -> List[Tuple[float, int]]:
     return sorted((float(times[index]), int(index)) for index in np.flatnonzero(kept))
 
 
-def _transform(parent: str, child: str, stamp: rospy.Time, pose: Tuple[float, float, float]) -> TransformStamped:
-    message = TransformStamped(child_frame_id=child)
-    message.header.stamp, message.header.frame_id = stamp, parent
-    message.transform.translation.x, message.transform.translation.y = pose[0], pose[1]
-    message.transform.rotation.z, message.transform.rotation.w = math.sin(0.5 * pose[2]), math.cos(0.5 * pose[2])
-    return message
-
-
 def _scan(log: MadeLog, index: int) -> LaserScan:
     laser = log.recipe.laser
     message = LaserScan(angle_min=-0.5 * laser.field, angle_max=0.5 * laser.field,
@@ -71,13 +63,13 @@ def write_bag(log: MadeLog, path: str, rng: np.random.Generator) -> None:
     rng : numpy.random.Generator
         For drops, swaps and delays.
     """
-    messages: List[Tuple[float, int]] = [(time, index) for time, index in arrivals(log, rng)]
+    messages = arrivals(log, rng)
     with rosbag.Bag(path, "w") as bag:
         following = 0
         for seconds, pose in zip(log.drive.stamps, log.odometry):
             stamp = rospy.Time.from_sec(EPOCH + float(seconds))
-            bag.write("/tf", TFMessage([_transform("odom", "base_link", stamp, tuple(pose)),
-                                        _transform("base_link", "laser", stamp, MOUNT)]), stamp)
+            bag.write("/tf", TFMessage([planar_transform("odom", "base_link", stamp, *pose),
+                                        planar_transform("base_link", "laser", stamp, *MOUNT)]), stamp)
             while following < len(messages) and messages[following][0] <= seconds:
                 time, index = messages[following]
                 bag.write("/scan", _scan(log, index), rospy.Time.from_sec(EPOCH + time))
@@ -112,7 +104,7 @@ def write(log: MadeLog, folder: str, rng: np.random.Generator) -> str:
     base = os.path.join(folder, log.recipe.name)
     truth = ["%.6f %.6f %.6f %.8f\n" % (EPOCH + log.drive.stamps[record], *log.drive.poses[record])
              for record in log.taken]
-    details = dict(log.recipe.as_dict(), metres=round(log.drive.length, 2), seconds=float(log.drive.stamps[-1]),
+    details = dict(asdict(log.recipe), metres=round(log.drive.length, 2), seconds=float(log.drive.stamps[-1]),
                    spins=len(log.drive.spins), drift=round(drift(log), 4))
     write_atomically((base + ".graph", ["".join(truth).encode()]),
                      (base + ".json", [json.dumps(details, indent=1, sort_keys=True).encode()]),

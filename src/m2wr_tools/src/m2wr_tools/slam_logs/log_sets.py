@@ -7,8 +7,8 @@ what was tuned on the one is judged on data that was never seen.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Dict, Tuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
@@ -29,9 +29,9 @@ RANGES = (6.0, 80.0)        # of lasers: from small indoor ones to SICK's LMS [m
 #: Field of view [rad] and beams of common lasers.
 FIELDS = ((math.radians(180.0), 181), (math.radians(180.0), 361), (math.radians(240.0), 683),
           (math.radians(270.0), 541), (math.radians(360.0), 360))
-RANGE_NOISE = (0.003, 0.03)         # standard deviation, of Hokuyo's UTM-30LX and URG-04LX data sheets [m]
-#: Standard deviations of relative errors of wheels and of their separation: Borenstein and Feng 1996 correct some
-#: percent in the separation, and tenths of a percent in the radii.
+RANGE_NOISE = (0.003, 0.03)         # standard deviation; assumed, up to the accuracy in the UTM-30LX data sheet [m]
+#: Standard deviations of the relative errors of the radii and of the wheels' separation: assumed, of a robot that was
+#: measured with a ruler and not calibrated.
 RADIUS_ERROR, SEPARATION_ERROR = 0.01, 0.03
 WHEEL_NOISE = (0.002, 0.02)         # [m per square root of a metre]
 TICKS = (0, 360, 2000)
@@ -69,10 +69,6 @@ class Recipe:
     odometry: OdometryErrors
     slip: float
     faults: Faults
-
-    def as_dict(self) -> Dict[str, Any]:
-        """Return the values for a file."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -168,7 +164,6 @@ def make(name: str, number: int) -> MadeLog:
     done = drive(plan, wanted.length, way)
     errors = wanted.odometry
     if wanted.slip and done.spins:
-        errors = OdometryErrors(errors.radius, errors.separation, errors.noise, errors.ticks,
-                                ((int(wheels.integers(len(done.spins))), wanted.slip),))
+        errors = replace(errors, slips=((int(wheels.integers(len(done.spins))), wanted.slip),))
     taken, ranges = scans(plan, done, EVERY, wanted.laser, sensor)
     return MadeLog(wanted, plan, done, integrate(done, errors, wheels), taken, ranges)

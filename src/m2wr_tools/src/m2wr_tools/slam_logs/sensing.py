@@ -13,7 +13,7 @@ from m2wr_sim.geometry import quaternion_from_rpy
 from m2wr_sim.model.types import Cylinder, Noise, RayScan
 from m2wr_sim.sensors.laser import LaserSensor
 from m2wr_sim.sensors.ray_scene import RayScene
-from m2wr_tools.buildings.floor_plan import HEIGHT
+from m2wr_tools.buildings.floor_plan import HEIGHT, upright
 from m2wr_tools.buildings.free_path import FreeSpace, NoPathError
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 MOUNT = (0.15, 0.0, 0.0)    # nominal pose of the laser in the base frame, of m2wr [m, m, rad]
 LASER_HEIGHT = 0.15         # above the floor [m]
 RANGE_MIN = 0.05            # [m]
-#: A pane of glass reflects a laser back only near the perpendicular: 10 degrees (Foster et al., VisAGGE: visible angle
-#: grid for glass environments, ICRA 2013, measured up to about that).
+#: A pane of glass reflects a laser back only near the perpendicular (Foster et al., VisAGGE: visible angle grid for
+#: glass environments, ICRA 2013); the angle is assumed.
 GLASS_ANGLE = math.radians(10.0)
 PERSON_RADIUS, PERSON_SPEED = 0.2, 1.0      # [m], [m/s]
 _PERSON_CLEARANCE = 0.3     # [m]
@@ -125,7 +125,7 @@ def scans(plan: FloorPlan, drive: Drive, every: int, errors: LaserErrors,
     if errors.people:
         space = FreeSpace(plan, _PERSON_CLEARANCE)
         people = [Person(plan, space, rng) for _ in range(errors.people)]
-    rows = [scene.add(Cylinder(PERSON_RADIUS, HEIGHT), _upright(person.position), "person_%d" % number)
+    rows = [scene.add(Cylinder(PERSON_RADIUS, HEIGHT), upright(*person.position), "person_%d" % number)
             for number, person in enumerate(people)]
     taken = np.arange(0, len(drive.stamps), every)
     sensors = compose(compose(drive.poses[taken], np.array(MOUNT)), np.array(errors.mount))
@@ -134,13 +134,9 @@ def scans(plan: FloorPlan, drive: Drive, every: int, errors: LaserErrors,
         if index:
             for person, row in zip(people, rows):
                 person.walk(float(drive.stamps[record] - drive.stamps[taken[index - 1]]), drive.poses[record, :2])
-                scene.set_pose(row, *_upright(person.position))
+                scene.set_pose(row, *upright(*person.position))
         found[index] = _cast(laser, scene, pose, plan, glass_rows)
     return taken, found
-
-
-def _upright(position: FloatArray) -> Tuple[Tuple[float, float, float], Tuple[float, float, float, float]]:
-    return (float(position[0]), float(position[1]), 0.5 * HEIGHT), (0.0, 0.0, 0.0, 1.0)
 
 
 def _scene(plan: FloorPlan) -> Tuple[RayScene, IndexArray]:
