@@ -20,11 +20,21 @@ _ME = "/is_there"
 
 
 class PatientTransport(xmlrpc.client.Transport):
-    """Waits for an answer only so long."""
+    """Waits for an answer only so long.
+
+    Parameters
+    ----------
+    patience : float
+        Time limit of each step of a call [s].
+    """
+
+    def __init__(self, patience: float = _PATIENCE) -> None:
+        super().__init__()
+        self._patience = patience
 
     def make_connection(self, host: Any) -> Any:
         connection = super().make_connection(host)
-        connection.timeout = _PATIENCE
+        connection.timeout = self._patience
         return connection
 
 

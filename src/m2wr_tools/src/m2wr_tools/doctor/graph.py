@@ -7,6 +7,7 @@ import xmlrpc.client
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, NamedTuple, Optional
 from urllib.parse import urlparse
 
+from m2wr_node.ros.is_there import PatientTransport
 from m2wr_tools.doctor.environment import master_address
 from m2wr_tools.doctor.finding import ok, problem, some, warning
 
@@ -35,18 +36,9 @@ class Graph(NamedTuple):
     sim_time: Optional[bool]
 
 
-class _Quick(xmlrpc.client.Transport):
-    """Waits a short time only."""
-
-    def make_connection(self, host: Any) -> Any:
-        connection = super().make_connection(host)
-        connection.timeout = _PATIENCE
-        return connection
-
-
 def _ask(address: str, method: str, *arguments: object) -> Any:
     """Return the answer of a master or node; OSError if there is none."""
-    proxy = xmlrpc.client.ServerProxy(address, transport=_Quick())
+    proxy = xmlrpc.client.ServerProxy(address, transport=PatientTransport(_PATIENCE))
     try:
         code, text, answer = getattr(proxy, method)("/doctor", *arguments)
     except (xmlrpc.client.Error, ValueError, TypeError) as error:
