@@ -29,10 +29,10 @@ from m2wr_sim.sensors.ray_scene import RayScene
 from m2wr_tools.benchmark import reference
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import Float32Array
     from m2wr_sim.geometry import Vector
     from m2wr_sim.model.types import Model, Sensor, World
     from m2wr_sim.physics.engine import EngineSettings
-    from m2wr_tools.array_types import Float32Array
 
 FORCE = 5.0                     # N m
 _CLOCK_RATE = 1.0               # Hz; without a subscriber

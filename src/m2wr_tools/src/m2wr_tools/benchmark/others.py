@@ -19,9 +19,9 @@ from m2wr_sim.model.types import Box, Cylinder
 from m2wr_tools.benchmark import in_process, reference
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, FloatArray
     from m2wr_sim.geometry import Vector
     from m2wr_sim.model.types import World
-    from m2wr_tools.array_types import BoolArray, FloatArray
 
 _NOISE = 0.01               # m
 _SENSOR = (0.27, 0.0, 0.02)     # in the chassis frame

@@ -13,8 +13,8 @@ from m2wr_sim.model.types import Box, Cylinder
 if TYPE_CHECKING:
     from typing import Union
 
+    from m2wr_gmapping.array_types import BoolArray, FloatArray
     from m2wr_sim.geometry import Pose
-    from m2wr_tools.array_types import BoolArray, FloatArray
 
     Part = Tuple[str, Union[Box, Cylinder], Pose]
 

@@ -14,7 +14,7 @@ from m2wr_tools.buildings.floor_plan import FloorPlan
 from m2wr_tools.buildings.rooms import Rect, enclose, hull, split
 
 if TYPE_CHECKING:
-    from m2wr_tools.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_tools.buildings.rooms import Wall
 
 ROOM = 0.75                 # least distance of a place to visit from walls and furniture [m]

@@ -20,9 +20,9 @@ from m2wr_sim.model.placed import placed_collisions
 from m2wr_sim.model.types import Box, Cylinder, Plane, Sphere
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, FloatArray
     from m2wr_sim.geometry import Pose
     from m2wr_sim.model.types import World
-    from m2wr_tools.array_types import BoolArray, FloatArray
 
 LAYOUTS = ("grid", "circle", "random")
 _CELL = 0.25                # m, of the map of free places

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_tools.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_tools.slam_logs.drive import Drive
 
 RADIUS, SEPARATION = 0.1, 0.4       # of m2wr's wheels [m]
