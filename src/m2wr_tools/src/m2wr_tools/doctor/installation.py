@@ -20,6 +20,7 @@ NEEDED = {"rospy": "python3-rospy", "numpy": "python3-numpy", "ode": "python3-py
           "PIL": "python3-pil", "cairo": "python3-cairo", "rosbag": "python3-rosbag", "urdf_parser_py": ""}
 WANTED = {"numba": ("python3-numba", "the simulation runs several times slower"),
           "matplotlib": ("python3-matplotlib", "no figures"),
+          "scipy": ("python3-scipy", "no generated buildings and logs (make_logs)"),
           "trimesh": ("", "no meshes in worlds and robots"), "collada": ("", "no .dae meshes"),
           "dynamic_reconfigure": ("python3-dynamic-reconfigure", "no parameters to change while it runs")}
 PROGRAMS = {"roscore": "ros-base", "roslaunch": "ros-base", "rosrun": "rosbash"}
