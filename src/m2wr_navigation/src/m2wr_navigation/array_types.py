@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Names of the array types in type hints. Docstrings give the shapes."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from typing import Sequence, Union
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+    Float32Array = NDArray[np.float32]
+    IndexArray = NDArray[np.int64]
+    Int32Array = NDArray[np.int32]
+    Int8Array = NDArray[np.int8]
+    Uint8Array = NDArray[np.uint8]
+    BoolArray = NDArray[np.bool_]
+    Vector = Union[Sequence[float], FloatArray]      # a few numbers that are read one by one

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Table of the planners, controllers, recovery behaviours and costmap layers, by the names that parameters use.
+
+A new one is one file and one line here.
+"""
+from __future__ import annotations
+
+import importlib
+from typing import Any, Dict, List
+
+PLANNERS: Dict[str, str] = {}
+CONTROLLERS: Dict[str, str] = {}
+RECOVERIES: Dict[str, str] = {}
+LAYERS: Dict[str, str] = {}
+
+
+class UnknownPluginError(ValueError):
+    """A parameter names a plugin that the table does not have; the message lists those it has."""
+
+
+def short_name(name: str) -> str:
+    """Return the part of a plugin's name after the package, which is the namespace of its parameters."""
+    return name.replace("::", "/").rsplit("/", 1)[-1]
+
+
+def find(table: Dict[str, str], name: str) -> Any:
+    """Return the class of a plugin.
+
+    Parameters
+    ----------
+    table : dict of str to str
+        One of the tables of this module.
+    name : str
+        With or without the package: ``navfn/NavfnROS``, ``NavfnROS``, ``costmap_2d::StaticLayer``.
+
+    Raises
+    ------
+    UnknownPluginError
+        If no plugin of the table has this name.
+    """
+    by_short: Dict[str, List[str]] = {}
+    for known, target in table.items():
+        by_short.setdefault(short_name(known), []).append(target)
+    found = [table[name]] if name in table else by_short.get(short_name(name), [])
+    if not found:
+        raise UnknownPluginError("there is no {!r}; known are {}".format(name, ", ".join(sorted(table))))
+    module, _, attribute = found[0].partition(":")
+    return getattr(importlib.import_module(module), attribute)
