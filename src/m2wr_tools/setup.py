@@ -4,6 +4,7 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=["m2wr_tools"] + ["m2wr_tools." + folder for folder in (
-        "benchmark", "doctor", "map_comparison", "map_figure", "obstacles", "robots", "runs", "slam_benchmark")],
+        "benchmark", "buildings", "doctor", "map_comparison", "map_figure", "obstacles", "robots", "runs",
+        "slam_benchmark", "slam_logs")],
     package_dir={"": "src"},
 ))

@@ -12,15 +12,16 @@ from m2wr_gmapping.se2 import compose, inverse
 from m2wr_tools.buildings.floor_plan import WALL_THICKNESS, FloorPlan
 from m2wr_tools.slam_benchmark.trajectory_errors import rows
 from m2wr_tools.slam_logs import log_files, log_sets, make_command
-from m2wr_tools.slam_logs.drive import Drive, Driver, StuckError, drive
+from m2wr_tools.slam_logs.difficulties import CLASSES, PLAIN, real_ones
+from m2wr_tools.slam_logs.drive import Drive, Driver, StuckError, drive, tour
 from m2wr_tools.slam_logs.log_files import EPOCH, arrivals, drift, write
-from m2wr_tools.slam_logs.log_sets import SETS, Faults, MadeLog, make, recipe
+from m2wr_tools.slam_logs.log_sets import RANGES, SETS, Faults, MadeLog, make, recipe
 from m2wr_tools.slam_logs.odometry import RADIUS, SEPARATION, OdometryErrors, integrate
 from m2wr_tools.slam_logs.sensing import MOUNT, LaserErrors, scans
 
 NO_SHAPES = dict(boxes=np.empty((0, 5)), pillars=np.empty((0, 3)))
 CORNERS = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0], [0.0, 0.0]])
-ROOM = FloorPlan("room", np.hstack([CORNERS[:-1], CORNERS[1:]]), np.zeros(4, bool),
+ROOM = FloorPlan("room", np.hstack([CORNERS[:-1], CORNERS[1:]]), np.zeros(len(CORNERS) - 1, bool),
                  places=np.array([[1.5, 1.5], [6.0, 1.5], [6.0, 4.5]]), **NO_SHAPES)
 
 
@@ -43,6 +44,11 @@ def test_a_stuck_robot_is_reported_and_can_back_off():
     assert before[0] - driver.pose[0] > 0.3
 
 
+def test_a_tour_follows_the_order_of_the_plan():
+    places = list(tour(replace(ROOM, in_order=True), 17.0, np.random.default_rng(1)))
+    assert np.array(places) == pytest.approx(ROOM.places[[1, 2, 0, 1, 0]])
+
+
 def still(pose, count=2):
     return Drive(0.1 * np.arange(count), np.tile(pose, (count, 1)), np.zeros((count, 2)), [])
 
@@ -63,7 +69,8 @@ def test_odometry_of_exact_wheels_agrees_with_the_pose(driven):
 
 @pytest.mark.parametrize("errors, expected", [
     (OdometryErrors(), (2.0, 1.0)), (OdometryErrors(radius=(0.1, 0.1)), (2.2, 1.1)),
-    (OdometryErrors(separation=0.25), (2.0, 0.8)), (OdometryErrors(slips=((0, 0.4),)), (2.0, 0.6))])
+    (OdometryErrors(separation=0.25), (2.0, 0.8)),
+    (OdometryErrors(slips=((0, 0.4),)), (2.0, 0.6))])
 def test_errors_of_odometry_are_those_of_the_formula(errors, expected):
     """Driving 2 m straight, then turning by 1 rad."""
     straight, turn = 2.0 / RADIUS, 0.5 * SEPARATION / RADIUS
@@ -71,6 +78,35 @@ def test_errors_of_odometry_are_those_of_the_formula(errors, expected):
                         np.linspace([straight, straight], [straight - turn, straight + turn], 11)[1:]])
     found = integrate(Drive(np.arange(21.0), np.zeros((21, 3)), wheels, [(10, 20)]), errors, np.random.default_rng(1))
     assert found[-1, [0, 2]] == pytest.approx(expected)
+
+
+def test_odometry_of_a_wrong_centre_moves_sideways_in_a_turn():
+    turn = 0.5 * math.pi * 0.5 * SEPARATION / RADIUS
+    done = Drive(np.arange(11.0), np.zeros((11, 3)), np.linspace([0.0, 0.0], [-turn, turn], 11), [])
+    found = integrate(done, OdometryErrors(centre=(0.1, 0.0)), np.random.default_rng(1))
+    assert found[-1] == pytest.approx([0.1, -0.1, 0.5 * math.pi])
+
+
+def test_a_wheel_slips_as_often_as_requested():
+    """Each burst of 3 records of 1 cm changes one wheel's distance by a quarter on average."""
+    wheels = np.linspace([0.0, 0.0], [1000.0 / RADIUS] * 2, 100001)
+    done = Drive(np.arange(100001.0), np.zeros((100001, 3)), wheels, [])
+    found = integrate(done, OdometryErrors(bursts=0.5), np.random.default_rng(1))
+    turned = np.abs(np.diff(np.unwrap(found[:, 2])))
+    assert (turned > 1e-9).sum() / 3 == pytest.approx(500, abs=70)
+    assert turned[turned > 1e-9].mean() == pytest.approx(0.25 * 0.01 / SEPARATION, rel=0.1)
+
+
+def test_a_robot_that_is_carried_measures_nothing():
+    driver = Driver(ROOM, np.array([4.0, 3.0, 0.0]), 1)
+    driver.carry(math.pi)
+    done = driver.record()
+    (begin, end), = done.carried
+    assert abs(done.poses[end, 2]) > 3.0
+    odometry = integrate(done, OdometryErrors(), np.random.default_rng(1))
+    assert odometry[begin:end + 1] == pytest.approx(np.tile(odometry[begin], (end + 1 - begin, 1)))
+    taken, _ = scans(ROOM, done, 1, LaserErrors(beams=3), np.random.default_rng(1))
+    assert not ((taken > begin) & (taken <= end)).any() and taken[-1] >= begin
 
 
 def test_encoder_steps_are_rounded_down():
@@ -109,15 +145,41 @@ def test_people_walk_and_stay_away_from_the_robot():
 def test_buildings_without_two_connected_places_are_refused():
     with pytest.raises(StuckError, match="1 places to visit; expected at least 2"):
         drive(replace(ROOM, places=ROOM.places[:1]), 10.0, np.random.default_rng(1))
-    walled = replace(ROOM, walls=np.vstack([ROOM.walls, [[3.0, 0.0, 3.0, 6.0]]]), places=ROOM.places[:2])
+    walled = replace(ROOM, walls=np.vstack([ROOM.walls, [[3.0, 0.0, 3.0, 6.0]]]), glass=np.zeros(5, bool),
+                     places=ROOM.places[:2])
     with pytest.raises(StuckError, match="no other place .* can be reached"):
         drive(walled, 10.0, np.random.default_rng(1))
 
 
-def test_sets_have_different_logs_of_the_same_kinds():
+def test_every_class_of_a_set_is_drawn_several_times():
+    for name in SETS:
+        logs = [recipe(name, number).difficulties for number in range(100)]
+        for aspect, classes in CLASSES.items():
+            counts = [sum(log[aspect] == one for log in logs) for one in classes]
+            assert sum(counts) >= 100 and min(counts) >= 100 // len(classes) - 1
+        pairs = {(log["building"], log["odometry"]) for log in logs}
+        assert len(pairs) > 35              # of 56: not always the same together
+
+
+def test_a_recipe_has_what_its_difficulties_say():
+    for log in (recipe("exam", number) for number in range(60)):
+        low, high = RANGES[log.difficulties["range"]]
+        assert low <= log.laser.range_max <= high
+        assert bool(log.laser.mount[2]) == ("yaw" in log.difficulties["mount"])
+        assert bool(log.laser.mount[0]) == bool(log.laser.mount[1]) == ("offset" in log.difficulties["mount"])
+        assert bool(log.slip) == ("misses" in log.difficulties["turn"])
+        assert bool(log.carried) == (log.difficulties["turn"] == "carried")
+        assert bool(log.faults.dropped) == ("dropped" in log.difficulties["scans"])
+        assert bool(log.faults.late) == ("late" in log.difficulties["scans"])
+        assert bool(log.glass) == ("glass" in log.difficulties["surroundings"])
+        assert bool(log.laser.people) == ("people" in log.difficulties["surroundings"])
+        assert set(real_ones(log.difficulties).items()) <= set(log.difficulties.items())
+    assert real_ones(dict(PLAIN, building="hall")) == dict(building="hall")
+
+
+def test_sets_have_different_logs():
     names = {name: [recipe(name, number) for number in range(8)] for name in SETS}
     one, other = names["development"], names["exam"]
-    assert [log.kind for log in one] == [log.kind for log in other]
     assert not {log.laser.range_max for log in one} & {log.laser.range_max for log in other}
     assert recipe("exam", 5) == other[5]
     with pytest.raises(ValueError, match="expected a number from 0 of development or exam"):
@@ -125,8 +187,8 @@ def test_sets_have_different_logs_of_the_same_kinds():
 
 
 def short(name, number):
-    """Return the recipe of a drive of a few metres in a hall."""
-    return replace(recipe(name, 1), length=4.0, name="%s_%d" % (name, number),
+    """Return the recipe of a drive of a few metres."""
+    return replace(recipe(name, 4), length=4.0, kind="hall", slip=1.0, name="%s_%d" % (name, number),
                    laser=LaserErrors(beams=90, people=1), faults=Faults(0.2, 0.05, 0.1))
 
 

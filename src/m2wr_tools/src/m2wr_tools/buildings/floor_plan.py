@@ -2,7 +2,7 @@
 """Floor plans: straight walls, boxes and pillars, with places to visit; ROS-free and without randomness."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Iterator, Tuple
 
 import numpy as np
@@ -41,6 +41,8 @@ class FloorPlan:
         Centre x y and radius [m].
     places : (N, 2) float64
         Free points in different rooms, to be visited [m].
+    in_order : bool
+        Whether a tour visits them in their order, again and again.
     """
 
     name: str
@@ -49,6 +51,7 @@ class FloorPlan:
     boxes: FloatArray
     pillars: FloatArray
     places: FloatArray
+    in_order: bool = False
 
     @property
     def bounds(self) -> Tuple[float, float, float, float]:
@@ -67,6 +70,27 @@ class FloorPlan:
         for number, (x, y, radius) in enumerate(self.pillars):
             yield "pillar_%d" % number, Cylinder(float(radius), HEIGHT), upright(x, y)
 
+    def near(self, low: FloatArray, high: FloatArray, reach: float) -> FloorPlan:
+        """Return the plan with only those parts that may be within a distance of an upright rectangle.
+
+        Parameters
+        ----------
+        low, high : (2,) float64
+            Corners of the rectangle with the least and with the greatest coordinates [m].
+        reach : float
+            [m]
+        """
+        def within(least: FloatArray, most: FloatArray) -> BoolArray:
+            return np.asarray(((least <= high + reach) & (most >= low - reach)).all(axis=1))
+
+        starts, ends, half = self.walls[:, :2], self.walls[:, 2:], 0.5 * WALL_THICKNESS
+        walls = within(np.minimum(starts, ends) - half, np.maximum(starts, ends) + half)
+        circle = 0.5 * np.hypot(self.boxes[:, 2:3], self.boxes[:, 3:4])
+        boxes = within(self.boxes[:, :2] - circle, self.boxes[:, :2] + circle)
+        pillars = within(self.pillars[:, :2] - self.pillars[:, 2:], self.pillars[:, :2] + self.pillars[:, 2:])
+        return replace(self, walls=self.walls[walls], glass=self.glass[walls], boxes=self.boxes[boxes],
+                       pillars=self.pillars[pillars])
+
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (K, 2) from the nearest surface (K,) [m]; negative inside a wall or pillar."""
         blocks = [points[begin:begin + _BLOCK] for begin in range(0, len(points), _BLOCK)]
@@ -75,7 +99,9 @@ class FloorPlan:
     def _clearance(self, points: FloatArray) -> FloatArray:
         """Return the same for points (K, 1, 2) against all parts at once."""
         walls, half = self.walls, 0.5 * WALL_THICKNESS
-        nearest = [(_segment_distance(points, walls[:, :2], walls[:, 2:]) - half).min(axis=1)]
+        nearest = [np.full(len(points), np.inf)]
+        if len(walls):
+            nearest.append((_segment_distance(points, walls[:, :2], walls[:, 2:]) - half).min(axis=1))
         if len(self.boxes):
             nearest.append(_box_distance(points, self.boxes).min(axis=1))
         if len(self.pillars):

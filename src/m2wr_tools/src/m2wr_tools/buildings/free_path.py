@@ -2,17 +2,18 @@
 """Shortest free paths through a floor plan, on a grid, with as few corners as the clearance allows."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, List
+from typing import TYPE_CHECKING, Dict, List
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
     from m2wr_tools.buildings.floor_plan import FloorPlan
 
 CELL = 0.15                 # of the grid [m]
+TILE = 40                   # cells along each side of a part of the plan that is looked at alone
 CLEARANCE = 0.45            # m2wr's farthest point from its centre of rotation, with its caster: 0.45 m
 
 
@@ -28,6 +29,13 @@ class FreeSpace:
     plan : FloorPlan
     clearance : float
         Radius of the disc [m].
+
+    Attributes
+    ----------
+    centres : (C, 2) float64
+        Of the cells [m].
+    free : (C,) bool
+        In which of them the disc fits.
     """
 
     def __init__(self, plan: FloorPlan, clearance: float = CLEARANCE) -> None:
@@ -36,14 +44,29 @@ class FreeSpace:
         self._plan, self._clearance = plan, clearance
         self._shape = int(np.ceil((x1 - x0) / CELL)), int(np.ceil((y1 - y0) / CELL))
         cells = np.stack(np.meshgrid(np.arange(self._shape[0]), np.arange(self._shape[1]), indexing="ij"), axis=-1)
-        centres = self._origin + (cells.reshape(-1, 2) + 0.5) * CELL
-        self._free = plan.clearance(centres) >= clearance
-        self._centres = centres
+        self.centres = self._origin + (cells.reshape(-1, 2) + 0.5) * CELL
+        self.free = self._where_free()
         self._graph = self._connect()
+        self._trees: Dict[int, IndexArray] = {}     # cell of a goal -> next cell on the way to it (C,), or below 0
+
+    def _where_free(self) -> BoolArray:
+        """Return in which cells (C,) the disc fits; tile by tile, against the parts near the tile only."""
+        free = np.empty(self._shape, bool)
+        centres = self.centres.reshape(*self._shape, 2)
+        for column in range(0, self._shape[0], TILE):
+            for line in range(0, self._shape[1], TILE):
+                tile = np.s_[column:column + TILE, line:line + TILE]
+                free[tile] = self._fits(centres[tile].reshape(-1, 2)).reshape(free[tile].shape)
+        return free.ravel()
+
+    def _fits(self, points: FloatArray) -> BoolArray:
+        """Return at which of some points (K, 2) the disc fits."""
+        near = self._plan.near(points.min(axis=0), points.max(axis=0), self._clearance)
+        return np.asarray(near.clearance(points) >= self._clearance)
 
     def _connect(self) -> coo_matrix:
-        numbers = np.arange(len(self._free)).reshape(self._shape)
-        free = self._free.reshape(self._shape)
+        numbers = np.arange(len(self.free)).reshape(self._shape)
+        free = self.free.reshape(self._shape)
         starts, ends, costs = [], [], []
         for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
             one = numbers[:-dx or None, max(0, -dy):numbers.shape[1] - max(0, dy)]
@@ -57,8 +80,8 @@ class FreeSpace:
 
     def _cell(self, point: FloatArray) -> int:
         """Return the free cell nearest to a point."""
-        distances = np.hypot(*(self._centres - point).T)
-        distances[~self._free] = np.inf
+        distances = np.hypot(*(self.centres - point).T)
+        distances[~self.free] = np.inf
         return int(np.argmin(distances))
 
     def path(self, start: FloatArray, goal: FloatArray) -> FloatArray:
@@ -78,14 +101,16 @@ class FreeSpace:
         ------
         NoPathError
         """
-        first, last = self._cell(start), self._cell(goal)
-        distances, before = dijkstra(self._graph, directed=False, indices=first, return_predecessors=True)
-        if not np.isfinite(distances[last]):
-            raise NoPathError("no free path from (%.2f, %.2f) to (%.2f, %.2f)" % (*start, *goal))
-        cells = [last]
-        while cells[-1] != first:
-            cells.append(int(before[cells[-1]]))
-        return self._shortcut([self._centres[cell] for cell in reversed(cells)])
+        cell, last = self._cell(start), self._cell(goal)
+        if last not in self._trees:
+            self._trees[last] = dijkstra(self._graph, directed=False, indices=last, return_predecessors=True)[1]
+        following, points = self._trees[last], [self.centres[cell]]
+        while cell != last:
+            cell = int(following[cell])
+            if cell < 0:
+                raise NoPathError("no free path from (%.2f, %.2f) to (%.2f, %.2f)" % (*start, *goal))
+            points.append(self.centres[cell])
+        return self._shortcut(points)
 
     def _shortcut(self, points: List[FloatArray]) -> FloatArray:
         """Leave out corners while the straight line stays free."""
@@ -100,4 +125,4 @@ class FreeSpace:
 
     def _is_free(self, start: FloatArray, end: FloatArray) -> bool:
         count = int(np.ceil(np.hypot(*(end - start)) / (0.5 * CELL))) + 1
-        return bool((self._plan.clearance(np.linspace(start, end, count)) >= self._clearance).all())
+        return bool(self._fits(np.linspace(start, end, count)).all())

@@ -33,6 +33,11 @@ class Rect(NamedTuple):
         """Extent along y [m]."""
         return self.y1 - self.y0
 
+    @property
+    def centre(self) -> Tuple[float, float]:
+        """Its middle (x, y) [m]."""
+        return 0.5 * (self.x0 + self.x1), 0.5 * (self.y0 + self.y1)
+
     def inset(self, distance: float) -> Rect:
         """Return the rectangle without a margin of ``distance`` [m]."""
         return Rect(self.x0 + distance, self.y0 + distance, self.x1 - distance, self.y1 - distance)

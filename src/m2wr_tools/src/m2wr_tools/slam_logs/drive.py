@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Iterator, List, Tuple
 
 import numpy as np
@@ -28,6 +28,8 @@ STUCK_TIME = 8.0            # a robot that has moved less than STUCK_WAY in so l
 STUCK_WAY = 0.05            # [m]
 BACK_OFF = 10               # records for which a stuck robot drives backwards
 STUCK_MOST = 3              # times in a drive
+SPIN_SHARE = 0.2            # of the places at which the robot turns once on the spot
+MIDDLE = (0.3, 0.6)         # share of the tour after which the robot turns on the spot in any case
 WHEELS = ("joint_right_wheel", "joint_left_wheel")      # the report's left wheel, at y > 0, has the joint named right
 
 
@@ -49,12 +51,15 @@ class Drive:
         Rotation of the left and of the right wheel since the start [rad], positive forward.
     spins : list of (int, int)
         First and last record of each full turn on the spot.
+    carried : list of (int, int)
+        First and last record while the robot was lifted and put down: its wheels and its laser measure nothing.
     """
 
     stamps: FloatArray
     poses: FloatArray
     wheels: FloatArray
     spins: List[Tuple[int, int]]
+    carried: List[Tuple[int, int]] = field(default_factory=list)
 
     @property
     def length(self) -> float:
@@ -84,8 +89,14 @@ class Driver:
         self._poses: List[Tuple[float, float, float]] = []
         self._wheels: List[Tuple[float, float]] = []
         self._spins: List[Tuple[int, int]] = []
+        self._carried: List[Tuple[int, int]] = []
         self._backed_off = 0                # records at the last time
         self._command(0.0, 0.0)
+
+    @property
+    def travelled(self) -> float:
+        """Distance travelled so far [m]."""
+        return float(np.hypot(*np.diff(np.array(self._poses)[:, :2], axis=0).T).sum())
 
     @property
     def pose(self) -> FloatArray:
@@ -122,12 +133,20 @@ class Driver:
 
     def spin(self, angle: float) -> None:
         """Turn on the spot by ``angle`` [rad]."""
+        self._spins.append(self._turn(angle))
+
+    def carry(self, angle: float) -> None:
+        """Lift the robot and put it down turned by ``angle`` [rad]."""
+        self._carried.append(self._turn(angle))
+
+    def _turn(self, angle: float) -> Tuple[int, int]:
+        """Turn by an angle [rad]; return the first and the last record of the turn."""
         begin, done, last = len(self._poses) - 1, 0.0, self._poses[-1][2]
         while abs(done) < abs(angle):
             self._command(0.0, math.copysign(TURN_RATE, angle))
             done += float(wrap(self._poses[-1][2] - last))
             last = self._poses[-1][2]
-        self._spins.append((begin, len(self._poses) - 1))
+        return begin, len(self._poses) - 1
 
     def back_off(self) -> None:
         """Drive backwards, away from what the robot is stuck at."""
@@ -138,11 +157,14 @@ class Driver:
     def record(self) -> Drive:
         """End the simulation and return what was recorded."""
         self._sim.close()
-        return Drive(np.array(self._stamps), np.array(self._poses), np.array(self._wheels), self._spins)
+        return Drive(np.array(self._stamps), np.array(self._poses), np.array(self._wheels), self._spins,
+                     self._carried)
 
 
 def tour(plan: FloorPlan, length: float, rng: np.random.Generator) -> Iterator[FloatArray]:
     """Yield places (2,) in the order of a tour: the nearest that was not visited, in turn with earlier ones.
+
+    Where the plan gives the order, the tour follows that, from the beginning again after the last place.
 
     Parameters
     ----------
@@ -154,6 +176,12 @@ def tour(plan: FloorPlan, length: float, rng: np.random.Generator) -> Iterator[F
     places = plan.places
     at, travelled, visited = 0, 0.0, [0]
     while travelled < length:
+        if plan.in_order:
+            following = (at + 1) % len(places)
+            travelled += float(np.hypot(*(places[following] - places[at])))
+            at = following
+            yield places[at]
+            continue
         left = [index for index in range(len(places)) if index not in visited]
         if left and (len(visited) < 3 or rng.random() < 0.75):
             following = min(left, key=lambda index: float(np.hypot(*(places[index] - places[at]))))
@@ -166,8 +194,8 @@ def tour(plan: FloorPlan, length: float, rng: np.random.Generator) -> Iterator[F
     yield places[0]
 
 
-def drive(plan: FloorPlan, length: float, rng: np.random.Generator) -> Drive:
-    """Drive a tour through a building; now and then the robot turns once on the spot.
+def drive(plan: FloorPlan, length: float, rng: np.random.Generator, carried: float = 0.0) -> Drive:
+    """Drive a tour through a building; now and then, and once half-way, the robot turns on the spot.
 
     Parameters
     ----------
@@ -175,6 +203,8 @@ def drive(plan: FloorPlan, length: float, rng: np.random.Generator) -> Drive:
     length : float
         Least distance [m], as the crow flies between the places.
     rng : numpy.random.Generator
+    carried : float
+        If not 0, the robot is lifted and put down turned by so much, half-way [rad].
 
     Returns
     -------
@@ -189,7 +219,8 @@ def drive(plan: FloorPlan, length: float, rng: np.random.Generator) -> Drive:
         raise StuckError("the building %s has %d places to visit; expected at least 2" % (plan.name, len(plan.places)))
     space = FreeSpace(plan)
     driver = Driver(plan, np.array([*plan.places[0], rng.uniform(-math.pi, math.pi)]), int(rng.integers(2 ** 31)))
-    reached, stuck = {tuple(plan.places[0])}, 0
+    reached, stuck, turned = {tuple(plan.places[0])}, 0, False
+    middle = length * rng.uniform(*MIDDLE)
     for place in tour(plan, length, rng):
         try:
             corners = space.path(driver.pose[:2], place)
@@ -198,8 +229,14 @@ def drive(plan: FloorPlan, length: float, rng: np.random.Generator) -> Drive:
         try:
             driver.follow(corners)
             reached.add(tuple(place))
-            if rng.random() < 0.3:
-                driver.spin(float(rng.choice([-2.0, 2.0])) * math.pi)
+            full = float(rng.choice([-2.0, 2.0])) * math.pi
+            if not turned and driver.travelled >= middle:
+                turned = True
+                driver.spin(full)
+                if carried:
+                    driver.carry(carried)
+            elif rng.random() < SPIN_SHARE:
+                driver.spin(full)
         except StuckError:
             stuck += 1
             if stuck > STUCK_MOST:

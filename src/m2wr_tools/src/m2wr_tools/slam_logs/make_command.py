@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Make laser logs with ground truth: m2wr drives through generated buildings in the simulator.
 
-For each log NAME.bag (/scan, /tf), NAME.graph (true poses), NAME.json (what it was made of) and NAME.world (the
-building) are written. `rosrun m2wr_gmapping benchmark FOLDER` maps them. Logs that are there already are kept.
+For each log NAME.bag (/scan, /tf), NAME.graph (true poses), NAME.json (its difficulties, and all that it was made of)
+and NAME.world (the building) are written. `rosrun m2wr_gmapping benchmark FOLDER` maps them. Logs that are there
+already are kept.
 
 Tune a mapper on the set `development` only, and judge it by the set `exam`: their random sequences differ.
 """
@@ -38,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("folder", help="where to write; made if it does not exist")
     made.add_argument("--set", choices=sorted(log_sets.SETS), default="development", help="default: %(default)s")
     made.add_argument("--first", type=_whole, default=0, metavar="N", help="number of the first log (%(default)s)")
-    made.add_argument("--count", type=_whole, default=20, metavar="N", help="how many (%(default)s)")
+    made.add_argument("--count", type=_whole, default=24, metavar="N", help="how many (%(default)s)")
     made.add_argument("--jobs", type=_whole, default=os.cpu_count() or 1, metavar="N",
                       help="processes (one per core)")
     return made

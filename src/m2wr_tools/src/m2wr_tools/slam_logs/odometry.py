@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
+from m2wr_gmapping.se2 import compose, inverse
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_tools.slam_logs.drive import Drive
 
 RADIUS, SEPARATION = 0.1, 0.4       # of m2wr's wheels [m]
+BURST = 3                   # records for which a wheel slips
+BURST_SHARE = 0.5           # greatest share of its distance that a slipping wheel reports too much or too little
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,10 @@ class OdometryErrors:
         Steps of the encoder in one revolution; 0: exact.
     slips : tuple of (int, float)
         Number of a turn on the spot, and by how much odometry reports less than the robot has turned [rad].
+    bursts : float
+        How often one wheel slips, per metre.
+    centre : (float, float)
+        Where odometry believes the middle of the axle, in the base frame [m].
     """
 
     radius: Tuple[float, float] = (0.0, 0.0)
@@ -38,6 +46,8 @@ class OdometryErrors:
     noise: float = 0.0
     ticks: int = 0
     slips: Tuple[Tuple[int, float], ...] = ()
+    bursts: float = 0.0
+    centre: Tuple[float, float] = (0.0, 0.0)
 
 
 def integrate(drive: Drive, errors: OdometryErrors, rng: np.random.Generator) -> FloatArray:
@@ -51,7 +61,7 @@ def integrate(drive: Drive, errors: OdometryErrors, rng: np.random.Generator) ->
     drive : Drive
     errors : OdometryErrors
     rng : numpy.random.Generator
-        For the noise.
+        For the noise and the slip.
     """
     wheels = drive.wheels
     if errors.ticks:
@@ -59,6 +69,10 @@ def integrate(drive: Drive, errors: OdometryErrors, rng: np.random.Generator) ->
         wheels = np.floor(wheels / step) * step
     travelled = np.diff(wheels, axis=0) * RADIUS * (1.0 + np.array(errors.radius))
     travelled += rng.normal(0.0, 1.0, travelled.shape) * errors.noise * np.sqrt(np.abs(travelled))
+    if errors.bursts:
+        travelled *= 1.0 + _bursts(travelled, errors.bursts, rng)
+    for begin, end in drive.carried:
+        travelled[begin:end] = 0.0
     turned = (travelled[:, 1] - travelled[:, 0]) / (SEPARATION * (1.0 + errors.separation))
     for number, missing in errors.slips:
         begin, end = drive.spins[number]
@@ -67,4 +81,25 @@ def integrate(drive: Drive, errors: OdometryErrors, rng: np.random.Generator) ->
     middle = yaw[:-1] + 0.5 * turned
     forward = travelled.mean(axis=1)
     steps = np.column_stack([forward * np.cos(middle), forward * np.sin(middle)])
-    return np.column_stack([np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), yaw])
+    poses = np.column_stack([np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), yaw])
+    centre = np.array([*errors.centre, 0.0])
+    return compose(compose(centre, poses), inverse(centre))
+
+
+def _bursts(travelled: FloatArray, rate: float, rng: np.random.Generator) -> FloatArray:
+    """Return the relative errors (K, 2) of two wheels that now and then slip for a moment, one at a time.
+
+    Parameters
+    ----------
+    travelled : (K, 2) float64
+        [m]
+    rate : float
+        How often a wheel slips [1/m].
+    rng : numpy.random.Generator
+    """
+    found = np.zeros(travelled.shape)
+    starts = np.flatnonzero(rng.random(len(travelled)) < rate * np.abs(travelled).mean(axis=1))
+    wheels, shares = rng.integers(0, 2, len(starts)), rng.uniform(-BURST_SHARE, BURST_SHARE, len(starts))
+    for start, wheel, share in zip(starts, wheels, shares):
+        found[start:start + BURST, wheel] = share
+    return found

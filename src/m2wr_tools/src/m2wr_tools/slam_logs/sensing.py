@@ -128,6 +128,8 @@ def scans(plan: FloorPlan, drive: Drive, every: int, errors: LaserErrors,
     rows = [scene.add(Cylinder(PERSON_RADIUS, HEIGHT), upright(*person.position), "person_%d" % number)
             for number, person in enumerate(people)]
     taken = np.arange(0, len(drive.stamps), every)
+    for begin, end in drive.carried:
+        taken = taken[(taken <= begin) | (taken > end)]
     sensors = compose(compose(drive.poses[taken], np.array(MOUNT)), np.array(errors.mount))
     found = np.empty((len(taken), errors.beams), np.float32)
     for index, (record, pose) in enumerate(zip(taken, sensors)):
