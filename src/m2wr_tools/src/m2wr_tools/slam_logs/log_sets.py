@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Two sets of logs by seed: one for development, one for examination only.
 
-Every log is drawn from the same distributions, its difficulties by turns.  The random sequences of the two sets have nothing in common, so that
-what was tuned on the one is judged on data that was never seen.
+Every log is drawn from the same distributions, its difficulties by turns.  The random sequences of the two sets have
+nothing in common, so that what was tuned on the one is judged on data that was never seen.
 """
 from __future__ import annotations
 
