@@ -39,6 +39,10 @@ if [ -r "$WORKSPACE/devel/lib/m2wr_sim/m2wr_sim_node" ]; then
             find src/m2wr_gmapping/src \( -name '*.nbi' -o -name '*.nbc' \) -delete
         fi
         (enter_run_environment && "$PYTHON" -m m2wr_gmapping.kernel_warm_up)
+        if [ -n "$(find src/m2wr_navigation/src -name '*.py' -newer "$CATKIN_BUILD/.m2wr_kernels" 2>&1)" ]; then
+            find src/m2wr_navigation/src \( -name '*.nbi' -o -name '*.nbc' \) -delete
+        fi
+        (enter_run_environment && "$PYTHON" -m m2wr_navigation.kernel_warm_up)
         : > "$CATKIN_BUILD/.m2wr_kernels"
     fi
 fi

@@ -11,7 +11,11 @@ from typing import Any, Dict, List
 PLANNERS: Dict[str, str] = {}
 CONTROLLERS: Dict[str, str] = {}
 RECOVERIES: Dict[str, str] = {}
-LAYERS: Dict[str, str] = {}
+LAYERS: Dict[str, str] = {
+    "costmap_2d::StaticLayer": "m2wr_navigation.costmap.static_layer:StaticLayer",
+    "costmap_2d::ObstacleLayer": "m2wr_navigation.costmap.obstacle_layer:ObstacleLayer",
+    "costmap_2d::InflationLayer": "m2wr_navigation.costmap.inflation_layer:InflationLayer",
+}
 
 
 class UnknownPluginError(ValueError):

@@ -50,6 +50,11 @@ class Costmap:
         return cls(np.full(size, cost, np.uint8), float(resolution), np.array(origin, float), frame)
 
     @property
+    def shape(self) -> Tuple[int, int]:
+        """Rows and columns."""
+        return self.costs.shape[0], self.costs.shape[1]
+
+    @property
     def rows(self) -> int:
         """Number of rows."""
         return self.costs.shape[0]

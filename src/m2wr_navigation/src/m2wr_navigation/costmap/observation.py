@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a sensor saw: points from scans and clouds, and how long they count."""
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Deque, Dict, List, Mapping, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_navigation.parameters import Parameter, flag, text
+
+if TYPE_CHECKING:
+    from m2wr_navigation.array_types import FloatArray
+
+MOST_BEAMS = 1000000
+MOST_POINTS = 5000000
+MOST_KEPT = 1000            # observations of a source, with a persistence
+_INFINITY_MARGIN = 1e-4     # m: below range_max, of a beam without return with inf_is_valid (obstacle_layer.cpp)
+
+#: Parameters of one observation source, below the layer's namespace.
+SOURCE_PARAMETERS: Dict[str, Parameter] = {
+    "topic": text("", "topic of the sensor; default: the name of the source"),
+    "sensor_frame": text("", "frame of the sensor; default: that of the message"),
+    "data_type": text("PointCloud", "PointCloud2 or LaserScan"),
+    "observation_persistence": Parameter(0.0, "s", 0.0, 1e6, "how long an observation counts; 0: until the next one"),
+    "expected_update_rate": Parameter(0.0, "s", 0.0, 1e6, "longest time between two messages; 0: any"),
+    "min_obstacle_height": Parameter(0.0, "m", -1e6, 1e6, "lower points are ignored"),
+    "max_obstacle_height": Parameter(2.0, "m", -1e6, 1e6, "higher points are ignored"),
+    "obstacle_range": Parameter(2.5, "m", 0.0, 1e6, "farther points are no obstacles"),
+    "raytrace_range": Parameter(3.0, "m", 0.0, 1e6, "cells are cleared up to this distance"),
+    "inf_is_valid": flag(False, "whether beams of infinite range are points just below range_max"),
+    "clear_no_return": flag(True, "whether LaserScan beams without return clear cells up to raytrace_range"),
+    "clearing": flag(False, "whether the sensor clears cells"),
+    "marking": flag(True, "whether the sensor marks obstacles"),
+}
+
+
+class ObservationError(ValueError):
+    """A message of a sensor cannot be used; the message says why."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Points of one message, in the frame of the costmap.
+
+    Attributes
+    ----------
+    stamp : float
+        [s]
+    sensor : (3,) float64
+        Position of the sensor [m].
+    points : (N, 3) float64
+        Where something was seen [m].
+    free_ends : (M, 3) float64
+        Ends of rays on which nothing was seen [m].
+    """
+
+    stamp: float
+    sensor: FloatArray
+    points: FloatArray
+    free_ends: FloatArray
+
+
+class Source:
+    """Buffers the observations of one sensor.
+
+    Parameters
+    ----------
+    name : str
+    values : mapping of str to object
+        Value of every one of :data:`SOURCE_PARAMETERS`.
+    """
+
+    def __init__(self, name: str, values: Mapping[str, Any]) -> None:
+        self.name = name
+        self.values: Dict[str, Any] = dict(values)
+        self.arrived = -math.inf
+        self._kept: Deque[Observation] = deque(maxlen=MOST_KEPT)
+
+    @property
+    def topic(self) -> str:
+        """Topic of the sensor."""
+        return str(self.values["topic"]) or self.name
+
+    def add(self, observation: Observation, now: float) -> None:
+        """Take an observation.
+
+        Parameters
+        ----------
+        observation : Observation
+        now : float
+            [s]
+        """
+        if self.values["observation_persistence"] <= 0.0:
+            self._kept.clear()
+        self._kept.append(observation)
+        self.arrived = now
+
+    def current(self, now: float) -> List[Observation]:
+        """Return the observations that count now; older ones are dropped."""
+        persistence = self.values["observation_persistence"]
+        newest = self._kept[-1].stamp if self._kept else 0.0
+        while persistence > 0.0 and self._kept and self._kept[0].stamp < max(now, newest) - persistence:
+            self._kept.popleft()
+        return list(self._kept)
+
+    def clear(self) -> None:
+        """Forget all observations."""
+        self._kept.clear()
+
+    def silence(self, now: float) -> float:
+        """Return for how long the sensor has been silent beyond ``expected_update_rate`` [s]; 0 if it is not late."""
+        expected = self.values["expected_update_rate"]
+        since = now - self.arrived
+        return since if expected > 0.0 and since > expected else 0.0
+
+
+def scan_points(ranges: Sequence[float], angle_min: float, increment: float, limits: Tuple[float, float],
+                values: Mapping[str, Any]) -> Tuple[FloatArray, FloatArray]:
+    """Return the end points of a scan in the sensor's frame.
+
+    Parameters
+    ----------
+    ranges : (B,) sequence of float
+        [m]
+    angle_min, increment : float
+        [rad]
+    limits : (float, float)
+        range_min and range_max of the message [m].
+    values : mapping of str to object
+        Of the source.
+
+    Returns
+    -------
+    points : (N, 3) float64
+        Of beams with range_min <= range < range_max.
+    free_ends : (M, 3) float64
+        Of beams without return, at ``raytrace_range`` or range_max, whichever is less.
+
+    Raises
+    ------
+    ObservationError
+        If the scan's geometry is not finite, or it has too many beams.
+    """
+    count, (nearest, farthest) = len(ranges), limits
+    if count > MOST_BEAMS:
+        raise ObservationError("it has {} beams; expected at most {}".format(count, MOST_BEAMS))
+    if not (math.isfinite(angle_min) and math.isfinite(increment) and farthest > 0.0 and nearest == nearest):
+        raise ObservationError("angle_min {}, angle_increment {}, range_min {}, range_max {}; expected finite angles "
+                               "and a positive range".format(angle_min, increment, nearest, farthest))
+    distances = np.array(ranges, float)
+    angles = angle_min + increment * np.arange(count)
+    no_return = (distances == math.inf) | (distances >= farthest)
+    if values["inf_is_valid"]:
+        distances = np.where(distances == math.inf, farthest - _INFINITY_MARGIN, distances)
+        no_return &= distances >= farthest
+    seen = (distances >= nearest) & (distances < farthest)
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], -1)
+    points = directions[seen] * distances[seen, None]
+    reach = min(values["raytrace_range"], farthest)
+    free = directions[no_return] * reach if values["clear_no_return"] else np.zeros((0, 3))
+    return points, free
+
+
+def cloud_points(data: bytes, shape: Tuple[int, int], steps: Tuple[int, int], offsets: Tuple[int, int, int],
+                 big_endian: bool) -> FloatArray:
+    """Return the finite points (N, 3) of a PointCloud2 whose x, y, z are 32-bit floats [m].
+
+    Parameters
+    ----------
+    data : bytes
+    shape : (height, width)
+    steps : (row_step, point_step)
+        [bytes]
+    offsets : (int, int, int)
+        Of x, y, z in a point [bytes].
+    big_endian : bool
+
+    Raises
+    ------
+    ObservationError
+        If sizes and data do not fit.
+    """
+    (height, width), (row_step, point_step) = shape, steps
+    if height * width == 0:
+        return np.zeros((0, 3))
+    if height * width > MOST_POINTS:
+        raise ObservationError("it has {} x {} points; expected at most {}".format(height, width, MOST_POINTS))
+    if point_step < max(offsets) + 4 or min(offsets) < 0 or row_step < width * point_step \
+            or len(data) < (height - 1) * row_step + width * point_step:
+        raise ObservationError("{} x {} points of {} bytes, rows of {}, x y z at {} and {} bytes of data do not fit"
+                               .format(height, width, point_step, row_step, offsets, len(data)))
+    kind = np.dtype({"names": ["x", "y", "z"], "formats": [">f4" if big_endian else "<f4"] * 3,
+                     "offsets": list(offsets), "itemsize": point_step})
+    rows: Any = np.ndarray((height, width), kind, data, 0, (row_step, point_step))
+    points = np.stack([rows[name].astype(np.float64).ravel() for name in "xyz"], -1)
+    return points[np.isfinite(points).all(-1)]
+
+
+def transformed(points: FloatArray, translation: Sequence[float], quaternion: Sequence[float]) -> FloatArray:
+    """Return points (N, 3) in another frame.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        [m]
+    translation : (3,) float
+        Of the points' frame in the other [m].
+    quaternion : (4,) float
+        Its rotation: x, y, z, w, normalised.
+    """
+    x, y, z, w = quaternion
+    rotation = np.array([
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)]])
+    return points @ rotation.T + np.asarray(translation, float)

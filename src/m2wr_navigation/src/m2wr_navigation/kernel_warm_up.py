@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Compile every kernel or load it from its cache: ``python3 -m m2wr_navigation.kernel_warm_up``."""
+from __future__ import annotations
+
+import numpy as np
+
+from m2wr_navigation import registry
+from m2wr_navigation.costmap.footprint import circle
+from m2wr_navigation.costmap.footprint_kernels import outline_cost
+from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
+from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
+from m2wr_navigation.parameters import read
+from m2wr_node.kernel_progress import KernelProgress
+
+
+def small_costmap(rolling: bool = False, overwrite: bool = False) -> LayeredCostmap:
+    """Return an updated costmap of 4 x 4 m with an obstacle, a map and inflation.
+
+    Parameters
+    ----------
+    rolling : bool
+    overwrite : bool
+        Whether obstacles replace the costs of the map.
+    """
+    costmap = LayeredCostmap("map", (4.0, 4.0), 0.1, (0.0, 0.0), rolling, True)
+    costmap.set_footprint(circle(0.2))
+    for name, given in (("StaticLayer", {"use_maximum": overwrite}),
+                        ("ObstacleLayer", {"combination_method": 0 if overwrite else 1}), ("InflationLayer", {})):
+        kind = registry.find(registry.LAYERS, name)
+        costmap.add(kind(name, read(kind.PARAMETERS, given, name)[0]))
+    static = costmap.static_layer()
+    assert static is not None
+    static.set_map(np.zeros((40, 40), np.int8), 0.1, np.zeros(3), "map")
+    source = Source("laser", read(SOURCE_PARAMETERS, {"clearing": True}, "laser")[0])
+    costmap.obstacle_layers()[0].sources["laser"] = source
+    source.add(Observation(0.0, np.array([2.0, 2.0, 0.2]), np.array([[3.0, 2.0, 0.2]]), np.zeros((0, 3))), 0.0)
+    costmap.update(np.array([2.4, 2.0, 0.0]), 0.0)      # a rolling costmap is no longer aligned with the map
+    return costmap
+
+
+def compile_costmap_kernels() -> None:
+    """Update costmaps of each kind."""
+    for rolling in (False, True):
+        costmap = small_costmap(rolling, overwrite=rolling)
+        grid = costmap.snapshot()
+        outline_cost(grid.costs, grid.resolution, grid.origin, costmap.footprint, 2.0, 2.0, 0.0)
+        costmap.clear_area(["ObstacleLayer"], np.array([2.0, 2.0, 0.0]), 1.0, True)
+
+
+def compile_kernels() -> None:
+    """Call everything once."""
+    compile_costmap_kernels()
+
+
+if __name__ == "__main__":
+    with KernelProgress("m2wr_navigation"):
+        compile_kernels()

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Points of scans and clouds; what is malformed is refused with the reason."""
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from m2wr_navigation.costmap.observation import (
+    SOURCE_PARAMETERS,
+    Observation,
+    ObservationError,
+    Source,
+    cloud_points,
+    scan_points,
+    transformed,
+)
+from m2wr_navigation.parameters import read
+
+
+def values(**given):
+    return read(SOURCE_PARAMETERS, given, "~source")[0]
+
+
+def points_of(ranges, **given):
+    return scan_points(ranges, 0.0, 0.5 * math.pi, (0.1, 5.0), values(**given))
+
+
+def test_beams_within_the_limits_become_points():
+    points, free = points_of([1.0, 2.0, 0.05, 4.9])
+    assert points == pytest.approx(np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, -4.9, 0.0]]), abs=1e-9)
+    assert len(free) == 0
+
+
+@pytest.mark.parametrize("distance", [math.inf, 5.0, 6.0])
+def test_a_beam_without_return_ends_at_the_raytrace_range(distance):
+    points, free = points_of([distance], raytrace_range=3.0)
+    assert len(points) == 0 and free == pytest.approx(np.array([[3.0, 0.0, 0.0]]))
+    assert len(points_of([distance], clear_no_return=False)[1]) == 0
+
+
+def test_with_inf_is_valid_an_infinite_beam_is_a_point():
+    points, free = points_of([math.inf], inf_is_valid=True)
+    assert points == pytest.approx(np.array([[4.9999, 0.0, 0.0]])) and len(free) == 0
+
+
+@pytest.mark.parametrize("distance", [math.nan, -math.inf, 0.0, -1.0])
+def test_other_beams_are_neither(distance):
+    points, free = points_of([distance])
+    assert len(points) == 0 and len(free) == 0
+
+
+def test_an_empty_scan_has_no_points():
+    assert [len(part) for part in points_of([])] == [0, 0]
+
+
+@pytest.mark.parametrize("change", [
+    dict(ranges=[1.0] * 1000001), dict(angle_min=math.nan), dict(increment=math.inf), dict(limits=(0.1, math.nan)),
+    dict(limits=(0.1, -1.0))])
+def test_a_scan_without_usable_geometry_is_refused(change):
+    arguments = dict(ranges=[1.0], angle_min=0.0, increment=0.1, limits=(0.1, 5.0), values=values())
+    arguments.update(change)
+    with pytest.raises(ObservationError, match="expected"):
+        scan_points(**arguments)
+
+
+@pytest.mark.parametrize("big_endian", [False, True])
+def test_points_of_a_cloud_are_read_and_those_not_finite_dropped(big_endian):
+    form = (">" if big_endian else "<") + "ffff"
+    data = struct.pack(form, 9, 1, 2, 3) + struct.pack(form, 9, math.nan, 0, 0) + struct.pack(form, 9, 4, 5, 6)
+    assert cloud_points(data, (1, 3), (48, 16), (4, 8, 12), big_endian).tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("shape, steps, offsets, size", [
+    ((1, 3), (48, 16), (0, 4, 8), 47), ((1, 3), (48, 8), (0, 4, 8), 48), ((2, 3), (10, 16), (0, 4, 8), 96),
+    ((1, 3), (48, 16), (0, 4, -4), 48), ((60000, 60000), (960000, 16), (0, 4, 8), 48)])
+def test_a_cloud_whose_sizes_do_not_fit_is_refused(shape, steps, offsets, size):
+    with pytest.raises(ObservationError):
+        cloud_points(bytes(size), shape, steps, offsets, False)
+
+
+def test_points_are_rotated_and_moved():
+    half = math.sqrt(0.5)
+    moved = transformed(np.array([[1.0, 0.0, 0.0]]), (1.0, 2.0, 3.0), (0.0, 0.0, half, half))
+    assert moved[0] == pytest.approx([1.0, 3.0, 3.0])
+
+
+def observation(stamp):
+    return Observation(stamp, np.zeros(3), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+def test_without_persistence_only_the_newest_counts():
+    source = Source("laser", values())
+    source.add(observation(1.0), 1.0)
+    source.add(observation(2.0), 2.0)
+    assert [seen.stamp for seen in source.current(100.0)] == [2.0]
+
+
+def test_with_persistence_observations_count_for_that_time():
+    source = Source("laser", values(observation_persistence=1.5))
+    for stamp in (1.0, 2.0, 3.0):
+        source.add(observation(stamp), stamp)
+    assert [seen.stamp for seen in source.current(3.0)] == [2.0, 3.0]
+    assert source.current(9.0) == []
+
+
+def test_a_source_is_late_after_its_expected_period():
+    source = Source("laser", values(expected_update_rate=0.5))
+    assert source.silence(1.0) == math.inf
+    source.add(observation(1.0), 1.0)
+    assert source.silence(1.4) == 0.0 and source.silence(1.6) == pytest.approx(0.6)
+    assert Source("laser", values()).silence(1e9) == 0.0
