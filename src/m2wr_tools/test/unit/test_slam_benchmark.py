@@ -11,8 +11,10 @@ import rosbag
 from m2wr_gmapping.se2 import between, compose
 from m2wr_tools.slam_benchmark import benchmark_command as command
 from m2wr_tools.slam_benchmark import benchmark_table as table
+from m2wr_tools.slam_benchmark import difficulty_table, log_details
 from m2wr_tools.slam_benchmark import laser_logs as logs
 from m2wr_tools.slam_benchmark import trajectory_errors as scoring
+from m2wr_tools.slam_logs import make_command
 
 ROOM = 4.0
 
@@ -154,6 +156,86 @@ def test_a_trajectory_that_is_none_is_told(folder):
         scoring.score(logs.find(str(folder))[0], str(folder / "t.txt"))
 
 
+def test_live_poses_are_measured_locally_and_at_revisits():
+    """A live pose that is 0.2 m off until a loop is closed at 30 s: local relations cross that moment for 10 s."""
+    stamps, poses = np.arange(60.0), np.zeros((60, 3))
+    truth = np.column_stack([stamps, poses])
+    live = poses + np.where(stamps < 30.0, 0.2, 0.0)[:, None] * [1.0, 0.0, 0.0]
+    found = scoring.live_errors(stamps, live, truth, "ref")
+    assert found["live_metres"] == pytest.approx(0.2 * 10 / 59)
+    far = [abs(live[i, 0] - live[j, 0]) for i in range(60) for j in range(i) if i - j > 20]
+    assert found["live_again_metres"] == pytest.approx(np.mean(far), rel=0.01)
+    pairs = np.array([[5.0, 12.0], [28.0, 32.0], [10.0, 50.0]])
+    truth = np.column_stack([pairs, np.zeros((3, 6))])
+    found = scoring.live_errors(stamps, live, truth, "relations")
+    assert found["live_metres"] == pytest.approx(0.1) and found["live_again_metres"] == pytest.approx(0.2)
+
+
+def test_live_poses_continue_with_the_odometry_since_then():
+    stamps, poses = np.array([0.0, 10.0]), np.array([[0.0, 0.0, 0.0], [7.0, 0.0, 0.0]])
+    raw = np.arange(11.0), np.column_stack([np.arange(11.0), np.zeros((11, 2))])
+    wanted = np.array([0.0, 9.0, 10.0])
+    assert scoring.poses_at(wanted, stamps, poses, raw, live=True)[:, 0] == pytest.approx([0.0, 9.0, 7.0])
+    assert scoring.poses_at(wanted, stamps, poses, raw)[:, 0] == pytest.approx([0.0, 6.0, 7.0])
+
+
+def test_odometry_alone_is_measured():
+    """Straight on for 30 m and back, with a scale of 1.1: 3 m off at the end, had it not turned by 18 degrees."""
+    stamps = np.arange(61.0)
+    x = np.concatenate([np.arange(31.0), np.arange(29.0, -1.0, -1.0)])
+    truth = np.column_stack([stamps, x, np.zeros((61, 2))])
+    wrong = truth[:, 1:].copy()
+    wrong[:, 1] = 0.05 * stamps
+    found = scoring.odometry_errors((stamps, wrong), truth, "ref")
+    assert found["odometry_drift"] == pytest.approx(3.0 / 60.0)
+    assert found["odometry_again_metres"] == pytest.approx(0.05 * 40, rel=0.1)
+
+
+def test_odometry_of_a_bag_is_that_of_its_log(folder):
+    path = str(folder / "out.bag")
+    logs.write_bag(logs.find(str(folder))[0], path)
+    stamps, poses = logs.bag_odometry(path)
+    assert stamps == pytest.approx(logs.EPOCH + np.arange(60.0)) and poses == pytest.approx(drive(), abs=1e-5)
+    with rosbag.Bag(str(folder / "empty.bag"), "w"):
+        pass
+    assert logs.bag_odometry(str(folder / "empty.bag")) is None
+
+
+# ---- what is known about a log
+
+def log_with(tmp_path, text):
+    (tmp_path / "a.bag").write_bytes(b"")
+    if text is not None:
+        (tmp_path / "a.json").write_text(text)
+    return logs.find(str(tmp_path))[0]
+
+
+def test_difficulties_and_mount_are_read(tmp_path):
+    log = log_with(tmp_path, '{"difficulties": {"scans": "late"}, "laser": {"mount": [0.01, -0.02, 0.03]}}')
+    assert log_details.read(log) == log_details.LogDetails({"scans": "late"}, (0.01, -0.02, 0.03))
+
+
+def test_a_log_without_details_has_none(tmp_path):
+    assert log_details.read(log_with(tmp_path, None)) == log_details.LogDetails()
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"difficulties": {"scans": 3}}', '{"difficulties": []}'])
+def test_details_that_cannot_be_read_are_refused(tmp_path, text):
+    with pytest.raises(logs.LogError, match="a.json"):
+        log_details.read(log_with(tmp_path, text))
+
+
+@pytest.mark.parametrize("estimate, expected", [
+    ({"laser_x": 0.03, "laser_y": 0.04, "laser_yaw": 0.2}, {"laser_metres": 0.05, "laser_degrees": math.degrees(0.1)}),
+    ({"laser_yaw": 0.1 - 2.0 * math.pi}, {"laser_degrees": 0.0}), ({"laser_x": 1.0}, {}), ({"laser_yaw": "x"}, {}),
+    (None, {}), ([], {})])
+def test_errors_of_the_estimated_mount(estimate, expected):
+    details = log_details.LogDetails({}, (0.0, 0.0, 0.1))
+    found = log_details.calibration_errors(details, {"calibration": estimate})
+    assert found == pytest.approx(expected, abs=1e-9)
+    assert log_details.calibration_errors(log_details.LogDetails(), {"calibration": estimate}) == {}
+
+
 # ---- the command
 
 def test_a_benchmark_ends_with_a_table_and_all_runs(folder, capsys):
@@ -185,7 +267,7 @@ def test_a_benchmark_that_was_ended_resumes(folder, capsys, monkeypatch):
     def run(line, **_):
         """In the place of the replay: what it wrote the first time."""
         begun.append(line)
-        for option, ending in (("--trajectory", ".txt"), ("--stats", ".json")):
+        for option, ending in (("--trajectory", ".txt"), ("--online", ".online"), ("--stats", ".json")):
             text = (folder / "kept" / ("room_report_2_1" + ending)).read_text()
             with open(line[line.index(option) + 1], "w") as stream:
                 stream.write(text)
@@ -207,7 +289,8 @@ def test_a_benchmark_that_was_ended_resumes(folder, capsys, monkeypatch):
     ([".", "--resume"], "expected --keep"),
     ([], "no folder"), (["nowhere"], "no such folder"), ([".", "--particles", "0"], "at least 1"),
     ([".", "--set", "delta"], "expected NAME=VALUE"), ([".", "--table", "none.md"], "none.md"),
-    ([".", "--json", "nowhere/all.json"], "no folder")])
+    ([".", "--json", "nowhere/all.json"], "no folder"), ([".", "--count", "3"], "expected --make"),
+    ([".", "--make", "exam", "--logs", "a"], "expected only one")])
 def test_words_that_do_not_fit_are_told_at_once(tmp_path, monkeypatch, capsys, words, told):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv(command.FOLDER_VARIABLE, raising=False)
@@ -225,6 +308,46 @@ def test_closed_loops_are_counted_for_each_set():
     assert "default, 30 particles: loops closed (mean error at revisits at most 0.3 m) in 2 of 3 runs" in text
     assert "median 0.200 m, worst 0.400 m" in text
     assert "report, 30 particles" in text and "in 1 of 1 runs" in text
+
+
+def finished(log, error, first_ms=1.0, drift=0.0, **difficulties):
+    times = dict(total_s=2.0, mean_ms=1.0, max_ms=9.0, first_ms=first_ms, last_ms=3.0)
+    statistics = dict(processScan=dict(cpu=times, wall=times), processed=100, peak_memory_mib=50.0,
+                      map_updates=dict(count=0, cpu=times), beams=3)
+    return dict(log=log, set="default", particles=30, seed=1, statistics=statistics, difficulties=difficulties,
+                score=dict(kind="ref", metres=0.1, degrees=1.0, again_metres=error, again_degrees=2.0,
+                           odometry_drift=drift))
+
+
+def test_runs_are_grouped_by_their_difficulties():
+    runs = [finished("a", 0.1, scans="late"), finished("b", 0.5, scans="late", drift=0.2), finished("c", 0.2, turn="x")]
+    lines = difficulty_table.markdown(runs).splitlines()
+    cells = {tuple(line.split(" | ")[1:3]): line.split(" | ") for line in lines[2:]}
+    assert cells[("all", "")][3:6] == ["2 of 3", "0.200 m", "0.50 m"]
+    assert cells[("odometry", "less than 10% off")][3] == "2 of 2"
+    assert cells[("scans", "late")][3:6] == ["1 of 2", "0.300 m", "0.50 m"]
+    assert cells[("turn", "x")][3] == "1 of 1"
+    assert difficulty_table.markdown([finished("a", 0.1)]) is None
+
+
+def test_growth_of_the_time_is_the_last_tenth_by_the_first():
+    run = finished("a", 0.1, first_ms=2.0)
+    assert table.growth(run["statistics"]) == pytest.approx(1.5)
+    run["statistics"]["processed"] = 10
+    assert table.growth(run["statistics"]) is None
+
+
+def test_a_set_of_logs_is_made_and_mapped(tmp_path, monkeypatch, capsys):
+    def make(words):
+        assert words == [str(tmp_path / "new"), "--set", "exam", "--count", "2"]
+        (tmp_path / "new").mkdir()
+        return 0
+
+    monkeypatch.setattr(make_command, "main", make)
+    assert command.main([str(tmp_path / "new"), "--make", "exam", "--count", "2"]) == command.FAILED
+    assert "no log exam_000" in capsys.readouterr().err       # the fake has written none
+    monkeypatch.setattr(make_command, "main", lambda _: 7)
+    assert command.main([str(tmp_path / "new"), "--make", "exam"]) == 7
 
 
 def test_a_run_that_fails_says_why(folder, capsys):

@@ -285,6 +285,7 @@ class Replay:
             refused=self.refused + self.source.odd, time_jumps=self.source.generation,
             particles=self._config["particles"], beams=len(mapper.laser.angles), seed=self._config["seed"],
             processScan=self.filter_watch.summary(), map_updates=updates, peak_memory_mib=peak_memory_mib(),
+            process_cpu_s=round(time.process_time(), 3),
             resamplings=mapper.particles.resamplings, **mapper.info())
 
 

@@ -15,10 +15,20 @@ import subprocess
 import sys
 import tempfile
 from collections import OrderedDict
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from m2wr_gmapping.io.atomic_files import write_atomically
-from m2wr_tools.slam_benchmark import benchmark_table, finished_runs, laser_logs, trajectory_errors
+from m2wr_tools.slam_benchmark import (
+    benchmark_table,
+    difficulty_table,
+    finished_runs,
+    laser_logs,
+    log_details,
+    trajectory_errors,
+)
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
 
 FOLDER_VARIABLE = "M2WR_SLAM_LOGS"
 SETS = OrderedDict((
@@ -26,6 +36,7 @@ SETS = OrderedDict((
     ("report", dict(maxUrange=6.0, maxRange=8.0, minimumScore=50, srr=0.01, srt=0.02, str=0.01, stt=0.02,
                     linearUpdate=0.5, angularUpdate=0.436)),
 ))
+MADE = OrderedDict((("development", 24), ("exam", 100)))        # set of make_logs -> number of logs
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 RUN_LIMIT = 3600.0          # time limit of a run [s]
 
@@ -57,6 +68,10 @@ def parser() -> argparse.ArgumentParser:
                                    formatter_class=argparse.RawDescriptionHelpFormatter)
     add = made.add_argument
     add("folder", nargs="?", default=os.environ.get(FOLDER_VARIABLE), help="default: $" + FOLDER_VARIABLE)
+    add("--make", choices=list(MADE), metavar="SET", help="first make the logs of a set in the folder, those that are "
+        "not there, and map only them: {}".format(" or ".join(MADE)))
+    add("--count", type=_whole(1), metavar="N", help="with --make: how many logs, from number 0 on ({})".format(
+        ", ".join("{}: {}".format(*item) for item in MADE.items())))
     add("--logs", nargs="+", metavar="NAME", help="default: all of the folder")
     add("--sets", nargs="+", choices=list(SETS), default=list(SETS), help="sets of parameters (all)")
     add("--particles", nargs="+", type=_whole(1), metavar="N", default=[30, 80], help="default: 30 80")
@@ -75,6 +90,15 @@ def parser() -> argparse.ArgumentParser:
         benchmark_table.BEGIN, benchmark_table.END))
     add("--quiet", action="store_true", help="no progress")
     return made
+
+
+def make_logs(options: argparse.Namespace) -> int:
+    """Make the logs that ``--make`` names and choose them; returns the exit code."""
+    from m2wr_tools.slam_logs import log_sets, make_command  # the simulator is slow to import
+    count = options.count or MADE[options.make]
+    code = make_command.main([options.folder, "--set", options.make, "--count", str(count)])
+    options.logs = [log_sets.recipe(options.make, number).name for number in range(count)]
+    return code
 
 
 def replay_program() -> List[str]:
@@ -96,6 +120,7 @@ class Benchmark:
         self._options, self._scratch = options, scratch
         self.results: List[Dict[str, Any]] = []
         self._converted: Optional[str] = None              # log whose bag was written
+        self._odometry: Optional[Tuple[FloatArray, FloatArray]] = None      # of that log, with its stamps
         self._program = finished_runs.program_digest()
 
     def run(self) -> List[Dict[str, Any]]:
@@ -131,6 +156,7 @@ class Benchmark:
         self._converted, laser_x = log.name, self._laser_x(log)
         if log.is_bag or not self._options.converter:
             laser_logs.write_bag(log, bag, laser_x)
+            self._odometry = laser_logs.bag_odometry(bag) if log.is_bag and log.truth else None
             return
         done = subprocess.run([sys.executable, self._options.converter, log.path, bag, "--laser-x", str(laser_x)],
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
@@ -144,6 +170,7 @@ class Benchmark:
         out = os.path.join(self._scratch, "{}_{}_{}_{}".format(log.name, name, particles, seed))
         parameters = dict(SETS[name], particles=particles, threads=self._options.threads)
         parameters.update(self._options.more)
+        details = log_details.read(log)
         inputs = [log.path, *sorted(log.truth.values())]
         depends = finished_runs.key(program=self._program, parameters=parameters, seed=seed, laser_x=self._laser_x(log),
                                     files=[finished_runs.file_mark(path) for path in inputs])
@@ -152,8 +179,9 @@ class Benchmark:
             return kept
         self._convert(log, bag)
         command = replay_program() + [
-            "--bag_filename", bag, "--seed", str(seed), "--trajectory", out + ".txt", "--map", out, "--stats",
-            out + ".json", "--quiet"] + ["_{}:={}".format(*item) for item in parameters.items()]
+            "--bag_filename", bag, "--seed", str(seed), "--trajectory", out + ".txt", "--online",
+            out + ".online", "--map", out, "--stats", out + ".json", "--quiet"]
+        command += ["_{}:={}".format(*item) for item in parameters.items()]
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
                                   timeout=RUN_LIMIT)
@@ -164,8 +192,11 @@ class Benchmark:
                 out, done.returncode, done.stdout.strip()[-1000:]))
         with open(out + ".json", encoding="utf-8") as stream:
             statistics = json.load(stream)
-        result = dict(log=log.name, set=name, particles=particles, seed=seed, statistics=statistics,
-                      score=trajectory_errors.score(log, out + ".txt"))
+        found = trajectory_errors.score(log, out + ".txt", out + ".online", self._odometry)
+        if found is not None:
+            found.update(log_details.calibration_errors(details, statistics))
+        result = dict(log=log.name, set=name, particles=particles, seed=seed, statistics=statistics, score=found,
+                      difficulties=details.difficulties)
         finished_runs.keep(out, depends, result)
         return result
 
@@ -187,7 +218,9 @@ def tell(benchmark: Benchmark, options: argparse.Namespace, put: bool) -> bool:
     bool
         Whether all files were written.
     """
-    text = benchmark_table.markdown(benchmark.results)
+    text, grouped = benchmark_table.markdown(benchmark.results), difficulty_table.markdown(benchmark.results)
+    if grouped is not None:
+        text += "\n" + grouped
     sys.stdout.write(text)
     try:
         if options.table and put:
@@ -210,7 +243,11 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         made.error("no folder: expected one on the command line or in " + FOLDER_VARIABLE)
     if options.resume and not options.keep:
         made.error("--resume: expected --keep FOLDER as well, the folder of the runs to resume")
-    if not os.path.isdir(options.folder):
+    if options.make and options.logs:
+        made.error("--logs and --make: expected only one of them")
+    if not options.make and options.count:
+        made.error("--count: expected --make as well")
+    if not options.make and not os.path.isdir(options.folder):
         made.error("{}: no such folder".format(options.folder))
     if options.table:
         try:
@@ -222,6 +259,10 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         made.error("--json {}: no folder {}".format(options.json, folder))
     if options.keep:
         os.makedirs(options.keep, exist_ok=True)
+    if options.make:
+        code = make_logs(options)
+        if code:
+            return code
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))     # child processes end and files are removed
     with tempfile.TemporaryDirectory(prefix="m2wr_gmapping_benchmark_") as scratch:
         benchmark, code = Benchmark(options, options.keep or scratch), 0

@@ -8,9 +8,10 @@ from collections import OrderedDict
 from typing import Any, Callable, Dict, Iterable, List, Optional, Tuple
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
-HEAD = ("log", "set", "particles", "beams", "processed", "CPU ms a processed scan", "wall ms", "CPU ms a map",
-        "peak MiB", "truth", "error", "loop closures", "worst seed",
-        "worst seed, loop closures")
+HEAD = ("log", "set", "particles", "processed", "CPU s a log", "CPU ms a processed scan", "end : begin", "longest ms",
+        "CPU ms a map", "peak MiB", "truth", "error", "loop closures", "worst seed, loop closures", "live, 10 s",
+        "live, loop closures", "laser", "odometry, loop closures")
+LONG = 50                   # processed scans from which the begin and the end of a run are compared
 CLOSED = 0.3                # mean error at revisits up to which loops count as closed: half a door's width [m]
 
 
@@ -21,6 +22,12 @@ def _mean(values: Iterable[Optional[float]]) -> Any:
 
 def _pair(metres: Any, degrees: Any) -> str:
     return "" if metres is None else "{:.3f} m, {:.2f}°".format(metres, degrees)
+
+
+def growth(statistics: Dict[str, Any]) -> Optional[float]:
+    """Return the CPU time of a scan in the last tenth of a run relative to the first one; None for a short run."""
+    cpu = statistics["processScan"]["cpu"]
+    return cpu["last_ms"] / cpu["first_ms"] if cpu["first_ms"] > 0.0 and statistics["processed"] >= LONG else None
 
 
 def row(runs: List[Dict[str, Any]]) -> Tuple[str, ...]:
@@ -34,15 +41,19 @@ def row(runs: List[Dict[str, Any]]) -> Tuple[str, ...]:
         return _pair(choose([a for a, _ in found]), choose([b for _, b in found])) if found else ""
 
     map_times = [entry["map_updates"]["cpu"]["mean_ms"] for entry in statistics if entry["map_updates"]["count"]]
-    return (first["log"], first["set"], str(first["particles"]), str(statistics[0]["beams"]),
+    growths = [value for value in map(growth, statistics) if value is not None]
+    return (first["log"], first["set"], str(first["particles"]),
             "{:.0f}".format(sum(entry["processed"] for entry in statistics) / count),
+            "{:.1f}".format(_mean(entry["processScan"]["cpu"]["total_s"] for entry in statistics)),
             "{:.1f}".format(_mean(entry["processScan"]["cpu"]["mean_ms"] for entry in statistics)),
-            "{:.1f}".format(_mean(entry["processScan"]["wall"]["mean_ms"] for entry in statistics)),
+            "{:.1f}".format(max(growths)) if growths else "",
+            "{:.0f}".format(max(entry["processScan"]["wall"]["max_ms"] for entry in statistics)),
             "{:.1f}".format(_mean(map_times)) if map_times else "",
             "{:.0f}".format(max(entry["peak_memory_mib"] for entry in statistics)),
             scores[0]["kind"] if scores else "none", error("metres", "degrees"),
-            error("again_metres", "again_degrees"), error("metres", "degrees", max),
-            error("again_metres", "again_degrees", max))
+            error("again_metres", "again_degrees"), error("again_metres", "again_degrees", max),
+            error("live_metres", "live_degrees"), error("live_again_metres", "live_again_degrees"),
+            error("laser_metres", "laser_degrees", max), error("odometry_again_metres", "odometry_again_degrees"))
 
 
 def closed(results: List[Dict[str, Any]]) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 PACKED = ("", ".xz", ".gz")
 EPOCH = 1000.0              # added to the stamps of a log, which may start at 0; ROS treats 0 as unset [s]
 RANGE_MIN, RANGE_MAX = 0.05, 80.0       # a beam without a return is about 81.9 m in logs
+ODOM = "odom"               # frame of odometry
 FINE_FROM = 182             # logs with at least this number of beams have a resolution of 0.5 degrees
 
 
@@ -112,6 +113,39 @@ def odometry(path: str) -> Tuple[FloatArray, FloatArray]:
     """Return stamps (K,) and raw odometry poses (K, 3) of a CARMEN log, sorted by time."""
     rows = sorted((stamp, pose) for stamp, pose, _ in records(path))
     return np.array([row[0] for row in rows]), np.array([row[1] for row in rows]).reshape(-1, 3)
+
+
+def bag_odometry(path: str) -> Optional[Tuple[FloatArray, FloatArray]]:
+    """Return stamps (K,) and poses (K, 3) of the odometry in a bag, sorted by time; None if it has none.
+
+    These are the transforms from ``odom`` to one of its children, the one that comes first.
+
+    Parameters
+    ----------
+    path : str
+
+    Raises
+    ------
+    LogError
+        If the bag cannot be read.
+    """
+    found: List[Tuple[float, float, float, float]] = []
+    child: Optional[str] = None
+    try:
+        with rosbag.Bag(path) as bag:
+            for _, message, _ in bag.read_messages(topics=["/tf"]):
+                for one in message.transforms:
+                    if one.header.frame_id.lstrip("/") != ODOM or child not in (None, one.child_frame_id):
+                        continue
+                    child, place, turn = one.child_frame_id, one.transform.translation, one.transform.rotation
+                    found.append((one.header.stamp.to_sec(), place.x, place.y, math.atan2(
+                        2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y ** 2 + turn.z ** 2))))
+    except (OSError, rosbag.ROSBagException) as error:
+        raise LogError("{}: {}".format(path, error)) from error
+    if not found:
+        return None
+    table = np.array(sorted(found))
+    return table[:, 0], table[:, 1:]
 
 
 def planar_transform(parent: str, child: str, stamp: Any, x: float, y: float, yaw: float) -> TransformStamped:

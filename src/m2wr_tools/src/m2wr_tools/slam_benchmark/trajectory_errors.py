@@ -21,6 +21,7 @@ DIRECT = 1e-3           # greatest difference of stamps between pose and scan [s
 AGAIN = 20.0            # least time between two visits of a loop closure [s]
 NEAR = 1.5              # and their greatest distance [m]
 MOST_PAIRS = 4000
+SOON = 10.0             # greatest time between the poses of a relation that measures the live pose locally [s]
 
 
 def rows(path: str, columns: int) -> FloatArray:
@@ -80,7 +81,7 @@ def nearest(stamps: FloatArray, wanted: FloatArray) -> IndexArray:
 
 
 def poses_at(wanted: FloatArray, stamps: FloatArray, poses: FloatArray,
-             raw: Optional[Tuple[FloatArray, FloatArray]] = None) -> FloatArray:
+             raw: Optional[Tuple[FloatArray, FloatArray]] = None, live: bool = False) -> FloatArray:
     """Return the poses at requested stamps; between poses of the trajectory raw odometry is used.
 
     Parameters
@@ -93,8 +94,12 @@ def poses_at(wanted: FloatArray, stamps: FloatArray, poses: FloatArray,
         Poses of the trajectory [m, m, rad].
     raw : tuple or None
         Stamps and poses of raw odometry.
+    live : bool
+        Whether odometry continues from the pose before, as for a robot that cannot know the next one.
     """
     at = nearest(stamps, wanted)
+    if live:
+        at = np.clip(np.searchsorted(stamps, wanted + DIRECT) - 1, 0, len(stamps) - 1)
     found = poses[at].copy()
     far = np.abs(stamps[at] - wanted) > DIRECT
     if raw is not None and far.any():
@@ -134,6 +139,16 @@ def against_relations(stamps: FloatArray, poses: FloatArray, relations: FloatArr
                     np.abs(relations[:, 1] - relations[:, 0]) > AGAIN)
 
 
+def _common(stamps: FloatArray, poses: FloatArray, truth: FloatArray) -> Tuple[FloatArray, FloatArray, FloatArray]:
+    """Return stamps, poses and true poses of those poses of a trajectory that have a ground truth."""
+    truth = truth[np.argsort(truth[:, 0], kind="stable")]
+    at = nearest(truth[:, 0], stamps)
+    fits = np.abs(truth[at, 0] - stamps) <= DIRECT
+    if fits.sum() < 2:
+        raise LogError("no pose of the truth is at a scan of the trajectory")
+    return stamps[fits], poses[fits], truth[at[fits], 1:4]
+
+
 def against_poses(stamps: FloatArray, poses: FloatArray, truth: FloatArray) -> Dict[str, Any]:
     """Return the mean errors (dict) against ground truth poses: of successive poses, and of loop closures.
 
@@ -151,12 +166,7 @@ def against_poses(stamps: FloatArray, poses: FloatArray, truth: FloatArray) -> D
     LogError
         If fewer than two poses of the trajectory have a ground truth.
     """
-    truth = truth[np.argsort(truth[:, 0], kind="stable")]
-    at = nearest(truth[:, 0], stamps)
-    fits = np.abs(truth[at, 0] - stamps) <= DIRECT
-    stamps, poses, true = stamps[fits], poses[fits], truth[at[fits], 1:4]
-    if len(stamps) < 2:
-        raise LogError("no pose of the truth is at a scan of the trajectory")
+    stamps, poses, true = _common(stamps, poses, truth)
     apart = np.hypot(true[:, None, 0] - true[None, :, 0], true[:, None, 1] - true[None, :, 1])
     pairs = np.argwhere(np.triu((apart < NEAR) & (np.abs(stamps[:, None] - stamps[None, :]) > AGAIN), 1))
     pairs = pairs[::max(1, -(-len(pairs) // MOST_PAIRS))]
@@ -169,7 +179,70 @@ def against_poses(stamps: FloatArray, poses: FloatArray, truth: FloatArray) -> D
     return result
 
 
-def score(log: Log, path: str) -> Optional[Dict[str, Any]]:
+def live_errors(stamps: FloatArray, poses: FloatArray, truth: FloatArray, kind: str,
+                raw: Optional[Tuple[FloatArray, FloatArray]] = None) -> Dict[str, Any]:
+    """Return the mean errors (dict) of poses as they were known at their time: within 10 s, and of loop closures.
+
+    Parameters
+    ----------
+    stamps : (K,) float64
+        Stamps of the poses [s].
+    poses : (K, 3) float64
+        [m, m, rad]
+    truth : (R, 8) or (K, 4) float64
+        Relations, or ground truth poses.
+    kind : str
+        ``relations``, ``graph`` or ``ref``.
+    raw : tuple or None
+        Stamps and poses of raw odometry.
+    """
+    if kind == "relations":
+        first, second = (poses_at(truth[:, column], stamps, poses, raw, live=True) for column in (0, 1))
+        measured, right = between(first, second), truth[:, [2, 3, 7]]
+        apart = np.abs(truth[:, 1] - truth[:, 0])
+        soon, again = apart <= SOON, apart > AGAIN
+        found = _summary(measured, right, again)
+        near = _summary(measured[soon], right[soon], again[soon]) if soon.any() else {}
+    else:
+        found = against_poses(stamps, poses, truth)
+        stamps, poses, true = _common(stamps, poses, truth)
+        last = np.searchsorted(stamps, stamps + SOON, side="right") - 1
+        pairs = last > np.arange(len(last))
+        near = _summary(between(poses, poses[last])[pairs], between(true, true[last])[pairs],
+                        np.zeros(int(pairs.sum()), bool)) if pairs.any() else {}
+    result = {"live_" + name: value for name, value in found.items() if name.startswith("again")}
+    result.update(("live_" + name, near[name]) for name in ("metres", "degrees") if name in near)
+    return result
+
+
+def odometry_errors(raw: Tuple[FloatArray, FloatArray], truth: FloatArray, kind: str) -> Dict[str, Any]:
+    """Return how wrong odometry alone is (dict): at loop closures, and at the end as a share of the length.
+
+    Parameters
+    ----------
+    raw : tuple
+        Stamps (K,) and poses (K, 3) of odometry.
+    truth : (R, 8) or (K, 4) float64
+        Relations, or ground truth poses.
+    kind : str
+        ``relations``, ``graph`` or ``ref``.
+    """
+    if kind == "relations":
+        found = against_relations(*raw, truth)
+        return {"odometry_" + name: value for name, value in found.items() if name.startswith("again")}
+    at = truth[np.argsort(truth[:, 0], kind="stable")]
+    poses = poses_at(at[:, 0], *raw)
+    found = against_poses(at[:, 0], poses, at)
+    result = {"odometry_" + name: value for name, value in found.items() if name.startswith("again")}
+    length = float(np.hypot(*np.diff(at[:, 1:3], axis=0).T).sum())
+    if length > 0.0:
+        off = between(poses[0], poses[-1]) - between(at[0, 1:], at[-1, 1:])
+        result["odometry_drift"] = float(np.hypot(off[0], off[1])) / length
+    return result
+
+
+def score(log: Log, path: str, online: Optional[str] = None,
+          recorded: Optional[Tuple[FloatArray, FloatArray]] = None) -> Optional[Dict[str, Any]]:
     """Return the errors (dict) of a trajectory file against the best ground truth of a log, with its ``kind``; or None.
 
     Parameters
@@ -177,17 +250,28 @@ def score(log: Log, path: str) -> Optional[Dict[str, Any]]:
     log : Log
         The log.
     path : str
-        File.
+        File with the final poses.
+    online : str, optional
+        File with the poses as they were known at their time; with it the result has ``live_`` errors.
+    recorded : tuple, optional
+        Stamps and poses of the odometry in a bag; with it, or for a CARMEN log, the result has ``odometry_`` errors.
     """
-    stamps, poses = trajectory(path)
-    raw = None
+    kinds = [kind for kind in ("relations", "graph", "ref") if kind in log.truth]
+    if not kinds:
+        return None
+    kind, shift, raw = kinds[0], 0.0, None
     if not log.is_bag:
-        stamps = stamps - EPOCH
-        raw = odometry(log.path)
-    for kind in ("relations", "graph", "ref"):
-        if kind not in log.truth:
-            continue
-        if kind == "relations":
-            return dict(against_relations(stamps, poses, rows(log.truth[kind], 8), raw), kind=kind)
-        return dict(against_poses(stamps, poses, rows(log.truth[kind], 4)), kind=kind)
-    return None
+        shift, raw = EPOCH, odometry(log.path)
+        recorded = raw
+    truth = rows(log.truth[kind], 8 if kind == "relations" else 4)
+    stamps, poses = trajectory(path)
+    if kind == "relations":
+        found = against_relations(stamps - shift, poses, truth, raw)
+    else:
+        found = against_poses(stamps - shift, poses, truth)
+    if online is not None:
+        stamps, poses = trajectory(online)
+        found.update(live_errors(stamps - shift, poses, truth, kind, raw))
+    if recorded is not None:
+        found.update(odometry_errors(recorded, truth, kind))
+    return dict(found, kind=kind)
