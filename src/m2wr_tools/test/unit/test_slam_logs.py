@@ -13,9 +13,9 @@ from m2wr_tools.buildings.floor_plan import WALL_THICKNESS, FloorPlan
 from m2wr_tools.slam_benchmark.trajectory_errors import rows
 from m2wr_tools.slam_logs import log_files, log_sets, make_command
 from m2wr_tools.slam_logs.difficulties import CLASSES, PLAIN, real_ones
-from m2wr_tools.slam_logs.drive import Drive, Driver, StuckError, drive, tour
+from m2wr_tools.slam_logs.drive import Drive, Driver, StuckError, Upset, drive, tour
 from m2wr_tools.slam_logs.log_files import EPOCH, arrivals, drift, write
-from m2wr_tools.slam_logs.log_sets import RANGES, SETS, Faults, MadeLog, make, recipe
+from m2wr_tools.slam_logs.log_sets import RANGES, SETS, SPARSE, Faults, MadeLog, make, recipe
 from m2wr_tools.slam_logs.odometry import RADIUS, SEPARATION, OdometryErrors, integrate
 from m2wr_tools.slam_logs.sensing import MOUNT, LaserErrors, scans
 
@@ -69,8 +69,7 @@ def test_odometry_of_exact_wheels_agrees_with_the_pose(driven):
 
 @pytest.mark.parametrize("errors, expected", [
     (OdometryErrors(), (2.0, 1.0)), (OdometryErrors(radius=(0.1, 0.1)), (2.2, 1.1)),
-    (OdometryErrors(separation=0.25), (2.0, 0.8)),
-    (OdometryErrors(slips=((0, 0.4),)), (2.0, 0.6))])
+    (OdometryErrors(separation=0.25), (2.0, 0.8))])
 def test_errors_of_odometry_are_those_of_the_formula(errors, expected):
     """Driving 2 m straight, then turning by 1 rad."""
     straight, turn = 2.0 / RADIUS, 0.5 * SEPARATION / RADIUS
@@ -99,7 +98,7 @@ def test_a_wheel_slips_as_often_as_requested():
 
 def test_a_robot_that_is_carried_measures_nothing():
     driver = Driver(ROOM, np.array([4.0, 3.0, 0.0]), 1)
-    driver.carry(math.pi)
+    driver.upset(Upset(math.pi, 1.0, carried=True))
     done = driver.record()
     (begin, end), = done.carried
     assert abs(done.poses[end, 2]) > 3.0
@@ -107,6 +106,18 @@ def test_a_robot_that_is_carried_measures_nothing():
     assert odometry[begin:end + 1] == pytest.approx(np.tile(odometry[begin], (end + 1 - begin, 1)))
     taken, _ = scans(ROOM, done, 1, LaserErrors(beams=3), np.random.default_rng(1))
     assert not ((taken > begin) & (taken <= end)).any() and taken[-1] >= begin
+
+
+def test_a_robot_that_is_pushed_still_scans():
+    driver = Driver(ROOM, np.array([4.0, 3.0, 0.0]), 1)
+    driver.upset(Upset(-2.0, 3.0, carried=False))
+    done = driver.record()
+    (begin, end), = done.pushed
+    assert done.poses[end, 2] == pytest.approx(-2.0, abs=0.2) and end - begin <= 9
+    odometry = integrate(done, OdometryErrors(), np.random.default_rng(1))
+    assert odometry[begin:end + 1] == pytest.approx(np.tile(odometry[begin], (end + 1 - begin, 1)))
+    taken, _ = scans(ROOM, done, 1, LaserErrors(beams=3), np.random.default_rng(1))
+    assert len(taken) == len(done.stamps)
 
 
 def test_encoder_steps_are_rounded_down():
@@ -167,8 +178,9 @@ def test_a_recipe_has_what_its_difficulties_say():
         assert low <= log.laser.range_max <= high
         assert bool(log.laser.mount[2]) == ("yaw" in log.difficulties["mount"])
         assert bool(log.laser.mount[0]) == bool(log.laser.mount[1]) == ("offset" in log.difficulties["mount"])
-        assert bool(log.slip) == ("misses" in log.difficulties["turn"])
-        assert bool(log.carried) == (log.difficulties["turn"] == "carried")
+        assert (log.upset is None) == (log.difficulties["turn"] == "measured")
+        assert log.upset is None or log.upset.carried == (log.difficulties["turn"] == "carried")
+        assert (log.every == SPARSE) == (log.difficulties["scans"] == "sparse")
         assert bool(log.faults.dropped) == ("dropped" in log.difficulties["scans"])
         assert bool(log.faults.late) == ("late" in log.difficulties["scans"])
         assert bool(log.glass) == ("glass" in log.difficulties["surroundings"])
@@ -188,7 +200,7 @@ def test_sets_have_different_logs():
 
 def short(name, number):
     """Return the recipe of a drive of a few metres."""
-    return replace(recipe(name, 4), length=4.0, kind="hall", slip=1.0, name="%s_%d" % (name, number),
+    return replace(recipe(name, 4), length=4.0, kind="hall", upset=Upset(1.0, 2.0, carried=False), name="%s_%d" % (name, number),
                    laser=LaserErrors(beams=90, people=1), faults=Faults(0.2, 0.05, 0.1))
 
 

@@ -218,14 +218,14 @@ def large(rng: np.random.Generator) -> Layout:
     columns, lines = int(rng.integers(3, 5)), int(rng.integers(2, 4))
     wide = rng.uniform(2.0, 2.8)
     made = _blocks(rng.uniform(0.9, 1.1, columns) * 100.0 / columns - wide,
-                   rng.uniform(0.9, 1.1, lines) * 60.0 / lines - wide, wide, 0.7, 6.0, rng)
+                   rng.uniform(0.9, 1.1, lines) * 60.0 / lines - wide, wide, 0.6, 6.0, rng)
     rooms = [room for room, corridor, solid in zip(made.rooms, made.corridor, made.solid) if not corridor and not solid]
     route: List[Point] = []
     for crossing in _walk(columns, lines, 60, rng):
         route.append(made.crossing(*crossing, wide))
         if rooms and rng.random() < 0.2:
             route.append(min(rooms, key=lambda room: float(np.hypot(*np.subtract(room.centre, route[-1])))).centre)
-    return Layout(made.free, made.walls((0.5, 0.1), rng), (0, 1), 1, tuple(route))
+    return Layout(made.free, made.walls((0.3, 0.1), rng), (0, 1), 1, tuple(route))
 
 
 def _walk(columns: int, lines: int, count: int, rng: np.random.Generator) -> List[Tuple[int, int]]:
@@ -257,7 +257,7 @@ def aisles(rng: np.random.Generator) -> Layout:
 def loops(rng: np.random.Generator) -> Layout:
     """Return a hall round two filled cores, where the robot drives round one, both and the other, again and again."""
     wide = rng.uniform(3.0, 4.5)
-    made = _blocks(rng.uniform(14.0, 26.0, 2), [rng.uniform(14.0, 26.0)], wide, 0.0, wide, rng)
+    made = _blocks(rng.uniform(14.0, 36.0, 2), [rng.uniform(14.0, 30.0)], wide, 0.0, wide, rng)
     corners = [made.crossing(column, line, wide) for line in range(2) for column in range(3)]
     route = tuple(corners[index] for index in (0, 1, 4, 3, 0, 1, 2, 5, 4, 3, 0, 1, 2, 5, 4, 1, 2, 5, 4, 3))
     return Layout(made.free, made.walls((0.0, 0.0), rng), (0, 1), 1, route)

@@ -14,7 +14,7 @@ CLASSES: Dict[str, Tuple[str, ...]] = {
     "odometry": ("calibrated", "uncalibrated", "wrong scale", "unequal wheels", "coarse encoder", "noisy",
                  "slipping wheel", "wrong centre"),
     "turn": ("measured", "measured", "measured", "misses 20 to 80 deg", "misses 80 to 180 deg", "carried"),
-    "scans": ("complete", "complete", "complete", "30 % dropped", "swapped and late"),
+    "scans": ("complete", "complete", "complete", "30 % dropped", "sparse", "swapped and late"),
     "surroundings": ("still", "still", "people", "glass", "people and glass"),
 }
 #: Classes that are no difficulty.

@@ -6,7 +6,7 @@ import math
 import os
 import tempfile
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Iterator, List, Tuple
+from typing import TYPE_CHECKING, Iterator, List, Optional, Tuple
 
 import numpy as np
 
@@ -51,20 +51,42 @@ class Drive:
         Rotation of the left and of the right wheel since the start [rad], positive forward.
     spins : list of (int, int)
         First and last record of each full turn on the spot.
+    pushed : list of (int, int)
+        First and last record while the robot was pushed and its wheels measured nothing.
     carried : list of (int, int)
-        First and last record while the robot was lifted and put down: its wheels and its laser measure nothing.
+        First and last record while the robot was lifted and put down: its wheels and its laser measured nothing.
     """
 
     stamps: FloatArray
     poses: FloatArray
     wheels: FloatArray
     spins: List[Tuple[int, int]]
+    pushed: List[Tuple[int, int]] = field(default_factory=list)
     carried: List[Tuple[int, int]] = field(default_factory=list)
 
     @property
     def length(self) -> float:
         """Distance travelled [m]."""
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
+
+
+@dataclass(frozen=True)
+class Upset:
+    """A turn on the spot that odometry does not notice.
+
+    Attributes
+    ----------
+    angle : float
+        [rad]
+    rate : float
+        Of the turn [rad/s].
+    carried : bool
+        Whether the robot is lifted; if not, it is pushed, and its laser measures on.
+    """
+
+    angle: float
+    rate: float
+    carried: bool
 
 
 class Driver:
@@ -89,6 +111,7 @@ class Driver:
         self._poses: List[Tuple[float, float, float]] = []
         self._wheels: List[Tuple[float, float]] = []
         self._spins: List[Tuple[int, int]] = []
+        self._pushed: List[Tuple[int, int]] = []
         self._carried: List[Tuple[int, int]] = []
         self._backed_off = 0                # records at the last time
         self._command(0.0, 0.0)
@@ -133,17 +156,17 @@ class Driver:
 
     def spin(self, angle: float) -> None:
         """Turn on the spot by ``angle`` [rad]."""
-        self._spins.append(self._turn(angle))
+        self._spins.append(self._turn(angle, TURN_RATE))
 
-    def carry(self, angle: float) -> None:
-        """Lift the robot and put it down turned by ``angle`` [rad]."""
-        self._carried.append(self._turn(angle))
+    def upset(self, upset: Upset) -> None:
+        """Be pushed or carried."""
+        (self._carried if upset.carried else self._pushed).append(self._turn(upset.angle, upset.rate))
 
-    def _turn(self, angle: float) -> Tuple[int, int]:
-        """Turn by an angle [rad]; return the first and the last record of the turn."""
+    def _turn(self, angle: float, rate: float) -> Tuple[int, int]:
+        """Turn by an angle [rad] at a rate [rad/s]; return the first and the last record of the turn."""
         begin, done, last = len(self._poses) - 1, 0.0, self._poses[-1][2]
-        while abs(done) < abs(angle):
-            self._command(0.0, math.copysign(TURN_RATE, angle))
+        while abs(done) < abs(angle) - 0.5 * PERIOD * rate:
+            self._command(0.0, math.copysign(rate, angle))
             done += float(wrap(self._poses[-1][2] - last))
             last = self._poses[-1][2]
         return begin, len(self._poses) - 1
@@ -158,7 +181,7 @@ class Driver:
         """End the simulation and return what was recorded."""
         self._sim.close()
         return Drive(np.array(self._stamps), np.array(self._poses), np.array(self._wheels), self._spins,
-                     self._carried)
+                     self._pushed, self._carried)
 
 
 def tour(plan: FloorPlan, length: float, rng: np.random.Generator) -> Iterator[FloatArray]:
@@ -194,7 +217,7 @@ def tour(plan: FloorPlan, length: float, rng: np.random.Generator) -> Iterator[F
     yield places[0]
 
 
-def drive(plan: FloorPlan, length: float, rng: np.random.Generator, carried: float = 0.0) -> Drive:
+def drive(plan: FloorPlan, length: float, rng: np.random.Generator, upset: Optional[Upset] = None) -> Drive:
     """Drive a tour through a building; now and then, and once half-way, the robot turns on the spot.
 
     Parameters
@@ -203,8 +226,8 @@ def drive(plan: FloorPlan, length: float, rng: np.random.Generator, carried: flo
     length : float
         Least distance [m], as the crow flies between the places.
     rng : numpy.random.Generator
-    carried : float
-        If not 0, the robot is lifted and put down turned by so much, half-way [rad].
+    upset : Upset, optional
+        Half-way, after a turn on the spot.
 
     Returns
     -------
@@ -233,8 +256,8 @@ def drive(plan: FloorPlan, length: float, rng: np.random.Generator, carried: flo
             if not turned and driver.travelled >= middle:
                 turned = True
                 driver.spin(full)
-                if carried:
-                    driver.carry(carried)
+                if upset is not None:
+                    driver.upset(upset)
             elif rng.random() < SPIN_SHARE:
                 driver.spin(full)
         except StuckError:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Dict, Tuple
+from typing import TYPE_CHECKING, Dict, Optional, Tuple
 
 import numpy as np
 
 from m2wr_tools.buildings.generators import generate
 from m2wr_tools.slam_logs.difficulties import draw
-from m2wr_tools.slam_logs.drive import drive
+from m2wr_tools.slam_logs.drive import Upset, drive
 from m2wr_tools.slam_logs.odometry import OdometryErrors, integrate
 from m2wr_tools.slam_logs.sensing import LaserErrors, scans
 
@@ -27,7 +27,7 @@ SETS = {"development": 1, "exam": 2}        # first words of the random seed
 #: Length of a tour, as the crow flies [m], and records for each scan: 5 Hz, less in longer tours.
 TOURS = {"house": ((30.0, 80.0), 2), "hall": ((80.0, 200.0), 3), "office": ((80.0, 220.0), 3),
          "corridors": ((80.0, 220.0), 3), "aisles": ((120.0, 250.0), 3), "loops": ((250.0, 400.0), 4),
-         "large": ((280.0, 400.0), 4)}
+         "large": ((400.0, 560.0), 5)}
 #: Of lasers: from small indoor ones to SICK's LMS [m].
 RANGES = {"6 to 8 m": (6.0, 8.0), "8 to 30 m": (8.0, 30.0), "30 to 80 m": (30.0, 80.0)}
 #: Field of view [rad] and beams of common lasers.
@@ -38,9 +38,12 @@ MOUNT_OFFSET = (0.01, 0.05)         # least and greatest error of a wrong mount,
 MOUNT_YAW = (math.radians(0.3), math.radians(2.0))      # [rad]
 PEOPLE = (2, 8)             # least and greatest number of people
 GLASS = (0.05, 0.25)        # share of the walls that are of glass
+#: Angles of turns that odometry does not notice [rad], and their rate [rad/s].
 TURNS = {"misses 20 to 80 deg": (math.radians(20.0), math.radians(80.0)),
-         "misses 80 to 180 deg": (math.radians(80.0), math.pi)}
-CARRIED = (math.radians(160.0), math.radians(200.0))    # by how much a robot is turned that is lifted [rad]
+         "misses 80 to 180 deg": (math.radians(80.0), math.radians(180.0)),
+         "carried": (math.radians(160.0), math.radians(200.0))}
+UPSET_RATE = (1.0, 3.0)
+SPARSE = 10                 # records for each scan: 1 Hz
 DROPPED = (0.25, 0.35)      # share of the scans
 SWAPPED, LATE = 0.05, 0.1   # share of the scans
 
@@ -82,10 +85,8 @@ class Recipe:
         Probability that a wall is of glass.
     laser : LaserErrors
     odometry : OdometryErrors
-    slip : float
-        Of a full turn on the spot, what odometry does not report [rad].
-    carried : float
-        By how much the robot is turned while it is lifted [rad].
+    upset : Upset or None
+        A turn that odometry does not notice.
     faults : Faults
     """
 
@@ -97,8 +98,7 @@ class Recipe:
     glass: float
     laser: LaserErrors
     odometry: OdometryErrors
-    slip: float
-    carried: float
+    upset: Optional[Upset]
     faults: Faults
 
 
@@ -197,13 +197,16 @@ def recipe(name: str, number: int) -> Recipe:
     length, every = TOURS[kind]
     laser, odometry = _laser(classes, rng), _odometry(classes["odometry"], rng)
     glass = rng.uniform(*GLASS) if "glass" in classes["surroundings"] else 0.0
-    slip = _signed(TURNS[classes["turn"]], rng) if classes["turn"] in TURNS else 0.0
-    carried = rng.uniform(*CARRIED) if classes["turn"] == "carried" else 0.0
+    upset = None
+    if classes["turn"] in TURNS:
+        upset = Upset(_signed(TURNS[classes["turn"]], rng), rng.uniform(*UPSET_RATE), classes["turn"] == "carried")
+    if classes["scans"] == "sparse":
+        every = SPARSE
     late = classes["scans"] == "swapped and late"
     faults = Faults(rng.uniform(*DROPPED) if classes["scans"] == "30 % dropped" else 0.0, SWAPPED if late else 0.0,
                     LATE if late else 0.0)
     return Recipe("%s_%03d_%s" % (name, number, kind), kind, classes, rng.uniform(*length), every, glass, laser,
-                  odometry, slip, carried, faults)
+                  odometry, upset, faults)
 
 
 def make(name: str, number: int) -> MadeLog:
@@ -227,11 +230,6 @@ def make(name: str, number: int) -> MadeLog:
     # one sequence each, so that a change of one part leaves the others as they are
     building, way, wheels, sensor = (np.random.default_rng([SETS[name], number, part]) for part in range(1, 5))
     plan = generate(wanted.kind, building, wanted.glass)
-    done = drive(plan, wanted.length, way, wanted.carried)
-    errors = wanted.odometry
-    if wanted.slip and done.spins:
-        half = len(done.stamps) // 2
-        middle = min(range(len(done.spins)), key=lambda number: abs(done.spins[number][0] - half))
-        errors = replace(errors, slips=((middle, wanted.slip),))
+    done = drive(plan, wanted.length, way, wanted.upset)
     taken, ranges = scans(plan, done, wanted.every, wanted.laser, sensor)
-    return MadeLog(wanted, plan, done, integrate(done, errors, wheels), taken, ranges)
+    return MadeLog(wanted, plan, done, integrate(done, wanted.odometry, wheels), taken, ranges)

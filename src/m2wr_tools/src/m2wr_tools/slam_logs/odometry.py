@@ -33,8 +33,6 @@ class OdometryErrors:
         Standard deviation of the distance of one wheel [m], per square root of a metre.
     ticks : int
         Steps of the encoder in one revolution; 0: exact.
-    slips : tuple of (int, float)
-        Number of a turn on the spot, and by how much odometry reports less than the robot has turned [rad].
     bursts : float
         How often one wheel slips, per metre.
     centre : (float, float)
@@ -45,7 +43,6 @@ class OdometryErrors:
     separation: float = 0.0
     noise: float = 0.0
     ticks: int = 0
-    slips: Tuple[Tuple[int, float], ...] = ()
     bursts: float = 0.0
     centre: Tuple[float, float] = (0.0, 0.0)
 
@@ -71,12 +68,9 @@ def integrate(drive: Drive, errors: OdometryErrors, rng: np.random.Generator) ->
     travelled += rng.normal(0.0, 1.0, travelled.shape) * errors.noise * np.sqrt(np.abs(travelled))
     if errors.bursts:
         travelled *= 1.0 + _bursts(travelled, errors.bursts, rng)
-    for begin, end in drive.carried:
+    for begin, end in drive.pushed + drive.carried:
         travelled[begin:end] = 0.0
     turned = (travelled[:, 1] - travelled[:, 0]) / (SEPARATION * (1.0 + errors.separation))
-    for number, missing in errors.slips:
-        begin, end = drive.spins[number]
-        turned[begin:end] -= missing / (end - begin)
     yaw = np.concatenate([[0.0], np.cumsum(turned)])
     middle = yaw[:-1] + 0.5 * turned
     forward = travelled.mean(axis=1)
