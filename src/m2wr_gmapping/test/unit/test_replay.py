@@ -177,6 +177,33 @@ def test_single_scans_of_other_time_or_laser_are_skipped(tmp_path, ring, laser, 
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
 
 
+def test_late_scans_in_a_row_are_no_time_jump(tmp_path, ring, laser, caplog):
+    """As over a bad radio link: transforms arrive in time, three scans after scans 2 s newer."""
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+
+    def late(messages):
+        kept, place = [], 0
+        for topic, message, stamp in messages:
+            place += topic == "/scan"
+            if topic == "/scan" and place in (30, 31, 32):
+                kept.append((topic, message, stamp + rospy.Duration(2.05)))
+            else:
+                yield topic, message, stamp
+            while kept and kept[0][2] <= stamp:
+                yield kept.pop(0)
+    rewrite(tmp_path / "drive.bag", late)
+    code, stats = run(tmp_path, "--trajectory", str(tmp_path / "late"))
+    assert len(truth) > 54
+    assert code == 0 and (stats["time_jumps"], stats["refused"]) == (0, 3) and "skipped 3 of" in caplog.text
+
+
+def test_scan_far_ahead_at_the_begin_is_skipped(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    add_scans(tmp_path / "drive.bag", lambda number, _: ("laser", rospy.Time(10**6)) if number == 1 else None)
+    code, stats = run(tmp_path)
+    assert code == 0 and stats["processed"] > 5 and stats["refused"] <= 2
+
+
 def test_single_scan_far_ahead_is_skipped(tmp_path, ring, laser):
     truth = write_bag(tmp_path / "drive.bag", ring, laser)
     run(tmp_path, "--trajectory", str(tmp_path / "once"))

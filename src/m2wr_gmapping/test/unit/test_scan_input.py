@@ -174,6 +174,15 @@ def test_two_old_stamps_are_a_time_jump(intake):
     assert intake.generation == 1
 
 
+def test_late_scans_in_a_row_are_no_time_jump(intake):
+    """As over a bad radio link: transforms arrive in time, some scans 1 to 2 s late."""
+    taken = stamps_taken(intake, [100.0 + 0.1 * k for k in range(30)])
+    for at in (101.0, 101.1, 101.2):
+        intake.on_scan(waiting_scan("laser", at))
+    assert stamps_taken(intake, [103.0]) == [103.0] and len(taken) == 30
+    assert intake.generation == 0 and intake.lost == {OUT_OF_ORDER: 3}
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_scan_from_the_future_does_not_block_the_queue(intake, first):
     intake.on_transforms(TFMessage([transform("odom", "laser", 10.0)]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Detection of single transforms far ahead of time: one of them would remove all others from a buffer."""
+"""What the stamps of transforms say: single ones far ahead of time, and whether time has jumped back."""
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Dict, Set
@@ -46,3 +46,36 @@ class FarAhead:
         """Reset after a jump in time."""
         self._newest.clear()
         self._suspects.clear()
+
+
+class LatestStamps:
+    """The newest and the last stamp of each frame's transforms: together they say whether time has jumped back.
+
+    Scans alone do not: two of them that arrive late look like a jump.
+    """
+
+    def __init__(self) -> None:
+        self._newest: Dict[str, int] = {}       # [ns], by child frame
+        self._last: Dict[str, int] = {}
+
+    def put(self, child: str, stamp: genpy.Time) -> None:
+        """Take a transform that is not static.
+
+        Parameters
+        ----------
+        child : str
+            Its child frame.
+        stamp : genpy.Time
+        """
+        now = stamp.to_nsec()
+        self._last[child] = now
+        self._newest[child] = max(now, self._newest.get(child, now))
+
+    def allow_jump(self) -> bool:
+        """Return whether the last transform of a frame is older than one before, or there are no transforms."""
+        return not self._last or any(self._newest[child] - last > 1e9 * JUMP for child, last in self._last.items())
+
+    def forget(self) -> None:
+        """Reset after a jump in time."""
+        self._newest.clear()
+        self._last.clear()

@@ -12,7 +12,7 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.frontend.scan import transform_parts
-from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
+from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 TF, TF_STATIC = "/tf", "/tf_static"
 GAP = 3600.0            # greatest valid time between two transforms of one frame [s]
+MOST_ODD = 20           # scans that look like a jump back in time and are kept until transforms confirm it
 PATIENCE = 30.0         # greatest delay of a transform behind its scan, in bag time [s]
 
 
@@ -65,9 +66,10 @@ class ScanSource:
         self._waiting: Deque[LaserScan] = deque()
         self._newest = 0.0
         self._newest_of: Dict[str, int] = {}        # child frame -> its newest stamp [ns]
+        self._stamps = LatestStamps()
         self._old: List[TransformStamped] = []      # transforms since the last scan that are older than earlier ones
         self._last: Optional[genpy.Time] = None             # stamp of the newest scan
-        self._odd: Optional[LaserScan] = None               # the last scan, if it looked like a jump back
+        self._odd: List[LaserScan] = []         # the last scans, if they looked like a jump back
         self._before_last: Optional[genpy.Time] = None      # stamp of the scan before the newest
         self._begun = False             # whether a scan of this run was yielded
         self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
@@ -100,14 +102,14 @@ class ScanSource:
                 self._waiting.popleft()
                 if pair:
                     yield pair
-        self.odd += self._odd is not None
+        self.odd += len(self._odd)
         while self._waiting:
             pair = self._ready(self._waiting.popleft(), None)
             if pair:
                 yield pair
 
     def _put(self, scan: LaserScan) -> None:
-        """Queue a scan; the second one in a row that is much older starts a new run."""
+        """Queue a scan; the second one in a row that is much older starts a new run, if transforms are older too."""
         stamp = scan.header.stamp
         fault = fault_of(scan.header)
         if fault:
@@ -117,17 +119,27 @@ class ScanSource:
             self.odd += 1
             self._last = self._before_last
         if self._last is not None and (self._last - stamp).to_sec() > JUMP:
-            if self._odd is None or stamp < self._odd.header.stamp:
-                self.odd += self._odd is not None
-                self._odd = scan
+            older = not self._begun or self._stamps.allow_jump()
+            if not self._odd or stamp < self._odd[-1].header.stamp or not older:
+                self._keep_odd(scan)
                 return
-            self._jump(self._last, stamp)
-            self._waiting.append(self._odd)
-        elif self._odd is not None:
-            self.odd += 1
-        self._odd, self._before_last, self._last = None, self._last, stamp
+            self._jump(self._last, self._odd[0].header.stamp)
+            self._waiting.extend(self._odd)
+        else:
+            self.odd += len(self._odd)
+        self._odd, self._before_last, self._last = [], self._last, stamp
         self._old.clear()
         self._waiting.append(scan)
+
+    def _keep_odd(self, scan: LaserScan) -> None:
+        """Keep a scan that is much older than the one before until it is clear whether time has jumped back."""
+        if self._odd and scan.header.stamp < self._odd[-1].header.stamp:
+            self.odd += len(self._odd)
+            self._odd = []
+        elif len(self._odd) == MOST_ODD:
+            self.odd += 1
+            self._odd.pop(0)
+        self._odd.append(scan)
 
     def _is_far_ahead_of(self, stamp: genpy.Time) -> bool:
         """Whether only the newest scan, which still waits, is far ahead of this one."""
@@ -144,6 +156,7 @@ class ScanSource:
         self._newest_of.clear()
         self._buffer.clear()
         self._far_ahead.forget()
+        self._stamps.forget()
         for transform in self._old:
             self._put_transform(transform)
 
@@ -166,6 +179,7 @@ class ScanSource:
             child, stamp = transform.child_frame_id, transform.header.stamp.to_nsec()
             if stamp + 1e9 * JUMP < self._newest_of.get(child, 0):
                 self._old.append(transform)
+            self._stamps.put(child, transform.header.stamp)
             self._newest_of[child] = max(stamp, self._newest_of.get(child, 0))
             self._put_transform(transform)
 

@@ -12,7 +12,7 @@ import rospy
 import tf2_ros
 
 from m2wr_gmapping.frontend.scan import transform_parts
-from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead
+from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
 from m2wr_gmapping.ros.missing_inputs import usual_source
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
@@ -90,7 +90,7 @@ class Intake:
                  publishes: Callable[[], bool] = lambda: False) -> None:
         self._odom, self._limit, self._map, self._publishes = odom_frame, limit, map_frame, publishes
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
-        self._far_ahead = FarAhead(BUFFER)
+        self._far_ahead, self._stamps = FarAhead(BUFFER), LatestStamps()
         self._news = threading.Condition()
         self._waiting: Deque[_Waiting] = deque()
         self._frames: Set[str] = set()
@@ -171,6 +171,7 @@ class Intake:
                 rospy.logwarn_throttle(10.0, "transform %s -> %s at %.3f ignored: far ahead of the one before" % (
                     parent, child, stamp.to_sec()))
             else:
+                self._stamps.put(child, stamp)
                 self._buffer.set_transform(transform, "tf")
         except tf2_ros.TransformException as error:
             rospy.logwarn_throttle(10.0, "transform %s -> %s refused: %s" % (parent, child, error))
@@ -192,10 +193,11 @@ class Intake:
             if last is None and self._waiting:
                 last = self._waiting[-1].stamp
             if last is not None and (last - stamp).to_sec() > JUMP:
-                if self._odd_stamp is None or stamp <= self._odd_stamp:
+                older = self._taken_stamp is None or self._stamps.allow_jump()
+                if self._odd_stamp is None or stamp <= self._odd_stamp or not older:
                     self._odd_stamp = stamp
-                    self._lose(OUT_OF_ORDER, 1, "scan at %.3f dropped: the last one was at %.3f; a second such scan is "
-                               "a jump back in time" % (stamp.to_sec(), last.to_sec()))
+                    self._lose(OUT_OF_ORDER, 1, "scan at %.3f dropped: the last one was at %.3f; time has jumped back "
+                               "if the next scans and transforms are older too" % (stamp.to_sec(), last.to_sec()))
                     return
                 self._jumped("the scans' stamps have", last, stamp, self._taken_stamp is not None)
             self._odd_stamp = None
@@ -245,6 +247,7 @@ class Intake:
         self._waiting.clear()
         self._buffer.clear()
         self._far_ahead.forget()
+        self._stamps.forget()
         self._taken_stamp = self._odd_stamp = self._blocked_since = None
         self._time_before, self._present, self._ignore_old_until = before, now, time.monotonic() + OLD_MESSAGES
         rospy.logwarn("%s jumped back from %.3f to %.3f: transforms and waiting scans are dropped%s", what,
