@@ -200,8 +200,9 @@ def test_sets_have_different_logs():
 
 def short(name, number):
     """Return the recipe of a drive of a few metres."""
-    return replace(recipe(name, 4), length=4.0, kind="hall", upset=Upset(1.0, 2.0, carried=False), name="%s_%d" % (name, number),
-                   laser=LaserErrors(beams=90, people=1), faults=Faults(0.2, 0.05, 0.1))
+    return replace(recipe(name, 4), length=4.0, kind="hall", name="%s_%d" % (name, number),
+                   upset=Upset(1.0, 2.0, carried=False), laser=LaserErrors(beams=90, people=1),
+                   faults=Faults(0.2, 0.05, 0.1))
 
 
 def test_a_log_is_repeated_to_the_byte(tmp_path, monkeypatch):
