@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from m2wr_navigation import registry
+from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import circle
 from m2wr_navigation.costmap.footprint_kernels import outline_cost
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
 from m2wr_navigation.parameters import read
+from m2wr_navigation.planners import potential_search, visibility_kernels
 from m2wr_node.kernel_progress import KernelProgress
 
 
@@ -47,9 +49,23 @@ def compile_costmap_kernels() -> None:
         costmap.clear_area(["ObstacleLayer"], np.array([2.0, 2.0, 0.0]), 1.0, True)
 
 
+def compile_planner_kernels() -> None:
+    """Plan with each kind of search, on a small grid and on a large one; wake the reasons of failures, too."""
+    start, goal = np.array([0.5, 0.5, 0.0]), np.array([3.0, 3.0, 0.0])
+    for side in (64, potential_search.SIDE):
+        costmap = Costmap.filled((side, side), 0.1, (0.0, 0.0), 0)
+        costmap.costs[10:20, 15], costmap.costs[30, 30] = 254, 254
+        costmap.costs[5, 5] = 253
+        for name in ("NavfnROS", "AStar", "ThetaStar"):
+            kind = registry.find(registry.PLANNERS, name)
+            kind(read(kind.PARAMETERS, {}, name)[0]).plan(costmap, start, goal, 0.3)
+    visibility_kernels.shortest(costmap.costs[:40, :40] // 254, (1, 1), (38, 38))
+
+
 def compile_kernels() -> None:
     """Call everything once."""
     compile_costmap_kernels()
+    compile_planner_kernels()
 
 
 if __name__ == "__main__":

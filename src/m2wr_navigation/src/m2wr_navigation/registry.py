@@ -8,7 +8,13 @@ from __future__ import annotations
 import importlib
 from typing import Any, Dict, List
 
-PLANNERS: Dict[str, str] = {}
+PLANNERS: Dict[str, str] = {
+    "navfn/NavfnROS": "m2wr_navigation.planners.navfn:Navfn",
+    "global_planner/GlobalPlanner": "m2wr_navigation.planners.grid_search:GlobalPlanner",
+    "carrot_planner/CarrotPlanner": "m2wr_navigation.planners.carrot:Carrot",
+    "m2wr_navigation/AStar": "m2wr_navigation.planners.grid_search:AStar",
+    "m2wr_navigation/ThetaStar": "m2wr_navigation.planners.grid_search:ThetaStar",
+}
 CONTROLLERS: Dict[str, str] = {}
 RECOVERIES: Dict[str, str] = {}
 LAYERS: Dict[str, str] = {

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Nothing is compiled once the kernels are warm, so that no node compiles while it drives."""
 import numpy as np
+import pytest
 
+from m2wr_navigation import registry
 from m2wr_navigation.costmap.observation import Observation
 from m2wr_navigation.kernel_warm_up import compile_kernels, small_costmap
 from m2wr_node.kernel_progress import kernels
+from planner_grids import grid, planner, pose
 
 
 def compiled():
@@ -20,4 +23,20 @@ def test_costmaps_compile_nothing_after_the_warm_up():
     costmap.obstacle_layers()[0].sources["laser"].add(seen, 1.0)
     costmap.update(np.array([2.5, 2.0, 1.0]), 1.0)
     costmap.reset()
+    assert compiled() == before
+
+
+@pytest.mark.parametrize("name", sorted(set(registry.PLANNERS) - {"carrot_planner/CarrotPlanner"}))
+@pytest.mark.parametrize("side", [60, 1100])
+def test_planners_compile_nothing_after_the_warm_up(name, side):
+    compile_kernels()
+    before = compiled()
+    costs = np.zeros((side, side), np.uint8)
+    costs[20:30, 25:30] = 254
+    made, start, goal = planner(name), pose(5, 5), pose(50, 50)
+    assert made.plan(grid(costs), start, goal).reason == ""
+    costs[50, 50], costs[5, 5] = 254, 253
+    assert made.plan(grid(costs), start, goal, 0.2).reason == ""
+    costs[:, 40] = 254
+    assert made.plan(grid(costs), start, goal, 0.2).reason
     assert compiled() == before

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every planner finds paths that are free and not much longer than the shortest one, or says why there is none."""
+import math
+import re
+
+import numpy as np
+import pytest
+
+from m2wr_navigation.planners.visibility_kernels import shortest
+from planner_grids import RESOLUTION, blocks, costs_along, grid, inflated, planner, pose
+
+#: name: greatest length over the exact optimum, on grids without inflation. Of A* on eight neighbours: sec(pi / 8).
+RATIOS = {"NavfnROS": 1.04, "AStar": 1.083, "ThetaStar": 1.02, "GlobalPlanner": 1.04}
+SEARCHING = sorted(RATIOS)
+SIZE = 90
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("name", SEARCHING)
+def test_a_path_is_free_and_nearly_as_short_as_the_optimum(name, seed):
+    costs = blocks(SIZE, 25, seed)
+    costmap, start, goal = grid(costs), pose(1, 1), pose(SIZE - 2, SIZE - 2, 1.0)
+    plan = planner(name).plan(costmap, start, goal)
+    best = shortest((costs == 254).astype(np.uint8), (1, 1), (SIZE - 2, SIZE - 2))[1] * RESOLUTION
+    assert plan.reason == "" and best < math.inf
+    assert plan.poses[0, :2] == pytest.approx(start[:2]) and plan.poses[-1] == pytest.approx(goal)
+    assert (costs_along(costmap, plan.poses) < 253).all()
+    assert best * 0.999 <= plan.length <= best * RATIOS[name]
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_a_path_keeps_away_from_obstacles_where_there_is_room(name):
+    costs = np.zeros((60, 60), np.uint8)
+    costs[25:35, :30] = 254
+    costmap = grid(inflated(costs))
+    plan = planner(name).plan(costmap, pose(10, 5), pose(50, 5))
+    assert plan.reason == "" and costs_along(costmap, plan.poses).max() < 200
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_a_path_through_a_maze_may_be_much_longer_than_the_map(name):
+    costs = np.zeros((61, 61), np.uint8)
+    for k, row in enumerate(range(4, 60, 4)):
+        costs[row, 3 * (k % 2):61 - 3 * ((k + 1) % 2)] = 254
+    plan = planner(name).plan(grid(costs), pose(1, 1), pose(59, 30))
+    assert plan.reason == "" and plan.length > 10 * 61 * RESOLUTION
+
+
+@pytest.mark.parametrize("name", SEARCHING + ["CarrotPlanner"])
+@pytest.mark.parametrize("start, goal, reason", [
+    ((5, 5), (70, 5), "the goal .* is outside of the map"), ((-3, 5), (5, 5), "the start .* is outside of the map"),
+    ((5, 5), (math.nan, 5), "expected finite numbers")])
+def test_places_outside_of_the_map_are_named(name, start, goal, reason):
+    plan = planner(name).plan(grid(np.zeros((60, 60), np.uint8)), pose(*start), pose(*goal))
+    assert len(plan.poses) == 0 and re.search(reason, plan.reason), plan.reason
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+@pytest.mark.parametrize("place, cost, reason", [
+    ("start", 254, "the start (0.28, 0.28) is in an obstacle"),
+    ("goal", 254, "the goal (2.02, 2.02) is in an obstacle"),
+    ("goal", 253, "the goal (2.02, 2.02) is so near to an obstacle"), ("goal", 255, "is in unknown space")])
+def test_a_blocked_start_or_goal_is_named(name, place, cost, reason):
+    costs = np.zeros((60, 60), np.uint8)
+    centre = 5 if place == "start" else 40
+    costs[centre - 2:centre + 3, centre - 2:centre + 3] = cost
+    plan = planner(name, allow_unknown=False).plan(grid(costs), pose(5, 5), pose(40, 40))
+    assert reason in plan.reason and len(plan.poses) == 0
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_no_way_through_is_told_with_the_area_that_is_left(name):
+    costs = np.zeros((60, 60), np.uint8)
+    costs[:, 20] = 254
+    plan = planner(name).plan(grid(costs), pose(5, 5), pose(5, 40))
+    assert "there is no way through" in plan.reason and "3.0 m^2" in plan.reason
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_with_a_tolerance_the_nearest_reachable_place_will_do(name):
+    costs = np.zeros((60, 60), np.uint8)
+    costs[38:43, 38:43] = 254
+    plan = planner(name).plan(grid(costs), pose(5, 5), pose(40, 40, 0.5), tolerance=0.2)
+    assert plan.reason == "" and plan.poses[-1, 2] == 0.5
+    assert np.hypot(*(plan.poses[-1, :2] - pose(40, 40)[:2])) == pytest.approx(3 * RESOLUTION)
+    assert planner(name).plan(grid(costs), pose(5, 5), pose(40, 40), tolerance=0.1).reason
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_unknown_space_is_crossed_only_if_allowed(name):
+    costs = np.zeros((60, 60), np.uint8)
+    costs[:, 20:25] = 255
+    assert planner(name).plan(grid(costs), pose(5, 5), pose(5, 40)).reason == ""
+    assert "no way through" in planner(name, allow_unknown=False).plan(grid(costs), pose(5, 5), pose(5, 40)).reason
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_a_robot_in_an_inscribed_cell_gets_out(name):
+    costs = inflated(np.where(np.arange(3600).reshape(60, 60) == 3600 // 2 + 30, 254, 0).astype(np.uint8))
+    costmap = grid(costs)
+    plan = planner(name).plan(costmap, pose(30, 31), pose(5, 50))
+    assert costmap.costs[30, 31] == 253 and plan.reason == ""
+    seen = costs_along(costmap, plan.poses)
+    assert seen.max() == 253 and (seen[len(seen) // 4:] < 253).all()
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_a_planner_finds_the_same_again_and_on_other_grids(name):
+    made = planner(name)
+    first = made.plan(grid(blocks(60, 12, 4)), pose(1, 1), pose(58, 58))
+    made.plan(grid(blocks(70, 12, 5)), pose(1, 1), pose(60, 50))
+    again = made.plan(grid(blocks(60, 12, 4)), pose(1, 1), pose(58, 58))
+    assert (first.poses == again.poses).all()
+
+
+@pytest.mark.parametrize("name", SEARCHING)
+def test_start_and_goal_in_one_cell_give_a_path(name):
+    plan = planner(name).plan(grid(np.zeros((20, 20), np.uint8)), pose(5, 5), pose(5, 5, 2.0) + [0.01, 0.0, 0.0])
+    assert plan.reason == "" and plan.poses[-1].tolist() == [pose(5, 5)[0] + 0.01, pose(5, 5)[1], 2.0]
+
+
+def test_a_carrot_stops_before_an_obstacle():
+    costs = np.zeros((60, 60), np.uint8)
+    costs[5, 30:] = 254
+    plan = planner("CarrotPlanner").plan(grid(costs), pose(5, 5), pose(5, 50))
+    assert plan.poses.shape == (2, 3) and plan.poses[1, 0] == pytest.approx(pose(5, 29)[0], abs=RESOLUTION)
+    costs[:] = 254
+    assert "is free" in planner("CarrotPlanner").plan(grid(costs), pose(5, 5), pose(5, 50)).reason
+
+
+@pytest.mark.parametrize("mode, middle", [
+    (0, 0.0), (1, 0.5 * math.pi), (2, None), (4, -0.5 * math.pi), (5, 0.0), (6, math.pi)])
+def test_the_global_planner_turns_poses_as_asked(mode, middle):
+    plan = planner("GlobalPlanner", orientation_mode=mode).plan(
+        grid(np.zeros((60, 60), np.uint8)), pose(5, 20, 0.2), pose(50, 20, 0.4))
+    yaw = plan.poses[len(plan.poses) // 2, 2]
+    assert yaw == pytest.approx(0.3, abs=0.02) if middle is None else math.cos(yaw - middle) > 0.999
+    assert plan.poses[-1, 2] == 0.4
+
+
+def test_the_global_planner_has_four_ways_to_search():
+    costs, ways = inflated(blocks(80, 15, 8)), set()
+    costs[1, 1] = costs[78, 78] = 0
+    for given in ({}, {"use_grid_path": True}, {"use_quadratic": False}, {"use_dijkstra": False}):
+        plan = planner("GlobalPlanner", **given).plan(grid(costs), pose(1, 1), pose(78, 78))
+        assert plan.reason == ""
+        ways.add(round(plan.length, 6))
+    assert len(ways) >= 3         # two of them may find paths of the same length
