@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 HEAD = ("set", "aspect", "class", "closed", "loop closures, median", "worst", "live, 10 s", "live, loop closures",
         "laser yaw, worst", "CPU s a log", "end : begin", "peak MiB")
-FAIR = 0.1                  # odometry that is more wrong, relative to the length, is counted apart
+FAIR = 0.1                  # greatest error of odometry that is called fair, relative to the length of the drive
 
 
 def _values(runs: Iterable[Run], part: str, name: str) -> List[float]:
@@ -43,7 +43,7 @@ def _row(name: str, aspect: str, kind: str, runs: List[Run]) -> Tuple[str, ...]:
 
 
 def _groups(runs: List[Run]) -> Dict[Tuple[str, str], List[Run]]:
-    """Return the runs of each (aspect, class), sorted, after those of all runs and of all with fair odometry."""
+    """Return the runs of each (aspect, class), sorted, after all runs and those with fair odometry."""
     fair = [run for run in runs if run["score"] and run["score"].get("odometry_drift", 1.0) < FAIR]
     found: Dict[Tuple[str, str], List[Run]] = OrderedDict({("all", ""): runs})
     if fair:

@@ -216,7 +216,7 @@ def live_errors(stamps: FloatArray, poses: FloatArray, truth: FloatArray, kind: 
 
 
 def odometry_errors(raw: Tuple[FloatArray, FloatArray], truth: FloatArray, kind: str) -> Dict[str, Any]:
-    """Return how wrong odometry alone is (dict): at loop closures, and at the end as a share of the length.
+    """Return how wrong odometry alone is (dict): at loop closures, and at most, as a share of the length.
 
     Parameters
     ----------
@@ -236,8 +236,8 @@ def odometry_errors(raw: Tuple[FloatArray, FloatArray], truth: FloatArray, kind:
     result = {"odometry_" + name: value for name, value in found.items() if name.startswith("again")}
     length = float(np.hypot(*np.diff(at[:, 1:3], axis=0).T).sum())
     if length > 0.0:
-        off = between(poses[0], poses[-1]) - between(at[0, 1:], at[-1, 1:])
-        result["odometry_drift"] = float(np.hypot(off[0], off[1])) / length
+        off = between(poses[0], poses) - between(at[0, 1:], at[:, 1:])
+        result["odometry_drift"] = float(np.hypot(off[:, 0], off[:, 1]).max()) / length
     return result
 
 
