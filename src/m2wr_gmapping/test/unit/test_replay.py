@@ -14,6 +14,7 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from conftest import drive, odometry
+from m2wr_gmapping import graph_view
 from m2wr_gmapping.replay import replay_command as command
 from m2wr_gmapping.replay.bag_messages import BagError, BagFile
 
@@ -175,6 +176,14 @@ def test_single_scans_of_other_time_or_laser_are_skipped(tmp_path, ring, laser, 
     assert code == 0 and stats["refused"] == 4 and stats["time_jumps"] == 0
     assert "skipped 3 of" in caplog.text and "its frame is base; expected laser" in caplog.text
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
+
+
+def test_the_graph_has_a_node_for_each_processed_scan(tmp_path, ring, laser):
+    write_bag(tmp_path / "drive.bag", ring, laser)
+    code, stats = run(tmp_path, "--graph", str(tmp_path / "graph"), "--trajectory", str(tmp_path / "path"))
+    found = graph_view.read(str(tmp_path / "graph"))
+    assert code == 0 and len(found.nodes) == stats["processed"] and found.accepted.sum() == stats["links"]
+    np.testing.assert_allclose(found.nodes[:, :2], table(tmp_path / "path")[:, 1:3], atol=1e-5)
 
 
 def test_late_scans_in_a_row_are_no_time_jump(tmp_path, ring, laser, caplog):

@@ -8,6 +8,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from PIL import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
+from m2wr_gmapping.graph_view import GraphView
 from m2wr_gmapping.io import map_file
 from m2wr_gmapping.io.saved_map_reader import read_map
 from m2wr_tools.map_figure import command
@@ -62,6 +63,31 @@ def test_world_and_way_are_drawn(plan):
     at = drawn(map_figure(read_map(plan), [square], [("path", way)]))
     assert (at(1.5, 0.0)[:, 0] > at(1.5, 0.0)[:, 2] + 50).any()
     assert np.median(at(2.5, 0.2)) > 250                # free cells cover the obstacle that they contradict
+
+
+def test_the_graph_is_drawn(plan, tmp_path, capsys):
+    graph = GraphView(np.array([[1.5, -0.5, 0.0], [3.5, -0.5, 0.0], [3.5, 0.5, 0.0], [1.5, 0.5, 0.0]]),
+                      np.array([[0, 3], [0, 2]]), np.array([True, False]))
+    figure = map_figure(read_map(plan), graph=graph)
+    at = drawn(figure)
+    blue, green = at(2.5, -0.5), at(1.5, 0.0)
+    assert (blue[:, 2] > blue[:, 0] + 50).any()                     # the path
+    assert (green[:, 1] > green[:, 0] + 50).any()                   # a loop closure
+    along = np.concatenate([at(1.5 + 2.0 * k, -0.5 + k) for k in np.linspace(0.1, 0.9, 40)])
+    assert (along[:, 0] > along[:, 2] + 100).any() and (along.min(axis=1) > 250).any()      # dashed
+    texts = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert {"4 nodes", "1 loop closures", "1 not accepted"} <= set(texts)
+    (tmp_path / "graph.json").write_text(graph.text())
+    assert command.main([plan, "--graph", str(tmp_path / "graph.json"), "--out", str(tmp_path / "g.png")]) == 0
+    (tmp_path / "graph.json").write_text("{}")
+    assert command.main([plan, "--graph", str(tmp_path / "graph.json")]) == 1
+    assert "graph.json: edges: expected rows" in capsys.readouterr().err
+
+
+def test_an_archive_that_is_no_state_is_refused(plan, tmp_path, capsys):
+    np.savez(str(tmp_path / "other.npz"), nodes=np.zeros((3, 3)))
+    assert command.main([plan, "--graph", str(tmp_path / "other.npz")]) == 1
+    assert "plot_map: " in capsys.readouterr().err
 
 
 def test_obstacles_hide_no_cell_of_the_map(plan):

@@ -54,6 +54,7 @@ def parse(arguments: Sequence[str]) -> Tuple[argparse.Namespace, Dict[str, Any]]
     add("--trajectory", metavar="FILE", help="final path of the base at processed scans: stamp x y z qx qy qz qw")
     add("--tracked", metavar="FILE", help="the same with all matched scans between processed ones")
     add("--online", metavar="FILE", help="best pose known at the time of each processed scan, same format")
+    add("--graph", metavar="FILE", help="pose graph with loop closures as JSON, for plot_map --graph")
     add("--map", metavar="NAME", help="write NAME.pgm and NAME.yaml")
     add("--stats", metavar="FILE", help="write times and counts as JSON")
     add("--save-state", metavar="FILE", help="write the state after the last scan, for --load-state")

@@ -7,6 +7,7 @@ import math
 import os
 from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Tuple
 
+from m2wr_gmapping.graph_view import graph_of
 from m2wr_gmapping.io import map_file, state
 from m2wr_gmapping.io.atomic_files import write_atomically
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.replay.replay_command import Replay
 
-NAMES = ("trajectory", "tracked", "online", "map", "stats", "save_state")       # options that name files
+NAMES = ("trajectory", "tracked", "online", "graph", "map", "stats", "save_state")       # options that name files
 
 
 def pose_lines(stamps: Iterable[float], poses: Iterable[FloatArray]) -> str:
@@ -80,6 +81,7 @@ def save(replay: Replay, options: argparse.Namespace) -> Tuple[List[str], List[E
         trajectory=lambda path: _write(path, pose_lines(*mapper.trajectory(between_too=False))),
         tracked=lambda path: _write(path, pose_lines(*mapper.trajectory())),
         online=lambda path: _write(path, pose_lines(*zip(*replay.online)) if replay.online else ""),
+        graph=lambda path: _write(path, graph_of(mapper).text() + "\n"),
         map=save_map,
         stats=lambda path: _write(path, json.dumps(replay.statistics(), indent=2, sort_keys=True) + "\n"),
         save_state=save_state)

@@ -18,6 +18,8 @@ def parser() -> argparse.ArgumentParser:
         "/gazebo/world_markers")
     add("--trajectory", nargs="+", default=[], metavar="FILE",
         help="paths to draw, with lines 'stamp x y z qx qy qz qw' as slam_gmapping_replay writes them")
+    add("--graph", metavar="FILE", help="pose graph to draw, as slam_gmapping_replay --graph writes it, or a saved "
+        "state: nodes, loop closures, and candidates that were not accepted")
     add("--offset", nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=("X", "Y", "YAW"),
         help="pose of the map frame in the world [m, rad] (0 0 0)")
     add("--height", type=float, default=LASER_HEIGHT,

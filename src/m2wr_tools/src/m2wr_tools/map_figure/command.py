@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
+import zipfile
 from typing import TYPE_CHECKING, List, Optional
 
+from m2wr_gmapping import graph_view
 from m2wr_gmapping.io.saved_map_reader import MapReadingError, read_map
+from m2wr_gmapping.io.state_file import StateError
 from m2wr_tools.map_figure.arguments import parser
 from m2wr_tools.map_figure.figure import FigureError, map_figure, write
 from m2wr_tools.slam_benchmark.laser_logs import LogError
@@ -17,6 +20,7 @@ from m2wr_view.run_series import read_world
 if TYPE_CHECKING:
     import argparse
 
+    from m2wr_gmapping.graph_view import GraphView
     from m2wr_view.outlines import Outline
 
 
@@ -48,6 +52,27 @@ def read_outlines(world: str, height: float) -> List[Outline]:
         raise FigureError(str(error)) from error
 
 
+def read_graph(path: str) -> GraphView:
+    """Return the pose graph in a file of the replay, or in a saved state.
+
+    Parameters
+    ----------
+    path : str
+
+    Raises
+    ------
+    GraphError, StateError
+        If it cannot be read.
+    """
+    if not zipfile.is_zipfile(path):
+        return graph_view.read(path)
+    from m2wr_gmapping.io import state  # slow to import, and needed for states only
+    mapper = state.load(path).mapper
+    if mapper.filter is None:
+        raise graph_view.GraphError("state {}: it has no nodes, no scan was processed".format(path))
+    return graph_view.graph_of(mapper)
+
+
 def _title(options: argparse.Namespace) -> str:
     """Return the title of the figure: the one that was asked for, or the names of map and world."""
     if options.title is not None:
@@ -67,9 +92,9 @@ def perform(options: argparse.Namespace) -> int:
         saved = read_map(options.map)
         outlines = read_outlines(options.world, options.height) if options.world else ()
         ways = [(os.path.basename(path), trajectory(path)[1]) for path in options.trajectory]
-        title = _title(options)
-        write(map_figure(saved, outlines, ways, options.offset, title), out)
-    except (MapReadingError, FigureError, LogError, ViewError) as error:
+        graph = read_graph(options.graph) if options.graph else None
+        write(map_figure(saved, outlines, ways, options.offset, _title(options), graph), out)
+    except (MapReadingError, FigureError, LogError, ViewError, graph_view.GraphError, StateError) as error:
         sys.stderr.write("plot_map: {}\n".format(error))
         return 1
     print(out)

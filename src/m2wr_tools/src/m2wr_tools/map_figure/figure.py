@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING, Any, Dict, List, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 
 from m2wr_gmapping.se2 import compose
+from m2wr_tools.map_figure.graph_layer import draw_graph
 from m2wr_view.outlines import convex_hull
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.graph_view import GraphView
     from m2wr_gmapping.io.saved_map_reader import SavedMap
     from m2wr_view.outlines import Outline
 
@@ -67,7 +69,8 @@ def _bounds(saved: SavedMap, ways: Sequence[Tuple[str, FloatArray]]) -> FloatArr
 
 
 def map_figure(saved: SavedMap, outlines: Sequence[Outline] = (), ways: Sequence[Tuple[str, FloatArray]] = (),
-               offset: Sequence[float] = (0.0, 0.0, 0.0), title: str = "") -> Figure:
+               offset: Sequence[float] = (0.0, 0.0, 0.0), title: str = "",
+               graph: Optional[GraphView] = None) -> Figure:
     """Return the picture as a matplotlib Figure with one Axes in metres of the world.
 
     The obstacles of the world are areas of one colour; the free and the occupied cells of the map cover them.  So no
@@ -84,13 +87,15 @@ def map_figure(saved: SavedMap, outlines: Sequence[Outline] = (), ways: Sequence
         Pose of the map frame in the world [m, rad].
     title : str
         Of the figure.
+    graph : GraphView, optional
+        In the map frame.
 
     Raises
     ------
     FigureError
         If there is nothing to draw.
     """
-    low, high = _bounds(saved, ways)
+    low, high = _bounds(saved, [*ways, ("graph", graph.nodes)] if graph is not None else ways)
     corners = _placed(np.array([low, (low[0], high[1]), high, (high[0], low[1])]), offset)
     left, right = corners.min(axis=0), corners.max(axis=0)
     width, height = right - left
@@ -118,6 +123,8 @@ def map_figure(saved: SavedMap, outlines: Sequence[Outline] = (), ways: Sequence
                           label=name, zorder=4)
         axes.plot(points[:1, 0], points[:1, 1], "o", color=line.get_color(), markersize=5, zorder=5)
         handles.append(line)
+    if graph is not None:
+        handles += draw_graph(axes, graph, offset)
     axes.set_xlim(left[0], right[0])
     axes.set_ylim(left[1], right[1])
     axes.set_aspect("equal")
