@@ -15,7 +15,9 @@ PLANNERS: Dict[str, str] = {
     "m2wr_navigation/AStar": "m2wr_navigation.planners.grid_search:AStar",
     "m2wr_navigation/ThetaStar": "m2wr_navigation.planners.grid_search:ThetaStar",
 }
-CONTROLLERS: Dict[str, str] = {}
+CONTROLLERS: Dict[str, str] = {
+    "m2wr_navigation/PurePursuit": "m2wr_navigation.controllers.pure_pursuit:PurePursuit",
+}
 RECOVERIES: Dict[str, str] = {}
 LAYERS: Dict[str, str] = {
     "costmap_2d::StaticLayer": "m2wr_navigation.costmap.static_layer:StaticLayer",

@@ -110,3 +110,13 @@ def test_a_source_is_late_after_its_expected_period():
     source.add(observation(1.0), 1.0)
     assert source.silence(1.4) == 0.0 and source.silence(1.6) == pytest.approx(0.6)
     assert Source("laser", values()).silence(1e9) == 0.0
+
+
+@pytest.mark.parametrize("period, limit", [(0.05, 0.5), (0.4, 1.2)])
+def test_a_regular_source_that_stops_is_late_after_a_few_periods(period, limit):
+    source = Source("laser", values())
+    for k in range(20):
+        source.add(observation(k * period), k * period)
+    last = 19 * period
+    assert source.silence(last + 0.99 * limit) == 0.0
+    assert source.silence(last + 1.01 * limit) == pytest.approx(1.01 * limit)

@@ -45,7 +45,7 @@ class LayeredCostmap:
                  rolling: bool, track_unknown: bool) -> None:
         self.rolling, self._default = rolling, NO_INFORMATION if track_unknown else FREE
         self.layers: List[Layer] = []
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()         # of the layers; held during an update
         self._footprint: FloatArray = np.zeros((0, 2))
         shape = (max(1, int(round(size[1] / resolution))), max(1, int(round(size[0] / resolution))))
         self.master = Costmap.filled(shape, resolution, origin, self._default, frame)
@@ -66,7 +66,7 @@ class LayeredCostmap:
 
     def set_footprint(self, corners: FloatArray) -> None:
         """Take the padded footprint (K, 2) of the robot in the base frame [m]."""
-        with self._lock:
+        with self.lock:
             self._footprint = np.array(corners, float)
             self.inscribed, self.circumscribed = radii(self._footprint)
             for layer in self.layers:
@@ -74,7 +74,7 @@ class LayeredCostmap:
 
     def add(self, layer: Layer) -> None:
         """Append a layer; layers are updated in the order in which they are added."""
-        with self._lock:
+        with self.lock:
             layer.match(self.master)
             if len(self._footprint):
                 layer.set_footprint(self._footprint)
@@ -92,7 +92,7 @@ class LayeredCostmap:
         origin : (2,) float64
             [m]
         """
-        with self._lock:
+        with self.lock:
             self.master = Costmap.filled(shape, resolution, origin, self._default, self.master.frame)
             for layer in self.layers:
                 layer.match(self.master)
@@ -135,7 +135,7 @@ class LayeredCostmap:
         Window
             Of the cells that were written.
         """
-        with self._lock:
+        with self.lock:
             if self.rolling:
                 self._follow(pose)
             else:
@@ -173,7 +173,7 @@ class LayeredCostmap:
 
     def refresh(self) -> None:
         """Let the next update write all cells again, after a change of parameters."""
-        with self._lock:
+        with self.lock:
             self._renewed = True
 
     def obstacle_layers(self) -> List[ObstacleLayer]:
@@ -202,7 +202,7 @@ class LayeredCostmap:
         int
             Number of occupied cells that were cleared.
         """
-        with self._lock:
+        with self.lock:
             half = 0.5 * side
             (top, left), (bottom, right) = self.master.cells(np.array([
                 [pose[0] - half, pose[1] - half], [pose[0] + half, pose[1] + half]]))
@@ -211,7 +211,7 @@ class LayeredCostmap:
 
     def reset(self) -> None:
         """Forget what sensors have told, in all layers."""
-        with self._lock:
+        with self.lock:
             for layer in self.layers:
                 layer.reset()
             self._renewed = True

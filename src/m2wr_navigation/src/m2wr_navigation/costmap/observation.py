@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 MOST_BEAMS = 1000000
 MOST_POINTS = 5000000
 MOST_KEPT = 1000            # observations of a source, with a persistence
+SILENCE = 0.5               # s after which a regular sensor is late
+_MEAN_OF = 10               # messages whose period is averaged
 _INFINITY_MARGIN = 1e-4     # m: below range_max, of a beam without return with inf_is_valid (obstacle_layer.cpp)
 
 #: Parameters of one observation source, below the layer's namespace.
@@ -77,6 +79,7 @@ class Source:
         self.name = name
         self.values: Dict[str, Any] = dict(values)
         self.arrived = -math.inf
+        self._period, self._count = 0.0, 0      # mean time between two messages [s]
         self._kept: Deque[Observation] = deque(maxlen=MOST_KEPT)
 
     @property
@@ -96,6 +99,20 @@ class Source:
         if self.values["observation_persistence"] <= 0.0:
             self._kept.clear()
         self._kept.append(observation)
+        self.heard(now)
+
+    def heard(self, now: float) -> None:
+        """Take note that a message has arrived.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        """
+        since = now - self.arrived
+        if 0.0 < since < math.inf:
+            self._count += 1
+            self._period += (since - self._period) / min(self._count, _MEAN_OF)
         self.arrived = now
 
     def current(self, now: float) -> List[Observation]:
@@ -110,11 +127,21 @@ class Source:
         """Forget all observations."""
         self._kept.clear()
 
+    @property
+    def limit(self) -> float:
+        """Longest time between two messages [s].
+
+        ``expected_update_rate``, or for a sensor that has sent regularly three of its periods, at least 0.5 s.
+        """
+        expected: float = self.values["expected_update_rate"]
+        if expected > 0.0:
+            return expected
+        return max(SILENCE, 3.0 * self._period) if self._count >= _MEAN_OF else math.inf
+
     def silence(self, now: float) -> float:
-        """Return for how long the sensor has been silent beyond ``expected_update_rate`` [s]; 0 if it is not late."""
-        expected = self.values["expected_update_rate"]
+        """Return for how long the sensor has been silent [s]; 0 if it is not late."""
         since = now - self.arrived
-        return since if expected > 0.0 and since > expected else 0.0
+        return since if since > self.limit else 0.0
 
 
 def scan_points(ranges: Sequence[float], angle_min: float, increment: float, limits: Tuple[float, float],

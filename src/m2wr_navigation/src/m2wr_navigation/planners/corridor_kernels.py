@@ -156,7 +156,7 @@ def part_of(first: Int32Array, labels: Uint8Array, parts: Float32Array, costs: U
 @njit(cache=True, nogil=True, error_model='numpy')
 def _neighbours(first: Int32Array, labels: Uint8Array, parts: Float32Array, costs: Uint8Array, table: Float32Array,
                 number: int, found: Int32Array) -> int:
-    """Write the numbers of the parts that touch a part, some twice; return how many."""
+    """Write the numbers of the neighbours of a part, some twice; return how many."""
     row, column = int(parts[number, 0]), int(parts[number, 1])
     top, left = row // BLOCK * BLOCK, column // BLOCK * BLOCK
     bottom, right = min(top + BLOCK, costs.shape[0]) - 1, min(left + BLOCK, costs.shape[1]) - 1

@@ -22,8 +22,8 @@ def straight_cost(costs: Uint8Array, table: Float32Array, row: int, column: int,
                   last_column: int) -> float:
     """Return the cost of the straight line between the centres of two cells; inf if it meets a blocked cell.
 
-    The line visits every cell that it crosses; through a corner of cells it needs both neighbours. The cost is the length
-    times the mean cost of the cells.
+    The line visits every cell that it crosses; through a corner of cells it needs both neighbours. The cost is the
+    length times the mean cost of the cells.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ def _octile(rows: int, columns: int) -> float:
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], target: Tuple[int, int],
-           allowed: Uint8Array, any_angle: bool, total: Float32Array, parent: Int32Array) -> Tuple[Int32Array, int, bool]:
+           allowed: Uint8Array, any_angle: bool, total: Float32Array,
+           parent: Int32Array) -> Tuple[Int32Array, int, bool]:
     """Search the cheapest path from a start to a target.
 
     An edge costs its length times the mean cost of its two cells. With ``any_angle`` a cell takes the parent of its
-    predecessor where the straight line from there is free and not more expensive (Theta*, Nash 2007; costs on a line: the
-    mean of its cells).
+    predecessor where the straight line from there is free and not more expensive (Theta*, Nash 2007).
 
     Parameters
     ----------
