@@ -123,7 +123,7 @@ def test_scans_before_the_first_transform_are_counted_apart(tmp_path, ring, lase
         entry for entry in all_of_them if entry[0] != "/tf" or entry[2] >= rospy.Time.from_sec(100.25)])
     code, stats = run(tmp_path)
     assert code == 0 and (stats["before_first_transform"], stats["without_transform"]) == (3, 0)
-    assert stats["scans"] == len(truth) and "skipped 3 of the first scans" in caplog.text
+    assert stats["scans"] == len(truth) and "3 of %d scans not used" % len(truth) in caplog.text
 
 
 @pytest.mark.parametrize("late", [0, 3])
@@ -174,8 +174,30 @@ def test_single_scans_of_other_time_or_laser_are_skipped(tmp_path, ring, laser, 
     add_scans(tmp_path / "drive.bag", odd)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "twice"))
     assert code == 0 and stats["refused"] == 4 and stats["time_jumps"] == 0
-    assert "skipped 3 of" in caplog.text and "its frame is base; expected laser" in caplog.text
+    assert "4 of %d scans not used (out of order: 3, refused: 1)" % (len(truth) + 4) in caplog.text
+    assert stats["used"] == len(truth) and stats["unused"] == {"out of order": 3, "refused": 1}
+    assert "its frame is base; expected laser" in caplog.text
     assert (tmp_path / "twice").read_bytes() == (tmp_path / "once").read_bytes()
+
+
+@pytest.mark.parametrize("settings, unused", [
+    (["_throttle_scans:=3"], {"throttle_scans": 38}), (["_settle_time:=1"], {"settle_time": 10}), ([], {})])
+def test_every_scan_is_used_or_counted(tmp_path, ring, laser, caplog, settings, unused):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+    code, stats = run(tmp_path, *settings)
+    assert code == 0 and stats["unused"] == unused and stats["used"] == len(truth) - sum(unused.values())
+    assert stats["scans"] == len(truth) and "WARNING" not in caplog.text
+
+
+def test_scans_that_no_transform_fits_are_warned_about(tmp_path, ring, laser, caplog):
+    truth = write_bag(tmp_path / "drive.bag", ring, laser)
+    rewrite(tmp_path / "drive.bag", lambda whole: [
+        entry for entry in whole if entry[0] != "/tf" or entry[2] < rospy.Time.from_sec(103)])
+    code, stats = run(tmp_path)
+    missing = stats["unused"]["no transform"]
+    assert code == 0 and missing > 20 and stats["used"] == len(truth) - missing
+    assert caplog.text.count("a scan has no transform: odom -> laser at 103") == 1
+    assert "%d of %d scans not used (no transform: %d)" % (missing, len(truth), missing) in caplog.text
 
 
 def test_the_graph_has_a_node_for_each_processed_scan(tmp_path, ring, laser):
@@ -203,7 +225,8 @@ def test_late_scans_in_a_row_are_no_time_jump(tmp_path, ring, laser, caplog):
     rewrite(tmp_path / "drive.bag", late)
     code, stats = run(tmp_path, "--trajectory", str(tmp_path / "late"))
     assert len(truth) > 54
-    assert code == 0 and (stats["time_jumps"], stats["refused"]) == (0, 3) and "skipped 3 of" in caplog.text
+    assert code == 0 and (stats["time_jumps"], stats["unused"]) == (0, {"out of order": 3})
+    assert "a scan after the one at 105.000 is not used" in caplog.text
 
 
 def test_scan_far_ahead_at_the_begin_is_skipped(tmp_path, ring, laser):

@@ -10,7 +10,8 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_gmapping.ros.scan_input import BAD_HEADER, BUFFER, NO_TRANSFORM, OUT_OF_ORDER, QUEUE_FULL, Intake
+from m2wr_gmapping.ros.scan_input import BUFFER, Intake
+from m2wr_gmapping.scan_account import AT_END, BAD_HEADER, EARLY, NO_TRANSFORM, OUT_OF_ORDER, QUEUE_FULL
 
 
 def waiting_scan(frame, seconds):
@@ -98,7 +99,7 @@ def test_scans_leave_in_order_once_their_transform_is_known(intake):
     found = [intake._ready() for _ in range(4)]
     assert [round(entry[0].header.stamp.to_sec(), 3) for entry in found[:3]] == [1.2, 1.3, 1.4]
     assert found[3] is None and intake.waiting == 5
-    assert (intake.early, intake.lost) == (2, {})
+    assert intake.account.unused == {EARLY: 2}
 
 
 def test_scans_before_the_first_transform_are_not_dropped(intake):
@@ -110,12 +111,12 @@ def test_scans_before_the_first_transform_are_not_dropped(intake):
     assert intake._ready() is None and intake.waiting == 5          # the mount of the laser is unknown yet
     intake.on_transforms(TFMessage([transform("base", "laser", 0.0)]), static=True)
     assert [round(intake._ready()[0].header.stamp.to_sec(), 3) for _ in range(2)] == [1.0, 1.05]
-    assert intake._ready() is None and (intake.early, intake.dropped, intake.waiting) == (1, 0, 2)
+    assert intake._ready() is None and (intake.account.unused, intake.dropped, intake.waiting) == ({EARLY: 1}, 0, 2)
     intake.on_transforms(TFMessage([transform("odom", "base", 1.3)]))
     assert round(intake._ready()[0].header.stamp.to_sec(), 3) == 1.15
     intake.on_scan(waiting_scan("laser", 1.3))
     assert intake._ready() is not None
-    assert (intake.early, intake.lost) == (1, {NO_TRANSFORM: 1})
+    assert intake.account.unused == {EARLY: 1, NO_TRANSFORM: 1}
 
 
 def test_second_parent_of_odom_is_reported_once(monkeypatch):
@@ -143,7 +144,7 @@ def test_unknown_frame_does_not_block_other_scans(intake):
     intake.on_scan(waiting_scan("nowhere", 1.0))
     intake.on_scan(waiting_scan("laser", 1.1))
     intake.on_transforms(TFMessage([transform("odom", "laser", 1.05), transform("odom", "laser", 1.2)]))
-    assert intake._ready()[0].header.frame_id == "laser" and intake.lost == {NO_TRANSFORM: 1}
+    assert intake._ready()[0].header.frame_id == "laser" and intake.account.unused == {NO_TRANSFORM: 1}
 
 
 def stamps_taken(intake, seconds):
@@ -180,7 +181,7 @@ def test_late_scans_in_a_row_are_no_time_jump(intake):
     for at in (101.0, 101.1, 101.2):
         intake.on_scan(waiting_scan("laser", at))
     assert stamps_taken(intake, [103.0]) == [103.0] and len(taken) == 30
-    assert intake.generation == 0 and intake.lost == {OUT_OF_ORDER: 3}
+    assert intake.generation == 0 and intake.account.unused == {OUT_OF_ORDER: 3}
 
 
 @pytest.mark.parametrize("first", [True, False])
@@ -281,7 +282,16 @@ def test_a_waiting_scan_keeps_its_transform(intake):
         intake.on_transforms(TFMessage([transform("odom", "laser", seconds + 0.1)]))
     taken = [intake._ready() for _ in range(len(stamps) + 1)]
     assert [round(entry[0].header.stamp.to_sec(), 3) for entry in taken[:-1]] == stamps and taken[-1] is None
-    assert not intake.lost
+    assert not intake.account.unused
+
+
+def test_scans_that_wait_at_the_end_are_counted(intake):
+    intake.on_scan(waiting_scan("laser", 1.0))
+    intake.on_scan(waiting_scan("laser", 1.1))
+    intake.close()
+    assert intake.next() is None
+    assert intake.account.unused == {AT_END: 2} and intake.account.text() == (
+        "2 of 2 scans not used (waiting at the end: 2)")
 
 
 def test_lost_scans_are_counted_and_reported_by_reason(intake, monkeypatch):
@@ -298,6 +308,7 @@ def test_lost_scans_are_counted_and_reported_by_reason(intake, monkeypatch):
     assert stamps_taken(intake, [1.3]) == [1.3]
     for k in range(7):
         intake.on_scan(waiting_scan("laser", 2.0 + k))
-    assert intake.lost == {OUT_OF_ORDER: 1, BAD_HEADER: 1, NO_TRANSFORM: 1, QUEUE_FULL: 3} and intake.dropped == 6
+    assert intake.account.unused == {OUT_OF_ORDER: 1, BAD_HEADER: 1, NO_TRANSFORM: 1, QUEUE_FULL: 3}
+    assert intake.dropped == 6
     assert len(told) == 4 and "odom -> nowhere" in told[2] and "the queue of 4 scans is full" in told[3]
-    assert "dropped so far: 4 of 10 scans (bad header: 1, no transform: 1, out of order: 1, queue full: 1)" in told[3]
+    assert "so far 4 of 10 scans not used (bad header: 1, no transform: 1, out of order: 1, queue full: 1)" in told[3]

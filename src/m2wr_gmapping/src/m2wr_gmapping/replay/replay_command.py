@@ -24,6 +24,16 @@ from m2wr_gmapping.replay.bag_messages import BagError, BagFile
 from m2wr_gmapping.replay.master_check import master_answers
 from m2wr_gmapping.replay.run_statistics import Stopwatch, peak_memory_mib
 from m2wr_gmapping.replay.scan_source import ScanSource
+from m2wr_gmapping.scan_account import (
+    AT_END,
+    BAD_HEADER,
+    EARLY,
+    NO_TRANSFORM,
+    OUT_OF_ORDER,
+    REFUSED,
+    SETTLING,
+    THROTTLED,
+)
 from m2wr_node.numbers import number
 
 if TYPE_CHECKING:
@@ -36,6 +46,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.ros.replay_node import ReplayNode
 
 log = logging.getLogger("slam_gmapping_replay")
+EXPECTED = {EARLY, THROTTLED, SETTLING}         # reasons for unused scans that are no fault
 PROGRESS_PERIOD = 1.0       # [s]
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 LONGEST_BUFFER = 1e9        # about half the limit of a duration of ROS [s]
@@ -145,8 +156,9 @@ class Replay:
         self.online: List[Tuple[float, FloatArray]] = []        # stamp [s], pose of the base
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
         self.stopped = False
-        self.refused = 0
-        self._arrived = self._left_out = self._generation = 0
+        self.account = self.source.account
+        self.used = 0                   # scans given to the mapper
+        self._arrived = self._generation = 0
         self._laser_frame = ""
         self._map_stamp: Optional[float] = None
         self._first_stamp: Optional[float] = None
@@ -170,14 +182,15 @@ class Replay:
             self._progress()
             self._arrived += 1
             if self._arrived % self._config["throttle_scans"]:
-                self._left_out += 1
+                self.account.leave_out(THROTTLED)
                 continue
             try:
                 self._scan(scan, odom_from_laser)
             except (ScanError, ValueError) as error:
-                if not self.refused:
+                if self.account.leave_out(REFUSED) == 1:
                     log.warning("scan at %.3f refused: %s", scan.header.stamp.to_sec(), error)
-                self.refused += 1
+        # those that wait when a signal ends the run
+        self.account.leave_out(AT_END, self.account.received - self.used - sum(self.account.unused.values()))
         mapper = self.mapper
         if mapper is not None and mapper.filter is not None:
             if self._options.save_state:
@@ -191,11 +204,9 @@ class Replay:
         stamp = scan.header.stamp.to_sec()
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         if stamp < self._first_stamp + self._settle:
-            self._left_out += 1
+            self.account.leave_out(SETTLING)
             return
         mapper = self._begin(scan) if self.mapper is None else self.mapper
-        if mapper is None:
-            return
         if scan.header.frame_id.lstrip("/") != self._laser_frame:
             raise ScanError("its frame is {}; expected {} as in the first one".format(
                 scan.header.frame_id.lstrip("/"), self._laser_frame))
@@ -204,6 +215,7 @@ class Replay:
             reading, odom_pose = mapper.reading(scan.ranges), laser.sensor_pose(*odom_from_laser)
             told = self._beginning.connect(mapper, reading, odom_pose, stamp)
             update = mapper.process(reading, odom_pose, stamp, laser.slope(odom_from_laser[1]))
+        self.used += 1
         if told:
             log.info("%s", told)
         if update.processed:
@@ -224,11 +236,10 @@ class Replay:
         self.online = []
         self.filter_watch, self.map_watch = Stopwatch(), Stopwatch()
 
-    def _begin(self, scan: LaserScan) -> Optional[Mapper]:
+    def _begin(self, scan: LaserScan) -> Mapper:
         mount = self.source.base_from_laser(scan)
         if mount is None:
-            self.refused += 1
-            return None
+            raise ScanError("the mount of the laser is unknown: {}".format(self.source.why))
         laser = LaserModel.from_message(
             scan.angle_min, scan.angle_max, scan.angle_increment, len(scan.ranges), scan.range_min, scan.range_max,
             mount, self._config["maxRange"], self._config["maxUrange"])
@@ -253,7 +264,7 @@ class Replay:
         self._told = time.monotonic()
         processed = 0 if self.mapper is None else self.mapper.processed
         sys.stderr.write("\r{:5.1f} %  {} scans, {} processed{}".format(
-            100.0 if last and not self.stopped else 100.0 * self.bag.fraction, self.source.scans, processed,
+            100.0 if last and not self.stopped else 100.0 * self.bag.fraction, self.account.received, processed,
             "\n" if last else ""))
         sys.stderr.flush()
 
@@ -262,28 +273,29 @@ class Replay:
         source = self.source
         if self.mapper is not None and self.mapper.filter is not None:
             return None
-        if not source.scans:
+        if not self.account.received:
             topics = ", ".join("{} ({})".format(*item) for item in sorted(self.bag.topics.items()))
             return "no scan on {}; the bag has {}".format(self._options.scan_topic, topics or "no topics")
         if not source.frames:
             return "no transforms on /tf or /tf_static in the bag; a scan needs {} -> its frame".format(
                 self._config["odom_frame"])
-        if self._left_out and not self.refused:
+        if self.account.count(THROTTLED, SETTLING) == self.account.received:
             return "no scan could be used: throttle_scans {} and settle_time {:g} skip all {}".format(
-                self._config["throttle_scans"], self._settle, self._left_out)
+                self._config["throttle_scans"], self._settle, self.account.received)
         return "no scan could be used. {}. Frames in the bag: {}; parameters odom_frame {}, base_frame {}".format(
             source.why or "See the warning above", ", ".join(sorted(source.frames)), self._config["odom_frame"],
             self._config["base_frame"])
 
     def statistics(self) -> Dict[str, Any]:
         """Return the content of the statistics file; call this after a run that gave a map."""
-        mapper = self.mapper
+        mapper, account = self.mapper, self.account
         assert mapper is not None
         updates = self.map_watch.summary()
         return dict(
-            scans=self.source.scans, processed=mapper.processed, tracked=mapper.tracked,
-            without_transform=self.source.without_transform, before_first_transform=self.source.early,
-            refused=self.refused + self.source.odd, time_jumps=self.source.generation,
+            scans=account.received, used=self.used, unused=account.unused, processed=mapper.processed,
+            tracked=mapper.tracked,
+            without_transform=account.count(NO_TRANSFORM), before_first_transform=account.count(EARLY),
+            refused=account.count(REFUSED, OUT_OF_ORDER, BAD_HEADER), time_jumps=self.source.generation,
             particles=self._config["particles"], beams=len(mapper.laser.angles), seed=self._config["seed"],
             processScan=self.filter_watch.summary(), map_updates=updates, peak_memory_mib=peak_memory_mib(),
             process_cpu_s=round(time.process_time(), 3),
@@ -346,19 +358,12 @@ def run_and_save(replay: Replay, options: argparse.Namespace) -> int:
             log.warning("%s; the readable part was used", replay.bag.damage)
         if replay.mapper is not None and replay.mapper.beyond:
             log.warning("the map has reached its size limit; points outside were ignored")
-        complaint, source = replay.complaint(), replay.source
+        complaint = replay.complaint()
         if complaint:
             log.error("%s: %s", options.bag_filename, complaint)
             return FAILED
-        if replay.refused > 1:
-            log.warning("%d of %d scans were refused", replay.refused, source.scans)
-        if source.odd:
-            log.warning("skipped %d of %d scans with stamps of another time", source.odd, source.scans)
-        if source.early:
-            log.info("skipped %d of the first scans, older than the first transform of their laser", source.early)
-        if source.without_transform:
-            log.warning("%d of %d scans without a transform, the last: %s", source.without_transform, source.scans,
-                        source.why)
+        tell = log.warning if set(replay.account.unused) - EXPECTED else log.info
+        tell("%s", replay.account.text())
         written, errors = result_files.save(replay, options)     # signals do not interrupt this
     finally:
         for end, handler in before:

@@ -13,6 +13,15 @@ from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
+from m2wr_gmapping.scan_account import (
+    BAD_HEADER,
+    EARLY,
+    NO_TRANSFORM,
+    OUT_OF_ORDER,
+    TIME_JUMP,
+    UNREADABLE,
+    ScanAccount,
+)
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 if TYPE_CHECKING:
@@ -45,12 +54,10 @@ class ScanSource:
 
     Attributes
     ----------
-    scans, without_transform, unreadable : int
-        Number of scans; of scans without a transform; of messages that could not be decoded.
-    early : int
-        Number of scans older than the first transform of their laser.
-    odd : int
-        Number of single scans with a stamp of another time.
+    account : ScanAccount
+        Of all scans of the bag.
+    unreadable : int
+        Number of messages that could not be decoded, scans among them.
     generation : int
         Number of jumps back in time, as by a reset of a simulation; each one starts a new run.
     """
@@ -72,7 +79,8 @@ class ScanSource:
         self._odd: List[LaserScan] = []         # the last scans, if they looked like a jump back
         self._before_last: Optional[genpy.Time] = None      # stamp of the scan before the newest
         self._begun = False             # whether a scan of this run was yielded
-        self.scans = self.without_transform = self.unreadable = self.early = self.odd = self.generation = 0
+        self.account = ScanAccount()
+        self.unreadable = self.generation = 0
         self.why: Optional[str] = None          # why a scan has no transform
         self.frames: Set[str] = set()
 
@@ -84,10 +92,8 @@ class ScanSource:
                     if message.type != LaserScan._type:
                         raise ValueError("topic {} is {}; expected {}".format(
                             self._topic, message.type, LaserScan._type))
-                    scan = LaserScan()
-                    scan.deserialize(message.data)
-                    self.scans += 1
-                    self._put(scan)
+                    self.account.received += 1
+                    self._put(self._decoded(message))
                 else:
                     self._take(message)
             except Exception as error:      # genpy raises various exceptions; a bad message is skipped
@@ -102,21 +108,41 @@ class ScanSource:
                 self._waiting.popleft()
                 if pair:
                     yield pair
-        self.odd += len(self._odd)
+        self._lose_odd(len(self._odd))
         while self._waiting:
             pair = self._ready(self._waiting.popleft(), None)
             if pair:
                 yield pair
+
+    def _decoded(self, message: Message) -> LaserScan:
+        scan = LaserScan()
+        try:
+            scan.deserialize(message.data)
+        except Exception:
+            self.account.leave_out(UNREADABLE)          # the caller warns
+            raise
+        return scan
+
+    def _lose(self, reason: str, count: int, message: str) -> None:
+        """Count scans that are not used; warn at the first one of each reason, the end of the run tells the sums."""
+        if count and self.account.leave_out(reason, count) == count:
+            log.warning("%s", message)
+
+    def _lose_odd(self, count: int) -> None:
+        if count and self._last is not None:
+            self._lose(OUT_OF_ORDER, count, "a scan after the one at {:.3f} is not used: its stamp is more than {:g} s "
+                       "away".format(self._last.to_sec(), JUMP))
 
     def _put(self, scan: LaserScan) -> None:
         """Queue a scan; the second one in a row that is much older starts a new run, if transforms are older too."""
         stamp = scan.header.stamp
         fault = fault_of(scan.header)
         if fault:
-            raise ValueError(fault)
+            self._lose(BAD_HEADER, 1, "scan {} of the bag: {}".format(self.account.received, fault))
+            return
         if self._is_far_ahead_of(stamp):
             self._waiting.pop()
-            self.odd += 1
+            self._lose_odd(1)
             self._last = self._before_last
         if self._last is not None and (self._last - stamp).to_sec() > JUMP:
             older = not self._begun or self._stamps.allow_jump()
@@ -126,7 +152,7 @@ class ScanSource:
             self._jump(self._last, self._odd[0].header.stamp)
             self._waiting.extend(self._odd)
         else:
-            self.odd += len(self._odd)
+            self._lose_odd(len(self._odd))
         self._odd, self._before_last, self._last = [], self._last, stamp
         self._old.clear()
         self._waiting.append(scan)
@@ -134,10 +160,10 @@ class ScanSource:
     def _keep_odd(self, scan: LaserScan) -> None:
         """Keep a scan that is much older than the one before until it is clear whether time has jumped back."""
         if self._odd and scan.header.stamp < self._odd[-1].header.stamp:
-            self.odd += len(self._odd)
+            self._lose_odd(len(self._odd))
             self._odd = []
         elif len(self._odd) == MOST_ODD:
-            self.odd += 1
+            self._lose_odd(1)
             self._odd.pop(0)
         self._odd.append(scan)
 
@@ -152,6 +178,7 @@ class ScanSource:
                     stamp.to_sec())
         self.generation += 1
         self._begun, self._newest = False, 0.0
+        self.account.leave_out(TIME_JUMP, len(self._waiting))
         self._waiting.clear()
         self._newest_of.clear()
         self._buffer.clear()
@@ -204,11 +231,11 @@ class ScanSource:
             if patience is not None and self._newest < scan.header.stamp.to_sec() + patience:
                 return None
             if not self._begun and self._begins_after(frame, scan.header.stamp):
-                self.early += 1
+                self.account.leave_out(EARLY)
                 return ()
-            self.without_transform += 1
             self.why = "{} -> {} at {:.3f}: {}".format(
                 self._odom, frame, scan.header.stamp.to_sec(), str(error).rstrip(" ."))
+            self._lose(NO_TRANSFORM, 1, "a scan has no transform: " + self.why)
             return ()
 
     def _begins_after(self, frame: str, stamp: genpy.Time) -> bool:

@@ -26,7 +26,8 @@ from m2wr_gmapping.ros.message_conversion import (
     pose_message,
     poses_message,
 )
-from m2wr_gmapping.ros.scan_input import NO_TRANSFORM, Intake
+from m2wr_gmapping.ros.scan_input import Intake
+from m2wr_gmapping.scan_account import EARLY, NO_TRANSFORM, PASSED_OVER, REFUSED
 from m2wr_gmapping.se2 import compose, inverse
 
 if TYPE_CHECKING:
@@ -285,14 +286,14 @@ class Diagnostics:
     ----------
     intake : Intake
     counts : callable
-        Returns (mapper or None, scans refused, scans passed over, wall times of the last scans [ms]).
+        Returns (mapper or None, wall times of the last scans [ms]).
     maps : MapOutput
     limit : int
         Scans that may wait.
     """
 
-    def __init__(self, intake: Intake, counts: Callable[[], Tuple[Optional[Mapper], int, int, Sequence[float]]],
-                 maps: MapOutput, limit: int) -> None:
+    def __init__(self, intake: Intake, counts: Callable[[], Tuple[Optional[Mapper], Sequence[float]]], maps: MapOutput,
+                 limit: int) -> None:
         self._intake, self._counts, self._maps, self._limit = intake, counts, maps, limit
         self._dropped = 0
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
@@ -307,18 +308,20 @@ class Diagnostics:
             rospy.rostime.wallsleep(DIAGNOSTICS_PERIOD)
 
     def _message(self) -> DiagnosticArray:
-        mapper, refused, passed, times = self._counts()
-        intake = self._intake
+        mapper, times = self._counts()
+        intake, account = self._intake, self._intake.account
         new, self._dropped = intake.dropped - self._dropped, intake.dropped
         values: List[Tuple[str, Any]] = [
                   ("scans", intake.arrived), ("waiting", intake.waiting), ("dropped", intake.dropped),
-                  ("refused", refused), ("passed over", passed), ("time jumps", intake.generation),
+                  ("refused", account.count(REFUSED)), ("passed over", account.count(PASSED_OVER)),
+                  ("time jumps", intake.generation),
                   ("maps", self._maps.made),
                   ("last map [ms]", "%.1f" % self._maps.last_ms),
                   ("mean map [ms]", "%.1f" % (self._maps.total_ms / max(1, self._maps.made))),
-                  ("without transform", intake.lost.get(NO_TRANSFORM, 0)),
-                  *(("dropped, " + reason, count) for reason, count in sorted(intake.lost.items())),
-                  ("before the first transform", intake.early), ("peak memory [MiB]", peak_memory_mib())]
+                  ("without transform", account.count(NO_TRANSFORM)),
+                  ("before the first transform", account.count(EARLY)),
+                  *(("not used, " + reason, count) for reason, count in account.unused.items()),
+                  ("peak memory [MiB]", peak_memory_mib())]
         status = DiagnosticStatus(name="%s: mapping" % rospy.get_name().lstrip("/"), hardware_id="slam_gmapping",
                                   level=DiagnosticStatus.OK, message="mapping")
         if mapper is None:

@@ -14,6 +14,17 @@ import tf2_ros
 from m2wr_gmapping.frontend.scan import transform_parts
 from m2wr_gmapping.replay.future_transforms import JUMP, FarAhead, LatestStamps
 from m2wr_gmapping.ros.missing_inputs import usual_source
+from m2wr_gmapping.scan_account import (
+    AT_END,
+    BAD_HEADER,
+    DROPPED,
+    EARLY,
+    NO_TRANSFORM,
+    OUT_OF_ORDER,
+    QUEUE_FULL,
+    TIME_JUMP,
+    ScanAccount,
+)
 from m2wr_node.ros.transform_buffer import fault_of, fault_of_transform
 
 if TYPE_CHECKING:
@@ -28,9 +39,6 @@ BUFFER = 60.0               # length of the transform buffer [s]
 OLD_MESSAGES = 5.0             # time after a jump in which messages with old stamps are ignored [s]
 WAIT_WARNING = 5.0          # wall time after which a waiting scan causes a warning [s]
 LOSS_WARNING = 5.0          # least wall time between two warnings about scans lost for the same reason [s]
-#: Reasons for which a scan is not used.
-QUEUE_FULL, NO_TRANSFORM, OUT_OF_ORDER = "queue full", "no transform", "out of order"
-TIME_JUMP, BAD_HEADER = "jump in time", "bad header"
 
 
 class _Waiting:
@@ -75,13 +83,8 @@ class Intake:
     ----------
     generation : int
         Number of jumps back in time; each one starts a new run.
-    arrived : int
-        Number of received scans.
-    lost : dict
-        Reason -> number of scans that were dropped for it.
-    early : int
-        Number of scans older than the first transform of their laser, not counted as dropped: after the start or a
-        jump in time, scans may arrive first.
+    account : ScanAccount
+        Of all scans that have arrived.
     lacks : str
         The transform that is missing for too long; empty if none is.
     """
@@ -102,24 +105,27 @@ class Intake:
         self._blocked_since: Optional[float] = None         # wall time [s]
         self._closed = False
         self.generation = 0
-        self.arrived = self.early = 0
-        self.lost: Dict[str, int] = {}
+        self.account = ScanAccount()
         self._warned: Dict[str, float] = {}     # reason -> wall time of the last warning [s]
         self.lacks = ""
 
     @property
+    def arrived(self) -> int:
+        """Number of received scans."""
+        return self.account.received
+
+    @property
     def dropped(self) -> int:
-        """Number of scans that were dropped, for all reasons together."""
-        return sum(self.lost.values())
+        """Number of scans that were dropped here; those before the first transform are not among them."""
+        return self.account.count(*DROPPED)
 
     def _lose(self, reason: str, count: int, message: str) -> None:
         """Count scans that are dropped, and warn at the first one and from time to time."""
-        self.lost[reason] = self.lost.get(reason, 0) + count
+        self.account.leave_out(reason, count)
         now = time.monotonic()
         if now - self._warned.get(reason, -math.inf) >= LOSS_WARNING:
             self._warned[reason] = now
-            rospy.logwarn("%s; dropped so far: %d of %d scans (%s)", message, self.dropped, self.arrived,
-                          ", ".join("%s: %d" % item for item in sorted(self.lost.items())))
+            rospy.logwarn("%s; so far %s", message, self.account.text())
 
     # ---- called by ROS
 
@@ -181,7 +187,7 @@ class Intake:
         self._look_at_clock()
         stamp = scan.header.stamp
         with self._news:
-            self.arrived += 1
+            self.account.received += 1
             fault = fault_of(scan.header)
             if fault:
                 self._lose(BAD_HEADER, 1, "scan dropped: %s" % fault)
@@ -242,8 +248,7 @@ class Intake:
 
     def _jumped(self, what: str, before: genpy.Time, now: genpy.Time, new_run: bool = True) -> None:
         self.generation += bool(new_run)
-        if self._waiting:
-            self.lost[TIME_JUMP] = self.lost.get(TIME_JUMP, 0) + len(self._waiting)     # the warning is below
+        self.account.leave_out(TIME_JUMP, len(self._waiting))       # the warning is below
         self._waiting.clear()
         self._buffer.clear()
         self._far_ahead.forget()
@@ -307,7 +312,7 @@ class Intake:
         if self._taken_stamp is None:
             early = sum(entry.source == source for entry in entries)
         if early:
-            self.early += early
+            self.account.leave_out(EARLY, early)
             rospy.loginfo("skipped %d of the first scans, from %.3f on: older than the first transform %s -> %s; the "
                           "first one used is of %.3f", early, entries[0].stamp.to_sec(), self._odom, source,
                           stamp.to_sec())
@@ -381,7 +386,9 @@ class Intake:
         return len(self._waiting)
 
     def close(self) -> None:
-        """Let ``next`` return None."""
+        """Let ``next`` return None; the scans that wait are not used."""
         with self._news:
             self._closed = True
+            self.account.leave_out(AT_END, len(self._waiting))
+            self._waiting.clear()
             self._news.notify_all()

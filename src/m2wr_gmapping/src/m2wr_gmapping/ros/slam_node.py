@@ -40,6 +40,7 @@ from m2wr_gmapping.ros.outputs import Diagnostics, MapOutput, PoseOutput, Transf
 from m2wr_gmapping.ros.reconfigure import CHANGEABLE, changed, make_reconfigure
 from m2wr_gmapping.ros.scan_input import Intake
 from m2wr_gmapping.ros.state_autosave import StateAutosave, autosave_location
+from m2wr_gmapping.scan_account import PASSED_OVER, REFUSED, SETTLING, THROTTLED, TIME_JUMP
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_node.ros.starting import start_node
 from m2wr_node.user_folder import from_user
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 
 SWITCH_INTERVAL = 0.0005    # callbacks of scans should not wait Python's default of 5 ms for the worker [s]
 TIMES_KEPT = 200
+PASSED_WARNING = 30.0       # time between two warnings about scans that are passed over [s]
 
 
 class SlamNode:
@@ -76,7 +78,7 @@ class SlamNode:
         self._beginning = beginning
         self._autosave, self._resumed = autosave, resumed
         self._generation = 0
-        self._counted = self._refused = self._passed = 0
+        self._counted = 0
         self._running: Optional[Mapper] = None      # the mapper that has used a scan of this run
         self._laser_frame = ""
         self._map_stamp: Optional[float] = None
@@ -87,8 +89,8 @@ class SlamNode:
         self._transform = transform = TransformOutput(config)
         self._intake = Intake(frame(config["odom_frame"]), options.scan_queue, self._map_frame,
                               lambda: transform.period > 0.0)
-        self._diagnostics = Diagnostics(self._intake, lambda: (
-            self._mapper, self._refused, self._passed, list(self._times)), self._maps, options.scan_queue)
+        self._diagnostics = Diagnostics(self._intake, lambda: (self._mapper, list(self._times)), self._maps,
+                                        options.scan_queue)
         if beginning.loaded is not None:
             self._show(beginning.loaded)
         self._reconfigure = make_reconfigure(config, self._take_values)
@@ -204,9 +206,8 @@ class SlamNode:
                 self._refuse(scan, error)
 
     def _refuse(self, scan: LaserScan, error: Exception) -> None:
-        self._refused += 1
-        rospy.logwarn_throttle(5.0, "scan at %.3f refused (%d so far): %s" % (
-            scan.header.stamp.to_sec(), self._refused, error))
+        count = self._intake.account.leave_out(REFUSED)
+        rospy.logwarn_throttle(5.0, "scan at %.3f refused (%d so far): %s" % (scan.header.stamp.to_sec(), count, error))
 
     def _start_new_run(self, generation: int) -> None:
         self._generation = generation
@@ -216,13 +217,17 @@ class SlamNode:
 
     def _take(self, scan: LaserScan, odom_from_laser: Transform) -> None:
         self._counted += 1
+        account = self._intake.account
         if self._counted % max(1, self._config["throttle_scans"]):
+            account.leave_out(THROTTLED)
             return
         began, stamp = time.perf_counter(), scan.header.stamp.to_sec()
         self._first_stamp = stamp if self._first_stamp is None else self._first_stamp
         if self._resumed and not self._is_same_run(stamp):
+            account.leave_out(TIME_JUMP)
             return
         if stamp < self._first_stamp + self._options.settle_time:
+            account.leave_out(SETTLING)
             return
         mapper = self._begin(scan) if self._mapper is None else self._mapper
         if frame(scan.header.frame_id) != self._laser_frame:
@@ -231,7 +236,7 @@ class SlamNode:
         odom_pose = mapper.laser.sensor_pose(*odom_from_laser)
         if mapper is self._running and len(scan.ranges) == len(mapper.laser.angles) \
                 and may_pass(mapper, odom_pose, stamp, self._intake.waiting, self._options.scan_queue):
-            self._passed += 1
+            self._pass_over()
             return
         reading = mapper.reading(scan.ranges)
         told = self._beginning.connect(mapper, reading, odom_pose, stamp)
@@ -254,6 +259,12 @@ class SlamNode:
                 self._autosave.keep(mapper, self._host())
             finally:
                 self._maps.busy.release()
+
+    def _pass_over(self) -> None:
+        """Count a scan that is not matched because others wait."""
+        count = self._intake.account.leave_out(PASSED_OVER)
+        rospy.logwarn_throttle(PASSED_WARNING, "scans arrive faster than they can be matched: %d of %d were passed "
+                               "over; none of them was due" % (count, self._intake.arrived))
 
     def _host(self) -> Dict[str, Any]:
         """Return the values that are stored with a state beside the mapper."""
@@ -304,6 +315,7 @@ class SlamNode:
         """End all threads and write the map if requested. Returns whether this succeeded."""
         self._intake.close()
         self._worker.join()
+        rospy.loginfo("%s", self._intake.account.text())
         self._maps.close()
         mapper, name, loaded = self._mapper, self._options.save_on_exit, self._beginning.loaded
         if mapper is None and loaded is not None:
