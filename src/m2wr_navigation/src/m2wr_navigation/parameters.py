@@ -16,7 +16,7 @@ class Parameter:
 
     Attributes
     ----------
-    default : bool, int, float or str
+    default : bool, int, float, str or list of str
         Its type is that of the parameter.
     unit : str
         Empty: none.
@@ -60,6 +60,17 @@ def text(default: str, meaning: str, changeable: bool = False) -> Parameter:
     return Parameter(default, "", 0, 0, meaning, changeable)
 
 
+def names(default: List[str], meaning: str) -> Parameter:
+    """Return a parameter that is a list of names.
+
+    Parameters
+    ----------
+    default : list of str
+    meaning : str
+    """
+    return Parameter(default, "", 0, 0, meaning, False)
+
+
 def converted(parameter: Parameter, value: object) -> Any:
     """Return a value in the parameter's type and range, or None if it cannot be used.
 
@@ -75,6 +86,8 @@ def converted(parameter: Parameter, value: object) -> Any:
     default = parameter.default
     if isinstance(default, str):
         return value if isinstance(value, str) else None
+    if isinstance(default, list):
+        return list(value) if isinstance(value, list) and all(isinstance(name, str) for name in value) else None
     if isinstance(default, bool):
         return bool(value) if isinstance(value, (bool, int)) and value in (0, 1) else None
     amount = number(value)
@@ -113,7 +126,7 @@ def read(table: Mapping[str, Parameter], given: Mapping[str, object], place: str
                 place, name, given[name], _expected(parameter), parameter.default))
             continue
         values[name] = value
-        if number(given[name]) is not None and not isinstance(value, (bool, str)) \
+        if number(given[name]) is not None and not isinstance(value, (bool, str, list)) \
                 and abs(float(value) - float(number(given[name]) or 0.0)) > 1e-9 * max(1.0, abs(float(value))):
             warnings.append("parameter {}/{} is {!r}; expected {}; {!r} is used".format(
                 place, name, given[name], _expected(parameter), value))
@@ -126,6 +139,8 @@ def _expected(parameter: Parameter) -> str:
         return "true or false"
     if isinstance(default, str):
         return "a text"
+    if isinstance(default, list):
+        return "a list of names"
     kind = "a whole number" if isinstance(default, int) else "a number"
     unit = " " + parameter.unit if parameter.unit else ""
     return "{} from {:g} to {:g}{}".format(kind, parameter.low, parameter.high, unit)

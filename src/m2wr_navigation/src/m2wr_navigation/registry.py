@@ -18,7 +18,10 @@ PLANNERS: Dict[str, str] = {
 CONTROLLERS: Dict[str, str] = {
     "m2wr_navigation/PurePursuit": "m2wr_navigation.controllers.pure_pursuit:PurePursuit",
 }
-RECOVERIES: Dict[str, str] = {}
+RECOVERIES: Dict[str, str] = {
+    "clear_costmap_recovery/ClearCostmapRecovery": "m2wr_navigation.recoveries.clear_costmap:ClearCostmap",
+    "rotate_recovery/RotateRecovery": "m2wr_navigation.recoveries.rotate:Rotate",
+}
 LAYERS: Dict[str, str] = {
     "costmap_2d::StaticLayer": "m2wr_navigation.costmap.static_layer:StaticLayer",
     "costmap_2d::ObstacleLayer": "m2wr_navigation.costmap.obstacle_layer:ObstacleLayer",

@@ -4,15 +4,16 @@ import math
 
 import pytest
 
-from m2wr_navigation.parameters import Parameter, converted, flag, read, text, unknown
+from m2wr_navigation.parameters import Parameter, converted, flag, names, read, text, unknown
 
 TABLE = {"rate": Parameter(5.0, "Hz", 0.0, 100.0, "rate"), "width": Parameter(10, "m", 0, 50, "width"),
-         "enabled": flag(True, "whether it works"), "topic": text("map", "name")}
+         "enabled": flag(True, "whether it works"), "topic": text("map", "name"),
+         "layers": names(["a"], "layers")}
 
 
 @pytest.mark.parametrize("name, given, value", [
     ("rate", 7, 7.0), ("rate", "1e1", 10.0), ("rate", 1e9, 100.0), ("rate", -1, 0.0), ("width", 40.0, 40),
-    ("enabled", 0, False), ("enabled", True, True), ("topic", "scan", "scan")])
+    ("enabled", 0, False), ("enabled", True, True), ("topic", "scan", "scan"), ("layers", ["b", "c"], ["b", "c"])])
 def test_a_usable_value_gets_type_and_range(name, given, value):
     result = converted(TABLE[name], given)
     assert result == value and type(result) is type(value)
@@ -20,7 +21,7 @@ def test_a_usable_value_gets_type_and_range(name, given, value):
 
 @pytest.mark.parametrize("name, given", [
     ("rate", "fast"), ("rate", math.nan), ("rate", True), ("rate", [1]), ("enabled", 2), ("enabled", "yes"),
-    ("topic", 3), ("width", {})])
+    ("topic", 3), ("width", {}), ("layers", "b"), ("layers", [1])])
 def test_an_unusable_value_is_named_and_the_default_used(name, given):
     values, warnings = read(TABLE, {name: given}, "~x")
     assert values[name] == TABLE[name].default

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Recovery behaviours: what is cleared, and a turn that ends by itself."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_navigation import registry
+from m2wr_navigation.controllers.controller import Situation
+from m2wr_navigation.costmap.costmap import Costmap
+from m2wr_navigation.parameters import read
+from m2wr_navigation.recoveries.recovery import Costmaps
+
+FOOTPRINT = np.array([[-0.2, -0.1], [0.4, -0.1], [0.4, 0.1], [-0.2, 0.1]])
+
+
+class Cleared(Costmaps):
+    """Notes what is cleared."""
+
+    def __init__(self):
+        self.calls = []
+
+    def layer_names(self, which):
+        return ["obstacle_layer", "bumper_layer"] if which == "global" else ["obstacle_layer"]
+
+    def clear(self, which, layers, side, inside):
+        self.calls.append((which, tuple(layers), side, inside))
+        return 7
+
+
+def behaviour(kind, costmaps=None, **given):
+    found = registry.find(registry.RECOVERIES, kind)
+    values, warnings = read(found.PARAMETERS, given, "~x")
+    assert not warnings
+    return found("reset", values, costmaps)
+
+
+def situation(stamp=0.0, yaw=0.0, costs=None):
+    costs = np.zeros((100, 100), np.uint8) if costs is None else costs
+    return Situation(stamp, 0.1, np.array([0.0, 0.0, yaw]), np.zeros(3), np.zeros((1, 3)),
+                     Costmap(costs, 0.05, np.array([-2.5, -2.5]), "odom"), FOOTPRINT)
+
+
+@pytest.mark.parametrize("given, calls", [
+    ({}, [("global", ("obstacle_layer", "bumper_layer"), 3.0, False), ("local", ("obstacle_layer",), 3.0, False)]),
+    (dict(affected_maps="local", reset_distance=1.8, invert_area_to_clear=True),
+     [("local", ("obstacle_layer",), 1.8, True)]),
+    (dict(affected_maps="global", layer_names=["bumper_layer"]), [("global", ("bumper_layer",), 3.0, False)]),
+    (dict(affected_maps="local", layer_names=["obstacles"]), [("local", ("obstacle_layer",), 3.0, False)])])
+def test_the_layers_that_there_are_are_cleared_in_one_step(given, calls):
+    costmaps = Cleared()
+    made = behaviour("ClearCostmapRecovery", costmaps, **given)
+    made.begin(situation())
+    step = made.step(situation())
+    assert costmaps.calls == calls and step.done and step.velocity is None
+    assert "7 occupied cells of" in step.reason and ("none of obstacles" in step.reason) == (
+        given.get("layer_names") == ["obstacles"])
+
+
+def turn(made, costs=None, speed=1.0, most=500):
+    """Turn a robot as it is told, times ``speed``; return its angles and the last step."""
+    yaw, stamp, angles = 0.3, 0.0, []
+    made.begin(situation(stamp, yaw, costs))
+    for _ in range(most):
+        stamp += 0.1
+        step = made.step(situation(stamp, math.remainder(yaw, 2 * math.pi), costs))
+        if step.done:
+            return angles, step, stamp
+        yaw += 0.1 * speed * step.velocity[2]
+        angles.append(yaw - 0.3)
+    raise AssertionError("it does not end")
+
+
+def test_a_free_robot_turns_once_around():
+    angles, step, _ = turn(behaviour("RotateRecovery"))
+    assert angles[-1] == pytest.approx(2 * math.pi, abs=0.15) and step.reason == ""
+
+
+def test_a_robot_beside_a_wall_turns_to_the_other_side():
+    costs = np.zeros((100, 100), np.uint8)
+    costs[55, 40:60] = 254              # 0.25 m to the left of the robot, whose nose reaches 0.4 m
+    with_wall, step, _ = turn(behaviour("RotateRecovery"), costs)
+    assert min(with_wall) < 0.0 and step.reason
+
+
+def test_a_robot_between_walls_does_not_turn_and_says_why():
+    costs = np.zeros((100, 100), np.uint8)
+    costs[55, 40:60] = costs[45, 40:60] = 254
+    angles, step, _ = turn(behaviour("RotateRecovery"), costs)
+    assert angles == [] and "would collide in both senses" in step.reason
+
+
+def test_a_robot_that_cannot_turn_ends_after_some_seconds():
+    _, step, stamp = turn(behaviour("RotateRecovery"), speed=0.0)
+    assert "has turned less" in step.reason and stamp < 5.0
