@@ -125,6 +125,10 @@ class Frames:
         """
         self._parents[child.lstrip("/")] = (parent.lstrip("/"), matrix)
 
+    def names(self) -> List[str]:
+        """Return the names of all frames that have a parent."""
+        return list(self._parents)
+
     def root_chain(self, frame: str) -> List[Tuple[str, NDArray[np.float64]]]:
         """Return [(frame, root_from_frame seen from it)] from a frame up to its root, itself first."""
         frame, matrix = frame.lstrip("/"), np.eye(4)
