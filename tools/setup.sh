@@ -93,7 +93,7 @@ detect_platform
 cd "$WORKSPACE"
 if [ "$PLATFORM" = debian12 ]; then
     install_apt_packages
-    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, collada, trimesh, numpy, lxml, yaml"
+    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, collada, trimesh, viser, numpy, lxml, yaml"
 else
     install_noetic_packages
     install_venv requirements-noetic.txt "ode, rosbags.rosbag1, collada, trimesh, numpy, yaml"
