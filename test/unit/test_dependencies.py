@@ -15,7 +15,7 @@ PROVIDERS = {
     "numba": "python3-numba", "llvmlite": "python3-numba", "numpy": "python3-numpy", "ode": "python3-pyode",
     "rospkg": "python3-rospkg", "scipy": "python3-scipy", "yaml": "python3-yaml", "urdf_parser_py": "urdfdom_py",
     "mpl_toolkits": "python3-matplotlib",
-    "collada": None, "gymnasium": None, "trimesh": None,
+    "collada": None, "gymnasium": None, "trimesh": None, "viser": None, "websockets": None,
 }
 PACKAGES = [package for package in tree.packages() if package.name != "m2wr_test"]
 NAMES = {package.name for package in PACKAGES}

@@ -66,6 +66,10 @@ RULES = (
     Rule("m2wr_lockstep/*/*.py", set(), False, False, ABOVE_LOCKSTEP + LOCKSTEP_EDGES),   # waits in wall time
     Rule("m2wr_lockstep/*.py", set(), False, False, ABOVE_LOCKSTEP + LOCKSTEP_EDGES),
     Rule("m2wr_course/*.py", NUMERIC | {"lxml", "PIL", "yaml"}, False, True, EDGES),
+    Rule("m2wr_live/scene/*.py", NUMERIC | {"trimesh"}, False, True, ("m2wr_live.web", "m2wr_live.ros") + EDGES),
+    Rule("m2wr_live/web/*.py", NUMERIC | {"viser", "websockets"}, False, True, ("m2wr_live.ros",) + EDGES),
+    Rule("m2wr_live/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_live/*.py", set(), False, True, ("m2wr_live.*",)),
     Rule("m2wr_view/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_view/*.py", NUMERIC | {"cairo", "matplotlib", "PIL", "rosbag", "roslib", "yaml"}, False, True,
          ("m2wr_view.ros",)),                                             # bags need the classes of their messages

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""All pages of a live view: what is drawn for all, a panel for each, plots, the status."""
+from __future__ import annotations
+
+import logging
+import threading
+from typing import TYPE_CHECKING, Any, Dict, List, Optional
+
+import numpy as np
+
+from m2wr_live.scene.series import RealTimeFactor, Series, contacts_of
+from m2wr_live.web.panel import Panel
+from m2wr_live.web.picture import Picture, look_of
+from m2wr_view.frames import planar
+from m2wr_view.outlines import M2WR_FOOTPRINT
+from m2wr_view.solids import Solids
+
+if TYPE_CHECKING:
+    from m2wr_live.scene.live_scene import LiveScene
+    from m2wr_live.web.actions import Actions
+    from m2wr_live.web.server import PageServer
+    from m2wr_view.outlines import Outline
+
+log = logging.getLogger("m2wr_live")
+
+_LAYERS = (("Laser beams", "beams"), ("Trails", "trails"), ("Goals and points", "marks"), ("Maps", "maps"),
+           ("Paths", "paths"), ("Particles", "particles"))
+_PLOTS = (("Speed [m/s]", 1, "#0072b2"), ("Clearance [m]", 2, "#d55e00"), ("Distance [m]", 3, "#009e73"))
+
+
+class Pages:
+    """Draws a scene for all pages.
+
+    Parameters
+    ----------
+    server : PageServer
+    source : LiveScene
+    actions : Actions or None
+        None: pages may only watch.
+    """
+
+    def __init__(self, server: PageServer, source: LiveScene, actions: Optional[Actions]) -> None:
+        self.server, self.source, self._actions = server, source, actions
+        self.viser: Any = server.viser
+        self.picture = Picture(self.viser.scene, source)
+        self.solids, self.footprint, self.footprint_of = Solids(), list(M2WR_FOOTPRINT), ""
+        self._series, self._factor = Series(), RealTimeFactor()
+        self._panels: Dict[int, Panel] = {}
+        self._lock = threading.Lock()
+        self._plots: List[Any] = []
+        self._error = ""
+        self.viser.gui.configure_theme(show_logo=False, show_share_button=False)
+        self.viser.gui.set_panel_label("m2wr live view")
+        self._make_shared_panel()
+        self.viser.on_client_connect(self._connected)
+        self.viser.on_client_disconnect(self._disconnected)
+
+    def _make_shared_panel(self) -> None:
+        gui = self.viser.gui
+        with gui.add_folder("Last minute", order=10):
+            empty = np.zeros(1)
+            for title, _, colour in _PLOTS:
+                self._plots.append(gui.add_uplot(
+                    (empty, empty), ({"label": "t [s]"}, {"label": title, "stroke": colour, "width": 2}), title=title,
+                    scales={"x": {"time": False}}, height=130, legend={"show": False}))
+        with gui.add_folder("Show, on all pages", order=20, expand_by_default=False):
+            for label, name in _LAYERS:
+                self._make_layer(gui.add_checkbox(label, True), self.picture.layers[name])
+
+    @staticmethod
+    def _make_layer(box: Any, node: Any) -> None:
+        @box.on_update
+        def _(_event: Any) -> None:
+            node.visible = bool(box.value)
+
+    # ---- pages -------------------------------------------------------------------------------------------------
+
+    def _connected(self, client: Any) -> None:
+        try:
+            panel = Panel(client, self.picture, self._actions)
+            middle = look_of(self.source)
+            if middle is not None:
+                panel.look(middle)
+            with self._lock:
+                self._panels[client.client_id] = panel
+        except Exception as error:      # the page was closed meanwhile
+            log.debug("page %d: %s", client.client_id, error)
+
+    def _disconnected(self, client: Any) -> None:
+        with self._lock:
+            self._panels.pop(client.client_id, None)
+
+    @property
+    def panels(self) -> List[Panel]:
+        """The panels of all open pages."""
+        with self._lock:
+            return list(self._panels.values())
+
+    # ---- drawing -----------------------------------------------------------------------------------------------
+
+    def say(self, text: str) -> None:
+        """Show what is wrong on all pages; empty: nothing is."""
+        self._error = text
+
+    def draw(self) -> None:
+        """Send what has changed; called up to thirty times a second."""
+        with self.viser.atomic():
+            self.picture.draw()
+        for panel in self.panels:
+            panel.set_robots(list(self.source.robots))
+            panel.follow()
+
+    def measure(self, wall: float, obstacles: List[Outline], paused: Optional[bool], topics: List[str]) -> None:
+        """Update status and plots; called a few times a second.
+
+        Parameters
+        ----------
+        wall : float
+            [s]
+        obstacles : list of Outline
+            In the world.
+        paused : bool or None
+            Whether the simulation is paused; None: not known.
+        topics : list of str
+            On which pages may drive.
+        """
+        source = self.source
+        robot = next(iter(source.robots.values()), None)
+        pose = None if robot is None or robot.pose is None else planar(robot.pose)
+        factor = self._factor.update(wall, source.now)
+        if self._series.sample(source.now, pose, obstacles, self.footprint) and self._panels:
+            columns = self._series.columns()
+            for plot, (_, row, _) in zip(self._plots, _PLOTS):
+                known = np.isfinite(columns[row])           # the plot shows nothing if one value is not a number
+                if known.any():
+                    plot.data = (columns[0][known], columns[row][known])
+        clearance = self._series.clearance
+        contacts = contacts_of(source.values)
+        lines = ["time  %.1f s%s" % (source.now, "   paused" if paused else ""),
+                 "real-time factor  %.2f" % factor]
+        if robot is not None:
+            lines.append("clearance  %s" % ("no obstacle near" if clearance is None else "%.2f m" % clearance))
+            lines.append("contacts  %s" % (contacts.get(robot.name, 0) if contacts or source.values else "not known"))
+        if source.state:
+            lines.append("state  " + source.state[:60])
+        if len(source.robots) > 1:
+            lines.append("robots  %d" % len(source.robots))
+        if source.markers.left_out:
+            lines.append("%d shapes are not shown" % source.markers.left_out)
+        self.server.status = {"lines": lines, "drive": topics, "error_text": self._error}

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Draws a :class:`~m2wr_live.scene.live_scene.LiveScene` with viser; only what has changed is sent."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
+
+import numpy as np
+
+from m2wr_live.scene.shapes import UNITS, Geometry, quaternions_of
+from m2wr_live.web.batches import Batches
+
+if TYPE_CHECKING:
+    from m2wr_live.scene.live_scene import Grid, LiveScene, Robot
+    from m2wr_live.scene.shapes import Shape
+    from m2wr_view.array_types import FloatArray
+
+GROUND = 0.004              # m; height at which maps are drawn, above the grid
+ABOVE = 0.02                # m; height of lines on the floor, above maps
+CHUNK = 100                 # segments of a trail that are sent together
+BEAMS, TRAIL, PATH, LINE = (240, 150, 100), (0, 114, 178), (0, 158, 115), (204, 121, 167)
+HIT, LEAVE, GOAL = (213, 43, 30), (0, 158, 115), (230, 159, 0)
+MOST_PIXELS = 1024          # of a map along each side; larger ones are thinned out
+_FREE, _WALL, _UNKNOWN = (250, 250, 245, 200), (30, 30, 30, 235), (0, 0, 0, 0)
+
+
+class Picture:
+    """What all pages show of a scene.
+
+    Parameters
+    ----------
+    scene : viser.SceneApi
+    source : LiveScene
+
+    Attributes
+    ----------
+    robot_shapes : list of (Robot, Shape)
+        Of all robots, in the order in which they are drawn.
+    """
+
+    def __init__(self, scene: Any, source: LiveScene) -> None:
+        self._scene, self.source = scene, source
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(cast_shadow=True)
+        self._floor = scene.add_grid("/floor", width=100.0, height=100.0, cell_size=1.0, section_size=5.0, plane="xy",
+                                     infinite_grid=True, shadow_opacity=0.25)
+        self.layers: Dict[str, Any] = {name: scene.add_frame("/" + name, show_axes=False)
+                                       for name in ("beams", "trails", "marks", "maps", "paths", "particles", "names")}
+        self.world, self._robots = Batches(scene, "/world"), Batches(scene, "/robots")
+        self.robot_shapes: List[Tuple[Robot, Shape]] = []
+        self._offsets: FloatArray = np.zeros((0, 4, 4))
+        self._drawn: Dict[str, object] = {}
+        self._nodes: Dict[str, Any] = {}
+        self._trails: Dict[str, int] = {}
+
+    def draw(self) -> None:
+        """Send what has changed since the last call."""
+        self._draw_world()
+        self._draw_robots()
+        self._draw_lines("beams", self.source.beams, BEAMS)
+        self._draw_paths()
+        self._draw_particles()
+        self._draw_marks()
+        self._draw_trails()
+        for topic, grid in list(self.source.grids.items()):
+            if self._changed("map " + topic, id(grid.cells), grid.pose.tobytes()):
+                self._draw_map(topic, grid)
+
+    def _changed(self, name: str, *content: object) -> bool:
+        """Return whether something differs from what was drawn under this name."""
+        if self._drawn.get(name) == content:
+            return False
+        self._drawn[name] = content
+        return True
+
+    def _forget(self, name: str) -> None:
+        node = self._nodes.pop(name, None)
+        if node is not None:
+            node.remove()
+
+    # ---- bodies ------------------------------------------------------------------------------------------------
+
+    @property
+    def geometries(self) -> Dict[str, Geometry]:
+        """All geometries of the scene."""
+        found = dict(UNITS)
+        found.update(self.source.markers.geometries)
+        for robot in self.source.robots.values():
+            found.update(robot.model.geometries)
+        return found
+
+    def world_poses(self) -> FloatArray:
+        """Return the poses (n, 4, 4) of the shapes of the world."""
+        return np.array([shape.pose for shape in self.source.markers.shapes]).reshape(-1, 4, 4)
+
+    def robot_poses(self) -> FloatArray:
+        """Return the poses (n, 4, 4) of ``robot_shapes``; a shape whose link's pose is not known is below the floor."""
+        hidden = np.eye(4)
+        hidden[2, 3] = -1e3
+        links = [robot.poses.get(shape.owner, hidden) for robot, shape in self.robot_shapes]
+        return np.einsum("nij,njk->nik", np.array(links).reshape(-1, 4, 4), self._offsets)
+
+    def _draw_world(self) -> None:
+        markers = self.source.markers
+        if self._changed("world", markers.version):
+            self.world.set_shapes(markers.shapes, self.geometries, self.world_poses())
+
+    def _draw_robots(self) -> None:
+        robots = list(self.source.robots.values())
+        if self._changed("robots", tuple(id(robot) for robot in robots)):
+            self.robot_shapes = [(robot, shape) for robot in robots for shape in robot.model.shapes]
+            self._offsets = np.array([shape.pose for _, shape in self.robot_shapes]).reshape(-1, 4, 4)
+            self._robots.set_shapes([shape for _, shape in self.robot_shapes], self.geometries, self.robot_poses())
+            self._draw_names(robots)
+        elif robots:
+            self._robots.move(self.robot_poses())
+        for robot in robots:
+            label = self._nodes.get("name " + robot.name)
+            if label is not None and robot.pose is not None:
+                label.position = robot.pose[:3, 3] + (0.0, 0.0, 0.45)
+
+    def _draw_names(self, robots: List[Robot]) -> None:
+        for name in [name for name in self._nodes if name.startswith("name ")]:
+            self._forget(name)
+        if len(robots) > 1:
+            for number, robot in enumerate(robots):
+                self._nodes["name " + robot.name] = self._scene.add_label("/names/%d" % number, robot.name[:40])
+
+    # ---- lines -------------------------------------------------------------------------------------------------
+
+    def _draw_lines(self, layer: str, lines: Dict[str, FloatArray], colour: Tuple[int, int, int]) -> None:
+        """Draw line segments (n, 2, 3) by topic."""
+        for topic in [name for name in self._drawn if name.startswith(layer + " ") and name[len(layer) + 1:] not in
+                      lines]:
+            del self._drawn[topic]
+            self._forget(topic)
+        for topic, segments in list(lines.items()):
+            name = "%s %s" % (layer, topic)
+            if not self._changed(name, id(segments)):
+                continue
+            points, node = segments.astype(np.float32), self._nodes.get(name)
+            if node is not None and node.points.shape == points.shape:
+                node.points = points
+            elif len(points):
+                self._nodes[name] = self._scene.add_line_segments(
+                    "/%s/%s" % (layer, _node_name(topic)), points, colour, thickness=0.8, thickness_units="screen")
+
+    def _draw_paths(self) -> None:
+        for topic, points in list(self.source.paths.items()):
+            name = "paths " + topic
+            if not self._changed(name, id(points)):
+                continue
+            self._forget(name)
+            if len(points) >= 2:
+                raised = points + (0.0, 0.0, ABOVE)
+                colour = LINE if topic.endswith("m_line") else PATH
+                self._nodes[name] = self._scene.add_line_segments(
+                    "/paths/" + _node_name(topic), np.stack((raised[:-1], raised[1:]), axis=1).astype(np.float32),
+                    colour, thickness=3.0, thickness_units="screen")
+
+    def _draw_particles(self) -> None:
+        for topic, points in list(self.source.particles.items()):
+            name = "particles " + topic
+            if not self._changed(name, id(points)):
+                continue
+            self._forget(name)
+            if len(points):
+                self._nodes[name] = self._scene.add_point_cloud(
+                    "/particles/" + _node_name(topic), (points + (0.0, 0.0, ABOVE)).astype(np.float32), (200, 30, 120),
+                    point_size=0.03)
+
+    def _draw_marks(self) -> None:
+        """Draw hit points, leave points and the goal, which is the end of Bug 2's line."""
+        source = self.source
+        lines = [points for topic, points in source.paths.items() if topic.endswith("m_line") and len(points)]
+        goal = tuple(lines[0][-1][:2]) if lines else None
+        if not self._changed("marks", tuple(source.hits), tuple(source.leaves), goal):
+            return
+        for name in [name for name in self._nodes if name.startswith("mark ")]:
+            self._forget(name)
+        marks = [("H%d" % (number + 1), place, HIT) for number, place in enumerate(source.hits)]
+        marks += [("L%d" % (number + 1), place, LEAVE) for number, place in enumerate(source.leaves)]
+        if goal is not None:
+            marks.append(("goal", (float(goal[0]), float(goal[1])), GOAL))
+        for label, (x, y), colour in marks:
+            self._nodes["mark " + label] = self._scene.add_cylinder(
+                "/marks/" + label, radius=0.12, height=0.03, color=colour, position=(x, y, ABOVE))
+            self._scene.add_label("/marks/%s/label" % label, label, position=(0.0, 0.0, 0.3))
+
+    def _draw_trails(self) -> None:
+        """Draw the trails in chunks, of which only the newest is sent again."""
+        if self._changed("run", self.source.run):
+            self._trails = {}
+        for number, robot in enumerate(self.source.robots.values()):
+            trail = robot.trail
+            first, last = robot.first // CHUNK, (robot.first + len(trail)) // CHUNK
+            for chunk in range(max(first, self._trails.get(robot.name, 0)), last + 1):
+                begin = max(0, chunk * CHUNK - robot.first)
+                part = trail[begin:begin + CHUNK + 1]
+                name = "trail %d %d" % (number, chunk)
+                if self._changed(name, robot.name, len(part), part[:1], self.source.run):
+                    self._draw_chunk(name, "/trails/%d/%d" % (number, chunk), part)
+            self._trails[robot.name] = last
+            for name in [name for name in self._nodes if name.startswith("trail %d " % number)]:
+                if not first <= int(name.split()[2]) <= last:
+                    self._forget(name)
+                    self._drawn.pop(name, None)
+
+    def _draw_chunk(self, name: str, path: str, part: List[Tuple[float, float, bool]]) -> None:
+        segments = np.array([((one[0], one[1], ABOVE), (two[0], two[1], ABOVE))
+                             for one, two in zip(part, part[1:]) if two[2]], dtype=np.float32)
+        self._forget(name)
+        if len(segments):
+            self._nodes[name] = self._scene.add_line_segments(path, segments, TRAIL, thickness=4.0,
+                                                              thickness_units="screen")
+
+    # ---- maps --------------------------------------------------------------------------------------------------
+
+    def _draw_map(self, topic: str, grid: Grid) -> None:
+        """Draw a map as a picture on the floor."""
+        rows, columns = grid.cells.shape
+        self._forget("map " + topic)
+        width, height = columns * grid.resolution, rows * grid.resolution
+        # the picture's first row is its top, and its x axis goes to the right: it looks up after a turn about x
+        centre = grid.pose.dot((0.5 * width, 0.5 * height, GROUND, 1.0))[:3]
+        turned = grid.pose[:3, :3].dot(np.diag((1.0, -1.0, -1.0)))
+        self._nodes["map " + topic] = self._scene.add_image(
+            "/maps/" + _node_name(topic), map_pixels(grid.cells), width, height, format="png", cast_shadow=False,
+            position=centre, wxyz=quaternions_of(turned[None])[0])
+
+
+def map_pixels(cells: Any) -> Any:
+    """Return the picture of a map (rows, columns, 4) uint8, its first row at the map's largest y.
+
+    Parameters
+    ----------
+    cells : (rows, columns) int8
+        0 to 100, occupied from 65 on as map_server has it; negative: unknown.
+    """
+    step = max(1, -(-max(cells.shape) // MOST_PIXELS))
+    if step > 1:                            # a wall in a block of cells stays visible
+        rows, columns = (side // step * step for side in cells.shape)
+        blocks = cells[:rows, :columns].reshape(rows // step, step, columns // step, step)
+        cells = blocks.max(axis=(1, 3))
+    pixels = np.empty(cells.shape + (4,), dtype=np.uint8)
+    pixels[:] = _FREE
+    pixels[cells >= 65] = _WALL
+    pixels[cells < 0] = _UNKNOWN
+    return pixels[::-1]
+
+
+def _node_name(topic: str) -> str:
+    return "".join(sign if sign.isalnum() else "_" for sign in topic.strip("/")) or "_"
+
+
+def look_of(scene: LiveScene) -> Optional[FloatArray]:
+    """Return the middle (3,) [m] of what a new page looks at: the first robot, else the world."""
+    for robot in scene.robots.values():
+        if robot.pose is not None:
+            found: FloatArray = robot.pose[:3, 3]
+            return found
+    shapes = scene.markers.shapes
+    return np.mean([shape.pose[:3, 3] for shape in shapes], axis=0) if shapes else None
