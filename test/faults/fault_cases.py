@@ -174,6 +174,7 @@ LAUNCH_FILES = {
     "m2wr_sim/robots.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/record.launch": [],
     "m2wr_sim/click_obstacles.launch": [],
+    "m2wr_sim/live.launch": [],
     "m2wr_sim/robot_range.launch": [],
     "m2wr_sim/rviz.launch": None,               # needs a display; bug2.launch includes it
     "m2wr_view/rviz.launch": None,
