@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A page of the live view in a headless Chromium, and what can be read from it."""
+import io
+
+import numpy as np
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.chrome.options import Options
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+
+from sim_probe import wait_until
+
+#: Software rendering, as there is no GPU; without a sandbox, as tests may run as root.
+_FLAGS = ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+          "--disable-dev-shm-usage", "--no-first-run")
+_START = 60.0               # s of wall time in which a page is drawn by software
+
+
+class Page:
+    """A browser with one page; a context manager that closes it."""
+
+    def __init__(self, address, size=(900, 700)):
+        options = Options()
+        for flag in _FLAGS + ("--window-size=%d,%d" % size,):
+            options.add_argument(flag)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+        self.driver.set_page_load_timeout(_START)
+        self.address = address
+
+    def __enter__(self):
+        try:
+            self.open()
+        except BaseException:
+            self.driver.quit()
+            raise
+        return self
+
+    def __exit__(self, *_):
+        self.driver.quit()
+
+    def open(self):
+        """Load the page and wait until it shows the scene and the status."""
+        self.driver.get(self.address)
+        wait_until(lambda: "time" in self.status(), "the status on the page", _START)
+        wait_until(lambda: len(np.unique(self.scene().reshape(-1, 3), axis=0)) > 50, "a scene on the page", _START)
+
+    def status(self):
+        """Return the text of the status."""
+        found = self.driver.find_elements(By.ID, "m2wr-status")
+        return found[0].text if found else ""
+
+    def value(self, name):
+        """Return the value behind a name of the status, or None."""
+        for line in self.status().splitlines():
+            if line.startswith(name + "  "):
+                return line[len(name):].strip()
+        return None
+
+    def scene(self):
+        """Return the pixels (rows, columns, 3) of the left part of the page, without panel, joystick and status."""
+        with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as picture:
+            pixels = np.asarray(picture.convert("RGB"))
+        rows, columns = pixels.shape[:2]
+        return pixels[:int(0.7 * rows), :int(0.6 * columns)]
+
+    def press(self, key, down):
+        """Press or release a key of the keyboard, by its name in JavaScript."""
+        self.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {
+            "type": "keyDown" if down else "keyUp", "key": key, "code": key})
+
+    def click(self, x, y):
+        """Click at a place of the page [pixels]."""
+        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {
+                "type": kind, "x": x, "y": y, "button": "none" if kind == "mouseMoved" else "left", "clickCount": 1})
+
+    def button(self, text):
+        """Return the button with a text."""
+        wait_until(lambda: self._buttons(text), "a button " + text, _START)
+        return self._buttons(text)[0]
+
+    def _buttons(self, text):
+        return [entry for entry in self.driver.find_elements(By.TAG_NAME, "button") if entry.text.strip() == text]
+
+    def choose(self, option, present="select and drag"):
+        """Choose an option of the list that shows ``present``."""
+        fields = [field for field in self.driver.find_elements(By.TAG_NAME, "input")
+                  if field.get_attribute("value") == present]
+        fields[0].click()
+
+        def options():
+            return [entry for entry in self.driver.find_elements(By.CSS_SELECTOR, "[role=option]")
+                    if entry.is_displayed() and entry.text.strip() == option]
+        wait_until(options, "the option " + option)
+        options()[0].click()
+
+    def errors(self):
+        """Return the errors in the console of the browser."""
+        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
