@@ -73,7 +73,7 @@ class Live(unittest.TestCase):
     def test_keys_drive_and_the_robot_stops_after_release(self):
         with Page(self.address) as page:
             commands = Recorder("/cmd_vel", Twist)
-            wait_until(lambda: page.driver.find_element("id", "m2wr-drive").is_displayed(), "the joystick")
+            wait_until(page.joystick, "the joystick")
             before = page.scene()
             page.press("ArrowUp", True)
             commands.wait(lambda messages: messages[-1].linear.x == 0.5, "a command to drive")
@@ -118,13 +118,13 @@ class Live(unittest.TestCase):
 
     def test_two_pages_pause_and_a_phone_sees_it(self):
         with Page(self.address) as one, Page(self.address, (400, 700)) as phone:
-            one.button("pause").click()
+            one.press_button("pause")
             wait_until(lambda: "paused" in phone.status(), "\"paused\" on the phone")
             stopped = self.simulation.time()
-            one.button("step").click()
+            one.press_button("step")
             wait_until(lambda: self.simulation.time() > stopped, "a step")
             self.assertAlmostEqual(self.simulation.time() - stopped, 0.001, delta=1e-9)
-            one.button("continue").click()
+            one.press_button("continue")
             wait_until(lambda: "paused" not in one.status(), "a page without \"paused\"")
             self.assertEqual(one.errors() + phone.errors(), [])
 
@@ -132,8 +132,8 @@ class Live(unittest.TestCase):
         with live("__name:=audience", "_control:=false") as audience:
             address = address_of(audience)
             with Page(address) as page:
-                self.assertEqual([text for text in ("pause", "Reset the world") if page._buttons(text)], [])
-                self.assertFalse(page.driver.find_element("id", "m2wr-drive").is_displayed())
+                self.assertEqual([text for text in ("pause", "Reset the world") if page.elements("button", text)], [])
+                self.assertFalse(page.joystick())
             with connect(address.replace("http", "ws") + "m2wr") as script:
                 script.send(json.dumps({"topic": "/cmd_vel", "forward": 1, "left": 0}))
                 wait_until(lambda: "only watch" in json.loads(script.recv(10)).get("error", ""), "a refusal")

@@ -5,9 +5,9 @@ import io
 import numpy as np
 from PIL import Image
 from selenium import webdriver
+from selenium.common.exceptions import ElementNotInteractableException, StaleElementReferenceException
 from selenium.webdriver.chrome.options import Options
 from selenium.webdriver.chrome.service import Service
-from selenium.webdriver.common.by import By
 
 from sim_probe import wait_until
 
@@ -48,8 +48,13 @@ class Page:
 
     def status(self):
         """Return the text of the status."""
-        found = self.driver.find_elements(By.ID, "m2wr-status")
-        return found[0].text if found else ""
+        return self.driver.execute_script(
+            "const found = document.getElementById('m2wr-status'); return found ? found.textContent : ''")
+
+    def joystick(self):
+        """Return whether the joystick is shown."""
+        return self.driver.execute_script("return getComputedStyle(document.getElementById('m2wr-drive')).display") \
+            != "none"
 
     def value(self, name):
         """Return the value behind a name of the status, or None."""
@@ -76,25 +81,33 @@ class Page:
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {
                 "type": kind, "x": x, "y": y, "button": "none" if kind == "mouseMoved" else "left", "clickCount": 1})
 
-    def button(self, text):
-        """Return the button with a text."""
-        wait_until(lambda: self._buttons(text), "a button " + text, _START)
-        return self._buttons(text)[0]
+    def elements(self, kind, content, attribute="textContent"):
+        """Return the visible elements of a CSS selector whose text, or value, is ``content``; read at once."""
+        return self.driver.execute_script(
+            "return Array.from(document.querySelectorAll(arguments[0])).filter((element) => "
+            "element.offsetParent !== null && element[arguments[2]].trim() === arguments[1])", kind, content, attribute)
 
-    def _buttons(self, text):
-        return [entry for entry in self.driver.find_elements(By.TAG_NAME, "button") if entry.text.strip() == text]
+    def press_button(self, text):
+        """Click on the button with a text."""
+        self._click_on("button", text)
 
     def choose(self, option, present="select and drag"):
         """Choose an option of the list that shows ``present``."""
-        fields = [field for field in self.driver.find_elements(By.TAG_NAME, "input")
-                  if field.get_attribute("value") == present]
-        fields[0].click()
+        self._click_on("input", present, "value")
+        self._click_on("[role=option]", option)
+        wait_until(lambda: self.elements("input", option, "value"), "the choice of " + option, _START)
 
-        def options():
-            return [entry for entry in self.driver.find_elements(By.CSS_SELECTOR, "[role=option]")
-                    if entry.is_displayed() and entry.text.strip() == option]
-        wait_until(options, "the option " + option)
-        options()[0].click()
+    def _click_on(self, kind, content, attribute="textContent"):
+        """Click on an element as soon as it is there; the page may replace it meanwhile."""
+        def click():
+            try:
+                found = self.elements(kind, content, attribute)
+                if found:
+                    found[0].click()
+                return found
+            except (StaleElementReferenceException, ElementNotInteractableException):
+                return None
+        wait_until(click, "%s with %s" % (kind, content), _START)
 
     def errors(self):
         """Return the errors in the console of the browser."""
