@@ -77,13 +77,13 @@ def usual_source(target: str, source: str, frames: Collection[str], newest: Opti
     stamp : float
         Requested time [s].
     parameter : str
-        ``odom_frame`` or ``base_frame``, which says what ``target`` is.
+        ``odom_frame...`` or that of the base's frame, which says what ``target`` is.
     """
     if not frames:
         return ". Expected a robot or simulator that publishes its odometry, and robot_state_publisher"
     if target not in frames:
         return (". No node publishes {}, the value of the parameter {}: {}".format(target, parameter, (
-            "expected the odometry of a driver or simulator" if parameter == "odom_frame" else
+            "expected the odometry of a driver or simulator" if parameter.startswith("odom_frame") else
             "expected the robot's frame to which the laser is connected")))
     if source not in frames:
         return (". No node publishes {}: expected robot_state_publisher with robot_description, or "

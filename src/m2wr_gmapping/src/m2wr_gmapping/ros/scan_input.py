@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Callable, Deque, Dict, List, Optional, Set, Tuple
 
 import rospy
@@ -39,6 +40,26 @@ BUFFER = 60.0               # length of the transform buffer [s]
 OLD_MESSAGES = 5.0             # time after a jump in which messages with old stamps are ignored [s]
 WAIT_WARNING = 5.0          # wall time after which a waiting scan causes a warning [s]
 LOSS_WARNING = 5.0          # least wall time between two warnings about scans lost for the same reason [s]
+
+
+@dataclass(frozen=True)
+class Wording:
+    """What messages say about the node that takes the scans.
+
+    Attributes
+    ----------
+    odom_parameter, base_parameter : str
+        Names of its parameters for the frames of odometry and base.
+    silence : str
+        How to stop its transform of the odometry's frame.
+    after_jump : str
+        What it does when time jumps back.
+    """
+
+    odom_parameter: str = "odom_frame"
+    base_parameter: str = "base_frame"
+    silence: str = "set ~transform_publish_period to 0"
+    after_jump: str = "a new map is started"
 
 
 class _Waiting:
@@ -78,6 +99,8 @@ class Intake:
         Transforms from this frame to that of odometry are ignored: they are results of mapping.
     publishes : callable, optional
         Whether this node publishes that transform (bool). If so, other parents of the odometry frame cause a warning.
+    wording : Wording, optional
+        For messages; default: those of the mapper.
 
     Attributes
     ----------
@@ -90,7 +113,8 @@ class Intake:
     """
 
     def __init__(self, odom_frame: str, limit: int, map_frame: Optional[str] = None,
-                 publishes: Callable[[], bool] = lambda: False) -> None:
+                 publishes: Callable[[], bool] = lambda: False, wording: Optional[Wording] = None) -> None:
+        self._wording = Wording() if wording is None else wording
         self._odom, self._limit, self._map, self._publishes = odom_frame, limit, map_frame, publishes
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(BUFFER))
         self._far_ahead, self._stamps = FarAhead(BUFFER), LatestStamps()
@@ -158,8 +182,8 @@ class Intake:
             return
         self._rivals.add(sender)
         rospy.logwarn("%s publishes %s -> %s, this node publishes %s -> %s: rviz and others alternate between the two. "
-                      "Expected one of them: stop the other node, play bags without that transform, or set "
-                      "~transform_publish_period to 0", sender, parent, self._odom, self._map, self._odom)
+                      "Expected one of them: stop the other node, play bags without that transform, or %s",
+                      sender, parent, self._odom, self._map, self._odom, self._wording.silence)
 
     def _put_transform(self, transform: TransformStamped, static: bool) -> None:
         parent, child, stamp = transform.header.frame_id, transform.child_frame_id, transform.header.stamp
@@ -256,7 +280,7 @@ class Intake:
         self._taken_stamp = self._odd_stamp = self._blocked_since = None
         self._time_before, self._present, self._ignore_old_until = before, now, time.monotonic() + OLD_MESSAGES
         rospy.logwarn("%s jumped back from %.3f to %.3f: transforms and waiting scans are dropped%s", what,
-                      before.to_sec(), now.to_sec(), " and a new map is started" if new_run else "")
+                      before.to_sec(), now.to_sec(), " and " + self._wording.after_jump if new_run else "")
 
     # ---- called by the worker
 
@@ -361,7 +385,7 @@ class Intake:
         return "the transform %s -> %s at %.3f: %s. Frames known: %s%s" % (
             target, source, stamp.to_sec(), why, known, usual_source(
                 target, source, self._frames, None if newest is None else newest.to_sec(), stamp.to_sec(),
-                "odom_frame" if target == self._odom else "base_frame"))
+                self._wording.odom_parameter if target == self._odom else self._wording.base_parameter))
 
     def mount(self, base: str, scan: LaserScan) -> Optional[Transform]:
         """Return translation and quaternion of a scan's laser in the base frame, or None.
@@ -392,3 +416,17 @@ class Intake:
             self.account.leave_out(AT_END, len(self._waiting))
             self._waiting.clear()
             self._news.notify_all()
+
+    def in_odometry(self, frame: str, stamp: genpy.Time) -> Optional[Transform]:
+        """Return translation and quaternion of a frame in that of the odometry, or None if they are not known.
+
+        Parameters
+        ----------
+        frame : str
+        stamp : genpy.Time
+            0: the newest known.
+        """
+        try:
+            return transform_parts(self._buffer.lookup_transform_core(self._odom, frame.lstrip("/"), stamp))
+        except tf2_ros.TransformException:
+            return None
