@@ -10,6 +10,7 @@ from m2wr_navigation.costmap.footprint import circle
 from m2wr_navigation.costmap.footprint_kernels import outline_cost
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
+from m2wr_navigation.localization.kernel_tour import compile_localization_kernels
 from m2wr_navigation.parameters import read
 from m2wr_navigation.planners import potential_search, visibility_kernels
 from m2wr_node.kernel_progress import KernelProgress
@@ -66,6 +67,7 @@ def compile_kernels() -> None:
     """Call everything once."""
     compile_costmap_kernels()
     compile_planner_kernels()
+    compile_localization_kernels()
 
 
 if __name__ == "__main__":

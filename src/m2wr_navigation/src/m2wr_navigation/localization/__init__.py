@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the robot is on the map."""
+"""Localization on a known map by a particle filter (amcl); no ROS in here."""
