@@ -84,9 +84,9 @@ class Recorder:
             self.messages.append(message)
             self._changed.notify_all()
 
-    def connected(self):
-        """Wait for a publisher; returns itself."""
-        wait_until(lambda: self._subscriber.get_num_connections() > 0, "a publisher of %s" % self.topic)
+    def connected(self, count=1):
+        """Wait for a number of publishers; returns itself."""
+        wait_until(lambda: self._subscriber.get_num_connections() >= count, "%d publishers of %s" % (count, self.topic))
         return self
 
     def wait(self, condition, what, patience=PATIENCE):
