@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
 import numpy as np
 
 from m2wr_gmapping.backend.loop_closing import LoopCloser
-from m2wr_gmapping.backend.odometry_recalibration import Recalibration
+from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.filter import resampling
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
-from m2wr_gmapping.frontend import track_layout as tl
+from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.tracking import Tracker
+from m2wr_gmapping.frontend.view_memory import ViewMemory
 from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy
 from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_gmapping.workers import Workers
@@ -35,6 +36,7 @@ END_POINT_GAP = 0.04        # closer end points are merged [m]
 LEVEL = (0.0, 0.0)
 PUT_OFF = 2.0               # a tilted scan is processed after this multiple of the motion that makes a scan due
 FARTHEST_ODOMETRY = 1e9     # limit of coordinates: differences of larger ones lose precision [m]
+MIN_SHIFT = 0.01            # the maps are rebuilt if a recalibration moves a node by more [m]
 START_WINDOW = np.array([1.0, 0.5])     # search window around the initial pose on a saved map [m, rad]
 
 
@@ -93,13 +95,15 @@ class Mapper:
         self._matcher: Union[HillClimbMatcher, FastMatcher]
         self._tracker: Optional[Tracker] = None
         self._loops: Optional[LoopCloser] = None
+        self._history = StepHistory()
         if self._plain:
             self._matcher = HillClimbMatcher(config, self._workers)
         else:
             self._matcher = matcher = FastMatcher(config, self._workers)
-            self._tracker = Tracker(matcher, config.noise, self._dense, Recalibration(laser.ahead), laser.ahead)
+            self._tracker = Tracker(matcher, config.noise, self._dense, laser.base_from_sensor)
             if config["loop_closing"]:
-                self._loops = LoopCloser(matcher, config["delta"])
+                self._loops = LoopCloser(matcher, config["delta"], self._history)
+        self._motion = ViewMemory()
         self._level = TiltDetector(config["delta"], laser.max_range)
         self.filter: Optional[ParticleFilter] = None
         self.readings: List[ScanReading] = []
@@ -178,7 +182,8 @@ class Mapper:
         elif self._level.is_tilted(slope, reading.points, distance) and (
                 self._level.is_rocking or not self._due(stamp, share=1.0 / PUT_OFF)):
             due = False
-        elif due or (self._dense and moved):
+        elif due or (self._dense and (moved or self._motion.has_changed(reading))):
+            self._motion.remember(reading)
             reading = self._level.level_part(reading)
             best = particles.best
             tracked = tracker.match(particles.maps, best, particles.poses[best], reading)
@@ -250,6 +255,7 @@ class Mapper:
         self._distance = self._turn = 0.0
         if self._tracker is not None:
             self._tracker.restart()
+            self._motion.remember(reading)
         self._last_processed = stamp
 
     def due_at(self, odom_pose: ArrayLike, stamp: float) -> bool:
@@ -281,25 +287,29 @@ class Mapper:
             variances, inverse, spread = tracker.predict_particles(anchors, starts, predictions)
             rows = particles.match(reading, starts, predictions, inverse, least, spread)
             best = particles.best
-            tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best])
+            tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
+                          self._history.next_record())
+            self._history.set_information(rows[best], variances)
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)
-        if self._loops is not None and tracker is not None:
-            self._loops.add_step(rows[best, tl.INFORMATION:], np.sqrt(variances), tracker.account)
-        if tracker is not None and tracker.recalibration.due:
+        if tracker is not None and self._history.due:
             self._recalibrate()
         if self._loops is not None:
             self._replace_path(self._loops.search(particles.tree.path(particles.best), self.readings))
 
     def _recalibrate(self) -> None:
-        """Correct the path by the present estimate of the centre of rotation; not on a saved map."""
+        """Correct the path by the present calibration of odometry and mount; not on a saved map."""
         if self._tracker is None or self.given:
             return
-        tracker, particles = self._tracker, self.particles
-        changes, path = tracker.recalibration.correct(particles.tree.path(particles.best), tracker.centre)
-        if changes is not None:
-            self._replace_path(path if self._loops is None else self._loops.apply_changes(path, changes))
+        self._history.checked()
+        path = self.particles.tree.path(self.particles.best)
+        if self._loops is not None and self._loops.links:
+            self._replace_path(self._loops.recalibrate(path))
+            return
+        corrected = path_of(path[0], self._history.corrected(path))
+        if (np.abs(corrected - path)[:, :2] > MIN_SHIFT).any():
+            self._replace_path(corrected)
 
     def _replace_path(self, path: Optional[FloatArray]) -> None:
         if path is not None:
@@ -313,14 +323,27 @@ class Mapper:
         if self._loops is not None:
             self._replace_path(self._loops.conclude(self.filter.tree.path(self.filter.best), self.readings))
 
+    def calibration(self) -> Dict[str, float]:
+        """Return the estimated systematic errors of odometry and mount, each with its standard deviation.
+
+        ``laser_x``, ``laser_y`` [m] and ``laser_yaw`` [rad] are to be added to the mount in the robot's model;
+        ``distance`` and ``rotation`` are relative errors of odometry, ``drift`` its rotation per metre [rad/m].
+        """
+        if self._tracker is None:
+            return {}
+        found, values = {}, self._tracker.calibration
+        deviations = np.sqrt(values.covariance.diagonal())
+        for k, name in enumerate(NAMES):
+            found[name], found[name + "_deviation"] = round(float(values.value[k]), 5), round(float(deviations[k]), 5)
+        return found
+
     def info(self) -> Dict[str, Any]:
         """Return counts for the log."""
         found: Dict[str, Any] = {}
         loops = self._loops
         if self._tracker is not None:
-            found["odometry_scale"] = self._tracker.scale.round(3).tolist()
-            found["odometry_bias"] = self._tracker.bias.round(4).tolist()
-            found["odometry_centre"] = round(self._tracker.centre, 4)
+            found["odometry_noise"] = self._tracker.noise.scale.round(3).tolist()
+            found["calibration"] = self.calibration()
         if loops is not None:
             found.update(searches=loops.searches, wide_searches=loops.wide_searches, links=loops.links,
                          closures=loops.closures)

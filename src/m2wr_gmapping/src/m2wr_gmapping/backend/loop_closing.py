@@ -26,6 +26,7 @@ from m2wr_gmapping.se2 import between, compose, inverse
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.loop_graph import Link
+    from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
 
@@ -87,10 +88,12 @@ class LoopCloser:
     matcher : FastMatcher
     resolution : float
         Cell size of the fine match [m].
+    history : StepHistory
+        Steps of the path.
     """
 
-    def __init__(self, matcher: FastMatcher, resolution: float) -> None:
-        self.graph = LoopGraph(matcher, resolution)
+    def __init__(self, matcher: FastMatcher, resolution: float, history: StepHistory) -> None:
+        self.graph = LoopGraph(matcher, resolution, history)
         self._extension = LoopExtension(self.graph)
         self._pending: Optional[Tuple[Link, FloatArray]] = None     # a loop closure that waits for confirmation
         self._candidates: List[Candidate] = []          # recent results of wide searches
@@ -112,38 +115,20 @@ class LoopCloser:
         """Number of optimisations that moved the path."""
         return self.graph.closures
 
-    def add_step(self, information: FloatArray, deviations: FloatArray, account: FloatArray) -> None:
-        """Add the step to the newest node; see ``LoopGraph.add_step``.
-
-        Parameters
-        ----------
-        information : (6,) float64
-            Upper triangle of the scan's information matrix (xx xy xt yy yt tt).
-        deviations : (3,) float64
-            Standard deviations of the prior [m, m, rad].
-        account : (6, 3) float64
-            Bias information of the scan.
-        """
-        self.graph.add_step(information, deviations, account)
-
-    def apply_changes(self, path: FloatArray, changes: FloatArray) -> FloatArray:
-        """Correct the steps of a path and optimise it.
+    def recalibrate(self, path: FloatArray) -> Optional[FloatArray]:
+        """Optimise the path with the steps by the present calibration.
 
         Parameters
         ----------
         path : (K, 3) float64
-            Path with the changed steps [m, m, rad].
-        changes : (K, 3) float64
-            Changes of the steps.
+            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
 
         Returns
         -------
-        (K, 3) float64
-            Path that fits the loop closures too.
+        (K, 3) float64 or None
+            Optimised path; None if it does not change.
         """
-        self.graph.change_steps(changes)
-        bent = self._solve(path, self._extension.has_large_shift)
-        return path if bent is None else bent
+        return self._solve(path, self._extension.has_large_shift)
 
     def search(self, path: FloatArray, readings: Sequence[ScanReading]) -> Optional[FloatArray]:
         """Search for loop closures at the newest node.

@@ -9,11 +9,12 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.track_layout import BIAS_CHANGES, BIAS_INFORMATION, BIAS_VARIANCE, DEPENDENT, TRACK_ROWS
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT
 from m2wr_gmapping.se2 import between, compose, wrap
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
 
@@ -26,17 +27,13 @@ SHIFT_MOST, TURN_MOST = 30.0, 0.6       # widest search [m], [rad]
 BESIDE = 2.0                # distance from the path within which old nodes are candidates [m]
 UNHELD = np.array([10.0, 10.0, 1.0])    # standard deviations in unobserved directions [m, m, rad]
 LINK_FLOOR = np.square([0.02, 0.02, 0.008])     # least variance of a loop closure [m^2, m^2, rad^2]
-STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # least variance of a step
 MIN_CHANGE = np.array([0.04, 0.04, 0.01])     # the maps are rebuilt if a node moves by more [m, m, rad]
 CONFIDENT_CHANGE = np.array([0.35, 0.35, 0.1])      # smaller corrections need no confirmation [m, m, rad]
 AGREEMENT = np.array([0.25, 0.25, 0.08])    # greatest difference of two corrections of one loop [m, m, rad]
 OBSERVED_RATIO = 0.085          # least ratio of the eigenvalues of an observed match
 OUTLIER = 12.0              # squared residual that halves the weight of a loop closure [covariances]
-SMOOTHING_FACTOR = 10.0           # the smoothed bias changes slower than the filtered one by this factor
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, "FloatArray", "FloatArray"]
-FIRST_NODES, ACCOUNT_ROWS = 1024, TRACK_ROWS - BIAS_INFORMATION
-BY_STEP = "_step_information", "_step_variances", "_accounts", "_leverages"
 
 
 def covariance(information: FloatArray, deviations: FloatArray, floor: FloatArray) -> FloatArray:
@@ -129,6 +126,8 @@ class LoopGraph:
     matcher : FastMatcher
     resolution : float
         Cell size of the fine match [m].
+    history : StepHistory
+        The steps.
 
     Attributes
     ----------
@@ -137,44 +136,11 @@ class LoopGraph:
         Number of near searches, and of optimisations that moved the path.
     """
 
-    def __init__(self, matcher: FastMatcher, resolution: float) -> None:
-        self._matcher, self._resolution = matcher, resolution
-        self._steps: List[FloatArray] = []      # measured pose of each node from the one before, [0] unused
-        # of the step to each node, with spare rows: information, and position variance [m^2]; steps known so far
-        self._step_information, self._step_variances = np.zeros((FIRST_NODES, 3, 3)), np.zeros(FIRST_NODES)
-        self._accounts, self._leverages = np.zeros((FIRST_NODES, ACCOUNT_ROWS, 3)), np.zeros((FIRST_NODES, 3, 3))
-        self._newest = 0
+    def __init__(self, matcher: FastMatcher, resolution: float, history: StepHistory) -> None:
+        self._matcher, self._resolution, self._history = matcher, resolution, history
         self._link_nodes = np.zeros((0, 2), np.int64)   # of ``links``, which only grow
         self.links: List[Link] = []
         self.searches = self.closures = 0
-
-    def add_step(self, information: FloatArray, deviations: FloatArray, account: FloatArray) -> None:
-        """Add the step to the newest node.
-
-        Parameters
-        ----------
-        information : (6,) float64
-            See ``covariance``.
-        deviations : (3,) float64
-            See ``covariance``.
-        account : (6, 3) float64
-            Bias information of the scan: rows ``BIAS_INFORMATION`` to ``TRAVELLED`` of ``track_layout``.
-        """
-        self._newest += 1
-        if self._newest == len(self._step_variances):
-            for name in BY_STEP:
-                rows = getattr(self, name)
-                setattr(self, name, np.concatenate([rows, np.zeros_like(rows)]))
-        self._step_variances[self._newest] = drift_kernels.step_information(
-            information, DEPENDENT, deviations, STEP_FLOOR, self._step_information[self._newest])
-        self._accounts[self._newest] = account
-        drift_kernels.bias_jacobian(information, deviations, account[-1], self._leverages[self._newest])
-
-    def change_steps(self, changes: FloatArray) -> None:
-        """Compose the steps known so far with ``changes`` (K, 3), in the axes of the pose that each step leads to."""
-        if self._steps:
-            count = len(self._steps)
-            self._steps = list(compose(np.array(self._steps), changes[:count]))
 
     def scene(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
               correction: Optional[FloatArray] = None) -> Tuple[place_search.Scene, IndexArray, IndexArray]:
@@ -216,7 +182,7 @@ class LoopGraph:
         out, shift, turn = np.empty((len(path), 3)), np.empty(len(path)), np.empty(len(path))
         if len(self._link_nodes) < len(self.links):
             self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
-        drift_kernels.drift(path, self._step_variances[:len(path)], self._link_nodes, node, out)
+        drift_kernels.drift(path, self._history.variances[:len(path)], self._link_nodes, node, out)
         drift_kernels.widths(out, DEVIATIONS, HEADING_DRIFT, (SHIFT_FLOOR, SHIFT_MOST), (TURN_FLOOR, TURN_MOST), shift,
                              turn)
         return shift, turn
@@ -275,13 +241,6 @@ class LoopGraph:
         """
         return place_match.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
 
-    def _missing_corrections(self, count: int) -> FloatArray:
-        """Return the corrections (count, 3) of the steps by the smoothed bias of odometry."""
-        corrections = np.empty((count, 3))
-        drift_kernels.smooth_bias(self._accounts[:count], self._leverages[:count], BIAS_VARIANCE,
-                                  BIAS_VARIANCE / SMOOTHING_FACTOR * np.array(BIAS_CHANGES), corrections)
-        return corrections
-
     def solve(self, path: FloatArray, opened: bool = False) -> Optional[FloatArray]:
         """Optimise the graph.
 
@@ -299,14 +258,11 @@ class LoopGraph:
         """
         if not self.links:
             return None
-        for k in range(len(self._steps), len(path)):
-            self._steps.append(between(path[k - 1], path[k]) if k else np.zeros(3))
         count = len(path)
         chain = np.stack([np.arange(count - 1), np.arange(1, count)], -1)
         pairs = np.concatenate([chain, np.array([link[:2] for link in self.links])])
-        steps = compose(np.array(self._steps[1:]), self._missing_corrections(count)[1:])
-        measured = np.concatenate([steps, np.array([link[2] for link in self.links])])
-        information = np.concatenate([self._step_information[1:count],
+        measured = np.concatenate([self._history.corrected(path)[1:], np.array([link[2] for link in self.links])])
+        information = np.concatenate([self._history.information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1
         bent, _ = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
@@ -320,14 +276,12 @@ class LoopGraph:
     # ---- saving
 
     def compact(self) -> Dict[str, object]:
-        """Return the attributes that are stored, without spare rows."""
-        return dict({name: getattr(self, name)[:self._newest + 1] for name in BY_STEP}, _steps=self._steps,
-                    links=self.links, searches=self.searches, closures=self.closures)
+        """Return the attributes that are stored."""
+        return dict(links=self.links, searches=self.searches, closures=self.closures)
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if a loop closure does not lead to a newer node."""
         if any(old >= new for old, new, _, _ in stored["links"]):
             raise ValueError("a link that leads from a node to itself or back")
         self.__dict__.update(stored)
-        self._newest = len(self._step_variances) - 1
         self._link_nodes = np.zeros((0, 2), np.int64)

@@ -14,7 +14,7 @@ from m2wr_gmapping.filter.motion_model import sample_motion
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.track_layout import DEPENDENT
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import TYPE_CHECKING, Protocol, Tuple
 
 import numpy as np
 
 from m2wr_gmapping.filter.tile_kernels import draw_field, tiles_around
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend import track_layout as tl
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
+from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
 from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
+from m2wr_gmapping.frontend.tracking_kernels import GOOD_SHARE
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.config import GmappingConfig
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.scan import ScanReading
+    from m2wr_gmapping.frontend.track import Request
     from m2wr_gmapping.workers import Workers
 
 WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
@@ -36,6 +39,11 @@ PULL = 9.0                      # squared Mahalanobis distance from odometry abo
 SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in standard deviations of a slip
 SLIP_CONTINUES = 0.05       # difference from odometry that indicates a slip before this scan [m, rad]
 SLIP_COST = 6.0                 # negative logarithm of the probability of a slip
+FULL_TURN = np.array([0.5, math.pi])    # window if nothing else fits: wheels may miss any rotation on the spot [m, rad]
+#: Share of the beams whose score the best match near odometry must not reach for a search of all rotations. The map has
+#: the last processed scan: a robot that has only driven into an unknown area still sees half of it.
+CONTRADICTED_SHARE = 0.5
+NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
 MINIMUM_SCORE_CAP = 0.5         # share of the beams; most good matches do not reach a higher minimumScore
 
 
@@ -99,7 +107,7 @@ class FastMatcher:
                                least, results)
 
         self._workers.run(work, len(starts))
-        tk.project_all_onto_degenerate(results, predictions)      # see _tied
+        fuse_all(results, predictions, prior)
         return results
 
     def match_one(self, maps: TileMaps, particle: int, reading: Beams, start: FloatArray, prediction: FloatArray,
@@ -131,18 +139,15 @@ class FastMatcher:
                       self._settings, row)
         return row
 
-    def _tied(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
+    def _fused(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
               prior: FloatArray) -> FloatArray:
-        """``match_one``, projected onto the prediction along a plain wall.
-
-        There the match would stay at its start, which may come from a search, or move to the end of the wall's map.
-        """
+        """``match_one``, with odometry along directions that the scan does not observe; see ``fuse``."""
         row = self.match_one(maps, particle, reading, start, prediction, prior)
-        tk.project_onto_degenerate(row, prediction)
+        fuse(row, prediction, prior)
         return row
 
-    def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: FloatArray, long: bool,
-              good_share: float) -> Tuple[FloatArray, bool]:
+    def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool,
+              good_share: float) -> Tuple[FloatArray, int]:
         """Match in the map of one particle, and detect slip of odometry.
 
         The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
@@ -156,8 +161,8 @@ class FastMatcher:
             Index of the particle.
         reading : ScanReading
             The scan.
-        ask : (ASK_ROWS, 3) float64
-            Start of the match and pose by odometry; layout of ``track_layout``.
+        ask : Request
+            Start of the match and pose by odometry.
         long : bool
             Whether the step since the last match was so long that a match may converge to a wrong pose.
         good_share : float
@@ -167,32 +172,39 @@ class FastMatcher:
         -------
         row : (13,) float64
             Result row.
-        slipped : bool
+        slip : int
+            NO_SLIP, SLIP, or LARGE_SLIP if nothing near odometry fits.
         """
-        expected, variances, inverse = ask[tl.WANTED], ask[tl.VARIANCES], ask[tl.INVERSE]
-        row = self._tied(maps, particle, reading, ask[tl.START], expected, inverse)
+        expected, variances, inverse = ask.expected, ask.variances, ask.inverse
+        row = self._fused(maps, particle, reading, ask.start, expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
         if long:
             window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
             if (window > WINDOW_LEAST).any():
                 found = self.search(maps, particle, reading, expected, window)
-                other = self._tied(maps, particle, reading, found, expected, inverse)
+                other = self._fused(maps, particle, reading, found, expected, inverse)
                 cost, other_pull = tk.cost_of(other, expected, variances)
                 if cost < best:
                     row, best, pull = other, cost, other_pull
         if row[mk.SCORE] >= good_share * reading.beams.shape[1] and pull < PULL:
-            return row, False
-        slipped, window = False, np.minimum(WINDOW_MOST, ask[tl.WINDOW, :2])
-        wide = np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
-        plain, start = row[:3], ask[tl.START]
+            return row, NO_SLIP
+        slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
+        plain = row[:3]
         # a continuous slip has already moved the start pose
-        for centre in (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,):
-            for begin in (plain, self.search(maps, particle, reading, centre, window)):
-                other = self._tied(maps, particle, reading, begin, centre, 1.0 / wide)
-                cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
-                if cost < best:
-                    row, best, slipped = other, cost, True
-        return row, slipped
+        centres = (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,)
+        for centre, extent, penalty in [(centre, window, SLIP_COST) for centre in centres] + [
+                (expected, FULL_TURN, SLIP_COST + math.log(FULL_TURN[1] / window[1]))]:
+            full = extent is FULL_TURN
+            if full and row[mk.SCORE] >= CONTRADICTED_SHARE * reading.beams.shape[1]:
+                break
+            least = GOOD_SHARE * reading.beams.shape[1] if full else 0.0
+            wide = np.square(extent / SLIP_DEVIATIONS)[[0, 0, 1]]
+            for begin in (plain, self.search(maps, particle, reading, centre, extent)):
+                other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
+                cost = tk.cost_of(other, centre, wide)[0] + penalty
+                if cost < best and other[mk.SCORE] >= least:
+                    row, best, slip = other, cost, LARGE_SLIP if full else SLIP
+        return row, slip
 
     def search(self, maps: TileMaps, particle: int, reading: ScanReading, prediction: FloatArray,
                window: Vector) -> FloatArray:

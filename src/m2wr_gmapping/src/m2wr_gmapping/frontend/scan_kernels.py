@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Tuple
 
+import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
@@ -175,3 +176,27 @@ def classify_ranges(ranges: FloatArray, directions: FloatArray, limits: FloatArr
         used[count] = b % (skip + 1) == skip
         count += 1
     return count, seen
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def profile(rays: Float32Array, out: FloatArray) -> None:
+    """Write the mean range of the beams in each sector around the laser.
+
+    Parameters
+    ----------
+    rays : (2, S) float32
+        Ends of the beams [m, laser frame].
+    out : (N,) float64
+        Written: mean ranges [m], 0 for sectors without beams.
+    """
+    counts = np.zeros(out.shape[0], np.int64)
+    out[:] = 0.0
+    by = out.shape[0] / (2.0 * math.pi)
+    for k in range(rays.shape[1]):
+        x, y = rays[0, k], rays[1, k]
+        sector = int((math.atan2(y, x) + math.pi) * by) % out.shape[0]
+        out[sector] += math.sqrt(x * x + y * y)
+        counts[sector] += 1
+    for k in range(out.shape[0]):
+        if counts[k]:
+            out[k] /= counts[k]

@@ -1,80 +1,71 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Pose of the robot between two processed scans, by odometry and scan matches: the arithmetic of ``tracking``.
 
-Array layouts are those of ``track_layout``, and result rows those of ``match_kernels``.
+Result rows are those of ``match_kernels``.
 """
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, Any, Tuple
 
+import numpy as np
 from numba import njit
 
-from m2wr_gmapping.frontend.odometry_kernels import (
-    corrected,
-    expected_variances,
-    learn,
-    update_noise_scales,
-    user_noise,
+from m2wr_gmapping.frontend.calibration_kernels import (
+    corrected_step,
+    drift,
+    observation,
+    propagate_jacobian,
+    share_of_odometry,
+    update,
 )
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information, scan_vector
+from m2wr_gmapping.frontend.odometry_kernels import odometry_variances, update_noise_scales, user_noise
 from m2wr_gmapping.frontend.pose_kernels import between, compose, exceeds, wrapped
-from m2wr_gmapping.frontend.track_layout import (
-    CENTRE,
-    COST,
-    DEPENDENT,
-    DOUBT,
-    DRIVEN,
-    EXPECTED,
-    GOOD_SHARE,
-    INFORMATION,
-    INVERSE,
-    LONG_STEP,
-    LOWER_SHARE,
-    MIN_INFORMATION_RATIO,
-    MOTION,
+from m2wr_gmapping.frontend.track import (
+    CALIBRATION_CHANGE,
+    CALIBRATION_PRIOR,
     NO_DOUBT,
-    RECHECK_AFTER,
-    REL,
-    SIGNED_MOTION,
-    SINCE,
-    SLACK,
-    SLIP,
-    SLIP_DISTANCE,
-    SLIP_FLOOR,
-    SLIP_LEFT,
-    SLIP_OBSERVATIONS,
-    SLIP_SHARE,
-    SLIP_TOLERANCE,
-    SLIP_TRANSFORM,
-    START,
-    STATIONARY,
-    STEP_APPLIED,
-    STEP_CENTRE,
-    STEP_TURN,
-    STEP_UNOBSERVED,
-    UNEXPLAINED,
-    VARIANCES,
-    WANTED,
-    WINDOW,
+    PARAMETERS,
+    calibration_of,
+    noise_of,
+    record_of,
+    request_of,
+    track_of,
 )
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.frontend.track import Noise, Track
+
+COST, INFORMATION = 6, 7
+
+STATIONARY = 0.005, 0.005, 0.005                 # scans closer to the last matched one are not matched [m, m, rad]
+LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a match may converge to a wrong pose [m, m, rad]
+SLIP_FLOOR, SLIP_SHARE = (0.2, 0.3), 0.4    # search window of a slip [m, rad]; growth with the step
+SLIP_DISTANCE = 0.15, 0.1                       # a slip is accepted if it persists over this motion [m, rad]
+SLIP_OBSERVATIONS = 20                             # or over this number of scans
+SLIP_TOLERANCE = 0.1, 0.1, 0.1                 # and changes by at most this from scan to scan [m, m, rad]
+SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance of odometry after a slip [m^2, m^2, rad^2]
+GOOD_SHARE = 0.8                            # share of the beams below whose score a match is doubted
+RECHECK_AFTER, LOWER_SHARE = (0.15, 0.15), 0.1  # motion [m, rad], or fall of the score, after which to doubt again
+UNEXPLAINED = 0.05, 0.05, 0.02              # errors of odometry that shift a point at 2.5 m by a cell [m, m, rad]
+
 
 # ---- between processed scans
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def advance(track: FloatArray, before: FloatArray, now: FloatArray) -> Tuple[float, float, bool]:
+def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatArray, now: FloatArray) -> Tuple[float, float, bool]:
     """Propagate the poses by a step of odometry.
 
     Parameters
     ----------
-    track : (TRACK_ROWS, 3) float64
-        See ``track_layout``.
-    before : (3,) float64
-        Poses of odometry before and after the step [m, m, rad].
-    now : (3,) float64
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    calibration_data : (CALIBRATION_SIZE,) float64
+        Of a Calibration.
+    before, now : (3,) float64
         Poses of odometry before and after the step [m, m, rad].
 
     Returns
@@ -84,28 +75,29 @@ def advance(track: FloatArray, before: FloatArray, now: FloatArray) -> Tuple[flo
     moved : bool
         Whether odometry has moved since the last match.
     """
-    step = between(before, now)
-    x, y, theta, forward = corrected(track, step[0], step[1], step[2])
-    for row in (REL, EXPECTED):
-        compose(track[row], (x, y, theta), track[row])
-    for row in (DRIVEN, SINCE):
-        compose(track[row], step, track[row])
-    distance, turn = math.hypot(step[0], step[1]), abs(step[2])
-    track[SIGNED_MOTION, 0] += forward
-    track[SIGNED_MOTION, 1] += step[2]
-    track[MOTION, 0] += distance
-    track[MOTION, 1] += turn
-    since = track[SINCE]
+    track, calibration = track_of(track_data), calibration_of(calibration_data)
+    raw, step, of_step = between(before, now), np.empty(3), np.empty((3, PARAMETERS))
+    forward = corrected_step(calibration, raw[0], raw[1], raw[2], step, of_step)
+    propagate_jacobian(step, of_step, track.jacobian)
+    compose(track.matched, step, track.matched)
+    compose(track.predicted, step, track.predicted)
+    compose(track.driven, raw, track.driven)
+    compose(track.since_match, raw, track.since_match)
+    distance, turn = math.hypot(raw[0], raw[1]), abs(raw[2])
+    track.motion[0] += distance
+    track.motion[1] += turn
+    track.motion[2] += forward
+    since = track.since_match
     return distance, turn, exceeds(since[0], since[1], since[2], STATIONARY)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _good_share(track: FloatArray, distance: float, turn: float) -> float:
+def _good_share(track: Track, distance: float, turn: float) -> float:
     """Return the share of the beams below whose score a match is doubted, after a step.
 
     In unknown areas many scans in a row have a low score; a doubt that was checked is not raised again at once.
     """
-    doubt = track[DOUBT]
+    doubt = track.doubt
     if doubt[0] == NO_DOUBT:
         return GOOD_SHARE
     doubt[1] += distance
@@ -117,17 +109,31 @@ def _good_share(track: FloatArray, distance: float, turn: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def expect(track: FloatArray, anchor: FloatArray, ask: FloatArray) -> Tuple[bool, float]:
-    """Write the start and the prediction of the newest scan's match into ``ask``.
+def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
+    """Write the variances (3,) of ``Track.predicted`` along its axes.
+
+    The uncertainty of the calibration is not included: it is an error of all steps alike, not of this one.
+    """
+    own = odometry_variances(noise, track.motion[0], track.motion[1])
+    for k in range(3):
+        out[k] = own[k] + track.slack[k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> Tuple[bool, float]:
+    """Write the start and the prediction of the newest scan's match.
 
     Parameters
     ----------
-    track : (TRACK_ROWS, 3) float64
-        See ``track_layout``.
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
-    ask : (ASK_ROWS, 3) float64
-        Written; see ``track_layout``.
+    ask_data : (REQUEST_SIZE,) float64
+        Of a Request.
+        Written.
 
     Returns
     -------
@@ -136,17 +142,18 @@ def expect(track: FloatArray, anchor: FloatArray, ask: FloatArray) -> Tuple[bool
     good_share : float
         Share of the beams below whose score the match is doubted.
     """
-    since = track[SINCE]
+    track, noise, ask = track_of(track_data), noise_of(noise_data), request_of(ask_data)
+    since = track.since_match
     distance, turn = math.hypot(since[0], since[1]), abs(since[2])
     long = exceeds(since[0], since[1], since[2], LONG_STEP)
-    since[0] = since[1] = since[2] = 0.0
-    compose(anchor, track[REL], ask[START])
-    compose(anchor, track[EXPECTED], ask[WANTED])
-    expected_variances(track, ask[VARIANCES])
+    since[:] = 0.0
+    compose(anchor, track.matched, ask.start)
+    compose(anchor, track.predicted, ask.expected)
+    prediction_variances(track, noise, ask.variances)
     for k in range(3):
-        ask[INVERSE, k] = 1.0 / ask[VARIANCES, k]
-    ask[WINDOW, 0] = SLIP_FLOOR[0] + SLIP_SHARE * distance
-    ask[WINDOW, 1] = SLIP_FLOOR[1] + SLIP_SHARE * turn
+        ask.inverse[k] = 1.0 / ask.variances[k]
+    ask.window[0] = SLIP_FLOOR[0] + SLIP_SHARE * distance
+    ask.window[1] = SLIP_FLOOR[1] + SLIP_SHARE * turn
     return long, _good_share(track, distance, turn)
 
 
@@ -176,96 +183,49 @@ def cost_of(row: FloatArray, expected: FloatArray, variances: FloatArray) -> Tup
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def degenerate_direction(row: FloatArray) -> Tuple[float, float, float]:
-    """Return the projector xx, xy, yy onto the direction that the scan of a match does not observe.
-
-    It is 0 if the scan observes both directions, or none.
-    """
-    h = row[INFORMATION:]
-    by = 1.0 / h[5] if h[5] > 0.0 else 0.0
-    # with the heading eliminated
-    a, b, d = h[0] - h[2] * h[2] * by, h[1] - h[2] * h[4] * by, h[3] - h[4] * h[4] * by
-    half, middle = 0.5 * (a - d), 0.5 * (a + d)
-    root = math.sqrt(half * half + b * b)
-    if not (root > 0.0 and middle - root < MIN_INFORMATION_RATIO * (middle + root)):
-        return 0.0, 0.0, 0.0
-    # projector onto the weak axis: (1 - (matrix - middle) / root) / 2
-    return 0.5 * (1.0 - half / root), -0.5 * b / root, 0.5 * (1.0 + half / root)
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def project_onto_degenerate(row: FloatArray, expected: FloatArray) -> None:
-    """Move the pose of a match to ``expected`` along its degenerate direction.
-
-    Parameters
-    ----------
-    row : (13,) float64
-        Result row; its pose changes.
-    expected : (3,) float64
-        Pose by odometry in ``map``.
-    """
-    xx, xy, yy = degenerate_direction(row)
-    x, y, _ = between(row, expected)
-    compose(row, (xx * x + xy * y, xy * x + yy * y, 0.0), row)
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def project_all_onto_degenerate(rows: FloatArray, expected: FloatArray) -> None:
-    """Apply ``project_onto_degenerate`` to many matches.
-
-    Parameters
-    ----------
-    rows : (N, 13) float64
-        Result rows; their poses change.
-    expected : (N, 3) float64
-        Poses by odometry in ``map``.
-    """
-    for n in range(rows.shape[0]):
-        project_onto_degenerate(rows[n], expected[n])
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _restart_from(track: FloatArray, rel: FloatArray, slack: Any) -> None:
-    """Propagate EXPECTED from now on from the pose ``rel`` with the variances ``slack``."""
+def _restart_from(track: Track, matched: FloatArray, slack: Any) -> None:
+    """Predict from now on from the pose ``matched`` with the variances ``slack``."""
+    track.jacobian[:] = 0.0
     for k in range(3):
-        track[EXPECTED, k], track[SLACK, k] = rel[k], slack[k]
-        track[MOTION, k] = track[SIGNED_MOTION, k] = 0.0
+        track.predicted[k], track.slack[k], track.motion[k] = matched[k], slack[k], 0.0
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _confirm_slip(track: FloatArray, at_once: bool) -> None:
+def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
     """Accept a slip that persists over some distance: a pitching robot looks like a slip for a moment."""
-    aside, slip, motion = track[SLIP_TRANSFORM], track[SLIP], track[MOTION]
-    rel, expected = track[REL], track[EXPECTED]
+    aside, slip, motion = track.slip_transform, track.slip, track.motion
+    matched, predicted = track.matched, track.predicted
     again = slip[2] > 0.0
     if again:
         c, s = math.cos(aside[2]), math.sin(aside[2])
-        led = (aside[0] + c * expected[0] - s * expected[1], aside[1] + s * expected[0] + c * expected[1],
-               wrapped(aside[2] + expected[2]))
-        x, y, theta = between(led, rel)
+        led = (aside[0] + c * predicted[0] - s * predicted[1], aside[1] + s * predicted[0] + c * predicted[1],
+               wrapped(aside[2] + predicted[2]))
+        x, y, theta = between(led, matched)
         again = not exceeds(x, y, theta, SLIP_TOLERANCE)
-    c, s = math.cos(expected[2]), math.sin(expected[2])     # rel (+) inverse(expected): the slip may continue
-    back = -c * expected[0] - s * expected[1], s * expected[0] - c * expected[1], wrapped(-expected[2])
-    compose(rel, back, aside)
+    c, s = math.cos(predicted[2]), math.sin(predicted[2])     # matched (+) inverse(predicted): the slip may continue
+    back = -c * predicted[0] - s * predicted[1], s * predicted[0] - c * predicted[1], wrapped(-predicted[2])
+    compose(matched, back, aside)
     if not again:
         slip[0], slip[1], slip[2] = motion[0], motion[1], 0.0
     slip[2] += 1.0
     if at_once or slip[2] > SLIP_OBSERVATIONS or motion[0] - slip[0] > SLIP_DISTANCE[0] \
             or motion[1] - slip[1] > SLIP_DISTANCE[1]:
         slip[2] = 0.0
-        update_noise_scales(track, between(expected, rel), (0.0, 0.0, 0.0), motion[0], motion[1])
-        _restart_from(track, rel, SLIP_LEFT)
+        update_noise_scales(noise, between(predicted, matched), (0.0, 0.0, 0.0), motion[0], motion[1])
+        _restart_from(track, matched, SLIP_LEFT)
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def accept_match(track: FloatArray, anchor: FloatArray, row: FloatArray, share: float, slipped: bool,
+def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, share: float, slipped: bool,
                  at_once: bool) -> None:
     """Update the track by a match.
 
     Parameters
     ----------
-    track : (TRACK_ROWS, 3) float64
-        See ``track_layout``.
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
     row : (13,) float64
@@ -277,34 +237,48 @@ def accept_match(track: FloatArray, anchor: FloatArray, row: FloatArray, share: 
     at_once : bool
         Whether a slip is accepted without confirmation.
     """
-    track[REL, 0], track[REL, 1], track[REL, 2] = between(anchor, row)
-    if share < GOOD_SHARE and track[DOUBT, 0] == NO_DOUBT:
-        track[DOUBT, 0], track[DOUBT, 1], track[DOUBT, 2] = share, 0.0, 0.0
+    track, noise = track_of(track_data), noise_of(noise_data)
+    track.matched[0], track.matched[1], track.matched[2] = between(anchor, row)
+    if share < GOOD_SHARE and track.doubt[0] == NO_DOUBT:
+        track.doubt[0], track.doubt[1], track.doubt[2] = share, 0.0, 0.0
     if slipped:
-        _confirm_slip(track, at_once)
+        _confirm_slip(track, noise, at_once)
     else:
-        track[SLIP, 2] = 0.0
+        track.slip[2] = 0.0
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def unexplained(track: FloatArray) -> bool:
+def unexplained(track_data: FloatArray) -> bool:
     """Return whether odometry since the last processed scan differs from the newest match."""
-    x, y, theta = between(track[DRIVEN], track[REL])
+    track = track_of(track_data)
+    x, y, theta = between(track.driven, track.matched)
     return exceeds(x, y, theta, UNEXPLAINED)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def restart(track_data: FloatArray) -> None:
+    """Restart at the newest scan, which was processed."""
+    track = track_of(track_data)
+    for k in range(3):
+        track.matched[k] = track.predicted[k] = track.driven[k] = track.since_match[k] = 0.0
+        track.slack[k] = track.motion[k] = track.slip_transform[k] = track.slip[k] = 0.0
+    track.jacobian[:] = 0.0
 
 
 # ---- the processed scan
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def predict_all(track: FloatArray, anchors: FloatArray, starts: FloatArray, predictions: FloatArray,
+def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatArray, starts: FloatArray, predictions: FloatArray,
                 known: FloatArray) -> None:
     """Predict all particles from their poses at the last processed scan.
 
     Parameters
     ----------
-    track : (TRACK_ROWS, 3) float64
-        See ``track_layout``.
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
     anchors : (N, 3) float64
         Those poses, in ``map``.
     starts : (N, 3) float64
@@ -315,33 +289,158 @@ def predict_all(track: FloatArray, anchors: FloatArray, starts: FloatArray, pred
         Written: variances of the predictions, their inverses, and standard deviations for drawing particles. The latter
         do not exceed the user's noise.
     """
+    track, noise = track_of(track_data), noise_of(noise_data)
     for n in range(anchors.shape[0]):
-        compose(anchors[n], track[REL], starts[n])
-        compose(anchors[n], track[EXPECTED], predictions[n])
-    expected_variances(track, known[0])
-    expected = track[EXPECTED]
-    noise = user_noise(track, expected[0], expected[1], expected[2])
+        compose(anchors[n], track.matched, starts[n])
+        compose(anchors[n], track.predicted, predictions[n])
+    prediction_variances(track, noise, known[0])
+    predicted = track.predicted
+    by_user = user_noise(noise, predicted[0], predicted[1], predicted[2])
     for k in range(3):
         known[1, k] = 1.0 / known[0, k]
-        known[2, k] = min(math.sqrt(known[0, k]), noise[k])
+        known[2, k] = min(math.sqrt(known[0, k]), by_user[k])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def update_from_step(track: FloatArray, anchor: FloatArray, row: FloatArray, step: FloatArray) -> None:
-    """Call ``learn``, and write a step of the path.
+def _is_odometry_only(track: Track) -> bool:
+    """Whether the prediction was propagated by odometry from the last processed scan itself."""
+    return track.slack[0] == 0.0 and track.slack[1] == 0.0 and track.slack[2] == 0.0
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, out: FloatArray) -> bool:
+    """Write the inverse variances (3,) of the prediction with the uncertainty of the calibration included.
+
+    Exact wheels make the prior of the pose so strong that no scan could ever correct the calibration. So the scan is
+    matched a second time with this one.
+
+    Returns
+    -------
+    bool
+        False after a slip, which says nothing about the calibration.
+    """
+    track, noise, calibration = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data)
+    if not _is_odometry_only(track):
+        return False
+    own = odometry_variances(noise, track.motion[0], track.motion[1])
+    for k in range(3):
+        variance = own[k]
+        for i in range(PARAMETERS):
+            for j in range(PARAMETERS):
+                variance += track.jacobian[k, i] * calibration.covariance[i, j] * track.jacobian[k, j]
+        out[k] = 1.0 / variance
+    return True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray) -> None:
+    """Update the scales of odometry's noise by the match of a processed scan.
 
     Parameters
     ----------
-    track : (TRACK_ROWS, 3) float64
-        See ``track_layout``.
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
+        Changed.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
     row : (13,) float64
         Result row of ``match_kernels``.
-    step : (STEP_SIZE,) float64
-        Written; layout of ``odometry_recalibration_kernels``.
     """
-    step[STEP_UNOBSERVED], step[STEP_UNOBSERVED + 1], step[STEP_UNOBSERVED + 2] = degenerate_direction(row)
-    step[STEP_TURN], step[STEP_CENTRE] = track[SIGNED_MOTION, 1], track[CENTRE, 0]
-    step[STEP_APPLIED:] = 0.0
-    learn(track, anchor, row)
+    track, noise = track_of(track_data), noise_of(noise_data)
+    if not _is_odometry_only(track):
+        return
+    prior = odometry_variances(noise, track.motion[0], track.motion[1])
+    x, y, theta = between(anchor, row)
+    update_noise_scales(noise, between(track.predicted, (x, y, theta)), _posterior_variances(row, prior),
+                        track.motion[0], track.motion[1])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _posterior_variances(row: FloatArray, prior: Tuple[float, float, float]) -> Tuple[float, float, float]:
+    """Return the variances of a scan's information combined with a prior of those variances."""
+    h = row[INFORMATION:]
+    a, d, f = h[0] + 1.0 / prior[0], h[3] + 1.0 / prior[1], h[5] + 1.0 / prior[2]
+    b, c, e = h[1], h[2], h[4]
+    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
+    by = 1.0 / (a * p + b * q + c * r)
+    return p * by, (a * f - c * c) * by, (a * d - b * b) * by
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, prediction: FloatArray, row: FloatArray,
+          prior: FloatArray, step_data: FloatArray) -> None:
+    """Update the calibration by the match of a processed scan with the prior of ``weak_prior``.
+
+    Parameters
+    ----------
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
+    calibration_data : (CALIBRATION_SIZE,) float64
+        Of a Calibration.
+        Changed.
+    prediction : (3,) float64
+        Pose by odometry in ``map``.
+    row : (13,) float64
+        Result row of ``match_kernels``.
+    prior : (3,) float64
+        That prior.
+    step_data : (RECORD_SIZE,) float64
+        Of a StepRecord.
+        Information and vector are written.
+    """
+    track, noise, calibration, step = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data), record_of(step_data)
+    information, told, about, vector = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
+    scan_vector(row, prediction, prior, information, told)
+    own, squares = odometry_variances(noise, track.motion[0], track.motion[1]), np.empty(3)
+    for i in range(3):
+        squares[i], told[i] = own[i], told[i] / DEPENDENT
+        for j in range(3):
+            information[i, j] /= DEPENDENT
+    observation(information, squares, told, about, vector)
+    drift(calibration.covariance, track.motion[2], CALIBRATION_PRIOR, CALIBRATION_CHANGE)
+    before, jacobian = calibration.value.copy(), track.jacobian
+    if not update(calibration, jacobian, about, vector):
+        return
+    for i in range(PARAMETERS):
+        for j in range(PARAMETERS):
+            for a in range(3):
+                for b in range(3):
+                    step.information[i, j] += jacobian[a, i] * about[a, b] * jacobian[b, j]
+        for a in range(3):
+            step.vector[i] += jacobian[a, i] * vector[a]
+        for j in range(PARAMETERS):
+            step.vector[i] += step.information[i, j] * before[j]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, row: FloatArray, step_data: FloatArray) -> None:
+    """Write how the newest step depends on the calibration; before ``learn``.
+
+    Parameters
+    ----------
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
+    calibration_data : (CALIBRATION_SIZE,) float64
+        Of a Calibration.
+    row : (13,) float64
+        Result row of the match.
+    step_data : (RECORD_SIZE,) float64
+        Of a StepRecord.
+        Written.
+    """
+    track, noise, calibration, step = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data), record_of(step_data)
+    step.information[:], step.vector[:], step.derivative[:] = 0.0, 0.0, 0.0
+    step.applied[:] = calibration.value
+    step.forward[0] = track.motion[2]
+    if not _is_odometry_only(track):
+        return
+    squares, information = np.empty(3), np.empty((3, 3))
+    prediction_variances(track, noise, squares)
+    scan_information(row, 1.0, information)
+    share_of_odometry(information, squares, track.jacobian, step.derivative)

@@ -8,13 +8,12 @@ from typing import Any, Dict, Union
 import numpy as np
 
 from m2wr_gmapping.backend.loop_closing import Candidate
-from m2wr_gmapping.backend.loop_graph import ACCOUNT_ROWS
-from m2wr_gmapping.backend.odometry_recalibration_kernels import STEP_SIZE
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend import track_layout as tl
+from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.scan import FARTHEST, LaserModel, ScanReading
+from m2wr_gmapping.frontend.view_memory import SECTORS
 from m2wr_gmapping.io.saved_map import MapReading, SavedMap
 from m2wr_gmapping.io.state_store import Kind, KindError
 from m2wr_gmapping.io.state_types import Array, Generator, Group, ListedRecord, Many, Maybe, Number, Part, Record, Text
@@ -70,34 +69,29 @@ OCCUPANCY = Part({
     "_poses": Array("float64", "P 3", -FARTHEST_ODOMETRY, FARTHEST_ODOMETRY), "beyond": YES, "traced": COUNT},
     ("_resolution", "_threshold", "_most_cells", "_blocks", "_used"))
 GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
-GRAPH = Part({
-    "_steps": Many(POSE), "_step_information": Array("float64", "scans 3 3"),
-    "_step_variances": Array("float64", "scans"), "_accounts": Array("float64", "scans %d 3" % ACCOUNT_ROWS),
-    "_leverages": Array("float64", "scans 3 3"), "links": Many(LINK), "searches": COUNT, "closures": COUNT},
-    ("_matcher", "_resolution", "_newest", "_link_nodes"))
+HISTORY = Part({
+    "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
+    "_variances": Array("float64", "S"), "_measured": Many(POSE), "_checked_at": COUNT}, ("count",))
+GRAPH = Part({"links": Many(LINK), "searches": COUNT, "closures": COUNT},
+             ("_matcher", "_resolution", "_history", "_link_nodes"))
 EXTENSION = Part({
     "_frontiers": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "has_moved": YES,
-    "has_large_shift": YES},
-    ("_graph",), {"_frontiers": "_fronts", "has_moved": "bends", "has_large_shift": "tears"})
+    "has_large_shift": YES}, ("_graph",))
 LOOPS = Part({
     "graph": GRAPH, "_extension": EXTENSION, "_pending": Maybe(Group(LINK, POSE)), "_candidates": Many(CANDIDATE),
-    "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL, "wide_searches": COUNT},
-    (), {"_extension": "_growth", "_candidates": "_finds"})
-RECALIBRATION = Part({
-    "steps": Array("float64", "S %d" % STEP_SIZE), "_looked_at": COUNT}, ("_steps", "_count", "_ahead"))
+    "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL, "wide_searches": COUNT})
 TRACKER = Part({
-    "_track": Array("float64", "%d 3" % tl.TRACK_ROWS), "_ask": Array("float64", "%d 3" % tl.ASK_ROWS),
-    "recalibration": RECALIBRATION}, ("_matcher", "_dense"), {"recalibration": "hindsight"})
+    "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
+    "_calibration": Array("float64", str(tr.CALIBRATION_SIZE))}, ("_matcher", "_dense", "_ask"))
+VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
-    "is_rocking": YES},
-    ("_lift", "_reach"),
-    {"_reference": "_usual", "_tilted_distance": "_way", "_excess": "_more", "_is_tilted": "_tilted",
-     "is_rocking": "rocks"})
+    "is_rocking": YES}, ("_lift", "_reach"))
 _MAPPER: Dict[str, Union[Kind, Part]] = {
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
-    "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS}
+    "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS,
+    "_history": HISTORY, "_motion": VIEW}
 _MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
 
 
@@ -115,10 +109,9 @@ def check(mapper: Mapper) -> None:
         raise KindError("{} scans on paths of {} nodes".format(scans, mapper.particles.tree.depth))
     if len(mapper._occupancy._poses) > scans:
         raise KindError("more scans on the map than there are")
-    if mapper._tracker is not None and mapper._tracker.recalibration._count > scans - 1:
-        raise KindError("more steps than scans")
-    if mapper._loops is not None and len(mapper._loops.graph._steps) > scans:
-        raise KindError("more steps than scans")
+    history = mapper._history
+    if history.count != (scans if mapper._tracker is not None else 1) or len(history._measured) > history.count:
+        raise KindError("{} steps for {} scans".format(history.count, scans))
     if not math.isclose(float(np.sum(mapper.particles.weights)), 1.0, abs_tol=1e-3):
         raise KindError("weights that do not sum to 1")
     if len(mapper.laser.angles) > 10**6:

@@ -345,16 +345,10 @@ class Part:
     stored : dict of str to Kind or Part
     made : tuple of str
         Attributes that follow from parameters and laser, or from the stored ones.
-    file_names : dict of str to str, optional
-        Attribute -> its name in the file, where the two differ.
     """
 
-    def __init__(self, stored: Mapping[str, Union[Kind, Part]], made: Tuple[str, ...] = (),
-                 file_names: Optional[Mapping[str, str]] = None) -> None:
-        self.stored, self.made, self._file_names = stored, made, file_names or {}
-
-    def _place(self, where: str, name: str) -> str:
-        return _below(where, self._file_names.get(name, name))
+    def __init__(self, stored: Mapping[str, Union[Kind, Part]], made: Tuple[str, ...] = ()) -> None:
+        self.stored, self.made = stored, made
 
     def take(self, value: Any, where: str, store: Store) -> None:
         """Put the stored attributes of an object into a store; None has none.
@@ -380,7 +374,7 @@ class Part:
             raise KindError("{} has other attributes than this program stores: {}".format(
                 type(value).__name__, ", ".join(sorted(strange))))
         for name, kind in self.stored.items():
-            kind.take(values[name], self._place(where, name), store)
+            kind.take(values[name], _below(where, name), store)
 
     def give_to(self, owner: Any, where: str, store: Store) -> None:
         """Fill an object, with what is stored below a name.
@@ -401,9 +395,9 @@ class Part:
         values: Dict[str, Any] = {}
         for name, kind in self.stored.items():
             if not isinstance(kind, Part):
-                values[name] = kind.give(self._place(where, name), store, local)
+                values[name] = kind.give(_below(where, name), store, local)
             elif getattr(owner, name) is not None:
-                kind.give_to(getattr(owner, name), self._place(where, name), store)
+                kind.give_to(getattr(owner, name), _below(where, name), store)
         if hasattr(owner, "restore"):
             owner.restore(values)
         else:

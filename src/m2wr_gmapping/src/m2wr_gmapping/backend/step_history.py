@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Steps of the best particle's path, and how each depends on the calibration of odometry and of the laser's mount.
+
+The calibration becomes better while the robot drives. Along directions that no scan observed, such as a long wall, the
+first steps are as wrong as the first calibration was. They are corrected when more is known.
+"""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Dict, List
+
+import numpy as np
+
+from m2wr_gmapping.frontend.calibration_kernels import changed_steps, symmetric_inverse
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information
+from m2wr_gmapping.frontend.track import CALIBRATION_CHANGE, CALIBRATION_PRIOR, RECORD_SIZE
+from m2wr_gmapping.se2 import between, compose
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+
+FIRST_STEPS = 256
+CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
+STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # least variance of a step [m^2, m^2, rad^2]
+SMOOTHING_FACTOR = 10.0     # the calibration changes less than the filter assumes, which has to follow at once
+
+
+class StepHistory:
+    """Steps to all nodes of a path; node 0 has none.
+
+    Attributes
+    ----------
+    count : int
+        Number of nodes.
+    """
+
+    def __init__(self) -> None:
+        self._records = np.zeros((FIRST_STEPS, RECORD_SIZE))
+        self._information, self._variances = np.zeros((FIRST_STEPS, 3, 3)), np.zeros(FIRST_STEPS)
+        self._measured: List[FloatArray] = []       # pose of each node from the one before, [0] unused
+        self.count, self._checked_at = 1, 0
+
+    def next_record(self) -> FloatArray:
+        """Add a node; return the data (RECORD_SIZE,) of its StepRecord, to be written by the caller."""
+        if self.count == len(self._variances):
+            for name in ("_records", "_information", "_variances"):
+                rows = getattr(self, name)
+                setattr(self, name, np.concatenate([rows, np.zeros_like(rows)]))
+        self.count += 1
+        return self._records[self.count - 1]
+
+    def set_information(self, row: FloatArray, variances: FloatArray) -> None:
+        """Set the information of the step to the newest node.
+
+        Parameters
+        ----------
+        row : (13,) float64
+            Result row of its match.
+        variances : (3,) float64
+            Variances of odometry [m^2, m^2, rad^2].
+        """
+        newest, found = self.count - 1, np.empty((3, 3))
+        scan_information(row, 1.0 / DEPENDENT, found)
+        covariance = np.empty((3, 3))
+        symmetric_inverse(found + np.diag(1.0 / variances), covariance)
+        covariance += np.diag(STEP_FLOOR)
+        self._variances[newest] = covariance[0, 0] + covariance[1, 1]
+        symmetric_inverse(covariance, self._information[newest])
+
+    @property
+    def information(self) -> FloatArray:
+        """Information (K, 3, 3) of the steps, in the axes of the pose that each leads to."""
+        return self._information[:self.count]
+
+    @property
+    def variances(self) -> FloatArray:
+        """Position variances (K,) of the steps [m^2]."""
+        return self._variances[:self.count]
+
+    def corrected(self, path: FloatArray) -> FloatArray:
+        """Return the steps with the calibration that is known today.
+
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Path of the best particle; new nodes are added to the history.
+
+        Returns
+        -------
+        (K, 3) float64
+            Pose of each node from the one before; the first is 0.
+        """
+        for k in range(len(self._measured), len(path)):
+            self._measured.append(between(path[k - 1], path[k]) if k else np.zeros(3))
+        count = len(path)
+        change = np.empty((count, 3))
+        changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / SMOOTHING_FACTOR, change)
+        return compose(np.array(self._measured[:count]), change)
+
+    @property
+    def due(self) -> bool:
+        """Whether enough steps were added since the last ``checked``."""
+        return self.count - self._checked_at >= CHECK_EVERY + self.count // CHECK_SHARE
+
+    def checked(self) -> None:
+        """Tell that the path was compared with the corrected steps."""
+        self._checked_at = self.count
+
+    # ---- saving
+
+    def compact(self) -> Dict[str, object]:
+        """Return the attributes that are stored, without spare rows."""
+        return dict(_records=self._records[:self.count], _information=self.information, _variances=self.variances,
+                    _measured=self._measured, _checked_at=self._checked_at)
+
+    def restore(self, stored: Dict[str, Any]) -> None:
+        """Restore what ``compact`` returned."""
+        self.__dict__.update(stored)
+        self.count = len(self._variances)
+
+
+def path_of(start: FloatArray, steps: FloatArray) -> FloatArray:
+    """Return the path (K, 3) that begins at ``start`` (3,) with steps (K, 3), of which the first is not used."""
+    path = np.empty_like(steps)
+    path[0] = start
+    for k in range(1, len(steps)):
+        path[k] = compose(path[k - 1], steps[k])
+    return path

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Detection of motion that odometry does not report, by a comparison of scans."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from m2wr_gmapping.frontend.scan_kernels import profile
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+SECTORS = 36                # of a full circle: a laser that turns by a sector is noticed
+CHANGE = 0.15               # of the mean range of a sector: several times the noise of the mean [m]
+CHANGED_SHARE = 0.3         # share of the sectors: more than people nearby hide, less than any rotation changes
+
+
+class ViewMemory:
+    """Tells whether the laser sees something else than at the last match, although the wheels stand still.
+
+    A robot that is carried or pushed, or whose wheels slip, moves without odometry. Then scans have to be matched.
+    """
+
+    def __init__(self) -> None:
+        self._seen, self._now = np.zeros(SECTORS), np.zeros(SECTORS)
+
+    def remember(self, reading: ScanReading) -> None:
+        """Remember the scan of the newest match."""
+        profile(reading.rays, self._seen)
+
+    def has_changed(self, reading: ScanReading) -> bool:
+        """Return whether a scan differs clearly from the remembered one."""
+        profile(reading.rays, self._now)
+        changed, present = np.abs(self._now - self._seen) > CHANGE, (self._now > 0.0) | (self._seen > 0.0)
+        return bool(np.count_nonzero(changed) > CHANGED_SHARE * np.count_nonzero(present))
