@@ -187,8 +187,8 @@ class Mapper:
             reading = self._level.level_part(reading)
             best = particles.best
             tracked = tracker.match(particles.maps, best, particles.poses[best], reading)
-            # process a scan that odometry does not explain, unless a slip still has to be confirmed
-            due = (due or (self._dense and tracker.unexplained)) and not tracker.undecided
+            # the robot may have moved without odometry; a slip has to be confirmed first
+            due = (due or self._has_moved(tracker.rel)) and not tracker.undecided
         if due:
             self._process_fully(reading, stamp)
         elif tracker is not None and tracked:
@@ -276,6 +276,11 @@ class Mapper:
         return bool(share * (self._distance + further) >= config["linearUpdate"]
                     or share * (self._turn + turn) >= config["angularUpdate"]
                     or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
+
+    def _has_moved(self, rel: FloatArray) -> bool:
+        """Return whether a pose relative to the last processed scan is far enough for the next one."""
+        return bool(math.hypot(rel[0], rel[1]) >= self.config["linearUpdate"]
+                    or abs(float(rel[2])) >= self.config["angularUpdate"])
 
     def _process_fully(self, reading: ScanReading, stamp: float) -> None:
         particles, tracker = self.particles, self._tracker

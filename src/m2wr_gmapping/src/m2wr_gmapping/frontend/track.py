@@ -70,10 +70,8 @@ class Track(NamedTuple):
         Pose by odometry alone, relative to the last processed scan.
     jacobian : (3, 6) float64
         Derivative of ``predicted`` by the calibration, in the axes of ``predicted``.
-    driven : (3,) float64
-        Motion by odometry as it was received, since the last processed scan.
     since_match : (3,) float64
-        The same since the last match.
+        Motion by odometry as it was received, since the last match.
     slack : (3,) float64
         Variances of the pose from which ``predicted`` was propagated; 0 for the last processed scan.
     motion : (3,) float64
@@ -89,7 +87,6 @@ class Track(NamedTuple):
     matched: FloatArray
     predicted: FloatArray
     jacobian: FloatArray
-    driven: FloatArray
     since_match: FloatArray
     slack: FloatArray
     motion: FloatArray
@@ -147,14 +144,14 @@ class StepRecord(NamedTuple):
 # Each of these is stored in one flat array, which the kernels take: numba needs microseconds to recognise a tuple of
 # several arrays. The functions below give names to its parts, in kernels and in Python.
 
-TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 45, 45, 12, 14, 67
+TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 42, 45, 12, 14, 67
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def track_of(data: FloatArray) -> Track:
     """Return the named parts of ``data`` (TRACK_SIZE,) float64, as views."""
     return Track(data[:3], data[3:6], data[6:24].reshape(3, PARAMETERS), data[24:27], data[27:30], data[30:33],
-                 data[33:36], data[36:39], data[39:42], data[42:45])
+                 data[33:36], data[36:39], data[39:42])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

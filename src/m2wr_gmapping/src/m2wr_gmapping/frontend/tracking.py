@@ -100,11 +100,6 @@ class Tracker:
         """Whether scan and odometry contradict each other, and a slip is not confirmed yet."""
         return bool(self.track.slip[2])
 
-    @property
-    def unexplained(self) -> bool:
-        """Whether odometry since the last processed scan differs from the newest match."""
-        return tk.unexplained(self._track)
-
     def predict_particles(self, anchors: FloatArray, starts: FloatArray, predictions: FloatArray) -> FloatArray:
         """Predict all particles.
 

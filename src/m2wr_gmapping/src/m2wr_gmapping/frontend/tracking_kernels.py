@@ -49,7 +49,6 @@ SLIP_TOLERANCE = 0.1, 0.1, 0.1                 # and changes by at most this fro
 SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance of odometry after a slip [m^2, m^2, rad^2]
 GOOD_SHARE = 0.8                            # share of the beams below whose score a match is doubted
 RECHECK_AFTER, LOWER_SHARE = (0.15, 0.15), 0.1  # motion [m, rad], or fall of the score, after which to doubt again
-UNEXPLAINED = 0.05, 0.05, 0.02              # errors of odometry that shift a point at 2.5 m by a cell [m, m, rad]
 
 
 # ---- between processed scans
@@ -81,7 +80,6 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatA
     propagate_jacobian(step, of_step, track.jacobian)
     compose(track.matched, step, track.matched)
     compose(track.predicted, step, track.predicted)
-    compose(track.driven, raw, track.driven)
     compose(track.since_match, raw, track.since_match)
     distance, turn = math.hypot(raw[0], raw[1]), abs(raw[2])
     track.motion[0] += distance
@@ -248,19 +246,11 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def unexplained(track_data: FloatArray) -> bool:
-    """Return whether odometry since the last processed scan differs from the newest match."""
-    track = track_of(track_data)
-    x, y, theta = between(track.driven, track.matched)
-    return exceeds(x, y, theta, UNEXPLAINED)
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
 def restart(track_data: FloatArray) -> None:
     """Restart at the newest scan, which was processed."""
     track = track_of(track_data)
     for k in range(3):
-        track.matched[k] = track.predicted[k] = track.driven[k] = track.since_match[k] = 0.0
+        track.matched[k] = track.predicted[k] = track.since_match[k] = 0.0
         track.slack[k] = track.motion[k] = track.slip_transform[k] = track.slip[k] = 0.0
     track.jacobian[:] = 0.0
 
