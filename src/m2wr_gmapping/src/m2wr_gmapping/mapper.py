@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
+from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple, Union
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.occlusion import conflict_share
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
@@ -37,6 +38,7 @@ LEVEL = (0.0, 0.0)
 PUT_OFF = 2.0               # a tilted scan is processed after this multiple of the motion that makes a scan due
 FARTHEST_ODOMETRY = 1e9     # limit of coordinates: differences of larger ones lose precision [m]
 MIN_SHIFT = 0.01            # the maps are rebuilt if a recalibration moves a node by more [m]
+CONFLICT_NODES = 8          # processed scans that a doubtful scan is compared with
 START_WINDOW = np.array([1.0, 0.5])     # search window around the initial pose on a saved map [m, rad]
 
 
@@ -186,7 +188,7 @@ class Mapper:
             self._motion.remember(reading)
             reading = self._level.level_part(reading)
             best = particles.best
-            tracked = tracker.match(particles.maps, best, particles.poses[best], reading)
+            tracked = tracker.match(particles.maps, best, particles.poses[best], reading, self._conflict_of(reading))
             # the robot may have moved without odometry; a slip has to be confirmed first
             due = (due or self._has_moved(tracker.rel)) and not tracker.undecided
         if due:
@@ -276,6 +278,15 @@ class Mapper:
         return bool(share * (self._distance + further) >= config["linearUpdate"]
                     or share * (self._turn + turn) >= config["angularUpdate"]
                     or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
+
+    def _conflict_of(self, reading: ScanReading) -> Callable[[FloatArray], float]:
+        """Return a function that tells how much a scan at a pose (3,) conflicts with the processed scans around it."""
+        def conflict(pose: FloatArray) -> float:
+            path = self.particles.tree.path(self.particles.best)
+            distance = np.hypot(path[:, 0] - pose[0], path[:, 1] - pose[1])
+            near = np.argsort(distance, kind="stable")[:CONFLICT_NODES]
+            return conflict_share((pose, reading, path[node], self.readings[node]) for node in near)
+        return conflict
 
     def _has_moved(self, rel: FloatArray) -> bool:
         """Return whether a pose relative to the last processed scan is far enough for the next one."""

@@ -27,19 +27,19 @@ def _propagate(first: int, direction: int, lever: FloatArray, variances: FloatAr
     """Continue from node ``first`` along the path, backwards (``direction`` -1) or forwards (1), while the route is
     better.
     """
-    systematic, variance, length = out[first, 0], out[first, 1], out[first, 2]
+    heading, variance, length = out[first, 0], out[first, 1], out[first, 2]
     last = out.shape[0] - 1 if direction > 0 else 0
     for k in range(first, last, direction):
         to = max(k, k + direction)            # a step is stored with the node at its end
-        systematic, variance, length = systematic + lever[to], variance + variances[to], length + step[to]
-        if systematic >= out[k + direction, 0]:
+        heading, variance, length = heading + lever[to], variance + variances[to], length + step[to]
+        if heading >= out[k + direction, 0]:
             return
-        out[k + direction, 0], out[k + direction, 1], out[k + direction, 2] = systematic, variance, length
+        out[k + direction, 0], out[k + direction, 1], out[k + direction, 2] = heading, variance, length
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: int, out: FloatArray) -> None:
-    """Compute the drift of all nodes against ``source``, each along the route with the least systematic drift.
+    """Compute the drift of all nodes against ``source``, each along the route with the least drift of the heading.
 
     Routes use the steps of the path and the loop closures.
 
@@ -54,8 +54,9 @@ def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: in
     source : int
         Number of the node.
     out : (K, 3) float64
-        Written: lever arm of heading drift, which is the sum of step length times distance from the source [m^2];
-        position variance [m^2]; length of the route [m].
+        Written: position variance at the source by a random walk of the heading of 1 rad^2/m, which is the sum of
+        step length times squared distance from the source [m^3]; position variance of the steps [m^2]; length of
+        the route [m].
     """
     count = path.shape[0]
     out[:, 0], out[:, 1], out[:, 2] = np.inf, 0.0, 0.0
@@ -66,7 +67,7 @@ def drift(path: FloatArray, variances: FloatArray, links: IndexArray, source: in
         step[k] = math.sqrt(dx * dx + dy * dy)
         dx = path[source, 0] - 0.5 * (path[k, 0] + path[k - 1, 0])
         dy = path[source, 1] - 0.5 * (path[k, 1] + path[k - 1, 1])
-        lever[k] = step[k] * math.sqrt(dx * dx + dy * dy)
+        lever[k] = step[k] * (dx * dx + dy * dy)
     for direction in (-1, 1):
         _propagate(source, direction, lever, variances, step, out)
     changed = True
@@ -101,7 +102,7 @@ def distances_along(path: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def widths(found: FloatArray, deviations: float, systematic: float, shift_limits: Tuple[float, float],
+def widths(found: FloatArray, deviations: float, heading: float, shift_limits: Tuple[float, float],
            turn_limits: Tuple[float, float], shift: FloatArray, turn: FloatArray) -> None:
     """Write the half widths of a search for the drift of each node.
 
@@ -111,8 +112,8 @@ def widths(found: FloatArray, deviations: float, systematic: float, shift_limits
         ``out`` of ``drift``.
     deviations : float
         Half width in standard deviations.
-    systematic : float
-        Heading drift per distance [rad/m].
+    heading : float
+        Variance of the heading per distance [rad^2/m].
     shift_limits : Tuple[float, float]
         Least and greatest half width [m].
     turn_limits : Tuple[float, float]
@@ -123,9 +124,9 @@ def widths(found: FloatArray, deviations: float, systematic: float, shift_limits
         Written [rad].
     """
     for k in range(found.shape[0]):
-        reach = deviations * (systematic * found[k, 0] + math.sqrt(found[k, 1]))
+        reach = deviations * math.sqrt(heading * found[k, 0] + found[k, 1])
         shift[k] = min(shift_limits[0] + reach, shift_limits[1])
-        turn[k] = min(turn_limits[0] + deviations * systematic * found[k, 2], turn_limits[1])
+        turn[k] = min(turn_limits[0] + deviations * math.sqrt(heading * found[k, 2]), turn_limits[1])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -21,6 +21,7 @@ from m2wr_gmapping.backend.loop_graph import (
 )
 from m2wr_gmapping.backend.occlusion import occlusion_conflict
 from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
 from m2wr_gmapping.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ CLEAR_SCORE, CLEAR_SUPPORT = 0.8, 1.0   # candidates with this score need less s
 ALIKE_SUPPORT, ALIKE_COUNT = 6.0, 5     # candidates with a similar place need more support [m]
 LITTLE = 6.0                # with less drift than this a candidate counts as clear [m]
 WIDE_MEMORY = 12.0          # path after which a candidate is dropped [m]
-THROUGH_MOST = 0.15         # greatest share of end points with an occlusion conflict
 SEARCHES_PER_SCAN = 4           # searches of the extension per scan
 CONCLUSIONS = 3             # optimisations at the end of a run
 
@@ -220,11 +220,11 @@ class LoopCloser:
         if found is None or place is None:
             return None
         node, row, around, supported = found
-        if occlusion_conflict(scene, row[:3], around) > THROUGH_MOST:
+        if occlusion_conflict(scene, row[:3], around) > MOST_CONFLICT:
             return None
         # with several similar places the robot may be at one that it has not seen before; then its present pose has no
         # occlusion conflict
-        if place.alike and occlusion_conflict(scene, path[-1], around) <= THROUGH_MOST:
+        if place.alike and occlusion_conflict(scene, path[-1], around) <= MOST_CONFLICT:
             return None
         slides, pose = not is_observed(row), row[:3].copy()
         row[mk.INFORMATION:] = supported

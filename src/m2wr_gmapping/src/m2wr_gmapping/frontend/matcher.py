@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import TYPE_CHECKING, Protocol, Tuple
+from typing import TYPE_CHECKING, Callable, Optional, Protocol, Tuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
+from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
 from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
 from m2wr_gmapping.frontend.tracking_kernels import GOOD_SHARE
 from m2wr_gmapping.se2 import between
@@ -39,10 +40,8 @@ PULL = 9.0                      # squared Mahalanobis distance from odometry abo
 SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in standard deviations of a slip
 SLIP_CONTINUES = 0.05       # difference from odometry that indicates a slip before this scan [m, rad]
 SLIP_COST = 6.0                 # negative logarithm of the probability of a slip
-FULL_TURN = np.array([0.5, math.pi])    # window if nothing else fits: wheels may miss any rotation on the spot [m, rad]
-#: Share of the beams whose score the best match near odometry must not reach for a search of all rotations. The map has
-#: the last processed scan: a robot that has only driven into an unknown area still sees half of it.
-CONTRADICTED_SHARE = 0.5
+#: Search if the scan contradicts older ones wherever odometry may be: wheels may miss any rotation on the spot.
+TURN_SECTORS, TURN_WINDOW = 8, np.array([0.6, math.pi / 8])     # number; half width of one [m, rad]
 NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
 MINIMUM_SCORE_CAP = 0.5         # share of the beams; most good matches do not reach a higher minimumScore
 
@@ -147,7 +146,7 @@ class FastMatcher:
         return row
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool,
-              good_share: float) -> Tuple[FloatArray, int]:
+              good_share: float, conflict: Callable[[FloatArray], float]) -> Tuple[FloatArray, int]:
         """Match in the map of one particle, and detect slip of odometry.
 
         The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
@@ -167,13 +166,15 @@ class FastMatcher:
             Whether the step since the last match was so long that a match may converge to a wrong pose.
         good_share : float
             Share of the beams below whose score the match is doubted.
+        conflict : callable
+            Returns for a pose the share of end points that conflict with older scans; see ``occlusion``.
 
         Returns
         -------
         row : (13,) float64
             Result row.
         slip : int
-            NO_SLIP, SLIP, or LARGE_SLIP if nothing near odometry fits.
+            NO_SLIP, SLIP, or LARGE_SLIP for a rotation far from odometry.
         """
         expected, variances, inverse = ask.expected, ask.variances, ask.inverse
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
@@ -189,22 +190,38 @@ class FastMatcher:
         if row[mk.SCORE] >= good_share * reading.beams.shape[1] and pull < PULL:
             return row, NO_SLIP
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
-        plain = row[:3]
+        plain, wide = row[:3], np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
         # a continuous slip has already moved the start pose
-        centres = (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,)
-        for centre, extent, penalty in [(centre, window, SLIP_COST) for centre in centres] + [
-                (expected, FULL_TURN, SLIP_COST + math.log(FULL_TURN[1] / window[1]))]:
-            full = extent is FULL_TURN
-            if full and row[mk.SCORE] >= CONTRADICTED_SHARE * reading.beams.shape[1]:
-                break
-            least = GOOD_SHARE * reading.beams.shape[1] if full else 0.0
-            wide = np.square(extent / SLIP_DEVIATIONS)[[0, 0, 1]]
-            for begin in (plain, self.search(maps, particle, reading, centre, extent)):
+        for centre in (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,):
+            for begin in (plain, self.search(maps, particle, reading, centre, window)):
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
-                cost = tk.cost_of(other, centre, wide)[0] + penalty
-                if cost < best and other[mk.SCORE] >= least:
-                    row, best, slip = other, cost, LARGE_SLIP if full else SLIP
+                cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
+                if cost < best:
+                    row, best, slip = other, cost, SLIP
+        if row[mk.SCORE] < good_share * reading.beams.shape[1] and conflict(row[:3]) > MOST_CONFLICT:
+            turned = self._turned(maps, particle, reading, expected, conflict,
+                                  best - SLIP_COST - math.log(math.pi / window[1]))
+            if turned is not None:
+                return turned, LARGE_SLIP
         return row, slip
+
+    def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,
+                conflict: Callable[[FloatArray], float], least_cost: float) -> Optional[FloatArray]:
+        """Return the best match of a robot that has turned on the spot by any angle, or None if no pose is consistent.
+
+        Many rooms look alike after a quarter or half a turn, so each sector of directions has a candidate. Its cost
+        must be below ``least_cost``.
+        """
+        found, good = None, GOOD_SHARE * reading.beams.shape[1]
+        variances = np.square(TURN_WINDOW / SLIP_DEVIATIONS)[[0, 0, 1]]
+        for k in range(TURN_SECTORS):
+            centre = expected + [0.0, 0.0, 2.0 * math.pi * k / TURN_SECTORS]
+            begin = self.search(maps, particle, reading, centre, TURN_WINDOW)
+            row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
+            cost = tk.cost_of(row, centre, variances)[0]
+            if cost < least_cost and row[mk.SCORE] >= good and conflict(row[:3]) <= MOST_CONFLICT:
+                found, least_cost = row, cost
+        return found
 
     def search(self, maps: TileMaps, particle: int, reading: ScanReading, prediction: FloatArray,
                window: Vector) -> FloatArray:

@@ -2,7 +2,7 @@
 """Pose between two processed scans, from odometry and matches in the best map."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING, Callable, Tuple
 
 import numpy as np
 
@@ -121,7 +121,8 @@ class Tracker:
         tk.predict_all(self._track, self._noise, anchors, starts, predictions, known)
         return known
 
-    def match(self, maps: TileMaps, particle: int, anchor: FloatArray, reading: ScanReading) -> bool:
+    def match(self, maps: TileMaps, particle: int, anchor: FloatArray, reading: ScanReading,
+              conflict: Callable[[FloatArray], float]) -> bool:
         """Match a scan in the map of one particle.
 
         Parameters
@@ -134,6 +135,8 @@ class Tracker:
             Pose of the particle at the last processed scan, in ``map``.
         reading : ScanReading
             The scan.
+        conflict : callable
+            As of ``FastMatcher.track``.
 
         Returns
         -------
@@ -146,7 +149,7 @@ class Tracker:
             track.since_match[:] = 0.0
             return False
         long, good_share = tk.expect(self._track, self._noise, anchor, self._ask)
-        row, slip = self._matcher.track(maps, particle, reading, ask, long, good_share)
+        row, slip = self._matcher.track(maps, particle, reading, ask, long, good_share, conflict)
         tk.accept_match(self._track, self._noise, anchor, row, row[mk.SCORE] / beams, bool(slip),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True
