@@ -15,7 +15,6 @@ from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
 from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
-from m2wr_gmapping.frontend.tracking_kernels import GOOD_SHARE
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
@@ -43,6 +42,7 @@ SLIP_COST = 6.0                 # negative logarithm of the probability of a sli
 #: Search if the scan contradicts older ones wherever odometry may be: wheels may miss any rotation on the spot.
 TURN_SECTORS, TURN_WINDOW = 8, np.array([0.6, math.pi / 8])     # number; half width of one [m, rad]
 NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
+GOOD_SHARE = 0.8                # share of the beams below whose score a match is compared with older scans
 MINIMUM_SCORE_CAP = 0.5         # share of the beams; most good matches do not reach a higher minimumScore
 
 
@@ -146,7 +146,7 @@ class FastMatcher:
         return row
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool,
-              good_share: float, conflict: Callable[[FloatArray], float]) -> Tuple[FloatArray, int]:
+              conflict: Callable[[FloatArray], float]) -> Tuple[FloatArray, int]:
         """Match in the map of one particle, and detect slip of odometry.
 
         The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
@@ -164,8 +164,6 @@ class FastMatcher:
             Start of the match and pose by odometry.
         long : bool
             Whether the step since the last match was so long that a match may converge to a wrong pose.
-        good_share : float
-            Share of the beams below whose score the match is doubted.
         conflict : callable
             Returns for a pose the share of end points that conflict with older scans; see ``occlusion``.
 
@@ -187,7 +185,10 @@ class FastMatcher:
                 cost, other_pull = tk.cost_of(other, expected, variances)
                 if cost < best:
                     row, best, pull = other, cost, other_pull
-        if row[mk.SCORE] >= good_share * reading.beams.shape[1] and pull < PULL:
+        good, denied = GOOD_SHARE * reading.beams.shape[1], 0.0
+        if row[mk.SCORE] < good:        # in an unknown area, or contradicted
+            denied = conflict(row[:3])
+        if denied <= MOST_CONFLICT and pull < PULL:
             return row, NO_SLIP
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
         plain, wide = row[:3], np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
@@ -198,19 +199,20 @@ class FastMatcher:
                 cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
                 if cost < best:
                     row, best, slip = other, cost, SLIP
-        if row[mk.SCORE] < good_share * reading.beams.shape[1] and conflict(row[:3]) > MOST_CONFLICT:
+        if denied > MOST_CONFLICT and row[mk.SCORE] < good and (not slip or conflict(row[:3]) > MOST_CONFLICT):
             turned = self._turned(maps, particle, reading, expected, conflict,
-                                  best - SLIP_COST - math.log(math.pi / window[1]))
+                                  best - SLIP_COST - math.log(math.pi / window[1]), max(MOST_CONFLICT, 0.5 * denied))
             if turned is not None:
                 return turned, LARGE_SLIP
         return row, slip
 
     def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,
-                conflict: Callable[[FloatArray], float], least_cost: float) -> Optional[FloatArray]:
+                conflict: Callable[[FloatArray], float], least_cost: float,
+                most_conflict: float) -> Optional[FloatArray]:
         """Return the best match of a robot that has turned on the spot by any angle, or None if no pose is consistent.
 
         Many rooms look alike after a quarter or half a turn, so each sector of directions has a candidate. Its cost
-        must be below ``least_cost``.
+        must be below ``least_cost`` and its conflict at most ``most_conflict``.
         """
         found, good = None, GOOD_SHARE * reading.beams.shape[1]
         variances = np.square(TURN_WINDOW / SLIP_DEVIATIONS)[[0, 0, 1]]
@@ -219,7 +221,7 @@ class FastMatcher:
             begin = self.search(maps, particle, reading, centre, TURN_WINDOW)
             row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
             cost = tk.cost_of(row, centre, variances)[0]
-            if cost < least_cost and row[mk.SCORE] >= good and conflict(row[:3]) <= MOST_CONFLICT:
+            if cost < least_cost and row[mk.SCORE] >= good and conflict(row[:3]) <= most_conflict:
                 found, least_cost = row, cost
         return found
 

@@ -21,7 +21,6 @@ NAMES = "distance", "rotation", "drift", "laser_x", "laser_y", "laser_yaw"
 CALIBRATION_PRIOR = np.array([0.03, 0.03, 0.03, 0.1, 0.05, 0.0175])
 #: Growth of the variance per metre as a share of the prior's: tyres and floors change, mounts do not.
 CALIBRATION_CHANGE = np.array([1.0 / 300.0, 0.0, 1.0 / 300.0, 0.0, 0.0, 0.0])
-NO_DOUBT = -1.0             # score share in ``Track.doubt`` if no doubtful match was checked
 
 
 class Calibration(NamedTuple):
@@ -80,8 +79,6 @@ class Track(NamedTuple):
         Transform from the newest predicted pose to the matched one, while a slip is not confirmed.
     slip : (3,) float64
         Distance and rotation of ``motion`` when the slip was first observed; number of observations, 0 for none.
-    doubt : (3,) float64
-        Score share of a doubtful match that was checked, or NO_DOUBT; motion [m], [rad] since then.
     """
 
     matched: FloatArray
@@ -92,7 +89,6 @@ class Track(NamedTuple):
     motion: FloatArray
     slip_transform: FloatArray
     slip: FloatArray
-    doubt: FloatArray
 
 
 class Request(NamedTuple):
@@ -144,14 +140,14 @@ class StepRecord(NamedTuple):
 # Each of these is stored in one flat array, which the kernels take: numba needs microseconds to recognise a tuple of
 # several arrays. The functions below give names to its parts, in kernels and in Python.
 
-TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 42, 45, 12, 14, 67
+TRACK_SIZE, CALIBRATION_SIZE, NOISE_SIZE, REQUEST_SIZE, RECORD_SIZE = 39, 45, 12, 14, 67
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def track_of(data: FloatArray) -> Track:
     """Return the named parts of ``data`` (TRACK_SIZE,) float64, as views."""
     return Track(data[:3], data[3:6], data[6:24].reshape(3, PARAMETERS), data[24:27], data[27:30], data[30:33],
-                 data[33:36], data[36:39], data[39:42])
+                 data[33:36], data[36:39])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -198,6 +194,4 @@ def new_noise(noise: MotionNoise) -> FloatArray:
 
 def new_track() -> FloatArray:
     """Return the data of a Track before the first scan."""
-    data = np.zeros(TRACK_SIZE)
-    track_of.py_func(data).doubt[0] = NO_DOUBT
-    return data
+    return np.zeros(TRACK_SIZE)

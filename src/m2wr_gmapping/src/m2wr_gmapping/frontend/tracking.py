@@ -144,13 +144,12 @@ class Tracker:
             False if the scan has no beams to match.
         """
         track, ask = self.track, request_of.py_func(self._ask)
-        beams = reading.beams.shape[1]
-        if not beams:
+        if not reading.beams.shape[1]:
             track.since_match[:] = 0.0
             return False
-        long, good_share = tk.expect(self._track, self._noise, anchor, self._ask)
-        row, slip = self._matcher.track(maps, particle, reading, ask, long, good_share, conflict)
-        tk.accept_match(self._track, self._noise, anchor, row, row[mk.SCORE] / beams, bool(slip),
+        long = tk.expect(self._track, self._noise, anchor, self._ask)
+        row, slip = self._matcher.track(maps, particle, reading, ask, long, conflict)
+        tk.accept_match(self._track, self._noise, anchor, row, bool(slip),
                         slip != LARGE_SLIP and (long or not self._dense))
         return True
 

@@ -25,7 +25,6 @@ from m2wr_gmapping.frontend.pose_kernels import between, compose, exceeds, wrapp
 from m2wr_gmapping.frontend.track import (
     CALIBRATION_CHANGE,
     CALIBRATION_PRIOR,
-    NO_DOUBT,
     PARAMETERS,
     calibration_of,
     noise_of,
@@ -47,8 +46,6 @@ SLIP_DISTANCE = 0.15, 0.1                       # a slip is accepted if it persi
 SLIP_OBSERVATIONS = 20                             # or over this number of scans
 SLIP_TOLERANCE = 0.1, 0.1, 0.1                 # and changes by at most this from scan to scan [m, m, rad]
 SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance of odometry after a slip [m^2, m^2, rad^2]
-GOOD_SHARE = 0.8                            # share of the beams below whose score a match is doubted
-RECHECK_AFTER, LOWER_SHARE = (0.15, 0.15), 0.1  # motion [m, rad], or fall of the score, after which to doubt again
 
 
 # ---- between processed scans
@@ -90,23 +87,6 @@ def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatA
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _good_share(track: Track, distance: float, turn: float) -> float:
-    """Return the share of the beams below whose score a match is doubted, after a step.
-
-    In unknown areas many scans in a row have a low score; a doubt that was checked is not raised again at once.
-    """
-    doubt = track.doubt
-    if doubt[0] == NO_DOUBT:
-        return GOOD_SHARE
-    doubt[1] += distance
-    doubt[2] += turn
-    if doubt[1] > RECHECK_AFTER[0] or doubt[2] > RECHECK_AFTER[1]:
-        doubt[0] = NO_DOUBT
-        return GOOD_SHARE
-    return min(GOOD_SHARE, doubt[0] - LOWER_SHARE)
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
 def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
     """Write the variances (3,) of ``Track.predicted`` along its axes.
 
@@ -118,7 +98,7 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> Tuple[bool, float]:
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> bool:
     """Write the start and the prediction of the newest scan's match.
 
     Parameters
@@ -135,10 +115,8 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, a
 
     Returns
     -------
-    long : bool
+    bool
         Whether the step since the last match was so long that a match may converge to a wrong pose.
-    good_share : float
-        Share of the beams below whose score the match is doubted.
     """
     track, noise, ask = track_of(track_data), noise_of(noise_data), request_of(ask_data)
     since = track.since_match
@@ -152,7 +130,7 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, a
         ask.inverse[k] = 1.0 / ask.variances[k]
     ask.window[0] = SLIP_FLOOR[0] + SLIP_SHARE * distance
     ask.window[1] = SLIP_FLOOR[1] + SLIP_SHARE * turn
-    return long, _good_share(track, distance, turn)
+    return long
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -214,7 +192,7 @@ def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, share: float, slipped: bool,
+def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, slipped: bool,
                  at_once: bool) -> None:
     """Update the track by a match.
 
@@ -228,8 +206,6 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
         Pose of the particle at the last processed scan, in ``map``.
     row : (13,) float64
         Result row of ``match_kernels``.
-    share : float
-        Score of the match as a share of the beams.
     slipped : bool
         Whether odometry has slipped.
     at_once : bool
@@ -237,8 +213,6 @@ def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatAr
     """
     track, noise = track_of(track_data), noise_of(noise_data)
     track.matched[0], track.matched[1], track.matched[2] = between(anchor, row)
-    if share < GOOD_SHARE and track.doubt[0] == NO_DOUBT:
-        track.doubt[0], track.doubt[1], track.doubt[2] = share, 0.0, 0.0
     if slipped:
         _confirm_slip(track, noise, at_once)
     else:
