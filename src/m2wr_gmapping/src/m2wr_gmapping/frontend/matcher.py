@@ -199,7 +199,7 @@ class FastMatcher:
                 cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
                 if cost < best:
                     row, best, slip = other, cost, SLIP
-        if denied > MOST_CONFLICT and row[mk.SCORE] < good and (not slip or conflict(row[:3]) > MOST_CONFLICT):
+        if denied > MOST_CONFLICT and row[mk.SCORE] < good:
             turned = self._turned(maps, particle, reading, expected, conflict,
                                   best - SLIP_COST - math.log(math.pi / window[1]), max(MOST_CONFLICT, 0.5 * denied))
             if turned is not None:
