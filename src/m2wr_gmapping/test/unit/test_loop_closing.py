@@ -9,6 +9,7 @@ from m2wr_gmapping.backend import drift_kernels, loop_closing, occlusion, place_
 from m2wr_gmapping.backend.loop_extension import APART, LINKED, LoopExtension
 from m2wr_gmapping.backend.loop_graph import LoopGraph, distances_along
 from m2wr_gmapping.backend.pose_graph import optimise
+from m2wr_gmapping.backend.step_history import StepHistory
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import FastMatcher
@@ -144,11 +145,18 @@ def test_wide_loop_is_closed_over_its_full_length(open_ring):
 def graph_of(mapper):
     """A graph without links of a mapper's path, the path, and its readings."""
     path = mapper.filter.tree.path(mapper.filter.best)
-    graph = LoopGraph(FastMatcher(mapper.config, Workers(1)), mapper.config["delta"])
-    for _ in range(len(path) - 1):
-        graph.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02),
-                       np.zeros((6, 3)))
+    graph = LoopGraph(FastMatcher(mapper.config, Workers(1)), mapper.config["delta"], history_of(len(path)))
     return graph, path, mapper.readings
+
+
+def history_of(nodes):
+    """Steps to that many nodes, each observed by its scan."""
+    history, row = StepHistory(), np.zeros(mk.RESULT_SIZE)
+    row[mk.INFORMATION:] = 2e4, 0.0, 0.0, 2e4, 0.0, 2e4
+    for _ in range(nodes - 1):
+        history.next_record()
+        history.set_information(row, np.full(3, 0.02**2))
+    return history
 
 
 @pytest.mark.parametrize("nodes_before_end", [20, 100])
@@ -223,7 +231,7 @@ def test_similar_place_is_accepted_if_the_current_is_excluded(
         monkeypatch, alike, beside, believed):
     walls = np.array(box(0.0, 0.0, 6.0, 4.0))
     reading = LASER.reading(ranges(walls, np.array([0.0, 0.0, 0.0])))
-    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05)
+    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, StepHistory())
     path = np.array([[0.0, 0.0, 0.0], [0.0, beside, 0.0]])
     along, old = np.array([0.0, 40.0]), np.array([0])
     scene = place_search.Scene(path, along, [reading, reading], old, np.full(2, 5.0), np.ones(2))
@@ -235,10 +243,8 @@ def test_similar_place_is_accepted_if_the_current_is_excluded(
 
 
 def test_frontiers_drop_corrections_that_the_path_contains():
-    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05)
+    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, history_of(41))
     path = np.array([[0.5 * k, 0.0, 0.0] for k in range(41)])
-    for _ in path[1:]:
-        closer.add_step(np.array([2e4, 0.0, 0.0, 2e4, 0.0, 2e4]), np.full(3, 0.02), np.zeros((6, 3)))
     correction = np.array([0.0, 0.3, 0.0])
     closer._accept_links([(0, 40, np.array([20.0, 0.3, 0.0]), np.diag([1e6, 1e6, 1e2]))], 20.0)
     closer._extension._frontiers = [front[:3] + (correction,) for front in closer._extension._frontiers]

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Covariances of loop closures."""
-
+"""Loop closures: their covariances, and the graph that they make with the steps."""
 import numpy as np
 import pytest
 
 from m2wr_gmapping.backend import loop_graph
+from m2wr_gmapping.backend.step_history import StepHistory
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend import track as tr
+from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.workers import Workers
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -16,3 +21,21 @@ def test_match_covariance_equals_numpy(seed):
     upper = h[np.triu_indices(3)]
     found = loop_graph.covariance(upper, prior, floor)
     assert np.allclose(found, wanted) and np.allclose(loop_graph.inverse_symmetric(found), np.linalg.inv(wanted))
+
+
+def test_loop_closure_uses_the_smoothed_calibration():
+    """Wheels that tell 3 % too much along a plain corridor; only near its end scans tell of it."""
+    history, path, row = StepHistory(), np.zeros((101, 3)), np.zeros(mk.RESULT_SIZE)
+    row[mk.INFORMATION:] = np.diag([0.0, 2e4, 2e4])[np.triu_indices(3)]
+    for k in range(1, 101):
+        step = tr.record_of(history.next_record())
+        step.forward[0] = step.derivative[0, tr.DISTANCE] = 0.5
+        if k > 60:
+            step.information[tr.DISTANCE, tr.DISTANCE], step.vector[tr.DISTANCE] = 5e4, -0.03 * 5e4
+        history.set_information(row, np.full(3, 0.01**2))
+        path[k, 0] = path[k - 1, 0] + 0.5 * 1.03
+    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, history)
+    graph.links.append((0, 20, np.array([20 * 0.5, 0.0, 0.0]), np.diag([1e-4, 2e3, 1e4])))
+    bent = graph.solve(path)
+    assert bent[60, 0] == pytest.approx(30.0, abs=0.1)      # 30.9 without
+    assert bent[100, 0] == pytest.approx(50.0, abs=0.1)

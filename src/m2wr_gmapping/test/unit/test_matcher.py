@@ -7,9 +7,9 @@ import pytest
 
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
-from m2wr_gmapping.frontend import track_layout as tl
-from m2wr_gmapping.frontend.matcher import FastMatcher
+from m2wr_gmapping.frontend.matcher import NO_SLIP, FastMatcher
 from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_gmapping.frontend.track import Request
 from m2wr_gmapping.workers import Workers
 
 LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 181, 0.05, 20.0, max_urange=6.0)
@@ -46,8 +46,6 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 @pytest.mark.parametrize("end", [60.0, 3.0])
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
-    ask = np.zeros((tl.ASK_ROWS, 3))
-    ask[tl.START], ask[tl.WANTED], ask[tl.VARIANCES], ask[tl.INVERSE] = START, WANTED, 0.1, 10.0
-    ask[tl.WINDOW] = 0.2
-    row, slipped = matcher.track(maps, 0, reading, ask, False, 0.5)
-    assert row[:3] == pytest.approx(WANTED, abs=0.005) and not slipped
+    ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
+    row, slip = matcher.track(maps, 0, reading, ask, False, 0.5)
+    assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP

@@ -126,8 +126,9 @@ def test_json_is_bounded(good, tmp_path, text, words):
     ("readings.rays.lengths", lambda found: found + 1, "does not fit the lengths"),
     ("readings.rays", lambda found: found[0], "readings.rays has 1 axes; expected 2"),
     ("readings.rays", lambda found: found + np.float32(1e9), "readings.rays is"),
-    ("_tracker._track", lambda found: found[:20], "_tracker._track: 20 where 28 are expected"),
-    ("_tracker.hindsight.steps", lambda found: np.concatenate([found] * 3), "more steps than scans"),
+    ("_tracker._track", lambda found: found[:20], "_tracker._track: 20 where 42 are expected"),
+    ("_tracker._calibration", lambda found: found[:6], "_tracker._calibration: 6 where 45 are expected"),
+    ("_history._records", lambda found: np.concatenate([found] * 3), "_history"),
     ("laser.angles", lambda found: found * 1e9, "laser.angles is")])
 def test_out_of_bounds_indices_are_refused(good, tmp_path, name, change, words):
     refused(rewritten(good, tmp_path / "a.state", arrays={name: change}), words)

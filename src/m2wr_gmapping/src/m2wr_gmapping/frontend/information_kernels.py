@@ -125,11 +125,12 @@ def scan_vector(row: FloatArray, expected: FloatArray, prior: FloatArray, out: F
 def _replace(pose: FloatArray, row: FloatArray, expected: FloatArray, prior: FloatArray) -> None:
     """Move a pose (3,), the matched one, along the weak axis of its row to where scan and odometry really meet."""
     x, y, weak, true = weak_axis(row)
-    if not weak > 0.0:
+    if not row[INFORMATION] + row[INFORMATION + 3] > 0.0:       # no beam has found a partner
         return
     dx, dy, _ = between(pose, expected)
-    odometry = x * x * prior[0] + y * y * prior[1]
-    share = 1.0 - true / (true + odometry) * (weak + odometry) / weak
+    odometry, share = x * x * prior[0] + y * y * prior[1], 1.0
+    if true > 0.0:
+        share -= true / (true + odometry) * (weak + odometry) / weak
     along = share * (x * dx + y * dy)
     compose(pose, (along * x, along * y, 0.0), pose)
 
