@@ -127,14 +127,14 @@ def false_links(mapper, truth):
 @pytest.fixture(scope="module")
 def open_ring():
     """A mapper that has closed no loop, after a drive round a ring and a bit more, and the truth at its nodes."""
-    mapper, truth = mapped(ring, 11, turn=0.2, loop_closing=False)
-    assert apart(mapper, truth).max() > 1.0          # otherwise this shows nothing
+    mapper, truth = mapped(ring, 11, turn=0.4, loop_closing=False)
+    assert apart(mapper, truth).max() > 0.4          # otherwise this shows nothing
     return mapper, truth
 
 
 def test_wide_loop_is_closed_over_its_full_length(open_ring):
-    mapper, truth = mapped(ring, 11, turn=0.2, finish=False)
-    assert apart(mapper, truth).max() < 0.3 and not false_links(mapper, truth)
+    mapper, truth = mapped(ring, 11, turn=0.4, finish=False)
+    assert apart(mapper, truth).max() < 0.1 and not false_links(mapper, truth)
     along = distances_along(truth)
     again = along[[new for new in range(len(truth)) if along[new] > 60.0
                    and np.hypot(*(truth[along < 60.0] - truth[new])[:, :2].T).min() < 0.5]]
@@ -177,7 +177,7 @@ def test_loop_closure_is_extended_along_the_loop(open_ring, nodes_before_end):
                    if np.hypot(*(truth[:150] - truth[new])[:, :2].T).min() < 0.5]]
     linked = np.sort(along[[new for _, new, _, _ in graph.links]])
     assert linked[0] < again[0] + 2 * APART and linked[-1] > again[-1] - 2 * APART      # both ways from the first one
-    assert LINKED <= np.diff(linked).min() and np.diff(linked).max() < 2 * APART        # none twice, none left out
+    assert LINKED <= np.diff(linked).min() and np.diff(linked).max() <= 2 * APART       # none twice, no two left out
     for first, second, measured, _ in graph.links[1:]:
         error = between(between(truth[first], truth[second]), measured)
         assert math.hypot(error[0], error[1]) < 0.2 and abs(error[2]) < 0.02
@@ -248,7 +248,7 @@ def test_frontiers_drop_corrections_that_the_path_contains():
     correction = np.array([0.0, 0.3, 0.0])
     closer._accept_links([(0, 40, np.array([20.0, 0.3, 0.0]), np.diag([1e6, 1e6, 1e2]))], 20.0)
     closer._extension._frontiers = [front[:3] + (correction,) for front in closer._extension._frontiers]
-    bent = closer.apply_changes(path, np.zeros_like(path))
+    bent = closer.recalibrate(path)
     assert bent[-1, 1] == pytest.approx(0.3, abs=0.05) and closer._extension.frontiers == 2
     assert not any(front[3].any() for front in closer._extension._frontiers)
 

@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How far odometry is trusted, and what is believed where it contradicts the scan."""
+import math
+
 import numpy as np
 import pytest
 
+from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.motion_model import MotionNoise
 from m2wr_gmapping.frontend import odometry_kernels as ok
-from m2wr_gmapping.frontend import track_layout as tl
-from m2wr_gmapping.frontend.tracking import new_track
+from m2wr_gmapping.frontend import track as tr
+from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose, inverse
 
 NOISE = MotionNoise(0.01, 0.02, 0.01, 0.02)
 
 
-def deviations(track, distance, turn):
+def noise_of(parameters=NOISE):
+    return tr.noise_of(tr.new_noise(parameters))
+
+
+def deviations(noise, distance, turn):
     """Of odometry along, across and of the heading, after a way with turns."""
-    return np.sqrt(ok.odometry_variances(track, distance, turn))
+    return np.sqrt(ok.odometry_variances(noise, distance, turn))
 
 
-def teach(track, error, variance, distance, turn):
-    ok.update_noise_scales(track, tuple(error), tuple(variance), distance, turn)
+def teach(noise, error, variance, distance, turn):
+    ok.update_noise_scales(noise, tuple(error), tuple(variance), distance, turn)
 
 
 WAYS = (0.5, 0.0), (0.0, 0.4)       # straight ahead, and on the spot [m], [rad]
@@ -27,17 +35,17 @@ WAYS = (0.5, 0.0), (0.0, 0.4)       # straight ahead, and on the spot [m], [rad]
 def taught(true_scale, scan=0.002, steps=300):
     """The scales after odometry was seen to err ``true_scale`` times what the noise says, by scans that do ``scan``.
 
-    ``true_scale`` is that of straight ways and that of turns on the spot, in turn; the result (2, 2) as in ``track``.
+    ``true_scale`` is that of straight ways and that of turns on the spot, in turn; the result (2, 2) as in ``Noise``.
     """
-    rng, track = np.random.default_rng(3), new_track(NOISE)
-    real = [deviations(track, *way) for way in WAYS]
+    rng, noise = np.random.default_rng(3), noise_of()
+    real = [deviations(noise, *way) for way in WAYS]
     for k in range(steps):
         way = WAYS[k % 2]
-        prior, noise = np.square(deviations(track, *way)), scan * scan
+        prior, seen_by = np.square(deviations(noise, *way)), scan * scan
         seen = rng.normal(0.0, np.broadcast_to(true_scale, 2)[k % 2] * real[k % 2]) + rng.normal(0.0, scan, 3)
-        gain = prior / (prior + noise)
-        teach(track, gain * seen, gain * noise, *way)
-    return track[tl.SCALE:tl.SCALE_EVIDENCE, :2].copy()
+        gain = prior / (prior + seen_by)
+        teach(noise, gain * seen, gain * seen_by, *way)
+    return noise.scale.copy()
 
 
 @pytest.mark.parametrize("true_scale", [0.3, 1.0, 4.0])
@@ -52,68 +60,31 @@ def test_distance_and_rotation_have_separate_scales():
 
 
 def test_rotation_scale_starts_with_the_distance_scale():
-    track, sure = new_track(NOISE), np.square([0.003, 0.003, 0.002])
+    noise, sure = noise_of(), np.square([0.003, 0.003, 0.002])
     for _ in range(6):
-        teach(track, np.zeros(3), sure, 0.5, 0.0)
-    way, heading = track[tl.SCALE:tl.SCALE_EVIDENCE, :2]
+        teach(noise, np.zeros(3), sure, 0.5, 0.0)
+    way, heading = noise.scale
     assert way[0] < 0.5 and way[0] < way[1] < 0.8 and heading[0] < 0.7 and heading[1] == 1.0
 
 
 def test_noise_scale_is_bounded():
     exact, wild = taught(0.0), taught(1000.0)
-    assert (exact >= tl.MIN_SCALE).all() and (exact[:, 0] < 0.15).all()
-    assert (wild <= tl.MAX_SCALE).all() and (wild[:, 0] > 10.0).all()
+    assert (exact >= ok.MIN_SCALE).all() and (exact[:, 0] < 0.15).all()
+    assert (wild <= ok.MAX_SCALE).all() and (wild[:, 0] > 10.0).all()
 
 
 def test_uninformative_scan_changes_no_estimate():
-    track = new_track(NOISE)
+    noise = noise_of()
     for _ in range(50):
-        teach(track, np.zeros(3), np.square(deviations(track, 0.5, 0.0)), 0.5, 0.0)
-    assert (track[tl.SCALE:tl.SCALE_EVIDENCE, :2] == 1.0).all()
+        teach(noise, np.zeros(3), np.square(deviations(noise, 0.5, 0.0)), 0.5, 0.0)
+    assert (noise.scale == 1.0).all()
 
 
 def test_deviations_grow_with_distance_from_user_values():
-    track = new_track(NOISE)
-    near, far = deviations(track, 0.1, 0.0), deviations(track, 10.0, 3.0)
+    noise = noise_of()
+    near, far = deviations(noise, 0.1, 0.0), deviations(noise, 10.0, 3.0)
     assert (near < far).all()
     assert far[0] == pytest.approx(0.01 * 10.0 + 0.01 * 3.0, rel=0.5) and far[2] == pytest.approx(0.26, rel=0.5)
-
-
-@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
-def test_systematic_odometry_error_is_estimated(ahead):
-    rng, track = np.random.default_rng(4), new_track(NOISE, ahead)
-    variance, lacks = (1e-4, 1e-4, 1e-4), np.array([-0.02, 0.015, 0.012])
-    for k in range(1500):
-        way, turn = rng.uniform(0.2, 0.5) * (-1.0 if k % 5 == 0 else 1.0), rng.normal(0.0, 0.3)
-        step = np.array([way * ahead[0], way * ahead[1], turn])
-        right = np.array([*step[:2] * (1.0 + lacks[0]), turn * (1.0 + lacks[1]) + lacks[2] * way])
-        error = between(ok.corrected(track, *step)[:3], right) + rng.normal(0.0, 0.002, 3)
-        ok.update_bias(track, tuple(error), variance, (0.9, 0.9, 0.9), way, turn)
-    assert track[tl.BIAS] == pytest.approx(lacks, abs=0.004)
-
-
-@pytest.mark.parametrize("ahead", [(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.6, 0.8)])
-@pytest.mark.parametrize("off", [0.05, -0.12])
-def test_centre_of_rotation_is_estimated_by_turning(ahead, off):
-    """Wheels tell of the middle of the axle; published as the base frame's, it goes round what it should be."""
-    rng, track = np.random.default_rng(5), new_track(NOISE, ahead)
-    point = np.array([off * ahead[0], off * ahead[1], 0.0])
-    for _ in range(400):
-        way, turn = rng.choice([0.0, 0.3]), rng.normal(0.0, 0.3)
-        step = np.array([way * ahead[0], way * ahead[1], turn])
-        right = compose(inverse(point), compose(step, point))
-        error = np.array(between(ok.corrected(track, *step)[:3], right)) + rng.normal(0.0, 0.002, 3)
-        ok.update_bias(track, tuple(error), (1e-4, 1e-4, 1e-4), (0.9, 0.9, 0.9), way, turn)
-    assert track[tl.CENTRE, 0] == pytest.approx(off, abs=0.01) and track[tl.CENTRE, 1] < 1e-4
-    assert np.abs(track[tl.BIAS]).max() < 0.01
-
-
-def test_uninformative_scans_and_outliers_change_no_bias():
-    track, variance = new_track(NOISE), (1e-4, 1e-4, 1e-4)
-    for _ in range(50):
-        ok.update_bias(track, (0.05, 0.05, 0.05), variance, (0.05, 0.05, 0.05), 0.5, 0.1)
-        ok.update_bias(track, (0.8, 0.8, 0.8), variance, (0.9, 0.9, 0.9), 0.5, 0.1)
-    assert (track[tl.BIAS] == 0.0).all() and track[tl.CENTRE, 0] == 0.0
 
 
 def slipped(mapped, ring, laser, jump, looks, then=0.05):
@@ -165,8 +136,6 @@ def test_brief_contradiction_is_not_processed(mapped, ring, laser):
 
 
 def test_plain_wall_leaves_its_direction_to_odometry(laser):
-    from m2wr_gmapping.config import GmappingConfig
-    from m2wr_gmapping.mapper import Mapper
     mapper = Mapper(GmappingConfig.from_mapping(dict(particles=4, linearUpdate=0.3, maxUrange=4.0)), laser)
     rng = np.random.default_rng(2)
     with np.errstate(divide="ignore"):
@@ -179,15 +148,15 @@ def test_plain_wall_leaves_its_direction_to_odometry(laser):
 
 
 def test_trust_in_odometry_adapts_within_a_few_steps():
-    track, sure = new_track(MotionNoise()), np.square([0.003, 0.003, 0.002])
-    before = deviations(track, 1.0, 0.0)
+    noise, sure = noise_of(MotionNoise()), np.square([0.003, 0.003, 0.002])
+    before = deviations(noise, 1.0, 0.0)
     for _ in range(6):
-        teach(track, np.zeros(3), sure, 1.0, 0.0)
-    believed = deviations(track, 1.0, 0.0)
+        teach(noise, np.zeros(3), sure, 1.0, 0.0)
+    believed = deviations(noise, 1.0, 0.0)
     assert (believed < 0.45 * before).all()
     for _ in range(6):
-        teach(track, 2.0 * before, sure, 1.0, 0.0)
-    assert (deviations(track, 1.0, 0.0) > 2.0 * believed).all()
+        teach(noise, 2.0 * before, sure, 1.0, 0.0)
+    assert (deviations(noise, 1.0, 0.0) > 2.0 * believed).all()
 
 
 def walls(pose, angles, x=(-3.0, 5.0), y=(-3.0, 4.0)):
@@ -201,8 +170,6 @@ def walls(pose, angles, x=(-3.0, 5.0), y=(-3.0, 4.0)):
 
 def driven(laser, steps, told, room):
     """A mapper after steps (K, 3), of which odometry tells as ``told`` (K, 3), in a room; and the true last pose."""
-    from m2wr_gmapping.config import GmappingConfig
-    from m2wr_gmapping.mapper import Mapper
     mapper = Mapper(GmappingConfig.from_mapping(dict(
         particles=4, maxUrange=6.0, srr=0.01, srt=0.02, str=0.01, stt=0.02, linearUpdate=0.5, angularUpdate=0.436)),
         laser)
@@ -232,6 +199,108 @@ def test_turn_at_a_long_wall_is_corrected_later(laser):
     base = np.array([0.05, 0.0, 0.0])               # ahead of the axle, about which wheels tell
     steps = [compose(inverse(base), compose(step, base)) for step in told]
     mapper, truth = driven(laser, steps, told, ((-12.0, 20.0), (-9.0, 2.0)))
-    assert mapper._tracker.centre == pytest.approx(0.05, abs=0.015)
+    assert mapper.calibration()["laser_x"] == pytest.approx(0.05, abs=0.015)
     assert abs(between(truth, mapper.pose)[0]) < 0.035      # along the wall; 0.055 if it is not told
+    mapper.close()
+
+
+# ---- wheels that tell nothing of a turn
+
+
+HALL = np.array([(-4.0, -3.0, 5.0, -3.0), (5.0, -3.0, 5.0, 2.0), (5.0, 2.0, 2.0, 2.0), (2.0, 2.0, 2.0, 4.0),
+                 (2.0, 4.0, -4.0, 4.0), (-4.0, 4.0, -4.0, -3.0), (-4.0, 1.0, -3.0, 1.0), (1.0, -3.0, 1.0, -2.2)])
+
+
+def hall_ranges(pose, angles, segments=HALL):
+    """Distances (B,) to the walls (S, 4) of a hall that looks the same in no two directions."""
+    dx, dy = np.cos(pose[2] + angles)[:, None], np.sin(pose[2] + angles)[:, None]
+    x0, y0, x1, y1 = (segments - np.tile(pose[:2], 2)).T
+    ex, ey = x1 - x0, y1 - y0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = dx * ey - dy * ex
+        along, part = (x0 * ey - y0 * ex) / cross, (x0 * dy - y0 * dx) / cross
+    return np.where((along > 0) & (part >= 0) & (part <= 1), along, np.inf).min(axis=1)
+
+
+def run(laser, truth, odom, segments=HALL, seed=2, **parameters):
+    """A mapper after scans at the true poses (K, 3), with the poses (K, 3) of odometry."""
+    mapper = Mapper(GmappingConfig.from_mapping(dict(dict(
+        particles=4, maxUrange=10.0, linearUpdate=0.4, angularUpdate=0.4), **parameters)), laser)
+    rng = np.random.default_rng(seed)
+    for k, (pose, wheels) in enumerate(zip(truth, odom)):
+        ranges = hall_ranges(pose, laser.angles, segments) + rng.normal(0.0, 0.01, len(laser.angles))
+        mapper.process(mapper.reading(ranges), wheels, 0.1 * k)
+    return mapper
+
+
+def path_along(steps, start=(0.0, 0.0, 0.0)):
+    poses = [np.array(start)]
+    for step in steps:
+        poses.append(compose(poses[-1], step))
+    return np.array(poses)
+
+
+@pytest.mark.parametrize("degrees", [100, -130, 160, 180])
+def test_robot_turned_without_odometry_is_found_again(laser, degrees):
+    """It has seen the hall in a turn on the spot; then somebody turns it, and it drives on."""
+    told = [[0.0, 0.0, math.radians(10)]] * 36 + [[0.0, 0.0, 0.0]] * 6 + [[0.05, 0.0, 0.0]] * 12
+    steps = [list(step) for step in told]
+    steps[36][2] = math.radians(degrees)
+    truth = path_along(steps)
+    mapper = run(laser, truth, path_along(told))
+    error = between(truth[-1], mapper.pose)
+    assert np.hypot(error[0], error[1]) < 0.05 and abs(error[2]) < 0.02
+    mapper.close()
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5 * math.pi])
+def test_robot_in_unknown_area_is_not_turned(laser, start):
+    """It leaves a hall by a door: most of what it sees is new, and half of it looks like what it knows."""
+    doors = np.concatenate([HALL[1:], [(-4.0, -3.0, -1.0, -3.0), (0.0, -3.0, 5.0, -3.0), (-1.0, -3.0, -1.0, -3.4),
+                                       (0.0, -3.0, 0.0, -3.4), (-4.0, -3.4, -1.0, -3.4), (0.0, -3.4, 5.0, -3.4),
+                                       (-4.0, -3.4, -4.0, -9.0), (-4.0, -9.0, 5.0, -9.0), (5.0, -9.0, 5.0, -3.4)]])
+    steps = [[0.0, 0.0, 0.1]] * 10 + [[0.2, 0.0, 0.0]] * 27 + [[0.0, 0.0, 0.15]] * 12 + [[0.2, 0.0, 0.0]] * 8
+    truth = path_along(steps, (-0.5, 0.0, -0.5 * math.pi - 1.0))
+    mapper = run(laser, truth, compose([0.0, 0.0, start], truth), doors)
+    error = between(compose([0.0, 0.0, start], truth[-1]), mapper.pose)
+    assert np.hypot(error[0], error[1]) < 0.08 and abs(error[2]) < 0.02
+    mapper.close()
+
+
+# ---- what is known about odometry and mount
+
+
+def star(legs=40):
+    """Steps of straight legs through the hall, with turns on the spot to both sides between them."""
+    steps = []
+    for k in range(legs):
+        turn = math.radians(135.0 if k % 10 < 5 else -135.0)
+        steps += [[0.1, 0.0, 0.0]] * 20 + [[0.0, 0.0, turn / 8]] * 8
+    return steps
+
+
+@pytest.mark.parametrize("yaw, shift", [(2.0, 0.05), (-1.0, -0.05), (0.0, 0.0)])
+def test_calibration_tells_the_error_of_the_mount(yaw, shift):
+    """The laser is mounted otherwise than the model says, by degrees and metres; odometry is 2 % short."""
+    model = (0.1, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)
+    laser = LaserModel.from_message(-math.pi, math.pi, math.pi / 90, 180, 0.05, 20.0, model)
+    mount = laser.base_from_sensor
+    real = mount + [shift, -shift, math.radians(yaw)]
+    told = star()
+    bases = path_along([[x / 0.98, y / 0.98, turn] for x, y, turn in told], (-1.0, -1.0, 0.0))
+    mapper = run(laser, compose(bases, real), compose(path_along(told), mount), linearUpdate=0.5)
+    mapper.finish()
+    found = mapper.calibration()
+    assert set(found) == {name + ending for name in tr.NAMES for ending in ("", "_deviation")}
+    assert math.degrees(found["laser_yaw"]) == pytest.approx(yaw, abs=0.2)
+    assert found["laser_x"] == pytest.approx(shift, abs=0.01) and found["laser_y"] == pytest.approx(-shift, abs=0.01)
+    assert found["distance"] == pytest.approx(1.0 / 0.98 - 1.0, abs=0.005)
+    assert 0.0 < found["laser_yaw_deviation"] < 0.5 * tr.CALIBRATION_PRIOR[tr.MOUNT_YAW]
+    assert mapper.info()["calibration"] == found
+    mapper.close()
+
+
+def test_compatible_mapper_has_no_calibration(mapped):
+    mapper, _, _ = mapped(laps=0.1, compatible=True)
+    assert mapper.calibration() == {} and "calibration" not in mapper.info()
     mapper.close()
