@@ -103,7 +103,7 @@ RULES = (
     Rule("motion_plan/*.py", NUMERIC, False, True, ("motion_plan.ros*",)),
 )
 KERNEL_STANDARD = {"math", "typing", "__future__"}
-KERNEL_NEIGHBOURS = ("kernels", "_layout", "array_types")    # our own modules that kernels may import
+KERNEL_NEIGHBOURS = ("kernels", "_layout", "track", "array_types")    # our own modules that kernels may import
 ODE_LAYER = "m2wr_sim/physics/"
 SEEDED = {"default_rng", "Generator", "SeedSequence", "PCG64", "BitGenerator"}
 #: The only folder that uses private parts of rospy, and modules with one of their own, with the reason.

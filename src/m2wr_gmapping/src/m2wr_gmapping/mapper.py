@@ -13,11 +13,11 @@ from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.filter import resampling
 from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
-from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.occlusion import conflict_share
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
+from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
 from m2wr_gmapping.frontend.view_memory import ViewMemory
 from m2wr_gmapping.io.saved_map import MapReading, SavedMapOccupancy

@@ -68,7 +68,7 @@ def test_more_steps_than_there_was_room_for():
 def test_step_information_is_the_inverse_covariance():
     rng = np.random.default_rng(4)
     root, row, variances = rng.normal(size=(3, 3)) * 100.0, np.zeros(mk.RESULT_SIZE), np.array([1e-3, 2e-3, 1e-4])
-    seen = root.T @ root + np.diag([1e6, 1e6, 0.0])        # corners: nothing is lost to the noise of normals but a share
+    seen = root.T @ root + np.diag([1e6, 1e6, 0.0])      # corners: hardly anything is lost to the normals' noise
     row[mk.INFORMATION:] = seen[np.triu_indices(3)]
     history = StepHistory()
     history.next_record()

@@ -119,7 +119,15 @@ class StepHistory:
 
 
 def path_of(start: FloatArray, steps: FloatArray) -> FloatArray:
-    """Return the path (K, 3) that begins at ``start`` (3,) with steps (K, 3), of which the first is not used."""
+    """Return the path (K, 3) of steps.
+
+    Parameters
+    ----------
+    start : (3,) float64
+        First pose of the path.
+    steps : (K, 3) float64
+        Pose of each node from the one before; the first is not used.
+    """
     path = np.empty_like(steps)
     path[0] = start
     for k in range(1, len(steps)):

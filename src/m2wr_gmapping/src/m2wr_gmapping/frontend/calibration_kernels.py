@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Calibration
 
 MATCH_CORRELATION = 4.0     # errors of successive matches are correlated: so many count as one
-OUTLIER = 21.1              # squared Mahalanobis distance of an outlier: 99.99 % of chi-squared with 3 degrees of freedom
+#: Squared Mahalanobis distance of an outlier: 99.99 % of chi-squared with 3 degrees of freedom.
+OUTLIER = 21.1
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -23,7 +23,15 @@ DEPENDENT = 10.0            # errors of beams are correlated: so many beams coun
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def unfold(row: FloatArray, out: FloatArray) -> None:
-    """Write the information matrix (3, 3) of a result row."""
+    """Write the information matrix of a result row.
+
+    Parameters
+    ----------
+    row : (13,) float64
+        Result row of ``match_kernels``.
+    out : (3, 3) float64
+        Written: along x, y and heading of the matched pose.
+    """
     h = row[INFORMATION:]
     out[0, 0], out[0, 1], out[0, 2] = h[0], h[1], h[2]
     out[1, 0], out[1, 1], out[1, 2] = h[1], h[3], h[4]

@@ -139,7 +139,7 @@ class FastMatcher:
         return row
 
     def _fused(self, maps: TileMaps, particle: int, reading: ScanReading, start: FloatArray, prediction: FloatArray,
-              prior: FloatArray) -> FloatArray:
+               prior: FloatArray) -> FloatArray:
         """``match_one``, with odometry along directions that the scan does not observe; see ``fuse``."""
         row = self.match_one(maps, particle, reading, start, prediction, prior)
         fuse(row, prediction, prior)

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Tuple
 from numba import njit
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.track import Noise
 
 CROSS = 0.3                 # share of the noise along a direction that motion across it adds
-MIN_DEVIATION = 0.004               # standard deviation of a step of length 0 [m] or [rad]
-MIN_DEVIATION_SHARE = 0.005         # its growth with distance and rotation
+MIN_DEVIATION = 0.004       # standard deviation of a step of length 0 [m] or [rad]
+MIN_DEVIATION_SHARE = 0.005     # its growth with distance and rotation
 MEMORY, FIRST_MEMORY = 10.0, 1.0    # memory of the scale [steps]; weight of the user's parameters [steps]
-MAX_ERROR_RATIO = 9.0              # greatest ratio of squared error to expectation
-MIN_SCALE_INFORMATION = 0.01        # a scan with less information changes no scale
-MIN_SCALE, MAX_SCALE = 0.1, 30.0       # of the scale
+MAX_ERROR_RATIO = 9.0       # greatest ratio of squared error to expectation
+MIN_SCALE_INFORMATION = 0.01    # a scan with less information changes no scale
+MIN_SCALE, MAX_SCALE = 0.1, 30.0    # of the scale
+
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def user_noise(noise: Noise, dx: float, dy: float, turn: float) -> Tuple[float, float, float]:

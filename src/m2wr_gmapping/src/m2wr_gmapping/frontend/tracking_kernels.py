@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
 COST, INFORMATION = 6, 7
 
-STATIONARY = 0.005, 0.005, 0.005                 # scans closer to the last matched one are not matched [m, m, rad]
+STATIONARY = 0.005, 0.005, 0.005            # scans closer to the last matched one are not matched [m, m, rad]
 LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a match may converge to a wrong pose [m, m, rad]
 SLIP_FLOOR, SLIP_SHARE = (0.2, 0.3), 0.4    # search window of a slip [m, rad]; growth with the step
-SLIP_DISTANCE = 0.15, 0.1                       # a slip is accepted if it persists over this motion [m, rad]
-SLIP_OBSERVATIONS = 20                             # or over this number of scans
-SLIP_TOLERANCE = 0.1, 0.1, 0.1                 # and changes by at most this from scan to scan [m, m, rad]
+SLIP_DISTANCE = 0.15, 0.1                   # a slip is accepted if it persists over this motion [m, rad]
+SLIP_OBSERVATIONS = 20                      # or over this number of scans
+SLIP_TOLERANCE = 0.1, 0.1, 0.1              # and changes by at most this from scan to scan [m, m, rad]
 SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance of odometry after a slip [m^2, m^2, rad^2]
 
 
@@ -52,7 +52,8 @@ SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance of odometry after a slip 
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatArray, now: FloatArray) -> Tuple[float, float, bool]:
+def advance(track_data: FloatArray, calibration_data: FloatArray, before: FloatArray,
+            now: FloatArray) -> Tuple[float, float, bool]:
     """Propagate the poses by a step of odometry.
 
     Parameters
@@ -91,6 +92,13 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
     """Write the variances (3,) of ``Track.predicted`` along its axes.
 
     The uncertainty of the calibration is not included: it is an error of all steps alike, not of this one.
+
+    Parameters
+    ----------
+    track : Track
+    noise : Noise
+    out : (3,) float64
+        Written [m^2, m^2, rad^2].
     """
     own = odometry_variances(noise, track.motion[0], track.motion[1])
     for k in range(3):
@@ -98,7 +106,8 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> bool:
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray,
+           ask_data: FloatArray) -> Tuple[bool, float]:
     """Write the start and the prediction of the newest scan's match.
 
     Parameters
@@ -110,8 +119,7 @@ def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, a
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
     ask_data : (REQUEST_SIZE,) float64
-        Of a Request.
-        Written.
+        Of a Request; written.
 
     Returns
     -------
@@ -192,8 +200,8 @@ def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, slipped: bool,
-                 at_once: bool) -> None:
+def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, share: float,
+                 slipped: bool, at_once: bool) -> None:
     """Update the track by a match.
 
     Parameters
@@ -233,8 +241,8 @@ def restart(track_data: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatArray, starts: FloatArray, predictions: FloatArray,
-                known: FloatArray) -> None:
+def predict_all(track_data: FloatArray, noise_data: FloatArray, anchors: FloatArray, starts: FloatArray,
+                predictions: FloatArray, known: FloatArray) -> None:
     """Predict all particles from their poses at the last processed scan.
 
     Parameters
@@ -278,6 +286,17 @@ def weak_prior(track_data: FloatArray, noise_data: FloatArray, calibration_data:
     Exact wheels make the prior of the pose so strong that no scan could ever correct the calibration. So the scan is
     matched a second time with this one.
 
+    Parameters
+    ----------
+    track_data : (TRACK_SIZE,) float64
+        Of a Track.
+    noise_data : (NOISE_SIZE,) float64
+        Of a Noise.
+    calibration_data : (CALIBRATION_SIZE,) float64
+        Of a Calibration.
+    out : (3,) float64
+        Written [1/m^2, 1/m^2, 1/rad^2].
+
     Returns
     -------
     bool
@@ -305,8 +324,7 @@ def learn_noise(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArr
     track_data : (TRACK_SIZE,) float64
         Of a Track.
     noise_data : (NOISE_SIZE,) float64
-        Of a Noise.
-        Changed.
+        Of a Noise; changed.
     anchor : (3,) float64
         Pose of the particle at the last processed scan, in ``map``.
     row : (13,) float64
@@ -333,8 +351,8 @@ def _posterior_variances(row: FloatArray, prior: Tuple[float, float, float]) -> 
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, prediction: FloatArray, row: FloatArray,
-          prior: FloatArray, step_data: FloatArray) -> None:
+def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, prediction: FloatArray,
+          row: FloatArray, prior: FloatArray, step_data: FloatArray) -> None:
     """Update the calibration by the match of a processed scan with the prior of ``weak_prior``.
 
     Parameters
@@ -344,8 +362,7 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
     noise_data : (NOISE_SIZE,) float64
         Of a Noise.
     calibration_data : (CALIBRATION_SIZE,) float64
-        Of a Calibration.
-        Changed.
+        Of a Calibration; changed.
     prediction : (3,) float64
         Pose by odometry in ``map``.
     row : (13,) float64
@@ -353,10 +370,10 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
     prior : (3,) float64
         That prior.
     step_data : (RECORD_SIZE,) float64
-        Of a StepRecord.
-        Information and vector are written.
+        Of a StepRecord, whose information and vector are written.
     """
-    track, noise, calibration, step = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data), record_of(step_data)
+    track, noise = track_of(track_data), noise_of(noise_data)
+    calibration, step = calibration_of(calibration_data), record_of(step_data)
     information, told, about, vector = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
     scan_vector(row, prediction, prior, information, told)
     own, squares = odometry_variances(noise, track.motion[0], track.motion[1]), np.empty(3)
@@ -381,7 +398,8 @@ def learn(track_data: FloatArray, noise_data: FloatArray, calibration_data: Floa
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, row: FloatArray, step_data: FloatArray) -> None:
+def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data: FloatArray, row: FloatArray,
+                step_data: FloatArray) -> None:
     """Write how the newest step depends on the calibration; before ``learn``.
 
     Parameters
@@ -395,10 +413,10 @@ def record_step(track_data: FloatArray, noise_data: FloatArray, calibration_data
     row : (13,) float64
         Result row of the match.
     step_data : (RECORD_SIZE,) float64
-        Of a StepRecord.
-        Written.
+        Of a StepRecord; written.
     """
-    track, noise, calibration, step = track_of(track_data), noise_of(noise_data), calibration_of(calibration_data), record_of(step_data)
+    track, noise = track_of(track_data), noise_of(noise_data)
+    calibration, step = calibration_of(calibration_data), record_of(step_data)
     step.information[:], step.vector[:], step.derivative[:] = 0.0, 0.0, 0.0
     step.applied[:] = calibration.value
     step.forward[0] = track.motion[2]

@@ -9,7 +9,6 @@ import numpy as np
 from m2wr_gmapping.frontend.scan_kernels import profile
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.scan import ScanReading
 
 SECTORS = 36                # of a full circle: a laser that turns by a sector is noticed
