@@ -7,7 +7,7 @@ import m2wr_gmapping
 from m2wr_gmapping.kernel_warm_up import compile_kernels
 
 MODULES = [found.name for found in pkgutil.walk_packages(m2wr_gmapping.__path__, "m2wr_gmapping.")
-           if found.name.endswith("_kernels")]
+           if found.name.endswith("_kernels")] + ["m2wr_gmapping.frontend.track"]
 
 
 def compiled():
