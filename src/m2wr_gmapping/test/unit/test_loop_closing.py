@@ -397,7 +397,7 @@ def test_drift_follows_the_shortest_path_in_the_graph(seed):
     edges = {}
     for k in range(1, 30):
         size = math.hypot(*(path[k] - path[k - 1])[:2])
-        lever = size * math.hypot(*(path[source] - 0.5 * (path[k] + path[k - 1]))[:2])
+        lever = size * math.hypot(*(path[source] - 0.5 * (path[k] + path[k - 1]))[:2])**2
         edges[k - 1, k] = edges[k, k - 1] = np.array([lever, variances[k], size])
     for a, b in links:
         edges[a, b] = edges[b, a] = np.zeros(3)

@@ -126,7 +126,7 @@ def test_json_is_bounded(good, tmp_path, text, words):
     ("readings.rays.lengths", lambda found: found + 1, "does not fit the lengths"),
     ("readings.rays", lambda found: found[0], "readings.rays has 1 axes; expected 2"),
     ("readings.rays", lambda found: found + np.float32(1e9), "readings.rays is"),
-    ("_tracker._track", lambda found: found[:20], "_tracker._track: 20 where 42 are expected"),
+    ("_tracker._track", lambda found: found[:20], "_tracker._track: 20 where 39 are expected"),
     ("_tracker._calibration", lambda found: found[:6], "_tracker._calibration: 6 where 45 are expected"),
     ("_history._records", lambda found: np.concatenate([found] * 3), "_history"),
     ("laser.angles", lambda found: found * 1e9, "laser.angles is")])
