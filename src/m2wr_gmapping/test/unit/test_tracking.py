@@ -256,8 +256,9 @@ def test_robot_turned_without_odometry_is_found_again(laser, degrees):
 @pytest.mark.parametrize("door", [0.4, 0.6])
 def test_robot_in_unknown_area_is_not_turned(laser, door):
     """It goes by a door to a room that equals the known one turned by 180 degrees."""
-    room = np.array([(0.0, door, 0.0, 3.0), (0.0, 3.0, -4.0, 3.0), (-4.0, 3.0, -4.0, -2.0), (-4.0, -2.0, 0.0, -2.0),
-                     (0.0, -2.0, 0.0, -door), (-3.0, 1.5, -3.0, 2.0), (-1.5, -2.0, -1.5, -1.4)])
+    room = np.array([(0.0, door, -0.1, door), (-0.1, door, -0.1, 3.0), (-0.1, 3.0, -4.0, 3.0), (-4.0, 3.0, -4.0, -2.0),
+                     (-4.0, -2.0, -0.1, -2.0), (-0.1, -2.0, -0.1, -door), (-0.1, -door, 0.0, -door),
+                     (-3.0, 1.5, -3.0, 2.0), (-1.5, -2.0, -1.5, -1.4)])
     steps = [[0.0, 0.0, math.radians(10)]] * 36 + [[0.2, 0.0, 0.0]] * 20
     truth = path_along(steps, (-2.0, 0.0, 0.0))
     mapper = run(laser, truth, truth, np.concatenate([room, -room]))

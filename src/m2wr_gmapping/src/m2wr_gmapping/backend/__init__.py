@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loop closing: place search, pose graph and recalibration of the odometry."""
+"""Loop closing: place search, pose graph and steps by the newest calibration."""

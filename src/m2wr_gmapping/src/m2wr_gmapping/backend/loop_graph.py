@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 OLD = 12.0                  # path after which a node is old [m]
 SHIFT_FLOOR, TURN_FLOOR = 0.5, 0.1      # least half width of a search [m], [rad]
-HEADING_DRIFT = 4e-5        # variance of the heading per distance of scan matching, measured without loop closing [rad^2/m]
+#: Variance of the heading per distance of scan matching, measured without loop closing [rad^2/m].
+HEADING_DRIFT = 4e-5
 DEVIATIONS = 2.5            # half width of the search, in standard deviations of the drift
 NEAR = 2.0                  # with less drift than this only the newest scans are searched [m]
 SHIFT_MOST, TURN_MOST = 30.0, 0.6       # widest search [m], [rad]

@@ -18,6 +18,7 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.config import ConfigError
+from m2wr_gmapping.frontend.mount_check import MountCheck
 from m2wr_gmapping.frontend.scan import LaserModel, ScanError
 from m2wr_gmapping.io import map_file, state
 from m2wr_gmapping.io.initial_state import InitialState
@@ -81,6 +82,7 @@ class SlamNode:
         self._counted = 0
         self._running: Optional[Mapper] = None      # the mapper that has used a scan of this run
         self._laser_frame = ""
+        self._mount_check: Optional[MountCheck] = None      # of the first laser
         self._map_stamp: Optional[float] = None
         self._first_stamp: Optional[float] = None
         self._times: Deque[float] = deque(maxlen=TIMES_KEPT)        # of the last scans [ms], wall
@@ -248,6 +250,9 @@ class SlamNode:
         if mapper.beyond:
             rospy.logwarn_throttle(30.0, "the map has reached its size limit; points outside are ignored. The robot is "
                                    "at (%.1f, %.1f)" % tuple(mapper.base_poses(update.pose)[:2]))
+        if update.processed and self._mount_check is not None:
+            for text in self._mount_check.messages(mapper.calibration()):
+                rospy.logwarn("%s", text)
         self._transform.set(mapper.map_from_odom)
         self._poses.publish(mapper, update, scan.header.stamp)
         since = math.inf if self._map_stamp is None else stamp - self._map_stamp
@@ -303,6 +308,7 @@ class SlamNode:
         if loaded is not None:
             self._laser_frame = loaded.host.get("laser_frame") or self._laser_frame
             self._map_stamp, self._counted = loaded.host.get("map_stamp"), loaded.host.get("counted", self._counted)
+        self._mount_check = self._mount_check or MountCheck(self._base, self._laser_frame)
         self._mapper = mapper = self._beginning.mapper(config, laser)
         rospy.loginfo("laser %s: %d beams of %.2f degrees, used to %g m; map starts at %.3f", self._laser_frame,
                       len(scan.ranges), abs(scan.angle_increment) * 57.29577951308232, laser.max_urange,
