@@ -47,5 +47,5 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
     ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
-    row, slip = matcher.track(maps, 0, reading, ask, False, 0.5, lambda pose: 0.0)
+    row, slip = matcher.track(maps, 0, reading, ask, False, lambda pose: 0.0)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP
