@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rosbag
 
-from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.se2 import between, compose, inverse
 from m2wr_tools.slam_benchmark import benchmark_command as command
 from m2wr_tools.slam_benchmark import benchmark_table as table
 from m2wr_tools.slam_benchmark import difficulty_table, log_details
@@ -215,6 +215,15 @@ def test_difficulties_and_mount_are_read(tmp_path):
     assert log_details.read(log) == log_details.LogDetails({"scans": "late"}, (0.01, -0.02, 0.03))
 
 
+def test_a_wrong_mount_moves_the_base_but_not_the_laser():
+    nominal, mount = np.array([0.2, 0.0, 0.0]), np.array([0.03, -0.04, 0.1])
+    details = log_details.LogDetails({}, tuple(mount), tuple(nominal))
+    base = np.array([3.0, 2.0, 1.0])
+    believed = compose(compose(compose(base, nominal), mount), inverse(nominal))    # from the laser, by /tf
+    assert compose(believed, details.base_correction()) == pytest.approx(base)
+    assert log_details.LogDetails({}, (0.0, 0.0, 0.0)).base_correction() is None
+
+
 def test_a_log_without_details_has_none(tmp_path):
     assert log_details.read(log_with(tmp_path, None)) == log_details.LogDetails()
 
@@ -267,7 +276,7 @@ def test_a_benchmark_that_was_ended_resumes(folder, capsys, monkeypatch):
     def run(line, **_):
         """In the place of the replay: what it wrote the first time."""
         begun.append(line)
-        for option, ending in (("--trajectory", ".txt"), ("--online", ".online"), ("--stats", ".json")):
+        for option, ending in (("--tracked", ".txt"), ("--online", ".online"), ("--stats", ".json")):
             text = (folder / "kept" / ("room_report_2_1" + ending)).read_text()
             with open(line[line.index(option) + 1], "w") as stream:
                 stream.write(text)

@@ -179,7 +179,7 @@ class Benchmark:
             return kept
         self._convert(log, bag)
         command = replay_program() + [
-            "--bag_filename", bag, "--seed", str(seed), "--trajectory", out + ".txt", "--online",
+            "--bag_filename", bag, "--seed", str(seed), "--tracked", out + ".txt", "--online",
             out + ".online", "--map", out, "--stats", out + ".json", "--quiet"]
         command += ["_{}:={}".format(*item) for item in parameters.items()]
         try:
@@ -192,7 +192,8 @@ class Benchmark:
                 out, done.returncode, done.stdout.strip()[-1000:]))
         with open(out + ".json", encoding="utf-8") as stream:
             statistics = json.load(stream)
-        found = trajectory_errors.score(log, out + ".txt", out + ".online", self._odometry)
+        found = trajectory_errors.score(log, out + ".txt", out + ".online", self._odometry,
+                                        details.base_correction())
         if found is not None:
             found.update(log_details.calibration_errors(details, statistics))
         result = dict(log=log.name, set=name, particles=particles, seed=seed, statistics=statistics, score=found,

@@ -8,11 +8,14 @@ import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Dict, Optional, Tuple
 
-from m2wr_gmapping.se2 import wrap
+import numpy as np
+
+from m2wr_gmapping.se2 import compose, inverse, wrap
 from m2wr_node.numbers import number
 from m2wr_tools.slam_benchmark.laser_logs import LogError
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_tools.slam_benchmark.laser_logs import Log
 
 LARGEST = 1 << 20           # of such a file [bytes]
@@ -30,10 +33,24 @@ class LogDetails:
         Aspect -> class.
     mount : (3,) float or None
         True pose of the laser in the one that /tf gives [m, m, rad].
+    nominal : (3,) float or None
+        Pose of the laser in the base frame that /tf gives [m, m, rad].
     """
 
     difficulties: Dict[str, str] = field(default_factory=dict)
     mount: Optional[Tuple[float, float, float]] = None
+    nominal: Optional[Tuple[float, float, float]] = None
+
+    def base_correction(self) -> Optional[FloatArray]:
+        """Return the true pose (3,) of the base in the one that follows from the laser's pose by /tf, or None.
+
+        A mapper knows where the laser is. Where the base is follows from the mount, so a wrong mount shifts it although
+        the map is right.
+        """
+        if self.mount is None or self.nominal is None:
+            return None
+        laser = np.array(self.nominal)
+        return compose(laser, inverse(compose(laser, np.array(self.mount))))
 
 
 def read(log: Log) -> LogDetails:
@@ -53,8 +70,8 @@ def read(log: Log) -> LogDetails:
     classes, laser = found.get("difficulties", {}), found.get("laser", {})
     if not isinstance(classes, dict) or not all(isinstance(name, str) for name in classes.values()):
         raise LogError("{}: difficulties: expected an object of names".format(path))
-    mount = _three(laser.get("mount") if isinstance(laser, dict) else None)
-    return LogDetails(classes, mount)
+    mount, nominal = (_three(laser.get(name) if isinstance(laser, dict) else None) for name in ("mount", "nominal"))
+    return LogDetails(classes, mount, nominal)
 
 
 def _three(values: Any) -> Optional[Tuple[float, float, float]]:

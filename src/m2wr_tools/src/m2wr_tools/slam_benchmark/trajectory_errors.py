@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 DIRECT = 1e-3           # greatest difference of stamps between pose and scan [s]
 AGAIN = 20.0            # least time between two visits of a loop closure [s]
 NEAR = 1.5              # and their greatest distance [m]
-MOST_PAIRS = 4000
+MOST_PAIRS, MOST_POSES = 4000, 3000
 SOON = 10.0             # greatest time between the poses of a relation that measures the live pose locally [s]
 
 
@@ -167,8 +167,10 @@ def against_poses(stamps: FloatArray, poses: FloatArray, truth: FloatArray) -> D
         If fewer than two poses of the trajectory have a ground truth.
     """
     stamps, poses, true = _common(stamps, poses, truth)
-    apart = np.hypot(true[:, None, 0] - true[None, :, 0], true[:, None, 1] - true[None, :, 1])
-    pairs = np.argwhere(np.triu((apart < NEAR) & (np.abs(stamps[:, None] - stamps[None, :]) > AGAIN), 1))
+    some = np.arange(0, len(stamps), -(-len(stamps) // MOST_POSES))
+    apart = np.hypot(true[some, None, 0] - true[None, some, 0], true[some, None, 1] - true[None, some, 1])
+    pairs = some[np.argwhere(np.triu(
+        (apart < NEAR) & (np.abs(stamps[some, None] - stamps[None, some]) > AGAIN), 1)).reshape(-1, 2)]
     pairs = pairs[::max(1, -(-len(pairs) // MOST_PAIRS))]
     result = _summary(between(poses[:-1], poses[1:]), between(true[:-1], true[1:]), np.zeros(len(poses) - 1, bool))
     if len(pairs):
@@ -242,7 +244,8 @@ def odometry_errors(raw: Tuple[FloatArray, FloatArray], truth: FloatArray, kind:
 
 
 def score(log: Log, path: str, online: Optional[str] = None,
-          recorded: Optional[Tuple[FloatArray, FloatArray]] = None) -> Optional[Dict[str, Any]]:
+          recorded: Optional[Tuple[FloatArray, FloatArray]] = None,
+          base: Optional[FloatArray] = None) -> Optional[Dict[str, Any]]:
     """Return the errors (dict) of a trajectory file against the best ground truth of a log, with its ``kind``; or None.
 
     Parameters
@@ -255,6 +258,8 @@ def score(log: Log, path: str, online: Optional[str] = None,
         File with the poses as they were known at their time; with it the result has ``live_`` errors.
     recorded : tuple, optional
         Stamps and poses of the odometry in a bag; with it, or for a CARMEN log, the result has ``odometry_`` errors.
+    base : (3,) float64, optional
+        True pose of the base in that of the files; see ``LogDetails.base_correction``.
     """
     kinds = [kind for kind in ("relations", "graph", "ref") if kind in log.truth]
     if not kinds:
@@ -264,14 +269,16 @@ def score(log: Log, path: str, online: Optional[str] = None,
         shift, raw = EPOCH, odometry(log.path)
         recorded = raw
     truth = rows(log.truth[kind], 8 if kind == "relations" else 4)
+    right = np.zeros(3) if base is None else base
     stamps, poses = trajectory(path)
+    poses = compose(poses, right)
     if kind == "relations":
         found = against_relations(stamps - shift, poses, truth, raw)
     else:
         found = against_poses(stamps - shift, poses, truth)
     if online is not None:
         stamps, poses = trajectory(online)
-        found.update(live_errors(stamps - shift, poses, truth, kind, raw))
+        found.update(live_errors(stamps - shift, compose(poses, right), truth, kind, raw))
     if recorded is not None:
         found.update(odometry_errors(recorded, truth, kind))
     return dict(found, kind=kind)

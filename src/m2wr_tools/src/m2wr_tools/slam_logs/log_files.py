@@ -106,6 +106,7 @@ def write(log: MadeLog, folder: str, rng: np.random.Generator) -> str:
              for record in log.taken]
     details = dict(asdict(log.recipe), metres=round(log.drive.length, 2), seconds=float(log.drive.stamps[-1]),
                    spins=len(log.drive.spins), drift=round(drift(log), 4))
+    details["laser"]["nominal"] = list(MOUNT)
     write_atomically((base + ".graph", ["".join(truth).encode()]),
                      (base + ".json", [json.dumps(details, indent=1, sort_keys=True).encode()]),
                      (base + ".world", [log.plan.sdf().encode()]))
