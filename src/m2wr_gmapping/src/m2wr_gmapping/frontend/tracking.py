@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Callable, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.matcher import LARGE_SLIP
 from m2wr_gmapping.frontend.track import (

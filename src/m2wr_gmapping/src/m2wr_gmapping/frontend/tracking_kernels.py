@@ -106,8 +106,7 @@ def prediction_variances(track: Track, noise: Noise, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray,
-           ask_data: FloatArray) -> Tuple[bool, float]:
+def expect(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, ask_data: FloatArray) -> bool:
     """Write the start and the prediction of the newest scan's match.
 
     Parameters
@@ -200,8 +199,8 @@ def _confirm_slip(track: Track, noise: Noise, at_once: bool) -> None:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, share: float,
-                 slipped: bool, at_once: bool) -> None:
+def accept_match(track_data: FloatArray, noise_data: FloatArray, anchor: FloatArray, row: FloatArray, slipped: bool,
+                 at_once: bool) -> None:
     """Update the track by a match.
 
     Parameters
