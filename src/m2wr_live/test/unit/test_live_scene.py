@@ -9,7 +9,7 @@ from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from m2wr_live.scene.live_scene import MOST_BEAMS, MOST_TRAIL, LiveScene
+from m2wr_live.scene.live_scene import LEAST_BEAMS, MOST_BEAMS, MOST_TRAIL, LiveScene
 from m2wr_live.scene.robot_model import read_robot_model
 from m2wr_live.web.picking import first_hit, on_ground
 from m2wr_live.web.picture import map_pixels
@@ -86,6 +86,10 @@ def test_beams_start_at_the_laser_and_end_at_the_hits():
     assert len(scene.beams["/scan"]) == MOST_BEAMS
     scene.take_scan("/other", scan("nowhere", [1.0]))
     assert "/other" not in scene.beams
+    for _ in range(2):
+        for number in range(30):
+            scene.take_scan("/scan%d" % number, scan("laser", [1.0] * 5000))
+    assert [len(scene.beams["/scan%d" % number]) for number in range(30)] == [LEAST_BEAMS] * 30
 
 
 def test_a_trail_follows_but_not_over_jumps_and_is_bounded():

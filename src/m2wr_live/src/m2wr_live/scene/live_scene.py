@@ -19,6 +19,8 @@ JUMP = 0.5                  # m between two samples; more means that the robot w
 TRAIL_STEP = 0.03           # m between two points of a trail
 MOST_TRAIL = 6000           # points of a robot's trail; older ones are dropped
 MOST_BEAMS = 180            # drawn of a scan
+BEAMS_OF_ALL = 360          # drawn of all scans together, but at least
+LEAST_BEAMS = 24            # of each; beams are most of what a browser draws
 MOST_POINTS = 2000          # of a path or of a set of particles
 MOST_CELLS = 1 << 24        # of a map
 MOST_MARKS = 200            # hit points, and leave points
@@ -176,7 +178,9 @@ class LiveScene:
         ranges = np.asarray(message.ranges, dtype=float)
         if pose is None or not ranges.size:
             return
-        chosen = np.unique(np.linspace(0, ranges.size - 1, min(ranges.size, MOST_BEAMS)).astype(int))
+        share = BEAMS_OF_ALL // max(1, len(self.beams))
+        count = min(ranges.size, MOST_BEAMS, max(LEAST_BEAMS, share))
+        chosen = np.unique(np.linspace(0, ranges.size - 1, count).astype(int))
         angle = message.angle_min + message.angle_increment * chosen
         far = ranges[chosen]
         far = np.where(np.isnan(far) | (far < message.range_min), 0.0, np.minimum(far, message.range_max))
