@@ -4,6 +4,6 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=['m2wr_navigation'] + ['m2wr_navigation.' + layer for layer in (
-        'controllers', 'costmap', 'localization', 'planners', 'recoveries', 'ros')],
+        'benchmark', 'controllers', 'costmap', 'localization', 'planners', 'recoveries', 'ros')],
     package_dir={'': 'src'},
 ))

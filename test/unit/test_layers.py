@@ -87,6 +87,7 @@ RULES = (
     Rule("m2wr_gmapping/io/*.py", NUMERIC, False, True, ("m2wr_gmapping.ros", "m2wr_gmapping.replay")),
     Rule("m2wr_gmapping/*.py", NUMERIC, False, True, ("m2wr_gmapping.ros", "m2wr_gmapping.replay")),
     Rule("m2wr_navigation/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_navigation/benchmark/*.py", NUMERIC, False, False, ("m2wr_navigation.ros",)),     # measures time
     Rule("m2wr_navigation/localization/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/costmap/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.controllers",
