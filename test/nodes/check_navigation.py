@@ -119,8 +119,7 @@ class Navigation(unittest.TestCase):
         self.client.cancel_goal()
         self.assertTrue(self.client.wait_for_result(rospy.Duration(10.0)))
         self.assertEqual(self.client.get_state(), GoalStatus.PREEMPTED)
-        last = self.commands.messages[-1]
-        self.assertEqual((last.linear.x, last.angular.z), (0.0, 0.0))
+        self.commands.wait(lambda messages: (messages[-1].linear.x, messages[-1].angular.z) == (0.0, 0.0), "a stop")
 
     def test_5_goals_that_cannot_be_used_are_aborted_with_the_reason(self):
         rospy.ServiceProxy("/move_base/clear_costmaps", Empty)()

@@ -87,6 +87,7 @@ class CostmapServer:
         self._lock = threading.Lock()
         self._changed, self._sent = Window.empty(), -math.inf
         self._last_grid: Any = None
+        self.greet = False                      # whether a new subscriber waits for the whole grid
         self.busy_ms = 0.0                      # CPU of the last update
         for setting in layers:
             self._add_layer(setting)
@@ -100,15 +101,14 @@ class CostmapServer:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     class _Greeting(rospy.SubscribeListener):
-        """Sends the whole grid to each new subscriber."""
+        """Lets the next update send the whole grid; rospy's buffer is not safe for two threads that publish."""
 
         def __init__(self, server: CostmapServer) -> None:
             super().__init__()
             self._server = server
 
         def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-            if self._server.costmap.is_updated:
-                peer_publish(grid_message(self._server.costmap.snapshot(), rospy.Time.now()))
+            self._server.greet = True
 
     # ---- layers
 
@@ -286,6 +286,9 @@ class CostmapServer:
             self._outline.publish(message)
         self._changed = self._changed.union(window)
         rate = self.values["publish_frequency"]
+        if self.greet:
+            self.greet, self._last_grid, self._sent = False, None, -math.inf
+            rate = max(rate, self.values["update_frequency"])
         if rate <= 0.0 or 0.0 <= now - self._sent < 1.0 / rate:
             return
         self._sent, changed, self._changed = now, self._changed, Window.empty()
