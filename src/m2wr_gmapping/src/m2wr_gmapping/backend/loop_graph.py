@@ -9,7 +9,7 @@ import numpy as np
 from m2wr_gmapping.backend import drift_kernels, place_match, place_search
 from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.information_kernels import DEPENDENT
+from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
 from m2wr_gmapping.se2 import between, compose, wrap
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ LINK_FLOOR = np.square([0.02, 0.02, 0.008])     # least variance of a loop closu
 MIN_CHANGE = np.array([0.04, 0.04, 0.01])     # the maps are rebuilt if a node moves by more [m, m, rad]
 CONFIDENT_CHANGE = np.array([0.35, 0.35, 0.1])      # smaller corrections need no confirmation [m, m, rad]
 AGREEMENT = np.array([0.25, 0.25, 0.08])    # greatest difference of two corrections of one loop [m, m, rad]
-OBSERVED_RATIO = 0.085          # least ratio of the eigenvalues of an observed match
 OUTLIER = 12.0              # squared residual that halves the weight of a loop closure [covariances]
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, "FloatArray", "FloatArray"]
@@ -88,9 +87,7 @@ def link_of(path: FloatArray, node: int, row: FloatArray, slides: bool = False) 
 
 def is_observed(row: FloatArray) -> bool:
     """Return whether a match observes both directions."""
-    h = row[mk.INFORMATION:]
-    weak, strong = np.linalg.eigvalsh([[h[0], h[1]], [h[1], h[3]]])
-    return bool(weak >= OBSERVED_RATIO * strong)
+    return weak_axis(row)[3] > 0.0
 
 
 def change_of(path: FloatArray, pose: FloatArray) -> FloatArray:
