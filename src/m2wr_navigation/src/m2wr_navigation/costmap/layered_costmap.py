@@ -61,7 +61,7 @@ class LayeredCostmap:
 
     @property
     def is_updated(self) -> bool:
-        """Whether there was an update since the start or the last change of size."""
+        """Whether there was an update since the start, the last change of size or the last map."""
         return self._was_updated
 
     def set_footprint(self, corners: FloatArray) -> None:
@@ -172,9 +172,9 @@ class LayeredCostmap:
             return self._shown
 
     def refresh(self) -> None:
-        """Let the next update write all cells again, after a change of parameters."""
+        """Let the next update write all cells again, after a change of parameters or a new map."""
         with self.lock:
-            self._renewed = True
+            self._renewed, self._was_updated = True, False
 
     def obstacle_layers(self) -> List[ObstacleLayer]:
         """Return the layers that hold obstacles."""

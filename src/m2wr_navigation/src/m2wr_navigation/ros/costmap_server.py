@@ -155,6 +155,7 @@ class CostmapServer:
                 with self.costmap.lock:
                     layer.set_map(np.asarray(message.data, np.int8).reshape(info.height, info.width),
                                   float(info.resolution), origin, frame(message.header.frame_id))
+                    self.costmap.refresh()          # an update before the map does not count
             except MapError as error:
                 rospy.logwarn("the map on %s is not used: %s", topic, error)
                 return
