@@ -242,7 +242,7 @@ def path_along(steps, start=(0.0, 0.0, 0.0)):
 
 @pytest.mark.parametrize("degrees", [100, -130, 160, 180])
 def test_robot_turned_without_odometry_is_found_again(laser, degrees):
-    """It has seen the hall in a turn on the spot; then somebody turns it, and it drives on."""
+    """It has seen the hall in a turn on the spot; then it is turned, and drives on."""
     told = [[0.0, 0.0, math.radians(10)]] * 36 + [[0.0, 0.0, 0.0]] * 6 + [[0.05, 0.0, 0.0]] * 12
     steps = [list(step) for step in told]
     steps[36][2] = math.radians(degrees)

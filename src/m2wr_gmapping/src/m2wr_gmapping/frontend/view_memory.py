@@ -17,7 +17,7 @@ CHANGED_SHARE = 0.3         # share of the sectors: more than people nearby hide
 
 
 class ViewMemory:
-    """Tells whether the laser sees something else than at the last match, although the wheels stand still.
+    """Tells whether the laser sees something else than at the last match, although the wheels do not turn.
 
     A robot that is carried or pushed, or whose wheels slip, moves without odometry. Then scans have to be matched.
     """
