@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Potential of a grid: the cost of the best path from each cell to a target, by fast marching.
 
-The Eikonal equation |grad T| = h with h, the cost of a cell, is solved cell by cell in the order of T (Sethian 1996).
-The queue has bands of half the least cost. A cell whose potential is lowered again enters it again, so the order within
-a band does not matter.
+The Eikonal equation ``|grad T| = h`` with h, the cost of a cell, is solved cell by cell in the order of T (Sethian
+1996). The queue has bands of half the least cost. A cell whose potential is lowered again enters it again, so the order
+within a band does not matter.
 """
 from __future__ import annotations
 
