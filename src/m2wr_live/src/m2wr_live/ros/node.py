@@ -10,7 +10,7 @@ import secrets
 import sys
 import threading
 import time
-from typing import Any, Callable, List, Optional
+from typing import Any, Callable, List, Optional, Set
 
 import rosgraph
 import rospkg
@@ -31,6 +31,7 @@ RATE = 30.0                 # pictures a second while a page is open
 IDLE_RATE = 5.0             # and while none is open, so that trails are complete
 _STATUS = 0.25              # s between two measurements for the status
 _LOOK = 2.0                 # s between two looks for new topics
+_MOST_COMPLAINTS = 20       # different errors that are logged
 _DRAGS = 0.05               # s between two moves of a dragged model
 
 
@@ -74,7 +75,7 @@ def make_pages(host: str, port: int, token: str, scene: LiveScene, actions: Opti
         from m2wr_live.web.pages import Pages
         from m2wr_live.web.server import PageServer
     except (ImportError, AttributeError) as error:
-        raise ViewError("the live view needs viser 1.1 and numpy 1.20 or newer (make setup installs viser): %s"
+        raise ViewError("the live view needs viser 1.1 and numpy 1.21 or newer (make setup installs viser): %s"
                         % error) from error
     if not token and not is_loopback(host):
         token = secrets.token_urlsafe(16)
@@ -108,6 +109,7 @@ class Live:
                                  self._driver if control else None)
         self._inbox = Inbox(self._scene, self._pages.solids, find_mesh)
         self._descriptions: List[str] = []
+        self._complaints: Set[str] = set()
 
     def run(self) -> None:
         """Draw until ROS ends."""
@@ -120,15 +122,30 @@ class Live:
         while not self._stopping.is_set():
             began = time.monotonic()
             busy = self._pages.server.pages > 0
-            self._inbox.read(began)
-            if busy:
-                self._pages.draw()
-            if began - measured > _STATUS:
-                measured = began
-                self._measure(began)
+            measure = began - measured > _STATUS
+            measured = began if measure else measured
+            try:
+                self._picture(began, busy, measure)
+            except Exception as error:      # one picture fails; the node and the other pictures do not
+                self._complain(error)
             wait = 1.0 / (RATE if busy else IDLE_RATE) - (time.monotonic() - began)
             self._stopping.wait(max(0.002, wait))
         self._pages.server.stop()
+
+    def _picture(self, wall: float, busy: bool, measure: bool) -> None:
+        """Read what has come, and send it if a page is open (``busy``); ``measure``: the status, too."""
+        self._inbox.read(wall)
+        if busy:
+            self._pages.draw()
+        if measure:
+            self._measure(wall)
+
+    def _complain(self, error: Exception) -> None:
+        """Log an error, each text once."""
+        text = "%s: %s" % (type(error).__name__, error)
+        if text not in self._complaints and len(self._complaints) < _MOST_COMPLAINTS:
+            self._complaints.add(text)
+            log.error("live view: a picture could not be drawn (said once)", exc_info=error)
 
     def _repeat(self, period: float, action: Callable[[], None]) -> None:
         while not self._stopping.is_set():

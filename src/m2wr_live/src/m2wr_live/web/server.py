@@ -19,6 +19,7 @@ import viser
 import viser._messages
 import viser._viser
 import viser.infra
+import viser.infra._infra
 import websockets.asyncio.server
 import websockets.datastructures
 import websockets.exceptions
@@ -37,6 +38,33 @@ _UNSENT = 1 << 18           # bytes that wait for a slow page before it is sent 
 _PAUSE = 0.005              # s after each message of a page: at most 200 a second are read
 _STATUS_PERIOD = 0.2        # s between two status messages to the pages
 _TYPES = {".js": "application/javascript", ".css": "text/css; charset=utf-8"}
+
+
+class SafeEvent(asyncio.Event):
+    """An event that only the thread of its loop sets.
+
+    viser sets the event of a buffer in the thread that draws, and then again in the loop. The first is not allowed for
+    asyncio's events: the loop may change the list of waiting pages meanwhile, and drawing fails. The second is enough.
+    """
+
+    def set(self) -> None:
+        """Set the event; without effect outside of a loop's thread."""
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        super().set()
+
+
+class SafeBuffer(viser.infra._infra.AsyncMessageBuffer):     # type: ignore[misc]
+    """A buffer of messages into which any thread may put."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.message_event = SafeEvent()
+
+
+viser.infra._infra.AsyncMessageBuffer = SafeBuffer      # of the server and of each page
 
 
 class _Guarded(viser.infra.WebsockServer):
