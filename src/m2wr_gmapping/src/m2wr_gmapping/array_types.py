@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     Float32Array = NDArray[np.float32]
     IndexArray = NDArray[np.int64]
     Int32Array = NDArray[np.int32]
+    Int16Array = NDArray[np.int16]
     Int8Array = NDArray[np.int8]
     Uint16Array = NDArray[np.uint16]
     Uint8Array = NDArray[np.uint8]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, Iterable, List, Mapping, Tuple
+from typing import Any, ClassVar, Dict, Iterable, List, Mapping, Tuple
 
 from m2wr_node.numbers import number
 
@@ -34,6 +34,32 @@ class Parameter:
     high: float
     meaning: str
     changeable: bool = True
+
+
+class Configurable:
+    """What has a table of parameters: planners, controllers, recovery behaviours, costmap layers.
+
+    Parameters
+    ----------
+    values : mapping of str to object
+        Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
+    """
+
+    #: Parameters below its namespace.
+    PARAMETERS: ClassVar[Dict[str, Parameter]] = {}
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.values: Dict[str, Any] = dict(values)
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take new values of all parameters, between two calls of anything else.
+
+        Parameters
+        ----------
+        values : mapping of str to object
+            As in the constructor.
+        """
+        self.values = dict(values)
 
 
 def flag(default: bool, meaning: str, changeable: bool = True) -> Parameter:

@@ -11,7 +11,7 @@ import numpy as np
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Command, Controller, Situation
     from m2wr_navigation.planners.planner import Plan
     from m2wr_navigation.recoveries.recovery import Recovery

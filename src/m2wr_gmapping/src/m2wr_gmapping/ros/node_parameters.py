@@ -11,6 +11,7 @@ import rospy
 
 from m2wr_gmapping.config import ConfigError, GmappingConfig
 from m2wr_node.numbers import number
+from m2wr_node.ros.transform_buffer import frame
 
 
 @dataclass(frozen=True)
@@ -170,8 +171,3 @@ def check_frames(config: GmappingConfig) -> None:
     if not all(names.values()) or len(set(names.values())) < len(names):
         raise ConfigError("parameters {}: expected three different frames".format(
             ", ".join("{} {!r}".format(*item) for item in names.items())))
-
-
-def frame(name: str) -> str:
-    """Return a frame's name without the leading slash of tf 1."""
-    return name.lstrip("/")

@@ -29,7 +29,6 @@ from m2wr_gmapping.ros.backlog import may_pass
 from m2wr_gmapping.ros.missing_inputs import warn_about_missing_inputs
 from m2wr_gmapping.ros.node_parameters import (
     check_frames,
-    frame,
     private_parameters,
     read_parameters,
     read_ranges,
@@ -44,6 +43,7 @@ from m2wr_gmapping.ros.state_autosave import StateAutosave, autosave_location
 from m2wr_gmapping.scan_account import PASSED_OVER, REFUSED, SETTLING, THROTTLED, TIME_JUMP
 from m2wr_gmapping.srv import StateFile, StateFileResponse
 from m2wr_node.ros.starting import start_node
+from m2wr_node.ros.transform_buffer import frame
 from m2wr_node.user_folder import from_user
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from m2wr_navigation.planners.navfn import FACTOR, NEUTRAL
 from m2wr_navigation.planners.planner import cost_table as planner_table
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Uint8Array
+    from m2wr_gmapping.array_types import Uint8Array
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.planners.planner import Cell
 

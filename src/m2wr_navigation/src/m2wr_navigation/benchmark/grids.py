@@ -11,7 +11,7 @@ from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Uint8Array
+    from m2wr_gmapping.array_types import Uint8Array
     from m2wr_navigation.planners.planner import Cell
 
 RESOLUTION = 0.05           # m

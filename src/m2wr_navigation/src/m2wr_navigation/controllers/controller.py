@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Dict, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Optional
+
+from m2wr_navigation.parameters import Configurable
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
-    from m2wr_navigation.parameters import Parameter
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Command:
     trajectories: Any = None
 
 
-class Controller(ABC):
+class Controller(Configurable, ABC):
     """A controller. A subclass names its parameters and implements the three abstract methods.
 
     Parameters
@@ -85,22 +86,6 @@ class Controller(ABC):
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
     """
-
-    #: Parameters below the namespace of the controller.
-    PARAMETERS: ClassVar[Dict[str, Parameter]] = {}
-
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        self.values: Dict[str, Any] = dict(values)
-
-    def configure(self, values: Mapping[str, Any]) -> None:
-        """Take new values of all parameters, between two cycles; the present plan is kept.
-
-        Parameters
-        ----------
-        values : mapping of str to object
-            As in the constructor.
-        """
-        self.values = dict(values)
 
     @abstractmethod
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:

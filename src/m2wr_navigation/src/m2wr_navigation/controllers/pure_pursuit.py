@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, Mapping, Tuple
 
 import numpy as np
 
+from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_navigation.controllers.controller import Command, Controller
 from m2wr_navigation.costmap.cost_layout import LETHAL
 from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, outline_cost
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Situation
 
 SEARCHED = 2.0              # m: length of the plan in which the nearest pose is searched
@@ -56,12 +57,12 @@ class PurePursuit(Controller):
         near = math.hypot(*(goal[:2] - pose[:2])) <= self.values["xy_goal_tolerance"]
         self._arrived = self._arrived or near       # then only the heading counts: turning may move the robot a little
         slow = math.hypot(*situation.velocity[:2]) <= STOPPED[0] and abs(situation.velocity[2]) <= STOPPED[1]
-        return self._arrived and slow and abs(_wrapped(goal[2] - pose[2])) <= self.values["yaw_goal_tolerance"]
+        return self._arrived and slow and abs(wrapped(goal[2] - pose[2])) <= self.values["yaw_goal_tolerance"]
 
     def compute(self, situation: Situation) -> Command:
         goal, pose = situation.plan[-1], situation.pose
         if self._arrived:
-            angle = _wrapped(goal[2] - pose[2])
+            angle = wrapped(goal[2] - pose[2])
             if abs(angle) <= 0.5 * self.values["yaw_goal_tolerance"]:
                 return Command(np.array([self._braked(situation), 0.0, 0.0]), "", pose[None], situation.plan[-1:])
             return self._turn(situation, angle, situation.plan[-1:])
@@ -144,8 +145,3 @@ class PurePursuit(Controller):
                 return False, poses[:k], "the robot would collide at ({:.2f}, {:.2f}) in {:.1f} s with {:.2f} m/s " \
                     "and {:.2f} rad/s".format(x, y, times[k], velocity[0], velocity[2])
         return True, poses, ""
-
-
-def _wrapped(angle: float) -> float:
-    """Return an angle between -pi and pi [rad]."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi

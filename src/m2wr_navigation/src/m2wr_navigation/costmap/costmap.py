@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Optional, Tuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray, IndexArray, Uint8Array, Vector
+    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array, Vector
 
 
 @dataclass

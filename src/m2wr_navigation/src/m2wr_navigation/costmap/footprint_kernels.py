@@ -10,7 +10,7 @@ from numba import njit
 from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray, Uint8Array
+    from m2wr_gmapping.array_types import FloatArray, Uint8Array
 
 IN_COLLISION, IN_UNKNOWN, OUTSIDE = -1, -2, -3
 

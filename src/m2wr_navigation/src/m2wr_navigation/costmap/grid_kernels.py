@@ -11,7 +11,7 @@ from numba import njit
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray, Int8Array, Uint8Array
+    from m2wr_gmapping.array_types import FloatArray, Int8Array, Uint8Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -15,7 +15,7 @@ from numba import njit
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Int16Array, Uint8Array
+    from m2wr_gmapping.array_types import Int16Array, Uint8Array
 
 GREATEST_RADIUS = 120               # cells: the sum of two squares and one more stay below 2^15
 _FAR = 32767

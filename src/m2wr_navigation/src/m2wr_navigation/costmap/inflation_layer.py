@@ -11,7 +11,7 @@ from m2wr_navigation.costmap.layer import Layer, Window
 from m2wr_navigation.parameters import Parameter, flag
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray, Uint8Array
+    from m2wr_gmapping.array_types import FloatArray, Uint8Array
     from m2wr_navigation.costmap.costmap import Costmap
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Dict, Mapping, Tuple
+from typing import TYPE_CHECKING, Any, ClassVar, Mapping, Tuple
 
 import numpy as np
 
+from m2wr_navigation.parameters import Configurable
+
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray, IndexArray
+    from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_navigation.costmap.costmap import Costmap
-    from m2wr_navigation.parameters import Parameter
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def no_bounds() -> IndexArray:
     return np.array([2**62, -1, 2**62, -1], np.int64)
 
 
-class Layer(ABC):
+class Layer(Configurable, ABC):
     """A layer of a costmap. :meth:`update_window` of all layers is called first, then :meth:`update_costs`.
 
     Parameters
@@ -85,29 +86,17 @@ class Layer(ABC):
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
     """
 
-    #: Parameters below the namespace of the layer.
-    PARAMETERS: ClassVar[Dict[str, Parameter]] = {}
     #: Whether it holds obstacles that sensors see, which recovery behaviours may clear.
     HOLDS_OBSTACLES: ClassVar[bool] = False
 
     def __init__(self, name: str, values: Mapping[str, Any]) -> None:
         self.name = name
-        self.values: Dict[str, Any] = dict(values)
+        super().__init__(values)
 
     @property
     def enabled(self) -> bool:
         """Whether the layer takes part in updates."""
         return bool(self.values.get("enabled", True))
-
-    def configure(self, values: Mapping[str, Any]) -> None:
-        """Take new values of all parameters, between two updates.
-
-        Parameters
-        ----------
-        values : mapping of str to object
-            As in the constructor.
-        """
-        self.values = dict(values)
 
     def set_footprint(self, corners: FloatArray) -> None:
         """Take the padded footprint (K, 2) of the robot in the base frame [m]."""

@@ -10,7 +10,7 @@ from numba import njit
 from m2wr_navigation.costmap.cost_layout import FREE, LETHAL
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray, IndexArray, Uint8Array
+    from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -14,7 +14,7 @@ from m2wr_navigation.costmap.shift import shifted
 from m2wr_navigation.parameters import Parameter, flag, text
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.observation import Observation, Source
 
 OVERWRITE, MAXIMUM = 0, 1           # values of combination_method

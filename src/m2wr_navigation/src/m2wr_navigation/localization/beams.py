@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
+from m2wr_gmapping.frontend.scan import rotation
+
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import BoolArray, FloatArray, IndexArray
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, IndexArray
 
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]
 
@@ -97,7 +99,7 @@ class Beams:
         hit = (length > low) & (length < high)
         length = np.where(hit, length, high)
         angle = geometry.angle_min + place * geometry.angle_increment
-        turn, shift = _rotation(mount[1]), np.asarray(mount[0][:2], float)
+        turn, shift = _checked_rotation(mount[1]), np.asarray(mount[0][:2], float)
         across = turn[:2, 0:1] * np.cos(angle) + turn[:2, 1:2] * np.sin(angle)      # of unit vectors along the beams
         return cls(shift[:, None] + across * length,
                    np.stack([np.arctan2(across[1], across[0]), np.hypot(*across) * length]), hit, shift, high)
@@ -117,13 +119,9 @@ class Beams:
         return usable[np.linspace(0, len(usable) - 1, most).astype(np.int64)]
 
 
-def _rotation(quaternion: Sequence[float]) -> FloatArray:
+def _checked_rotation(quaternion: Sequence[float]) -> FloatArray:
     """Return the rotation matrix (3, 3) of a quaternion x, y, z, w; raises ScanError if its length is 0."""
-    numbers = np.asarray(quaternion, float)
-    length = float(np.linalg.norm(numbers))
+    length = float(np.linalg.norm(quaternion))
     if not (math.isfinite(length) and length > 0.0):
         raise ScanError("the laser's orientation is {}; expected a quaternion".format(tuple(quaternion)))
-    x, y, z, w = numbers / length
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+    return rotation(quaternion)

@@ -12,7 +12,7 @@ from m2wr_navigation.localization.particle_filter import Cluster, ParticleFilter
 from m2wr_navigation.localization.sensor_models import LEAST_SHARE, match
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
 

@@ -7,22 +7,18 @@ from typing import TYPE_CHECKING
 
 from numba import njit
 
+from m2wr_gmapping.frontend.pose_kernels import wrapped
+
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
 
 STILL = 0.01            # a shorter way has no direction [m]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def wrap(angle: float) -> float:
-    """Wrap an angle to [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
 def _folded(turn: float) -> float:
     """Size of a turn, where one by half a revolution counts as none: driving backwards [rad]."""
-    size = abs(wrap(turn))
+    size = abs(wrapped(turn))
     return min(size, math.pi - size)
 
 
@@ -52,8 +48,8 @@ def move_differential(poses: FloatArray, heading: float, step: FloatArray, alpha
     S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, 2005, table 5.6.
     """
     way = math.hypot(step[0], step[1])
-    first = 0.0 if way < STILL else wrap(math.atan2(step[1], step[0]) - heading)
-    second = wrap(step[2] - first)
+    first = 0.0 if way < STILL else wrapped(math.atan2(step[1], step[0]) - heading)
+    second = wrapped(step[2] - first)
     folded_first, folded_second = _folded(first), _folded(second)
     first2, second2, way2 = folded_first * folded_first, folded_second * folded_second, way * way
     spread_first = alphas[0] * first2 + alphas[1] * way2
@@ -68,7 +64,7 @@ def move_differential(poses: FloatArray, heading: float, step: FloatArray, alpha
         direction = poses[i, 2] + turn
         poses[i, 0] += length * math.cos(direction)
         poses[i, 1] += length * math.sin(direction)
-        poses[i, 2] = wrap(direction + second + spread_second * noise[i, 2])
+        poses[i, 2] = wrapped(direction + second + spread_second * noise[i, 2])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -105,11 +101,11 @@ def move_omnidirectional(poses: FloatArray, heading: float, step: FloatArray, al
         across = alphas[0] * turn2 + alphas[4] * way2
         turning = alphas[3] * turn2 + alphas[1] * way2
     way = math.sqrt(way2)
-    bearing = wrap(math.atan2(step[1], step[0]) - heading) if way2 else 0.0
+    bearing = wrapped(math.atan2(step[1], step[0]) - heading) if way2 else 0.0
     for i in range(len(poses)):
         direction = poses[i, 2] + bearing
         cos, sin = math.cos(direction), math.sin(direction)
         ahead, aside = way + along * noise[i, 0], across * noise[i, 1]
         poses[i, 0] += ahead * cos + aside * sin
         poses[i, 1] += ahead * sin - aside * cos
-        poses[i, 2] = wrap(poses[i, 2] + step[2] + turning * noise[i, 2])
+        poses[i, 2] = wrapped(poses[i, 2] + step[2] + turning * noise[i, 2])

@@ -13,7 +13,7 @@ from m2wr_navigation.localization.motion_kernels import move_differential, move_
 from m2wr_navigation.localization.sensor_models import INDEPENDENT, INDEPENDENT_APART, Fit, weigh
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
 

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping.frontend.match_kernels import solve
+
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import BoolArray, Float32Array, FloatArray, Uint8Array
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, Uint8Array
 
 RAY_STEP = 0.5          # least step of a ray [cells]; bounds its error
 CORNER = 1.5            # a cell's centre to the ray's place in it and to another cell's edge, at most [cells]
@@ -184,32 +186,6 @@ def _smooth(fields: Uint8Array, quarter: int, x: float, y: float) -> Tuple[float
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Return x (3,) of matrix x = right, for a symmetric positive definite (3, 3); by its LDL' decomposition."""
-    below = np.zeros((3, 3))
-    diagonal, x = np.empty(3), np.empty(3)
-    for j in range(3):
-        rest = matrix[j, j]
-        for k in range(j):
-            rest -= below[j, k] * below[j, k] * diagonal[k]
-        diagonal[j] = rest
-        for i in range(j + 1, 3):
-            part = matrix[i, j]
-            for k in range(j):
-                part -= below[i, k] * below[j, k] * diagonal[k]
-            below[i, j] = part / rest
-    for i in range(3):
-        x[i] = right[i]
-        for k in range(i):
-            x[i] -= below[i, k] * x[k]
-    for i in range(2, -1, -1):
-        x[i] /= diagonal[i]
-        for k in range(i + 1, 3):
-            x[i] -= below[k, i] * x[k]
-    return x
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
 def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale: float, limits: FloatArray,
                 prior: FloatArray, rounds: int, out: FloatArray) -> float:
     """Move a pose to where the scan fits best, by Gauss-Newton on the distances of its end points to obstacles.
@@ -242,12 +218,17 @@ def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale
     out[:] = pose
     spread, near = limits
     count = 0
+    information, gradient, change = np.empty(6), np.empty(3), np.empty(3)
     for step in range(rounds + 1):
         cos, sin = math.cos(out[2]), math.sin(out[2])
-        information, gradient = prior.copy(), np.zeros(3)
+        at = 0
         for j in range(3):
+            gradient[j] = 0.0
             for k in range(3):
                 gradient[j] += prior[j, k] * (out[k] - pose[k])
+            for k in range(j, 3):
+                information[at] = prior[j, k]
+                at += 1
         count = 0
         for b in range(beams.shape[1]):
             x, y = cos * beams[0, b] - sin * beams[1, b], sin * beams[0, b] + cos * beams[1, b]
@@ -262,14 +243,15 @@ def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale
             weight = (1.0 - part * part) ** 2 / (spread * spread)        # Tukey's: far ones fade out
             turn = -y * dx + x * dy
             row = (dx, dy, turn)
+            at = 0
             for j in range(3):
                 gradient[j] += weight * d * row[j]
-                for k in range(3):
-                    information[j, k] += weight * row[j] * row[k]
-        if step == rounds:
+                for k in range(j, 3):
+                    information[at] += weight * row[j] * row[k]
+                    at += 1
+        if step == rounds or not solve(information, gradient, change):
             break
-        change = _solve(information, gradient)
-        out -= change
+        out += change
         if abs(change[0]) + abs(change[1]) < 1e-3 and abs(change[2]) < 1e-5:
             rounds = step + 1                   # one more look at the beams, then the end
     return count / max(1, beams.shape[1])

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_navigation.localization import sensor_kernels as kernels
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Uint8Array
     from m2wr_navigation.localization.beams import Beams
     from m2wr_navigation.localization.localization_map import LocalizationMap
 

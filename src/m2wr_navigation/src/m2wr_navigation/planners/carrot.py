@@ -12,7 +12,7 @@ from m2wr_navigation.parameters import Parameter
 from m2wr_navigation.planners.planner import Plan, Planner, PlanningError, cell_of
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
 

@@ -12,7 +12,7 @@ from m2wr_navigation.planners.block_layout import BLOCK
 from m2wr_navigation.planners.heap_kernels import pop, push
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Float32Array, Int32Array, Uint8Array
+    from m2wr_gmapping.array_types import Float32Array, Int32Array, Uint8Array
 
 DIAGONAL = math.sqrt(2.0)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from numba import njit
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Float32Array, Int32Array
+    from m2wr_gmapping.array_types import Float32Array, Int32Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

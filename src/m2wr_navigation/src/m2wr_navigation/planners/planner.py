@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Dict, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Mapping, Optional, Tuple
 
 import numpy as np
 
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
+from m2wr_navigation.parameters import Configurable
 from m2wr_navigation.planners import wave_kernels
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Float32Array, FloatArray
+    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
-    from m2wr_navigation.parameters import Parameter
 
 ESCAPE = 0.5                # m: a robot whose centre is in an inscribed cell may cross others this far to get out
 Cell = Tuple[int, int]
@@ -51,7 +51,7 @@ class Plan:
         return float(np.sum(np.hypot(*np.diff(self.poses[:, :2], axis=0).T)))
 
 
-class Planner(ABC):
+class Planner(Configurable, ABC):
     """A global planner.
 
     Parameters
@@ -62,22 +62,9 @@ class Planner(ABC):
         For planners that sample.
     """
 
-    #: Parameters below the namespace of the planner.
-    PARAMETERS: ClassVar[Dict[str, Parameter]] = {}
-
     def __init__(self, values: Mapping[str, Any], random: Optional[np.random.Generator] = None) -> None:
-        self.values: Dict[str, Any] = dict(values)
+        super().__init__(values)
         self.random = np.random.default_rng(0) if random is None else random
-
-    def configure(self, values: Mapping[str, Any]) -> None:
-        """Take new values of all parameters, between two plans.
-
-        Parameters
-        ----------
-        values : mapping of str to object
-            As in the constructor.
-        """
-        self.values = dict(values)
 
     def plan(self, costmap: Costmap, start: FloatArray, goal: FloatArray, tolerance: float = 0.0) -> Plan:
         """Return a path, or why there is none.

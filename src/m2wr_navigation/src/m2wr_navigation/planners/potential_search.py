@@ -9,7 +9,7 @@ import numpy as np
 from m2wr_navigation.planners import corridor_kernels, wave_kernels
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import Float32Array, FloatArray
+    from m2wr_gmapping.array_types import Float32Array, FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.planners.planner import Cell
 

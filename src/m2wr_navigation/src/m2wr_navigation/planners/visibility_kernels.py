@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import IndexArray, Uint8Array
+    from m2wr_gmapping.array_types import IndexArray, Uint8Array
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

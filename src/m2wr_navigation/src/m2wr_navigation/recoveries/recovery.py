@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Dict, List, Mapping, Optional, Sequence
+from typing import TYPE_CHECKING, Any, List, Mapping, Optional, Sequence
+
+from m2wr_navigation.parameters import Configurable
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Situation
-    from m2wr_navigation.parameters import Parameter
 
 
 class Costmaps(ABC):
@@ -70,7 +71,7 @@ class Step:
     reason: str = ""
 
 
-class Recovery(ABC):
+class Recovery(Configurable, ABC):
     """A recovery behaviour.
 
     Parameters
@@ -82,12 +83,9 @@ class Recovery(ABC):
     costmaps : Costmaps
     """
 
-    #: Parameters below the namespace of the behaviour.
-    PARAMETERS: ClassVar[Dict[str, Parameter]] = {}
-
     def __init__(self, name: str, values: Mapping[str, Any], costmaps: Costmaps) -> None:
         self.name, self.costmaps = name, costmaps
-        self.values: Dict[str, Any] = dict(values)
+        super().__init__(values)
 
     def begin(self, situation: Situation) -> None:
         """Start again from the beginning.

@@ -8,24 +8,14 @@ from typing import TYPE_CHECKING, Any, Sequence, Tuple
 import numpy as np
 
 from m2wr_navigation.localization.localization_map import FARTHEST, LocalizationMap, MapError
+from m2wr_navigation.ros.transforms import quaternion_yaw
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
 
 LEAST_LENGTH = 1e-3         # of a quaternion: below, its direction is noise
 MOST_VARIANCE = 1e12        # of an initial pose: beyond, particles lie where sums of positions lose metres
 PLANE = np.array([0, 1, 5])     # x, y and yaw among the six coordinates of a covariance
-
-
-def yaw_of(x: float, y: float, z: float, w: float) -> float:
-    """Return the heading of a quaternion [rad].
-
-    Parameters
-    ----------
-    x, y, z, w : float
-        Of any length but 0.
-    """
-    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def planar(translation: Sequence[float], quaternion: Sequence[float]) -> FloatArray:
@@ -37,7 +27,7 @@ def planar(translation: Sequence[float], quaternion: Sequence[float]) -> FloatAr
     quaternion : (4,) float
         x, y, z, w.
     """
-    return np.array([translation[0], translation[1], yaw_of(*quaternion)])
+    return np.array([translation[0], translation[1], quaternion_yaw(*quaternion)])
 
 
 def checked_pose(pose: Any) -> FloatArray:
@@ -48,7 +38,7 @@ def checked_pose(pose: Any) -> FloatArray:
         raise ValueError("its position is ({}, {}); expected numbers up to {:g}".format(place.x, place.y, FARTHEST))
     if not (all(abs(value) <= 1e6 for value in numbers) and math.hypot(*numbers) >= LEAST_LENGTH):
         raise ValueError("its orientation is {}; expected a quaternion".format(numbers))
-    return np.array([place.x, place.y, yaw_of(*numbers)])
+    return np.array([place.x, place.y, quaternion_yaw(*numbers)])
 
 
 def pose_of_message(message: Any) -> Tuple[FloatArray, FloatArray]:

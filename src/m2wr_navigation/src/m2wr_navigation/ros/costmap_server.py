@@ -34,10 +34,11 @@ from m2wr_navigation.parameters import read
 from m2wr_navigation.ros.grid_messages import grid_message, update_message
 from m2wr_navigation.ros.reconfigure import serve
 from m2wr_navigation.ros.sensor_input import SensorInput
-from m2wr_navigation.ros.transforms import TransformError, Transforms, frame, yaw_of
+from m2wr_navigation.ros.transforms import TransformError, Transforms, yaw_of
+from m2wr_node.ros.transform_buffer import frame
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
 
 LOOK = 0.05                 # s of wall time between two looks at the clock while it stands

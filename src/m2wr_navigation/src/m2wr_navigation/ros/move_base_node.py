@@ -22,6 +22,7 @@ from move_base_msgs.msg import (
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Empty, EmptyResponse
 
+from m2wr_gmapping.se2 import compose, inverse
 from m2wr_navigation import registry
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.kernel_warm_up import compile_kernels
@@ -35,13 +36,13 @@ from m2wr_navigation.ros.planner_thread import PlannerThread
 from m2wr_navigation.ros.poses import GoalError, goal_pose, pose_message
 from m2wr_navigation.ros.reconfigure import serve
 from m2wr_navigation.ros.recovery_setup import BothCostmaps, make_recoveries
-from m2wr_navigation.ros.transforms import TransformError, Transforms, moved
+from m2wr_navigation.ros.transforms import TransformError, Transforms
 from m2wr_navigation.supervisor import ABORTED, PARAMETERS, Supervisor
 from m2wr_node.ros.shutdown import at_shutdown
 from m2wr_node.ros.starting import start_node
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.supervisor import Outcome
 
 LOOK = 0.02                 # s of wall time between two looks at the clock
@@ -274,9 +275,9 @@ class MoveBase:
         feedback = MoveBaseFeedback()
         feedback.base_position.header.frame_id = whole.frame
         feedback.base_position.header.stamp = rospy.Time.now()
-        feedback.base_position.pose = pose_message(moved(pose, inverse(local_from_global)))
+        feedback.base_position.pose = pose_message(compose(inverse(local_from_global), pose))
         self._server.publish_feedback(feedback)
-        plan = pose[None, :] if self._plan_in_use is None else moved(self._plan_in_use, local_from_global)
+        plan = pose[None, :] if self._plan_in_use is None else compose(local_from_global, self._plan_in_use)
         return Situation(now, 1.0 / self._values["controller_frequency"], pose, self._velocity, plan,
                          local.snapshot(), local.costmap.footprint), ""
 
@@ -296,12 +297,6 @@ class MoveBase:
         self._planning.close()
         if self._moving:
             self._send(np.zeros(3))
-
-
-def inverse(pose: FloatArray) -> FloatArray:
-    """Return the inverse (3,) of a planar transform (3,) [m, m, rad]."""
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    return np.array([-cosine * pose[0] - sine * pose[1], sine * pose[0] - cosine * pose[1], -pose[2]])
 
 
 def main() -> int:

@@ -21,7 +21,7 @@ from m2wr_navigation.ros.grid_messages import cloud_message, grid_message, poten
 from m2wr_navigation.ros.reconfigure import serve
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.planners.planner import Plan
 

@@ -10,11 +10,12 @@ import numpy as np
 import rospy
 
 from m2wr_gmapping.ros.message_conversion import pose_message
-from m2wr_navigation.ros.transforms import TransformError, frame, moved, yaw_of
-from m2wr_node.ros.transform_buffer import fault_of
+from m2wr_gmapping.se2 import compose
+from m2wr_navigation.ros.transforms import TransformError, yaw_of
+from m2wr_node.ros.transform_buffer import fault_of, frame
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.ros.transforms import Transforms
 
 __all__ = ["GoalError", "goal_pose", "pose_message"]
@@ -74,7 +75,7 @@ def goal_pose(target: Any, into: str, transforms: Transforms) -> FloatArray:
         raise GoalError("the goal has no frame; expected one such as {}".format(into))
     if source == into:
         return pose
-    return moved(pose, _transform(into, source, target.header.stamp, transforms))
+    return compose(_transform(into, source, target.header.stamp, transforms), pose)
 
 
 def _transform(into: str, source: str, stamp: rospy.Time, transforms: Transforms) -> FloatArray:

@@ -9,44 +9,30 @@ import numpy as np
 import rospy
 import tf2_ros
 
-from m2wr_node.ros.transform_buffer import TransformBuffer
+from m2wr_node.ros.transform_buffer import TransformBuffer, frame
 
 if TYPE_CHECKING:
-    from m2wr_navigation.array_types import FloatArray
+    from m2wr_gmapping.array_types import FloatArray
 
 
 class TransformError(Exception):
     """A transform is not known; the text is a sentence that names it."""
 
 
-def frame(name: str) -> str:
-    """Return a frame's name without the leading slash of tf 1."""
-    return name.lstrip("/")
+def quaternion_yaw(x: float, y: float, z: float, w: float) -> float:
+    """Return the yaw of a quaternion [rad].
+
+    Parameters
+    ----------
+    x, y, z, w : float
+        Of any length but 0.
+    """
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def yaw_of(rotation: Any) -> float:
     """Return the yaw of a quaternion message [rad]."""
-    return math.atan2(2.0 * (rotation.w * rotation.z + rotation.x * rotation.y),
-                      1.0 - 2.0 * (rotation.y * rotation.y + rotation.z * rotation.z))
-
-
-def moved(pose: FloatArray, transform: FloatArray) -> FloatArray:
-    """Return poses (N, 3) or a pose (3,) in the target frame of a transform.
-
-    Parameters
-    ----------
-    pose : (N, 3) or (3,) float64
-        [m, m, rad]
-    transform : (3,) float64
-        Pose of the frame of ``pose`` in the target frame [m, m, rad].
-    """
-    poses = np.atleast_2d(np.asarray(pose, float))
-    cosine, sine = math.cos(transform[2]), math.sin(transform[2])
-    result = np.empty_like(poses)
-    result[:, 0] = transform[0] + cosine * poses[:, 0] - sine * poses[:, 1]
-    result[:, 1] = transform[1] + sine * poses[:, 0] + cosine * poses[:, 1]
-    result[:, 2] = (poses[:, 2] + transform[2] + math.pi) % (2.0 * math.pi) - math.pi
-    return result if np.ndim(pose) == 2 else result[0]
+    return quaternion_yaw(rotation.x, rotation.y, rotation.z, rotation.w)
 
 
 class Transforms:

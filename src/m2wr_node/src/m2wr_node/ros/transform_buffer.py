@@ -12,6 +12,11 @@ LATEST = 2**31          # s: beyond, sums and differences of stamps leave the ra
 FARTHEST = 1e9          # m: beyond any frame on earth (geocentric coordinates reach 6.4e6); sums stay exact to 1e-7 m
 
 
+def frame(name: str) -> str:
+    """Return a frame's name without the leading slash of tf 1."""
+    return name.lstrip("/")
+
+
 def is_out_of_range(stamp: Any) -> bool:
     """Return whether tf2 cannot calculate with a stamp (genpy.Time)."""
     return not 0 <= stamp.secs < LATEST
