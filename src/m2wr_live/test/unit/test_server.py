@@ -8,9 +8,9 @@ import time
 import pytest
 import websockets
 
-from m2wr_live.ros.address import free_port
-from m2wr_live.web.access import Access
 from m2wr_live.web.server import PageServer, SafeEvent
+from m2wr_node.listening import free_port
+from m2wr_node.web_access import Access
 
 PAGES, PICTURES = 30, 3000
 

@@ -16,12 +16,12 @@ import rosgraph
 import rospkg
 import rospy
 
-from m2wr_live.ros.address import free_port
 from m2wr_live.ros.inbox import Inbox
 from m2wr_live.ros.simulation import Driver, Simulation
 from m2wr_live.scene.live_scene import LiveScene
-from m2wr_live.web.access import Access, is_loopback
+from m2wr_node.listening import AddressError, free_port
 from m2wr_node.ros.starting import start_node
+from m2wr_node.web_access import Access, is_loopback
 from m2wr_view.errors import ViewError
 from m2wr_view.solids import read_robot
 
@@ -79,7 +79,10 @@ def make_pages(host: str, port: int, token: str, scene: LiveScene, actions: Opti
                         % error) from error
     if not token and not is_loopback(host):
         token = secrets.token_urlsafe(16)
-    port = free_port(host, port)
+    try:
+        port = free_port(host, port)
+    except AddressError as error:
+        raise ViewError(str(error)) from error
     folder = os.path.join(rospkg.RosPack().get_path("m2wr_live"), "page")
     server = PageServer(host, port, Access(token, "m2wr_live_%d" % port), folder,
                         None if driver is None else driver.drive)

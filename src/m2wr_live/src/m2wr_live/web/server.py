@@ -25,8 +25,8 @@ import websockets.datastructures
 import websockets.exceptions
 import websockets.http11
 
-from m2wr_live.web.access import Access
 from m2wr_live.web.requests import Drive, read_drive
+from m2wr_node.web_access import Access
 from m2wr_view.errors import ViewError
 
 log = logging.getLogger("m2wr_live")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A free address for pages, and which program has one that is taken."""
+"""An address at which a server can listen, and which program has one that is taken."""
 from __future__ import annotations
 
 import glob
@@ -7,10 +7,12 @@ import os
 import socket
 from typing import Optional
 
-from m2wr_view.errors import ViewError
-
 FIRST_PORT, PORTS = 8080, 100       # those tried where none is asked for
 _LISTENING = "0A"                   # state of a TCP socket in /proc/net/tcp
+
+
+class AddressError(Exception):
+    """An address cannot be used; the text says why, and which program has it."""
 
 
 def _problem(host: str, port: int) -> Optional[OSError]:
@@ -48,7 +50,7 @@ def owner_of(port: int) -> str:
 
 
 def free_port(host: str, port: int) -> int:
-    """Return a port at which pages can be served.
+    """Return a port at which a server can listen.
 
     Parameters
     ----------
@@ -59,18 +61,18 @@ def free_port(host: str, port: int) -> int:
 
     Raises
     ------
-    ViewError
+    AddressError
         If the port asked for is taken, or the address is not one of this machine; the text says by whom.
     """
     if not 0 <= port <= 65535:
-        raise ViewError("port %d; expected 0 to 65535" % port)
+        raise AddressError("port %d; expected 0 to 65535" % port)
     error: Optional[OSError] = None
     for candidate in [port] if port else range(FIRST_PORT, FIRST_PORT + PORTS):
         error = _problem(host, candidate)
         if error is None:
             return candidate
     if port:
-        raise ViewError("address %s:%d cannot be used (%s): %s has it; give another port, or 0 for a free one" % (
+        raise AddressError("address %s:%d cannot be used (%s): %s has it; give another port, or 0 for a free one" % (
             host, port, error and error.strerror or error, owner_of(port)))
-    raise ViewError("address %s: %s; expected an address of this machine with a free port from %d to %d" % (
+    raise AddressError("address %s: %s; expected an address of this machine with a free port from %d to %d" % (
         host, error and error.strerror or error, FIRST_PORT, FIRST_PORT + PORTS - 1))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Who may open a page: a token in the link, or programs and pages of this machine only."""
+"""Who may use a web server of ours: a token in the link, or programs and pages of this machine only."""
 from __future__ import annotations
 
 import hmac
 import ipaddress
-from typing import Mapping, Optional
+from typing import Collection, Mapping, Optional
 from urllib.parse import parse_qs, urlsplit
 
 TOKEN = "token"             # name of the query's field
@@ -20,11 +20,20 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def _host_of(address: str) -> str:
+    """Return the host name of ``//host:port``, or an empty text."""
+    try:
+        return urlsplit(address).hostname or ""
+    except ValueError:
+        return ""
+
+
 class Access:
     """Decides on requests.
 
     Without a token a request must name this machine, and a page that sends it must be of this server. So neither a page
-    of another site nor a name that another site lets point to this machine gets in.
+    of another site nor a name that another site lets point to this machine gets in. A browser lets any page open a
+    websocket to any address and only says whose page it is, so this is checked here.
 
     Parameters
     ----------
@@ -32,10 +41,19 @@ class Access:
         Expected in the link or in the cookie; empty: none.
     cookie : str
         Name of the cookie that keeps the token.
+    local_pages : bool
+        Pages that any server of this machine has sent may ask too, such as a page of ``python3 -m http.server``.
+    origins : collection of str
+        Other pages that may ask, as browsers write them, such as ``https://app.example`` and ``null``.
+    any_host : bool
+        A request may name any machine. Only for a server that is open to a network without a token.
     """
 
-    def __init__(self, token: str, cookie: str) -> None:
+    def __init__(self, token: str, cookie: str, local_pages: bool = False, origins: Collection[str] = (),
+                 any_host: bool = False) -> None:
         self.token, self.cookie = token, cookie
+        self._local_pages, self._any_host = local_pages, any_host
+        self._origins = frozenset(origin.rstrip("/").lower() for origin in origins)
 
     def refusal(self, path: str, headers: Mapping[str, str]) -> Optional[str]:
         """Return why a request is refused, or None.
@@ -49,12 +67,20 @@ class Access:
         """
         if self.token:          # browsers send the cookie only for pages of this server
             return None if self._has_token(path, headers) else "the link has no valid token; expected the link " \
-                "that the live view has printed"
+                "that was printed at the start"
         host, origin = headers.get("Host", ""), headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if origin is not None and not self._is_known(origin, host):
             return "a page of %s asks; expected one of %s" % (origin[:100], host[:100])
-        name = urlsplit("//" + host).hostname or ""
-        return None if is_loopback(name) else "the host is %r; expected localhost, or a link with a token" % host[:100]
+        name = _host_of("//" + host)
+        return None if self._any_host or is_loopback(name) else \
+            "the host is %r; expected localhost, or a link with a token" % host[:100]
+
+    def _is_known(self, origin: str, host: str) -> bool:
+        if origin.lower() in self._origins:
+            return True
+        scheme, mark, place = origin.lower().partition("://")
+        return bool(mark) and (place == host.lower() or (
+            self._local_pages and scheme in ("http", "https") and is_loopback(_host_of("//" + place))))
 
     def _has_token(self, path: str, headers: Mapping[str, str]) -> bool:
         given = parse_qs(urlsplit(path).query).get(TOKEN, [])

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Who may open a page, and what its script may send."""
-import json
-
+"""Who may use a web server: this machine, or who has the token."""
 import pytest
 
-from m2wr_live.web.access import Access, is_loopback
-from m2wr_live.web.requests import Drive, read_drive
-from m2wr_view.errors import ViewError
+from m2wr_node.web_access import Access, is_loopback
 
 OPEN, CLOSED = Access("", "c"), Access("secret", "c")
+LOCAL = Access("", "c", local_pages=True, origins=["https://app.example"])
 
 
 @pytest.mark.parametrize("host, expected", [("localhost", True), ("127.0.0.1", True), ("::1", True), ("[::1]", True),
@@ -44,16 +41,17 @@ def test_only_a_link_with_the_token_sets_the_cookie():
     assert CLOSED.cookie_line("/") is None and OPEN.cookie_line("/?token=") is None
 
 
-def test_a_wish_to_drive_is_read():
-    text = json.dumps({"topic": "/cmd_vel", "forward": 1, "left": -0.5})
-    assert read_drive(text) == Drive("/cmd_vel", 1.0, -0.5)
+@pytest.mark.parametrize("origin, allowed", [
+    ("http://localhost:9999", True), ("https://127.0.0.1", True), ("http://[::1]:3000", True),
+    ("https://app.example", True), ("http://app.example", False), ("https://app.example.evil", False), ("null", False),
+    ("http://evil.example", False), ("http://localhost.evil.example", False), ("file://", False), ("", False),
+    ("http://[", False), ("localhost:9999", False), ("ftp://localhost", False)])
+def test_pages_of_this_machine_and_named_ones_may_ask(origin, allowed):
+    assert (LOCAL.refusal("/", {"Host": "localhost:9090", "Origin": origin}) is None) is allowed
 
 
-@pytest.mark.parametrize("text", [
-    "", "no JSON", "[]", "1", "null", b"{}", "{}", '{"topic": 1, "forward": 0, "left": 0}', "[" * 900, "x" * 2000,
-    '{"topic": "/a", "forward": 1.1, "left": 0}', '{"topic": "/a", "forward": NaN, "left": 0}',
-    '{"topic": "/a", "forward": Infinity, "left": 0}', '{"topic": "/a", "forward": true, "left": 0}',
-    '{"topic": "/a", "forward": "1", "left": 0}', '{"topic": "/a", "forward": 0}'])
-def test_anything_else_is_refused_with_what_is_expected(text):
-    with pytest.raises(ViewError, match="expected"):
-        read_drive(text)
+def test_an_open_server_still_refuses_pages_of_other_sites():
+    access = Access("", "c", any_host=True)
+    assert access.refusal("/", {"Host": "robot.example:9090"}) is None
+    assert access.refusal("/", {"Host": "robot.example:9090", "Origin": "http://robot.example:9090"}) is None
+    assert access.refusal("/", {"Host": "robot.example:9090", "Origin": "http://evil.example"})
