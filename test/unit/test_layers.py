@@ -92,6 +92,7 @@ RULES = (
     Rule("m2wr_navigation/costmap/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.controllers",
           "m2wr_navigation.recoveries")),
+    Rule("m2wr_navigation/optimum/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/planners/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.controllers", "m2wr_navigation.recoveries")),
     Rule("m2wr_navigation/controllers/*.py", NUMERIC, False, True,

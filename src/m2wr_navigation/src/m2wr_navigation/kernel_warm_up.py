@@ -11,9 +11,11 @@ from m2wr_navigation.costmap.footprint_kernels import outline_cost
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
 from m2wr_navigation.localization.kernel_tour import compile_localization_kernels
+from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_navigation.parameters import read
 from m2wr_navigation.planners import potential_search, visibility_kernels
 from m2wr_node.kernel_progress import KernelProgress
+from m2wr_view.outlines import Outline
 
 
 def small_costmap(rolling: bool = False, overwrite: bool = False) -> LayeredCostmap:
@@ -63,11 +65,17 @@ def compile_planner_kernels() -> None:
     visibility_kernels.shortest(costmap.costs[:40, :40] // 254, (1, 1), (38, 38))
 
 
+def compile_optimum_kernels() -> None:
+    """Find the shortest path around a disc."""
+    shortest_path([Outline(np.array([(0.0, 0.0)]), 0.5)], 0.2, (-2.0, 0.0), (2.0, 0.0))
+
+
 def compile_kernels() -> None:
     """Call everything once."""
     compile_costmap_kernels()
     compile_planner_kernels()
     compile_localization_kernels()
+    compile_optimum_kernels()
 
 
 if __name__ == "__main__":
