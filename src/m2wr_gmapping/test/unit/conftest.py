@@ -87,3 +87,9 @@ def mapped(ring, laser):
             mapper.process(mapper.reading(ranges), at, 0.1 * k)
         return mapper, truth, odom
     return run
+
+
+@pytest.fixture()
+def no_master(monkeypatch):
+    """A master that happens to be there is left alone."""
+    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")

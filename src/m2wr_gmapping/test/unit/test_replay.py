@@ -1,82 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The replay command on bags written here: whole, broken, without what it needs."""
-import json
-import math
+"""The replay command on bags written here: whole, or without what it needs."""
 import signal
-import struct
 
 import numpy as np
 import pytest
 import rosbag
 import rospy
-from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from conftest import drive, odometry
 from m2wr_gmapping import graph_view
 from m2wr_gmapping.replay import replay_command as command
-from m2wr_gmapping.replay.bag_messages import BagError, BagFile
+from replay_bag import SETTINGS, run, table, transform, write_bag
 
-MOUNT = 0.2
-SETTINGS = ["_particles:=5", "_linearUpdate:=0.5", "_xmin:=-5", "_xmax:=5", "_ymin:=-5", "_ymax:=5", "_threads:=1",
-            "_base_frame:=base", "--quiet"]
-
-
-@pytest.fixture(autouse=True)
-def no_master(monkeypatch):
-    """Nothing here needs a master, and one that happens to be there is left alone."""
-    monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
-
-
-def transform(parent, child, stamp, pose):
-    message = TransformStamped()
-    message.header.frame_id, message.header.stamp, message.child_frame_id = parent, stamp, child
-    message.transform.translation.x, message.transform.translation.y = pose[0], pose[1]
-    message.transform.rotation.z, message.transform.rotation.w = math.sin(pose[2] / 2), math.cos(pose[2] / 2)
-    return message
-
-
-def write_bag(path, ring, laser, late=0, static=True, tf=True, compression="none", beams=None):
-    """A short drive; transforms come ``late`` records after their scans; ``beams``: ranges of every third scan."""
-    truth = drive(0.25)
-    odom = odometry(truth, np.random.default_rng(1), 0.01, 0.0)
-    waiting = []
-    with rosbag.Bag(str(path), "w", compression=compression, chunk_threshold=20000) as bag:
-        start = rospy.Time(100)
-        if static and tf:
-            bag.write("/tf_static", TFMessage([transform("base", "laser", start, (MOUNT, 0.0, 0.0))]), start)
-        for k, (pose, at) in enumerate(zip(truth, odom)):
-            stamp = rospy.Time(100 + k // 10, k % 10 * 100000000)
-            scan = LaserScan()
-            scan.header.frame_id, scan.header.stamp = "laser", stamp
-            scan.angle_min, scan.angle_max, scan.angle_increment = laser.angles[0], laser.angles[-1], math.pi / 180
-            scan.range_min, scan.range_max = 0.05, 20.0
-            seen = [pose[0] + MOUNT * math.cos(pose[2]), pose[1] + MOUNT * math.sin(pose[2]), pose[2]]
-            scan.ranges = ring.ranges(seen, laser.angles).tolist()
-            if beams is not None and k % 3 == 1:
-                scan.ranges = scan.ranges[:beams]
-            bag.write("/scan", scan, stamp)
-            transforms = [transform("odom", "base", stamp, at)]
-            if not static:
-                transforms.append(transform("base", "laser", stamp, (MOUNT, 0.0, 0.0)))
-            waiting.append((TFMessage(transforms), stamp))
-            if tf and len(waiting) > late:
-                bag.write("/tf", waiting[0][0], stamp)
-                waiting.pop(0)
-        for message, stamp in waiting if tf else []:
-            bag.write("/tf", message, stamp + rospy.Duration(1))
-    return truth
-
-
-def run(tmp_path, *more):
-    stats = tmp_path / "stats.json"
-    code = command.main(["--bag_filename", str(tmp_path / "drive.bag"), "--stats", str(stats)] + SETTINGS + list(more))
-    return code, json.loads(stats.read_text()) if stats.exists() else None
-
-
-def table(path):
-    return np.loadtxt(str(path), ndmin=2)
+pytestmark = pytest.mark.usefixtures("no_master")
 
 
 @pytest.mark.parametrize("late, static, compression", [(0, True, "none"), (12, False, "bz2"), (40, True, "lz4")])
@@ -303,80 +240,6 @@ def test_track_between_can_be_disabled(tmp_path, ring, laser):
     for parameter in ("_track_between:=false", "_compatible:=true"):
         _, stats = run(tmp_path, parameter, "--trajectory", str(tmp_path / "path"))
         assert len(table(tmp_path / "path")) == stats["processed"] and stats["tracked"] == 0
-
-
-@pytest.mark.parametrize("share", [0.5, 0.77, 0.95])
-def test_truncated_bag_is_read_up_to_its_end(tmp_path, ring, laser, share, caplog):
-    truth = write_bag(tmp_path / "drive.bag", ring, laser)
-    whole = (tmp_path / "drive.bag").read_bytes()
-    (tmp_path / "drive.bag").write_bytes(whole[:int(share * len(whole))])
-    code, stats = run(tmp_path)
-    assert code == 0 and 0 < stats["scans"] <= len(truth)
-    assert "broken at byte" in caplog.text
-
-
-def stamps_of(path, topic="/scan"):
-    with BagFile(str(path)) as bag:
-        return [LaserScan().deserialize(message.data).header.stamp.to_sec() for message in bag.messages(
-            lambda name: name == topic)], bag.damage
-
-
-def test_truncated_chunk_is_read_up_to_its_end(tmp_path, ring, laser):
-    write_bag(tmp_path / "drive.bag", ring, laser)
-    whole, _ = stamps_of(tmp_path / "drive.bag")
-    content = (tmp_path / "drive.bag").read_bytes()
-    last, ends = 0, np.linspace(5000, len(content), 40).astype(int)
-    for end in ends:
-        (tmp_path / "cut.bag").write_bytes(content[:end])
-        found, damage = stamps_of(tmp_path / "cut.bag")
-        assert found == whole[:len(found)] and len(found) >= last and (damage is None) == (end == ends[-1])
-        last = len(found)
-        assert found or end < 20000         # not only whole chunks, of 20000 bytes
-    assert last == len(whole)
-
-
-def test_damaged_chunk_does_not_affect_later_chunks(tmp_path, ring, laser):
-    write_bag(tmp_path / "drive.bag", ring, laser)
-    whole, _ = stamps_of(tmp_path / "drive.bag")
-    content = bytearray((tmp_path / "drive.bag").read_bytes())
-    content[42000:42400] = bytes(400)
-    (tmp_path / "hole.bag").write_bytes(bytes(content))
-    found, damage = stamps_of(tmp_path / "hole.bag")
-    assert "broken at byte" in damage and found[0] == whole[0] and found[-1] == whole[-1]
-    assert set(found) < set(whole) and len(found) > len(whole) - 30
-
-
-def test_a_record_with_an_empty_kind_is_damage(tmp_path, ring, laser):
-    write_bag(tmp_path / "drive.bag", ring, laser)
-    content = (tmp_path / "drive.bag").read_bytes()
-    fields = b"\x03\x00\x00\x00op="              # op without a value
-    record = struct.pack("<I", len(fields)) + fields + struct.pack("<I", 0)
-    (tmp_path / "odd.bag").write_bytes(content[:13] + record + content[13:])
-    found, damage = stamps_of(tmp_path / "odd.bag")
-    assert "broken at byte 13" in damage and found
-
-
-def test_random_bytes_never_raise(tmp_path, ring, laser):
-    write_bag(tmp_path / "drive.bag", ring, laser)
-    whole = bytearray((tmp_path / "drive.bag").read_bytes())
-    rng = np.random.default_rng(0)
-    for _ in range(40):
-        broken = bytearray(whole)
-        for at in rng.integers(13, len(whole), 5):
-            broken[at] = int(rng.integers(256))
-        (tmp_path / "broken.bag").write_bytes(bytes(broken))
-        with BagFile(str(tmp_path / "broken.bag")) as bag:
-            for _ in bag.messages(lambda topic: True):
-                pass
-
-
-def test_non_bag_and_empty_bag_have_different_errors(tmp_path):
-    with pytest.raises(BagError, match="No such file"):
-        BagFile(str(tmp_path / "none.bag"))
-    (tmp_path / "text.bag").write_text("not a bag")
-    with pytest.raises(BagError, match="expected a ROS 1 bag"):
-        BagFile(str(tmp_path / "text.bag"))
-    assert command.main(["--bag_filename", str(tmp_path / "text.bag")]) == command.USAGE
 
 
 @pytest.mark.parametrize("options, more, words", [
