@@ -281,8 +281,12 @@ class Mapper:
 
     def _conflict_of(self, reading: ScanReading) -> Callable[[FloatArray], float]:
         """Return a function that tells how much a scan at a pose (3,) conflicts with the processed scans around it."""
+        path: Optional[FloatArray] = None
+
         def conflict(pose: FloatArray) -> float:
-            path = self.particles.tree.path(self.particles.best)
+            nonlocal path
+            if path is None:
+                path = self.particles.tree.path(self.particles.best)
             distance = np.hypot(path[:, 0] - pose[0], path[:, 1] - pose[1])
             near = np.argsort(distance, kind="stable")[:CONFLICT_NODES]
             return conflict_share((pose, reading, path[node], self.readings[node]) for node in near)
