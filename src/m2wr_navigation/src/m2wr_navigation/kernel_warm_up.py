@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from m2wr_navigation import registry
+from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import circle
 from m2wr_navigation.costmap.footprint_kernels import outline_cost
@@ -70,8 +71,23 @@ def compile_optimum_kernels() -> None:
     shortest_path([Outline(np.array([(0.0, 0.0)]), 0.5)], 0.2, (-2.0, 0.0), (2.0, 0.0))
 
 
+def compile_controller_kernels() -> None:
+    """Let each controller with kernels of its own drive, turn at the goal, and leave an obstacle."""
+    costmap = Costmap.filled((60, 60), 0.1, (-3.0, -3.0), 0)
+    blocked = costmap.copy()
+    blocked.costs[30, 32] = 254
+    footprint = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
+    for name in ("DWAPlannerROS",):
+        kind = registry.find(registry.CONTROLLERS, name)
+        controller = kind(read(kind.PARAMETERS, {}, name)[0])
+        for end, grid in ((2.0, costmap), (0.05, costmap), (2.0, blocked)):
+            plan = np.column_stack([np.linspace(0.0, end, 20), np.zeros(20), np.ones(20)])
+            controller.compute(Situation(0.0, 0.1, np.zeros(3), np.zeros(3), plan, grid, footprint))
+
+
 def compile_kernels() -> None:
     """Call everything once."""
+    compile_controller_kernels()
     compile_costmap_kernels()
     compile_planner_kernels()
     compile_localization_kernels()

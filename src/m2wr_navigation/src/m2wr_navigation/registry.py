@@ -16,6 +16,7 @@ PLANNERS: Dict[str, str] = {
     "m2wr_navigation/ThetaStar": "m2wr_navigation.planners.grid_search:ThetaStar",
 }
 CONTROLLERS: Dict[str, str] = {
+    "dwa_local_planner/DWAPlannerROS": "m2wr_navigation.controllers.dwa:Dwa",
     "m2wr_navigation/PurePursuit": "m2wr_navigation.controllers.pure_pursuit:PurePursuit",
 }
 RECOVERIES: Dict[str, str] = {

@@ -32,3 +32,8 @@ def test_the_rows_are_printed_and_written(tmp_path, capsys, monkeypatch):
 def test_inflation_is_not_slower_than_the_original():
     row = command.inflation_row(grids.blocks(200, np.random.default_rng(0)), 11)
     assert row.original_ms == 0.37 and row.cpu_ms < row.original_ms
+
+
+def test_dwa_takes_less_than_a_quarter_of_the_original():
+    row = command.controller_row(0, "DWAPlannerROS", command._DWA, 6.6)
+    assert int(row.task.split()[1]) >= 800 and row.cpu_ms < 0.25 * 6.6

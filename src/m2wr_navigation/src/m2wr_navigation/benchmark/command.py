@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""``rosrun m2wr_navigation benchmark``: CPU times of costmaps and planners beside those of the C++ stack."""
+"""``rosrun m2wr_navigation benchmark``: CPU times of costmaps, planners, controllers beside those of the C++ stack."""
 from __future__ import annotations
 
 import argparse
 import json
 import time
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Callable, Iterator, List, Optional, Tuple
+from typing import TYPE_CHECKING, Callable, Iterator, List, Mapping, Optional, Tuple
 
 import numpy as np
 
 from m2wr_navigation import registry
 from m2wr_navigation.benchmark import grids
+from m2wr_navigation.controllers.controller import Situation
+from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.footprint import circle
 from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
@@ -24,7 +26,6 @@ from m2wr_navigation.planners.planner import cost_table as planner_table
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Uint8Array
-    from m2wr_navigation.costmap.costmap import Costmap
     from m2wr_navigation.planners.planner import Cell
 
 LARGE = 4000                # cells along a side of the largest grid
@@ -112,6 +113,37 @@ def cycle_row(seed: int) -> Row:
     return Row("local costmap 6 x 6 m, a cycle with {} beams".format(BEAMS), float(np.mean(times)), None, "mean")
 
 
+def controller_row(seed: int, name: str, given: Mapping[str, object], original_ms: float) -> Row:
+    """Return the time of a cycle of a controller: distances, samples, choice.
+
+    Parameters
+    ----------
+    seed : int
+    name : str
+        Of the controller.
+    given : mapping of str to object
+        Parameters.
+    original_ms : float
+        Of the C++ functions for samples and grids of these sizes.
+    """
+    costmap, random = Costmap.filled((120, 120), grids.RESOLUTION, (-3.0, -3.0), 0, "odom"), np.random.default_rng(seed)
+    for row, column in random.integers(2, 116, (12, 2)):
+        if np.hypot(row - 60, column - 60) > 15.0:
+            costmap.costs[row:row + 2, column:column + 2] = 254
+    inflate(costmap.costs, cost_table(11, grids.RESOLUTION, 0.2, grids.SCALING), 11, 0, 120, 0, 120, False)
+    kind = registry.find(registry.CONTROLLERS, name)
+    controller = kind(read(kind.PARAMETERS, given, name)[0])
+    footprint = np.array([[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]])
+    plan = np.column_stack([np.linspace(0.0, 2.5, 60), np.linspace(0.0, 1.0, 60), np.zeros(60)])
+    situation = Situation(0.0, 0.1, np.zeros(3), np.array([0.4, 0.0, 0.0]), plan, costmap, footprint)
+    spent = best_of(lambda: controller.compute(situation), count=20)
+    return Row("{}, {} samples, local costmap 6 x 6 m".format(name, len(controller.reachable(situation))), spent,
+               original_ms)
+
+
+#: 820 samples with 17 poses on average; of the original, 6 ms for them and 0.6 ms for the distances.
+_DWA = {"vx_samples": 20, "vth_samples": 40, "vy_samples": 1, "max_vel_y": 0.0, "min_vel_y": 0.0, "max_vel_x": 0.65,
+        "max_vel_trans": 0.65, "sim_time": 1.0, "min_vel_trans": 0.0, "min_vel_theta": 0.0}
 _POTENTIAL = {384: 4.3, 800: 21.0, LARGE: 1577.0}
 
 
@@ -168,6 +200,7 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
         for radius in (6, 11, 20):
             yield inflation_row(costs, radius)
     yield cycle_row(seed)
+    yield controller_row(seed, "DWAPlannerROS", _DWA, 6.6)
     for size in [384, 800] + [LARGE] * large:
         for scene, (costmap, start, goal) in grids.scenes(size, seed).items():
             if scene == "blocks":
@@ -178,8 +211,8 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(prog="benchmark", description="CPU times of costmaps and planners, beside those "
-                                     "of the C++ navigation stack on one core at 2.6 GHz.")
+    parser = argparse.ArgumentParser(prog="benchmark", description="CPU times of costmaps, planners, controllers "
+                                     "beside those of the C++ navigation stack on one core at 2.6 GHz.")
     parser.add_argument("--quick", action="store_true", help="leave out the grids of 4000 x 4000 cells")
     parser.add_argument("--seed", type=int, default=0, help="seed of the grids (default 0)")
     parser.add_argument("--json", default="", metavar="FILE", help="also write the figures to this file")

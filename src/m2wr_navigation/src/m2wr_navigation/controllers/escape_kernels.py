@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The way out for a robot whose outline is in an obstacle: motions that make the overlap smaller."""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Tuple
+
+import numpy as np
+from numba import njit
+
+from m2wr_navigation.controllers.rollout_kernels import roll_out, step_count
+from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Uint8Array
+
+MOST_CELLS = 2000           # that are looked at; a robot that overlaps with more has no way out
+_SLOW = 1e-3                # s: of motions that lead out alike, the slower one; m of overlap per m/s
+_ROUNDING = 1e-6            # m
+_PROGRESS = 0.02            # share by which a motion has to lessen the overlap
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def near_obstacles(costs: Uint8Array, resolution: float, origin: FloatArray, x: float, y: float, radius: float,
+                   out: FloatArray) -> int:
+    """Write the centres of the lethal and unknown cells within a distance; return their number.
+
+    Parameters
+    ----------
+    costs, resolution, origin
+        The local costmap.
+    x, y : float
+        [m]
+    radius : float
+        [m]
+    out : (N, 2) float64
+        Written; cells that find no place are left out [m].
+
+    Returns
+    -------
+    int
+    """
+    count = 0
+    top = max(0, int((y - radius - origin[1]) / resolution))
+    bottom = min(costs.shape[0], int((y + radius - origin[1]) / resolution) + 1)
+    left = max(0, int((x - radius - origin[0]) / resolution))
+    right = min(costs.shape[1], int((x + radius - origin[0]) / resolution) + 1)
+    for row in range(top, bottom):
+        for column in range(left, right):
+            if (costs[row, column] == LETHAL or costs[row, column] == NO_INFORMATION) and count < len(out):
+                out[count, 0] = origin[0] + (column + 0.5) * resolution
+                out[count, 1] = origin[1] + (row + 0.5) * resolution
+                count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def overlap(points: FloatArray, margin: float, footprint: FloatArray, x: float, y: float,
+            yaw: float) -> Tuple[float, float]:
+    """Return the sum of the depths of points inside a footprint, and the greatest depth [m].
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Centres of cells [m].
+    margin : float
+        Added to the depth, for the size of a cell [m].
+    footprint : (K, 2) float64
+        Corners in the base frame [m].
+    x, y, yaw : float
+        Of the base, in the frame of the points [m, m, rad].
+    """
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    total = deepest = 0.0
+    for k in range(len(points)):
+        a = cosine * (points[k, 0] - x) + sine * (points[k, 1] - y)
+        b = cosine * (points[k, 1] - y) - sine * (points[k, 0] - x)
+        inside, nearest = False, math.inf
+        before = len(footprint) - 1
+        for corner in range(len(footprint)):
+            ax, ay = footprint[before, 0], footprint[before, 1]
+            bx, by = footprint[corner, 0], footprint[corner, 1]
+            dx, dy = bx - ax, by - ay
+            share = ((a - ax) * dx + (b - ay) * dy) / max(dx * dx + dy * dy, 1e-12)
+            share = min(max(share, 0.0), 1.0)
+            nearest = min(nearest, math.hypot(a - ax - share * dx, b - ay - share * dy))
+            if (by > b) != (ay > b) and a < bx + (b - by) / (ay - by) * (ax - bx):
+                inside = not inside
+            before = corner
+        depth = (nearest if inside else -nearest) + margin
+        total += max(depth, 0.0)
+        deepest = max(deepest, depth)
+    return total, deepest
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def best_way_out(samples: FloatArray, start: FloatArray, velocity: FloatArray, acceleration: FloatArray,
+                 rolled: FloatArray, points: FloatArray, margin: float, footprint: FloatArray) -> int:
+    """Return the index of the velocity that lessens the overlap most; -1 if none does.
+
+    Neither the overlap nor its greatest depth may rise on the way: a corner must not cut through a thin wall.
+
+    Parameters
+    ----------
+    samples : (N, 3) float64
+        Velocities [m/s, m/s, rad/s].
+    start, velocity, acceleration : (3,) float64
+        As for ``roll_out``.
+    rolled : (4,) float64
+        sim_time [s], sim_granularity [m], angular_sim_granularity [rad], greatest number of poses.
+    points, margin, footprint
+        As for :func:`overlap`.
+    """
+    most = int(rolled[3])
+    poses = np.empty((most, 3))
+    before, deepest = overlap(points, margin, footprint, start[0], start[1], start[2])
+    best, least = -1, (1.0 - _PROGRESS) * before
+    for i in range(len(samples)):
+        steps = step_count(samples[i], rolled[0], rolled[1], rolled[2], most)
+        roll_out(start, velocity, samples[i], acceleration, rolled[0], steps, poses)
+        slow = _SLOW * (math.hypot(samples[i, 0], samples[i, 1]) + abs(samples[i, 2]))
+        now = before
+        for k in range(1, steps):
+            now, depth = overlap(points, margin, footprint, poses[k, 0], poses[k, 1], poses[k, 2])
+            if now > before + _ROUNDING or depth > deepest + _ROUNDING:
+                now = math.inf
+                break
+        if now + slow < least:
+            best, least = i, now + slow
+    return best

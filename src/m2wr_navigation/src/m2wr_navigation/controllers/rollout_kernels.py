@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Roll-outs of velocity samples: distances over the local costmap, poses, and scores."""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Tuple
+
+import numpy as np
+from numba import njit
+
+from m2wr_navigation.costmap.cost_layout import INSCRIBED, LETHAL, NO_INFORMATION
+from m2wr_navigation.costmap.footprint_kernels import IN_UNKNOWN, OUTSIDE, outline_cost
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array, Uint8Array
+
+#: Why a sample is rejected; 0: it is not.
+VALID, OBSTACLE, UNKNOWN, OFF_MAP, NO_WAY, BARRED, WORSE = 0, 1, 2, 3, 4, 5, 6
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def spread_distances(costs: Uint8Array, seeds: IndexArray, queue: IndexArray, out: Int32Array) -> None:
+    """Compute the number of steps between cells with a common side, to the nearest one of some cells.
+
+    Parameters
+    ----------
+    costs : (H, W) uint8
+        Lethal and unknown cells are not entered. From inscribed cells a way leads out, by which a robot that has come
+        near to a wall finds back; no way leads in, since it would be a short cut that the robot cannot take.
+    seeds : (K, 2) int64
+        Row and column, within the grid.
+    queue : (H * W,) int64
+        Working memory.
+    out : (H, W) int32
+        Written: steps; H * W in cells that are not entered, H * W + 1 where no way leads.
+    """
+    rows, columns = costs.shape
+    unreached = rows * columns + 1
+    out[:] = unreached
+    last = 0
+    for k in range(len(seeds)):
+        row, column = seeds[k, 0], seeds[k, 1]
+        if out[row, column] == unreached:
+            out[row, column] = 0
+            queue[last] = row * columns + column
+            last += 1
+    first = 0
+    while first < last:
+        index = queue[first]
+        last = _enter_neighbours(costs, index, False, queue, last, out)
+        if last < 0:
+            queue[first] = ~index       # it has an inscribed neighbour
+            last = ~last
+        first += 1
+    # a second pass into inscribed cells: both parts of the queue are in order of distance
+    whole, free, inscribed = last, 0, last
+    while free < whole or inscribed < last:
+        if free < whole and queue[free] >= 0:
+            free += 1
+        elif inscribed >= last or (free < whole and _of(out, ~queue[free]) <= _of(out, queue[inscribed])):
+            last = _enter_neighbours(costs, ~queue[free], True, queue, last, out)
+            free += 1
+        else:
+            last = _enter_neighbours(costs, queue[inscribed], True, queue, last, out)
+            inscribed += 1
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _of(grid: Int32Array, index: int) -> int:
+    """Return the value of a cell by its number."""
+    return grid[index // grid.shape[1], index % grid.shape[1]]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _enter_neighbours(costs: Uint8Array, index: int, inscribed: bool, queue: IndexArray, last: int,
+                      out: Int32Array) -> int:
+    """Append the neighbours of a cell that are entered from it, all inscribed or none.
+
+    Returns the queue's new end; in the pass that leaves out inscribed cells, inverted (negative) if there is one.
+    """
+    rows, columns = costs.shape
+    blocked, unreached = rows * columns, rows * columns + 1
+    row, column = index // columns, index % columns
+    left_out = False
+    for side in range(4):
+        next_row, next_column = row + (side == 0) - (side == 1), column + (side == 2) - (side == 3)
+        if not (0 <= next_row < rows and 0 <= next_column < columns) or out[next_row, next_column] != unreached:
+            continue
+        cost = costs[next_row, next_column]
+        if cost == LETHAL or cost == NO_INFORMATION:
+            out[next_row, next_column] = blocked
+        elif inscribed or cost != INSCRIBED:
+            out[next_row, next_column] = out[row, column] + 1
+            queue[last] = next_row * columns + next_column
+            last += 1
+        else:
+            left_out = True
+    return ~last if left_out else last
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def roll_out(start: FloatArray, velocity: FloatArray, sample: FloatArray, acceleration: FloatArray, duration: float,
+             steps: int, out: FloatArray) -> None:
+    """Compute the poses of a robot that is given a velocity, by Euler's method.
+
+    Parameters
+    ----------
+    start : (3,) float64
+        x, y, theta [m, m, rad].
+    velocity, sample : (3,) float64
+        Present velocity, and the one that is given, in the base frame [m/s, m/s, rad/s].
+    acceleration : (3,) float64
+        With which the velocity approaches the sample [m/s^2, m/s^2, rad/s^2]; infinite: at once.
+    duration : float
+        [s]
+    steps : int
+        At most the rows of ``out``.
+    out : (S, 3) float64
+        The first ``steps`` rows are written: the start, and the pose after each step but the last.
+    """
+    step = duration / steps
+    x, y, theta = start
+    v, s, w = velocity
+    for k in range(steps):
+        out[k, 0], out[k, 1], out[k, 2] = x, y, theta
+        v += min(max(sample[0] - v, -acceleration[0] * step), acceleration[0] * step)
+        s += min(max(sample[1] - s, -acceleration[1] * step), acceleration[1] * step)
+        w += min(max(sample[2] - w, -acceleration[2] * step), acceleration[2] * step)
+        x += (v * math.cos(theta) - s * math.sin(theta)) * step
+        y += (v * math.sin(theta) + s * math.cos(theta)) * step
+        theta += w * step
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def step_count(sample: FloatArray, duration: float, granularity: float, angular_granularity: float, most: int) -> int:
+    """Return the number of poses of a roll-out (at least 1).
+
+    Parameters
+    ----------
+    sample : (3,) float64
+    duration : float
+        ``sim_time`` [s].
+    granularity, angular_granularity : float
+        Distance and turn between two poses [m, rad].
+    most : int
+    """
+    wanted = max(math.hypot(sample[0], sample[1]) * duration / granularity,
+                 abs(sample[2]) * duration / angular_granularity)
+    return max(1, min(most, int(math.ceil(wanted))))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _at(grid: Int32Array, resolution: float, origin: FloatArray, x: float, y: float) -> int:
+    """Return the value of the cell at a point, or -1 off the grid."""
+    across, up = (x - origin[0]) / resolution, (y - origin[1]) / resolution
+    if not (0.0 <= across < grid.shape[1] and 0.0 <= up < grid.shape[0]):
+        return -1
+    return grid[int(up), int(across)]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _outline(costs: Uint8Array, resolution: float, origin: FloatArray, footprint: FloatArray, poses: FloatArray,
+             steps: int, place: FloatArray) -> Tuple[int, int]:
+    """Return the greatest cost below the outline and the centre of a roll-out, and why it is rejected."""
+    greatest = 0
+    for k in range(steps):
+        x, y, theta = poses[k]
+        cost = outline_cost(costs, resolution, origin, footprint, x, y, theta)
+        if cost >= 0:
+            centre = costs[int((y - origin[1]) / resolution), int((x - origin[0]) / resolution)]
+            if centre == LETHAL:
+                cost = -1
+            elif centre == NO_INFORMATION:
+                cost = IN_UNKNOWN
+            else:
+                greatest = max(greatest, cost, int(centre))
+        if cost < 0:
+            place[0], place[1] = x, y
+            return 0, UNKNOWN if cost == IN_UNKNOWN else OFF_MAP if cost == OUTSIDE else OBSTACLE
+    return greatest, VALID
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, start: FloatArray,
+                  velocity: FloatArray, acceleration: FloatArray, settings: FloatArray, costs: Uint8Array,
+                  resolution: float, origin: FloatArray, footprint: FloatArray, grids: Int32Array, totals: FloatArray,
+                  reasons: IndexArray, places: FloatArray) -> int:
+    """Return the index of the best velocity sample, or -1 if none is valid.
+
+    Parameters
+    ----------
+    samples : (N, 3) float64
+        Velocities [m/s, m/s, rad/s].
+    extra : (N,) float64
+        Added to the cost of each sample; at least 0.
+    barred : (3, 2) float64
+        For x, y and theta: 1 if negative, and if positive velocities are barred because of oscillation.
+    start, velocity, acceleration : (3,) float64
+        As for :func:`roll_out`.
+    settings : (14,) float64
+        sim_time, sim_granularity, angular_sim_granularity, scale of the path's distance, of the goal's, of the front
+        goal's, of the alignment, of the obstacles' cost, of the turn rate, forward_point_distance, scaling_speed,
+        max_scaling_factor, max_vel_trans, greatest number of poses.
+    costs, resolution, origin
+        The local costmap.
+    footprint : (K, 2) float64
+        Padded corners [m].
+    grids : (3, H, W) int32
+        Distances to the path, to the goal, and to the goal moved ahead, as of :func:`spread_distances`.
+    totals : (N,) float64
+        Written: the cost of each valid sample.
+    reasons : (N,) int64
+        Written: VALID, or why the sample is rejected; WORSE: not examined further, because it could not be the best.
+    places : (N, 2) float64
+        Written: where a rejected sample fails [m].
+    """
+    duration, granularity, turn_granularity, path_scale, goal_scale, front_scale, align_scale = settings[:7]
+    obstacle_scale, twirl_scale, nose, scaling_speed, scaling, fastest = settings[7:13]
+    most = int(settings[13])
+    poses, blocked = np.empty((most, 3)), costs.shape[0] * costs.shape[1]
+    scaled = np.empty_like(footprint)
+    best, least = -1, math.inf
+    for i in range(len(samples)):
+        sample = samples[i]
+        totals[i], reasons[i] = math.inf, VALID
+        places[i, 0], places[i, 1] = start[0], start[1]
+        for axis in range(3):
+            if (barred[axis, 0] > 0.0 and sample[axis] < 0.0) or (barred[axis, 1] > 0.0 and sample[axis] > 0.0):
+                reasons[i] = BARRED
+        if reasons[i] != VALID:
+            continue
+        steps = step_count(sample, duration, granularity, turn_granularity, most)
+        roll_out(start, velocity, sample, acceleration, duration, steps, poses)
+        path = goal = 0
+        for k in range(steps):
+            path = _at(grids[0], resolution, origin, poses[k, 0], poses[k, 1])
+            goal = _at(grids[1], resolution, origin, poses[k, 0], poses[k, 1])
+            if path < 0 or path >= blocked or goal >= blocked:
+                reasons[i] = OFF_MAP if path < 0 else OBSTACLE if path == blocked or goal == blocked else NO_WAY
+                places[i, 0], places[i, 1] = poses[k, 0], poses[k, 1]
+                break
+        if reasons[i] != VALID:
+            continue
+        last = poses[steps - 1]
+        front_x, front_y = last[0] + nose * math.cos(last[2]), last[1] + nose * math.sin(last[2])
+        front = _at(grids[2], resolution, origin, front_x, front_y)
+        aligned = _at(grids[0], resolution, origin, front_x, front_y)
+        if front < 0 and (front_scale > 0.0 or align_scale > 0.0):
+            reasons[i] = OFF_MAP
+            places[i, 0], places[i, 1] = front_x, front_y
+            continue
+        total = path_scale * path + goal_scale * goal + front_scale * front + align_scale * aligned \
+            + twirl_scale * abs(sample[2]) + extra[i]
+        if total >= least:
+            reasons[i] = WORSE
+            continue
+        speed = math.hypot(sample[0], sample[1])
+        factor = 1.0
+        if speed > scaling_speed and fastest > scaling_speed:
+            factor += scaling * (speed - scaling_speed) / (fastest - scaling_speed)
+        for k in range(len(footprint)):
+            scaled[k, 0], scaled[k, 1] = factor * footprint[k, 0], factor * footprint[k, 1]
+        cost, reason = _outline(costs, resolution, origin, scaled, poses, steps, places[i])
+        if reason != VALID:
+            reasons[i] = reason
+            continue
+        total += obstacle_scale * cost
+        totals[i] = total
+        if total < least:
+            best, least = i, total
+    return best
