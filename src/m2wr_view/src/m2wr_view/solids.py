@@ -97,16 +97,34 @@ def marker_outlines(marker: Any) -> Tuple[List[Outline], List[Outline]]:
     return within(FLOOR, ROBOT_HEIGHT), within(FLOOR, _HIGH)
 
 
-def _numbers(text: Optional[str], count: int, default: Sequence[float]) -> List[float]:
-    values = [float(word) for word in (text or "").split()]
-    return values if len(values) == count else list(default)
+def read_numbers(text: Optional[str], count: int, default: Sequence[float]) -> Tuple[float, ...]:
+    """Return the numbers of a URDF attribute.
+
+    Parameters
+    ----------
+    text : str or None
+        Numbers separated by blanks.
+    count : int
+        How many there must be.
+    default : sequence of float
+        Returned where there is another number of them, or one is not finite.
+
+    Raises
+    ------
+    ValueError
+        If a word is no number.
+    """
+    values = tuple(float(word) for word in (text or "").split())
+    return values if len(values) == count and np.all(np.isfinite(values)) else tuple(default)
 
 
-def _origin(element: ElementTree.Element) -> FloatArray:
+def read_origin(element: ElementTree.Element) -> FloatArray:
+    """Return the transform (4, 4) of a URDF element's ``<origin>``; the identity where there is none."""
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    return matrix_from_rpy(_numbers(origin.get("xyz"), 3, (0, 0, 0)), _numbers(origin.get("rpy"), 3, (0, 0, 0)))
+    return matrix_from_rpy(read_numbers(origin.get("xyz"), 3, (0, 0, 0)),
+                           read_numbers(origin.get("rpy"), 3, (0, 0, 0)))
 
 
 def _seen(shape: ElementTree.Element, matrix: FloatArray, name: str) -> Optional[Outline]:
@@ -114,7 +132,7 @@ def _seen(shape: ElementTree.Element, matrix: FloatArray, name: str) -> Optional
     centre, rotation = matrix[:3, 3], matrix[:3, :3]
     limits = (-_HIGH, _HIGH, name)
     if shape.tag == "box":
-        return box_outline(np.array(_numbers(shape.get("size"), 3, (0, 0, 0))), centre, rotation, *limits)
+        return box_outline(np.array(read_numbers(shape.get("size"), 3, (0, 0, 0))), centre, rotation, *limits)
     if shape.tag == "sphere":
         return sphere_outline(float(shape.get("radius", 0.0)), centre, *limits)
     if shape.tag == "cylinder":
@@ -166,12 +184,12 @@ def read_robot(text: str) -> Robot:
             if at not in joints:
                 break
             at, joint = joints[at]
-            matrix = _origin(joint).dot(matrix)
+            matrix = read_origin(joint).dot(matrix)
         mounts[name] = matrix
     try:
         for name, link in links.items():
             for part in link.findall("collision") + link.findall("visual"):
-                outlines = [_seen(shape, mounts[name].dot(_origin(part)), name) for shape in part.findall("geometry/*")]
+                outlines = [_seen(shape, mounts[name].dot(read_origin(part)), name) for shape in part.findall("geometry/*")]
                 footprint += [outline for outline in outlines if outline is not None]
     except ValueError as error:
         raise ViewError("robot_description: %s; expected numbers in origins and shapes" % error) from error

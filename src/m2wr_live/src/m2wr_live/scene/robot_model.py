@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ElementTree
-from typing import TYPE_CHECKING, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 import trimesh
 
 from m2wr_live.scene.shapes import Geometry, Shape
 from m2wr_view.errors import ViewError
-from m2wr_view.frames import matrix_from_rpy
+from m2wr_view.solids import read_numbers, read_origin
 
 if TYPE_CHECKING:
     from m2wr_view.array_types import FloatArray
@@ -66,18 +66,6 @@ class RobotModel(NamedTuple):
         return [self.root] + list(self.mounts)
 
 
-def _numbers(text: Optional[str], count: int, default: Sequence[float]) -> Tuple[float, ...]:
-    values = tuple(float(word) for word in (text or "").split())
-    return values if len(values) == count and np.all(np.isfinite(values)) else tuple(default)
-
-
-def _origin(element: ElementTree.Element) -> FloatArray:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    return matrix_from_rpy(_numbers(origin.get("xyz"), 3, (0, 0, 0)), _numbers(origin.get("rpy"), 3, (0, 0, 0)))
-
-
 def load_mesh(path: str) -> Geometry:
     """Return the triangles of a mesh file.
 
@@ -117,7 +105,7 @@ class _Reader:
     @staticmethod
     def _rgba(material: ElementTree.Element) -> Tuple[float, ...]:
         colour = material.find("color")
-        return _numbers(None if colour is None else colour.get("rgba"), 4, _GREY)
+        return read_numbers(None if colour is None else colour.get("rgba"), 4, _GREY)
 
     def _colour(self, link: str, visual: ElementTree.Element) -> Tuple[float, ...]:
         """Return the colour of a visual: its own, that of the named material, or that of Gazebo's material."""
@@ -132,11 +120,11 @@ class _Reader:
 
     def shape(self, link: str, visual: ElementTree.Element) -> Optional[Shape]:
         """Return the shape of a visual, or None and a line in ``problems``."""
-        pose, colour = _origin(visual), self._colour(link, visual)
+        pose, colour = read_origin(visual), self._colour(link, visual)
         rgba = (colour[0], colour[1], colour[2], colour[3])
         for element in visual.findall("geometry/*"):
             if element.tag == "box":
-                x, y, z = _numbers(element.get("size"), 3, (0, 0, 0))
+                x, y, z = read_numbers(element.get("size"), 3, (0, 0, 0))
                 return Shape("box", pose, (x, y, z), rgba, link)
             if element.tag in ("sphere", "cylinder"):
                 width = 2.0 * float(element.get("radius", 0.0))
@@ -144,7 +132,7 @@ class _Reader:
                 return Shape(element.tag, pose, (width, width, length), rgba, link)
             if element.tag == "mesh":
                 key = self._mesh(link, element.get("filename") or "")
-                x, y, z = _numbers(element.get("scale"), 3, (1, 1, 1))
+                x, y, z = read_numbers(element.get("scale"), 3, (1, 1, 1))
                 return None if key is None else Shape(key, pose, (x, y, z), rgba, link)
         return None
 
@@ -206,7 +194,7 @@ def _mounts(robot: ElementTree.Element) -> Dict[str, Mount]:
         parent, child = joint.find("parent"), joint.find("child")
         ends = [end.get("link") for end in (parent, child) if end is not None]
         if len(ends) == 2 and ends[0] and ends[1]:
-            found[ends[1]] = Mount(ends[0], _origin(joint), joint.get("type") == "fixed")
+            found[ends[1]] = Mount(ends[0], read_origin(joint), joint.get("type") == "fixed")
     return found
 
 
