@@ -3,12 +3,13 @@
 .PHONY: help setup build demo demo-mapping gallery reference docs test fuzz soak faults lint clean
 .NOTPARALLEL:
 
-export DEMO_ARGS GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES MINUTES FUZZ_ARGS HOURS SOAK_ARGS MOMENTS PAIRS
+export DEMO_ARGS LIVE GALLERY TEST_JOBS TEST_TIMEOUT TEST_PACKAGES MINUTES FUZZ_ARGS HOURS SOAK_ARGS MOMENTS PAIRS
 
 help:  ## list the targets and the variables they take
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 16
 	@echo
 	@echo "Variables: DEMO_ARGS='--seed 3'  options of the demo (rosrun m2wr_sim demo -h)"
+	@echo "           LIVE=1  the demo in a browser, at real-time factor 1; the recorded run stays there until Ctrl-C"
 	@echo "           GALLERY='docs/5_bug2.md'  only the pictures of these documents"
 	@echo "           TEST_PACKAGES='m2wr_sim'  test only these packages;  TEST_JOBS=2  tests run concurrently"
 	@echo "           MOMENTS=100  interrupts of each launch file in make faults;  PAIRS=10  runs repeated under load"

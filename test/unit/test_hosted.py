@@ -55,6 +55,19 @@ def test_image_and_dev_container_begin_as_the_workflow():
     assert runs[:2] == [container["onCreateCommand"], container["postCreateCommand"]] == [BEGIN, two_commands()[0]]
 
 
+def test_containers_open_on_the_live_view_at_a_forwarded_port():
+    container = json.loads(text_of(".devcontainer", "devcontainer.json"))
+    command = json.loads(re.search(r"^CMD (.*)$", text_of("Dockerfile"), re.M).group(1))
+    port, = container["forwardPorts"]
+    assert command[0] == container["postAttachCommand"] and os.access(os.path.join(tree.ROOT, command[0]), os.X_OK)
+    assert "live:=true" in text_of(command[0]) and "live_host:=0.0.0.0" in command
+    assert "EXPOSE %d\n" % port in text_of("Dockerfile") and "live_port:=%d" % port in command
+    assert list(container["portsAttributes"]) == [str(port)]
+    address = text_of("src", "m2wr_node", "src", "m2wr_node", "listening.py")
+    first = re.search(r"^FIRST_PORT, .* = (\d+)", address, re.M)
+    assert port == int(first.group(1))
+
+
 def test_image_leaves_out_what_git_ignores():
     ignored = {line.strip("/") for line in text_of(".gitignore").splitlines() if re.match(r"/[\w.]+/$", line)}
     left_out = [line for line in text_of(".dockerignore").splitlines() if not line.startswith("#")]

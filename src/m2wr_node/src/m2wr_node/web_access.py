@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
-from typing import Collection, Mapping, Optional
+from typing import Collection, List, Mapping, Optional, Sequence
 from urllib.parse import parse_qs, urlsplit
 
 TOKEN = "token"             # name of the query's field
@@ -28,6 +28,21 @@ def _host_of(address: str) -> str:
         return ""
 
 
+def forwarded_sites(environment: Mapping[str, str], port: int) -> List[str]:
+    """Return the names under which GitHub Codespaces forwards a port of this machine; elsewhere none.
+
+    Its proxy has been seen to replace the name in ``Host`` or in ``Origin`` by the local one, so that one counts too.
+
+    Parameters
+    ----------
+    environment : mapping of str to str
+        With the variables that a Codespace sets: ``CODESPACE_NAME`` and ``GITHUB_CODESPACES_PORT_FORWARDING_DOMAIN``.
+    port : int
+    """
+    name, domain = (environment.get(key, "") for key in ("CODESPACE_NAME", "GITHUB_CODESPACES_PORT_FORWARDING_DOMAIN"))
+    return ["%s-%d.%s" % (name, port, domain), "localhost:%d" % port] if name and domain else []
+
+
 class Access:
     """Decides on requests.
 
@@ -47,11 +62,15 @@ class Access:
         Other pages that may ask, as browsers write them, such as ``https://app.example`` and ``null``.
     any_host : bool
         A request may name any machine. Only for a server that is open to a network without a token.
+    sites : sequence of str
+        Names under which a service forwards pages to this machine, such as that of a Codespace; the service checks who
+        opens them.
     """
 
     def __init__(self, token: str, cookie: str, local_pages: bool = False, origins: Collection[str] = (),
-                 any_host: bool = False) -> None:
+                 any_host: bool = False, sites: Sequence[str] = ()) -> None:
         self.token, self.cookie = token, cookie
+        self._sites = frozenset(site.lower() for site in sites)
         self._local_pages, self._any_host = local_pages, any_host
         self._origins = frozenset(origin.rstrip("/").lower() for origin in origins)
 
@@ -72,14 +91,14 @@ class Access:
         if origin is not None and not self._is_known(origin, host):
             return "a page of %s asks; expected one of %s" % (origin[:100], host[:100])
         name = _host_of("//" + host)
-        return None if self._any_host or is_loopback(name) else \
+        return None if self._any_host or is_loopback(name) or host.lower() in self._sites else \
             "the host is %r; expected localhost, or a link with a token" % host[:100]
 
     def _is_known(self, origin: str, host: str) -> bool:
         if origin.lower() in self._origins:
             return True
         scheme, mark, place = origin.lower().partition("://")
-        return bool(mark) and (place == host.lower() or (
+        return bool(mark) and (place == host.lower() or place in self._sites or (
             self._local_pages and scheme in ("http", "https") and is_loopback(_host_of("//" + place))))
 
     def _has_token(self, path: str, headers: Mapping[str, str]) -> bool:

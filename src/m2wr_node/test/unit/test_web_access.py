@@ -2,7 +2,7 @@
 """Who may use a web server: this machine, or who has the token."""
 import pytest
 
-from m2wr_node.web_access import Access, is_loopback
+from m2wr_node.web_access import Access, forwarded_sites, is_loopback
 
 OPEN, CLOSED = Access("", "c"), Access("secret", "c")
 LOCAL = Access("", "c", local_pages=True, origins=["https://app.example"])
@@ -27,6 +27,17 @@ def test_this_machine_needs_no_token(headers):
                                      {"Host": "localhost:8080", "Origin": "null"}])
 def test_other_sites_are_refused(headers):
     assert OPEN.refusal("/", headers)
+
+
+@pytest.mark.parametrize("host, origin, allowed", [
+    ("a-8080.app.example", "https://a-8080.app.example", True), ("localhost:8080", "https://a-8080.app.example", True),
+    ("a-8080.app.example", "http://localhost:8080", True), ("localhost:8080", "https://b-8080.app.example", False),
+    ("b-8080.app.example", "https://b-8080.app.example", False), ("a-8080.app.example", "http://evil.example", False)])
+def test_pages_that_a_codespace_forwards_are_its_own(host, origin, allowed):
+    sites = forwarded_sites({"CODESPACE_NAME": "a", "GITHUB_CODESPACES_PORT_FORWARDING_DOMAIN": "app.example"}, 8080)
+    access = Access("", "c", sites=sites)
+    assert (access.refusal("/", {"Host": host, "Origin": origin}) is None) is allowed
+    assert forwarded_sites({}, 8080) == []
 
 
 @pytest.mark.parametrize("path, cookie, allowed", [

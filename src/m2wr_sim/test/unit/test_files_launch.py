@@ -185,3 +185,26 @@ def test_sim_alone_brings_up_no_robot_and_no_rviz(monkeypatch):
 def test_the_robot_may_have_another_name_and_absolute_path():
     nodes, _ = load("sim.launch", "model:=" + os.path.join(ROBOTS, "cart.sdf"), "name:=trolley")
     assert "-model trolley" in nodes["spawn_robot"].args
+
+
+#: Launch files that other ones include, or that run beside a simulation that has the argument.
+_PARTS = {"click_obstacles.launch", "image_dump.launch", "live.launch", "record.launch", "robot_range.launch"}
+
+
+def _launch_files():
+    """Return the launch files of all packages of the workspace, without those of tests."""
+    top = os.path.join(LAUNCH_DIR, "..", "..", "..")
+    found = glob.glob(os.path.join(top, "src", "*", "launch", "*.launch")) + glob.glob(
+        os.path.join(top, "dropin", "*", "launch", "*.launch"))
+    inner = {os.path.join("m2wr_sim", "launch", "rviz.launch"), os.path.join("m2wr_view", "launch", "rviz.launch")}
+    return [os.path.normpath(path) for path in sorted(found) if os.path.basename(path) not in _PARTS
+            and not path.endswith(tuple(inner))]
+
+
+@pytest.mark.parametrize("path", _launch_files(), ids=lambda path: "/".join(path.split(os.sep)[-3::2]))
+def test_live_true_starts_the_live_view_with_its_settings(path):
+    needed = ["des_x:=0", "des_y:=0"] if path.endswith("behaviors.launch") else []
+    nodes, params = load(path, "live:=true", "live_control:=false", "live_host:=::1", "live_port:=8123", *needed)
+    assert (nodes["live"].package, nodes["live"].type) == ("m2wr_view", "live")
+    assert (params["/live/control"], params["/live/host"], params["/live/port"]) == (False, "::1", 8123)
+    assert "live" not in load(path, *needed)[0]

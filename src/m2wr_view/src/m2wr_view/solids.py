@@ -189,7 +189,8 @@ def read_robot(text: str) -> Robot:
     try:
         for name, link in links.items():
             for part in link.findall("collision") + link.findall("visual"):
-                outlines = [_seen(shape, mounts[name].dot(read_origin(part)), name) for shape in part.findall("geometry/*")]
+                outlines = [_seen(shape, mounts[name].dot(read_origin(part)), name)
+                            for shape in part.findall("geometry/*")]
                 footprint += [outline for outline in outlines if outline is not None]
     except ValueError as error:
         raise ViewError("robot_description: %s; expected numbers in origins and shapes" % error) from error

@@ -21,7 +21,7 @@ from m2wr_live.ros.simulation import Driver, Simulation
 from m2wr_live.scene.live_scene import LiveScene
 from m2wr_node.listening import AddressError, free_port
 from m2wr_node.ros.starting import start_node
-from m2wr_node.web_access import Access, is_loopback
+from m2wr_node.web_access import Access, forwarded_sites, is_loopback
 from m2wr_view.errors import ViewError
 from m2wr_view.solids import read_robot
 
@@ -84,11 +84,12 @@ def make_pages(host: str, port: int, token: str, scene: LiveScene, actions: Opti
     except AddressError as error:
         raise ViewError(str(error)) from error
     folder = os.path.join(rospkg.RosPack().get_path("m2wr_live"), "page")
-    server = PageServer(host, port, Access(token, "m2wr_live_%d" % port), folder,
+    sites = forwarded_sites(os.environ, port)
+    server = PageServer(host, port, Access(token, "m2wr_live_%d" % port, sites=sites), folder,
                         None if driver is None else driver.drive)
     shown = "localhost" if is_loopback(host) or host in ("0.0.0.0", "::") else host
-    log.info("live view: http://%s:%d/%s%s", shown, port, "?token=" + token if token else "",
-             "" if actions or driver else "   (pages may only watch)")
+    log.info("live view: %s/%s%s", "https://" + sites[0] if sites else "http://%s:%d" % (shown, port),
+             "?token=" + token if token else "", "" if actions or driver else "   (pages may only watch)")
     return Pages(server, scene, actions)
 
 

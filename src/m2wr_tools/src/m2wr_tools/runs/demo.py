@@ -17,10 +17,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--yaw", type=float, default=0.0, help="heading at the start [rad]")
     parser.add_argument("--goal", nargs=2, type=float, default=(0.0, -4.0), metavar=("X", "Y"), help="default: 0 -4")
     parser.add_argument("--seed", type=int, default=0, help="seed of the laser's noise")
-    parser.add_argument("--real-time-factor", type=float, default=0.0,
-                        help="simulated seconds per second (default: 0, as fast as possible; the result is the same)")
+    parser.add_argument("--real-time-factor", type=float,
+                        help="simulated seconds per second (default: 0, as fast as possible; with --live 1); the "
+                        "result is the same")
     parser.add_argument("--timeout", type=float, default=900.0, help="wall seconds allowed (default: %(default)s)")
     parser.add_argument("--out", default="demo_output", help="folder for bag and picture (default: %(default)s)")
+    parser.add_argument("--live", action="store_true", help="live view in web browsers; it shows the recorded run "
+                        "afterwards, until Ctrl-C")
+    parser.add_argument("--live-port", type=int, default=0, metavar="PORT",
+                        help="of the live view; 0: the first free one from 8080 on (default)")
     return parser
 
 
