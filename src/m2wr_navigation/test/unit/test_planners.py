@@ -6,12 +6,15 @@ import re
 import numpy as np
 import pytest
 
+from m2wr_navigation.planners.sampling_kernels import line_cost
 from m2wr_navigation.planners.visibility_kernels import shortest
 from planner_grids import RESOLUTION, blocks, costs_along, grid, inflated, planner, pose
 
 #: name: greatest length over the exact optimum, on grids without inflation. Of A* on eight neighbours: sec(pi / 8).
-RATIOS = {"NavfnROS": 1.04, "AStar": 1.083, "ThetaStar": 1.02, "GlobalPlanner": 1.04}
+RATIOS = {"NavfnROS": 1.04, "AStar": 1.083, "ThetaStar": 1.02, "GlobalPlanner": 1.04, "RRT": 1.5, "RRTStar": 1.03,
+          "InformedRRTStar": 1.02}
 SEARCHING = sorted(RATIOS)
+SAMPLING = ("RRT", "RRTStar", "InformedRRTStar")
 SIZE = 90
 
 
@@ -37,12 +40,9 @@ def test_a_path_keeps_away_from_obstacles_where_there_is_room(name):
     assert plan.reason == "" and costs_along(costmap, plan.poses).max() < 200
 
 
-@pytest.mark.parametrize("name", SEARCHING)
+@pytest.mark.parametrize("name", sorted(set(RATIOS) - set(SAMPLING)))
 def test_a_path_through_a_maze_may_be_much_longer_than_the_map(name):
-    costs = np.zeros((61, 61), np.uint8)
-    for k, row in enumerate(range(4, 60, 4)):
-        costs[row, 3 * (k % 2):61 - 3 * ((k + 1) % 2)] = 254
-    plan = planner(name).plan(grid(costs), pose(1, 1), pose(59, 30))
+    plan = planner(name).plan(grid(maze()), pose(1, 1), pose(59, 30))
     assert plan.reason == "" and plan.length > 10 * 61 * RESOLUTION
 
 
@@ -146,3 +146,66 @@ def test_the_global_planner_has_four_ways_to_search():
         assert plan.reason == ""
         ways.add(round(plan.length, 6))
     assert len(ways) >= 3         # two of them may find paths of the same length
+
+
+def maze(side=61):
+    costs = np.zeros((side, side), np.uint8)
+    for k, row in enumerate(range(4, side - 1, 4)):
+        costs[row, 3 * (k % 2):side - 3 * ((k + 1) % 2)] = 254
+    return costs
+
+
+@pytest.mark.parametrize("name", SAMPLING)
+def test_too_few_samples_are_told(name):
+    plan = planner(name, iterations=50).plan(grid(maze()), pose(1, 1), pose(59, 30))
+    assert plan.reason.startswith("no path with 50 samples although start and goal are connected")
+
+
+@pytest.mark.parametrize("name", SAMPLING)
+def test_a_path_from_samples_depends_only_on_the_seed(name):
+    costs = blocks(SIZE, 25, 3)
+    first, again, other = (planner(name, seed=seed, iterations=800).plan(grid(costs), pose(1, 1), pose(88, 80)).poses
+                           for seed in (1, 1, 2))
+    assert (first.shape == again.shape) and (first == again).all() and len(first) > 2
+    assert other.shape != first.shape or (other != first).any()
+
+
+def test_more_samples_give_rrt_star_shorter_paths():
+    costs, lengths = blocks(SIZE, 25, 2), []
+    for iterations in (300, 1500, 6000):
+        made = [planner("RRTStar", seed=seed, iterations=iterations, shortcut=False) for seed in range(5)]
+        lengths.append(np.mean([one.plan(grid(costs), pose(1, 1), pose(88, 88)).length for one in made]))
+    best = shortest((costs == 254).astype(np.uint8), (1, 1), (88, 88))[1] * RESOLUTION
+    assert best < lengths[2] < lengths[1] < lengths[0] and lengths[2] < 1.03 * best
+
+
+def test_the_ellipse_helps_where_little_of_the_map_matters():
+    costs = np.zeros((300, 300), np.uint8)
+    costs[130:170, 40] = 254
+    ends, lengths = (pose(150, 20), pose(150, 60)), {}
+    best = shortest((costs == 254).astype(np.uint8), (150, 20), (150, 60))[1] * RESOLUTION
+    for name in ("RRTStar", "InformedRRTStar"):
+        made = [planner(name, seed=seed, iterations=2000, shortcut=False) for seed in range(5)]
+        lengths[name] = np.mean([one.plan(grid(costs), *ends).length for one in made])
+    assert best < lengths["InformedRRTStar"] < 1.02 * best < lengths["RRTStar"]
+
+
+def test_a_tree_keeps_clear_of_obstacles_if_costs_count():
+    costs = np.zeros((80, 80), np.uint8)
+    costs[38:42, 20:60] = 254
+    costmap = grid(inflated(costs, radius=0.6, scaling=3.0))
+    near, far = (planner("InformedRRTStar", cost_factor=factor).plan(costmap, pose(10, 40), pose(70, 40))
+                 for factor in (0.0, 2.0))
+    assert near.length < far.length
+    assert costs_along(costmap, near.poses).max() > costs_along(costmap, far.poses).max()
+
+
+@pytest.mark.parametrize("ends, cost", [
+    ((0.5, 0.5, 9.5, 0.5), 9.0), ((0.5, 0.5, 6.5, 8.5), 10.0 + 1.25), ((0.5, 3.5, 9.5, 3.5), 1.5 + 3.0 * 2.0 + 4.5),
+    ((9.5, 3.5, 0.5, 3.5), 1.5 + 3.0 * 2.0 + 4.5), ((0.5, 7.5, 9.5, 7.5), math.inf), ((0.5, 0.5, 0.5, -0.5), math.inf),
+    ((2.5, 2.5, 2.5, 2.5), 0.0)])
+def test_the_cost_of_a_line_is_its_integral(ends, cost):
+    costs = np.zeros((10, 10), np.uint8)
+    costs[3, 2:5], costs[7, 9] = 100, 254
+    table = np.where(np.arange(256) == 254, np.inf, np.where(np.arange(256) == 100, 2.0, 1.0)).astype(np.float32)
+    assert line_cost(costs, table, *ends) == pytest.approx(cost)

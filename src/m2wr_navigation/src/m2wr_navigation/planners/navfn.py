@@ -50,6 +50,11 @@ class Navfn(Planner):
         """Return the cost (256,) float32 of each value."""
         return cost_table(NEUTRAL, self.values.get("cost_factor", FACTOR), self.values["allow_unknown"])
 
+    @property
+    def not_found(self) -> str:
+        """Why there is no path between two places that are connected."""
+        return "the search found no path although start and goal are connected"
+
     def search(self, costmap: Costmap, start: FloatArray, goal: FloatArray, tolerance: float) -> Plan:
         tolerance = max(tolerance, self.values["default_tolerance"])
         table = self.table()
@@ -64,7 +69,7 @@ class Navfn(Planner):
             target = reachable_goal(costmap, table, begin, target, tolerance)
             cells = self.cells(costmap, table, begin, target)
         if cells is None:
-            raise PlanningError("the search found no path although start and goal are connected")
+            raise PlanningError(self.not_found)
         path = np.concatenate([way_out, cells[1:] if len(cells) > 1 else cells])
         return Plan(poses_of(costmap, path, start, goal, target == wanted))
 
