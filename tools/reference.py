@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes docs/reference.md: packages, programs, launch arguments, parameters, topics and services, from the code.
 
+Also writes docs/reference/mapping_constants.md: the tuned constants of the mapper.
+
     tools/reference.py            write it; topics and services are those of the last --graph
     tools/reference.py --graph    start the nodes first and ask them for their topics and services (half a minute)
     tools/reference.py --check    write nothing; exit code 1, and the lines that differ, if it is not what the code says
@@ -27,6 +29,8 @@ from typing import Any, Dict, Iterable, List, Optional, Sequence, Set, Tuple
 
 import yaml
 
+from m2wr_gmapping import tuning_table
+
 #: Name, default and meaning of a parameter.
 Parameter = Tuple[str, Any, str]
 #: {node: {"publishes", "subscribes", "serves": {name: type}}}
@@ -34,6 +38,7 @@ Graph = Dict[str, Dict[str, Dict[str, str]]]
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 TARGET = os.path.join(ROOT, "docs", "reference.md")
+CONSTANTS = os.path.join(ROOT, "docs", "reference", "mapping_constants.md")
 GRAPH = os.path.join(ROOT, "tools", "reference_graph.yaml")
 LAUNCH = os.path.join(ROOT, "test", "rostest", "reference_base.launch")
 HEAD = """# Reference
@@ -327,11 +332,13 @@ def main(arguments: Optional[List[str]] = None) -> int:
     if options.check:
         with open(TARGET, encoding="utf-8") as stream:
             wrong = differences(stream.read(), text, "docs/reference.md")
+        with open(CONSTANTS, encoding="utf-8") as stream:
+            wrong += differences(stream.read(), tuning_table.markdown(), "docs/reference/mapping_constants.md")
         if options.graph:
             wrong += differences(kept, stored, "tools/reference_graph.yaml")
         print("\n".join(wrong + ["run tools/reference.py%s" % (" --graph" if options.graph else "")] if wrong else []))
         return 1 if wrong else 0
-    for path, content in ((TARGET, text), (GRAPH, stored)):
+    for path, content in ((TARGET, text), (GRAPH, stored), (CONSTANTS, tuning_table.markdown())):
         with open(path, "w", encoding="utf-8") as stream:
             stream.write(content)
     return 0

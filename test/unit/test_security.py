@@ -22,7 +22,7 @@ LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xm
 #: Calls that evaluate text, and the files that may use them: on the program's own text, or the user's command line.
 EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
-ALLOWED = {"m2wr_sim/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
+ALLOWED = {"m2wr_node/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
            "m2wr_gmapping/io/state_file.py": "pickle", "m2wr_gmapping/replay/replay_command.py": "shell=True"}
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Tuple, Un
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.backend.loop_closing import LoopCloser
 from m2wr_gmapping.backend.step_history import StepHistory, path_of
 from m2wr_gmapping.filter import resampling
@@ -33,13 +34,8 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import LaserModel, ScanReading
     from m2wr_gmapping.io.saved_map import SavedMap
 
-END_POINT_GAP = 0.04        # closer end points are merged [m]
 LEVEL = (0.0, 0.0)
-PUT_OFF = 2.0               # a tilted scan is processed after this multiple of the motion that makes a scan due
 FARTHEST_ODOMETRY = 1e9     # limit of coordinates: differences of larger ones lose precision [m]
-MIN_SHIFT = 0.01            # the maps are rebuilt if a recalibration moves a node by more [m]
-CONFLICT_NODES = 8          # processed scans that a doubtful scan is compared with
-START_WINDOW = np.array([1.0, 0.5])     # search window around the initial pose on a saved map [m, rad]
 
 
 @dataclass(frozen=True)
@@ -135,7 +131,7 @@ class Mapper:
 
     def reading(self, ranges: ArrayLike) -> ScanReading:
         """Return the ScanReading of one message's ranges (B,) for ``process``; raises ScanError."""
-        return self.laser.reading(ranges, self.config["lskip"], 0.0 if self._plain else END_POINT_GAP)
+        return self.laser.reading(ranges, self.config["lskip"], 0.0 if self._plain else tuning.SCANS.merge_gap)
 
     def process(self, reading: ScanReading, odom_pose: ArrayLike, stamp: float,
                 slope: Tuple[float, float] = LEVEL) -> Update:
@@ -182,7 +178,7 @@ class Mapper:
         if tracker is None:
             pass
         elif self._level.is_tilted(slope, reading.points, distance) and (
-                self._level.is_rocking or not self._due(stamp, share=1.0 / PUT_OFF)):
+                self._level.is_rocking or not self._due(stamp, share=1.0 / tuning.TRACKING.put_off)):
             due = False
         elif due or (self._dense and (moved or self._motion.has_changed(reading))):
             self._motion.remember(reading)
@@ -215,7 +211,8 @@ class Mapper:
         saved : SavedMap
             Its resolution must be the parameter ``delta``.
         start : (3,) float
-            Approximate pose of the centred laser in ``map``. The best match within ``START_WINDOW`` is used.
+            Approximate pose of the centred laser in ``map``. The best match around it is used, within
+            ``start_window`` of ``tuning``.
         reading, odom_pose, stamp
             The first scan, as for ``process``.
 
@@ -232,7 +229,7 @@ class Mapper:
         particles = ParticleFilter(self.config, self._matcher, np.zeros(3))
         particles.begin_on(ground)
         if isinstance(self._matcher, FastMatcher) and reading.beams.shape[1]:
-            pose = self._matcher.search(particles.maps, 0, reading, pose, START_WINDOW)
+            pose = self._matcher.search(particles.maps, 0, reading, pose, tuning.MATCHING.start_window)
         particles.poses[:] = pose
         self.filter, self.given = particles, 1
         self._occupancy = SavedMapOccupancy(saved, self.config["occ_thresh"])
@@ -288,7 +285,7 @@ class Mapper:
             if path is None:
                 path = self.particles.tree.path(self.particles.best)
             distance = np.hypot(path[:, 0] - pose[0], path[:, 1] - pose[1])
-            near = np.argsort(distance, kind="stable")[:CONFLICT_NODES]
+            near = np.argsort(distance, kind="stable")[:tuning.OCCLUSION.scans]
             return conflict_share((pose, reading, path[node], self.readings[node]) for node in near)
         return conflict
 
@@ -328,7 +325,7 @@ class Mapper:
             self._replace_path(self._loops.recalibrate(path))
             return
         corrected = path_of(path[0], self._history.corrected(path))
-        if (np.abs(corrected - path)[:, :2] > MIN_SHIFT).any():
+        if (np.abs(corrected - path)[:, :2] > tuning.CALIBRATION.least_shift).any():
             self._replace_path(corrected)
 
     def _replace_path(self, path: Optional[FloatArray]) -> None:

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.frontend.scan import LaserModel
-from m2wr_gmapping.frontend.tilt_detection import MAX_TILTED_DISTANCE, MEMORY, TiltDetector
+from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.mapper import Mapper
 
 RING = 4.0 * np.stack([np.cos(np.linspace(-1.5, 1.5, 100)), np.sin(np.linspace(-1.5, 1.5, 100))])     # end points [m]
@@ -26,10 +27,11 @@ def test_pitching_is_detected_unless_all_points_are_near():
 
 def test_slope_of_a_ramp_becomes_the_reference():
     watch = TiltDetector(0.05, 10.0)
-    told = [(watch.is_tilted(NOD, RING, 0.1), watch.is_rocking) for _ in range(int(40.0 * MEMORY))]
+    count = int(40.0 * tuning.TRACKING.slope_memory)
+    told = [(watch.is_tilted(NOD, RING, 0.1), watch.is_rocking) for _ in range(count)]
     is_tilted, is_rocking = np.array(told).T
     assert is_tilted[:100].all() and not is_tilted[-10:].any()
-    assert is_rocking.sum() == pytest.approx(MAX_TILTED_DISTANCE / 0.1, abs=1.0) and is_rocking[:5].all()
+    assert is_rocking.sum() == pytest.approx(tuning.TRACKING.tilted_distance / 0.1, abs=1.0) and is_rocking[:5].all()
     assert watch.is_tilted((0.0, 0.0), RING, 0.1)
 
 

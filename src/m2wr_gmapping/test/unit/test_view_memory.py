@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.scan_kernels import profile
-from m2wr_gmapping.frontend.view_memory import CHANGED_SHARE, SECTORS, ViewMemory
+from m2wr_gmapping.frontend.view_memory import SECTORS, ViewMemory
 
 LASER = LaserModel.from_message(-math.pi, math.pi, math.pi / 180, 361, 0.05, 20.0, max_urange=10.0)
 
@@ -43,7 +44,7 @@ def test_carried_robot_is_noticed():
 @pytest.mark.parametrize("share, noticed", [(0.5, False), (1.5, True)])
 def test_people_nearby_are_no_motion(share, noticed):
     reading = room((0.0, 0.0, 0.0))
-    near = np.arange(reading.rays.shape[1]) < share * CHANGED_SHARE * reading.rays.shape[1]
+    near = np.arange(reading.rays.shape[1]) < share * tuning.TRACKING.changed_sectors * reading.rays.shape[1]
     reading.rays[:, near] *= 0.5
     assert changed(reading) == noticed
 

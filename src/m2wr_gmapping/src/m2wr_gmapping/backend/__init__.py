@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Loop closing: place search, pose graph and steps by the newest calibration."""
+from m2wr_gmapping import tuning
+from m2wr_node import kernel_cache
+
+kernel_cache.refresh(__file__, ("kernels.py",), tuning.read_by)

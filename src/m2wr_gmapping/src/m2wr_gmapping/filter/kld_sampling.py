@@ -7,15 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.se2 import wrap
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
-
-BIN = np.array([0.1, 0.1, 0.05])    # size of a bin of poses [m, m, rad]
-ERROR = 0.15                # bound of the Kullback-Leibler distance between sample and distribution
-QUANTILE = 2.326            # quantile of the normal distribution for 99 %
-CHANGED = 0.2               # relative change of the number that triggers a resampling
 
 
 def needed(poses: FloatArray, best: int) -> int:
@@ -34,11 +30,12 @@ def needed(poses: FloatArray, best: int) -> int:
     """
     away = poses - poses[best]
     away[:, 2] = wrap(away[:, 2])
-    free = len(np.unique(np.rint(away / BIN).astype(np.int64), axis=0)) - 1
+    free = len(np.unique(np.rint(away / tuning.PARTICLES.bin).astype(np.int64), axis=0)) - 1
     if not free:
         return 1
     part = 2.0 / (9.0 * free)
-    return math.ceil(free / (2.0 * ERROR) * (1.0 - part + math.sqrt(part) * QUANTILE)**3)
+    return math.ceil(free / (2.0 * tuning.PARTICLES.kld_error)
+                     * (1.0 - part + math.sqrt(part) * tuning.PARTICLES.kld_quantile)**3)
 
 
 def next_count(poses: FloatArray, best: int, least: int, most: int) -> int:
@@ -57,4 +54,5 @@ def next_count(poses: FloatArray, best: int, least: int, most: int) -> int:
     """
     count = len(poses)
     wanted = min(max(needed(poses, best), least), most)
-    return wanted if abs(wanted - count) > CHANGED * count or not least <= count <= most else count
+    much = abs(wanted - count) > tuning.PARTICLES.changed_count * count
+    return wanted if much or not least <= count <= most else count

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.se2 import compose
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from m2wr_gmapping.array_types import FloatArray, Vector
-
-CROSS = 0.3     # share of the noise along a direction that motion across it adds
 
 
 @dataclass(frozen=True)
@@ -34,9 +33,10 @@ class MotionNoise:
     def deviations(self, step: Vector) -> FloatArray:
         """Return the standard deviations (3,) of a step (3,) x, y, theta, in the frame where the step starts."""
         dx, dy, turn = abs(step[0]), abs(step[1]), abs(step[2])
+        cross = tuning.ODOMETRY.cross
         return np.array([
-            self.trans_trans * dx + self.trans_rot * turn + CROSS * self.trans_trans * dy,
-            self.trans_trans * dy + self.trans_rot * turn + CROSS * self.trans_trans * dx,
+            self.trans_trans * dx + self.trans_rot * turn + cross * self.trans_trans * dy,
+            self.trans_trans * dy + self.trans_rot * turn + cross * self.trans_trans * dx,
             self.rot_rot * turn + self.rot_trans * math.hypot(dx, dy)])
 
 

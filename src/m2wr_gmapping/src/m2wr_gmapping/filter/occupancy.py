@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, Sequence, Tuple
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.filter.occupancy_kernels import CELLS, SIDE, UNKNOWN, add_scan, read_out
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 PATCH = SIDE            # width of a patch [cells]; the grid consists of whole patches
 FIRST_BLOCKS = 64
 GROWTH = 10.0           # a crossed side moves this far beyond the end point [m]
-SAME_CELLS, SAME_TURN = 0.3, 0.002      # smaller changes of a pose are not traced again [cells, rad]
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,8 @@ class Occupancy:
         """
         nodes = np.asarray(path, float)
         known = min(len(self._poses), len(nodes))
-        limit = 0.0 if exact else np.array([SAME_CELLS * self._resolution, SAME_CELLS * self._resolution, SAME_TURN])
+        near = tuning.PARTICLES.same_cells * self._resolution
+        limit = 0.0 if exact else np.array([near, near, tuning.PARTICLES.same_turn])
         kept = (np.abs(nodes[:known] - self._poses[:known]) <= limit).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # faster to start from an empty map

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Optional, Sequence, Union
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.filter import filter_kernels as kernels
 from m2wr_gmapping.filter import resampling
 from m2wr_gmapping.filter.kld_sampling import next_count
@@ -14,7 +15,6 @@ from m2wr_gmapping.filter.motion_model import sample_motion
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.filter.trajectory import TrajectoryTree
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.information_kernels import DEPENDENT
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
 
     Matcher = Union[FastMatcher, HillClimbMatcher]
-
-FROZEN_HITS = 20            # the mean of so many hits is accurate to a few millimetres
-POSE_FLOOR = np.array([0.001, 0.001, 0.0005])       # least standard deviation of a proposal [m, m, rad]
-DRAWN = 0.3                 # share of a draw that is used
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -74,7 +70,8 @@ class ParticleFilter:
         self.poses = np.tile(np.asarray(start, float), (count, 1))
         self.log_weights, self.weight_sums = np.zeros(count), np.zeros(count)
         self.weights = np.full(count, 1.0 / count)
-        self.maps = TileMaps(count, config["delta"], NEVER if config["compatible"] else FROZEN_HITS)
+        self.maps = TileMaps(count, config["delta"], NEVER if config["compatible"] else
+                             tuning.PARTICLES.frozen_hits)
         self.tree = TrajectoryTree(count)
         self.resamplings = 0
 
@@ -132,8 +129,8 @@ class ParticleFilter:
             self.weight_sums += rows[:, mk.LOG_LIKELIHOOD]
             poses[:] = rows[:, :3]
         else:
-            kernels.draw(rows, np.maximum(sample, POSE_FLOOR), self.normals(), DRAWN, DEPENDENT, self.weight_sums,
-                         poses)
+            kernels.draw(rows, np.maximum(sample, tuning.PARTICLES.pose_floor), self.normals(),
+                         tuning.PARTICLES.drawn, tuning.MATCHING.dependent, self.weight_sums, poses)
         self.poses, self.weights = poses, np.empty(self.count)
         kernels.weigh(rows, mk.LOG_LIKELIHOOD, self._gain * self.count, self.log_weights, self.weights)
         return rows

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.se2 import wrap
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
-
-FLOOR = np.square([0.01, 0.01, 0.005])      # resolution of a grid map [m^2, m^2, rad^2]
 
 
 def covariance(poses: FloatArray, weights: FloatArray, best: int) -> FloatArray:
@@ -28,4 +27,4 @@ def covariance(poses: FloatArray, weights: FloatArray, best: int) -> FloatArray:
     """
     away = poses - poses[best]
     away[:, 2] = wrap(away[:, 2])
-    return np.einsum("n,ni,nj->ij", weights, away, away) + np.diag(FLOOR)
+    return np.einsum("n,ni,nj->ij", weights, away, away) + np.diag(np.square(tuning.PARTICLES.covariance_floor))

@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scans and their matching with a map: from ranges to the pose of the newest scan."""
+from m2wr_gmapping import tuning
+from m2wr_node import kernel_cache
+
+kernel_cache.refresh(__file__, ("kernels.py", "track.py"), tuning.read_by)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.track import (
     DISTANCE,
     DRIFT,
@@ -30,9 +31,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.track import Calibration
 
-MATCH_CORRELATION = 4.0     # errors of successive matches are correlated: so many count as one
-#: Squared Mahalanobis distance of an outlier: 99.99 % of chi-squared with 3 degrees of freedom.
-OUTLIER = 21.1
+MATCH_CORRELATION, OUTLIER = tuning.CALIBRATION.correlation, tuning.CALIBRATION.outlier
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 from numba import njit
 
+from m2wr_gmapping import tuning
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
 
@@ -19,7 +21,7 @@ SHIFT, MASK = 4, 15
 UNIT = 1.0 / 65535
 LSTEP, ASTEP, ITERATIONS, SIGMA, LSIGMA, KERNEL, MIN_SCORE = 0, 1, 2, 3, 4, 5, 6
 SCORE, LOG_LIKELIHOOD, FOUND = 3, 4, 5
-NULL_DISTANCE2 = 0.5
+NULL_DISTANCE2 = tuning.MATCHING.null_distance2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

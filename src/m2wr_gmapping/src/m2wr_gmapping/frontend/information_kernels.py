@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.pose_kernels import between, compose
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 INFORMATION = 7             # first column of the information in a result row
-NORMAL_VARIANCE = 0.085     # of the angle of a surface normal that is fitted to noisy end points [rad^2]
-DEPENDENT = 10.0            # errors of beams are correlated: so many beams count as one
+NORMAL_VARIANCE, DEPENDENT = tuning.MATCHING.normal_variance, tuning.MATCHING.dependent
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

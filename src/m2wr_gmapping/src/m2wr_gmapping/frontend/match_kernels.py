@@ -28,6 +28,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping import tuning
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Int32Array, Uint8Array, Uint16Array
 
@@ -42,9 +44,8 @@ LANES, PAIR_ROWS = 128, 18
 PAIRS = LANES * PAIR_ROWS
 _QY, _NX, _NY, _ARM_N, _ARM_T, _SLIDE, _TX, _TY, _T0, _T1, _T2, _T3, _T4, _T5, _T6, _T7, _T8 = (
     np.uint64(LANES * row) for row in range(1, PAIR_ROWS))
-STEP_LIMIT, CONVERGED = 0.15, 1e-3
-STEPS_A_ROUND = 2       # Gauss-Newton steps between two searches for partners
-NULL_DISTANCE2 = 0.5    # squared distance of a beam without a partner, for the likelihood
+STEP_LIMIT, CONVERGED = tuning.MATCHING.basin, tuning.MATCHING.converged
+STEPS_A_ROUND, NULL_DISTANCE2 = tuning.MATCHING.steps_a_round, tuning.MATCHING.null_distance2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Callable, Optional, Protocol, Tuple
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.filter.tile_kernels import draw_field, tiles_around
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
-from m2wr_gmapping.frontend.scan import SLIDE_STRAIGHT
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
@@ -25,25 +25,10 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Request
     from m2wr_gmapping.workers import Workers
 
-WIDE, NARROW = 0.05, 0.01       # squared widths of the robust kernel, first and last [m^2]
-ROUNDS, PARTICLE_ROUNDS = 8, 6    # searches for partners, for a pose from odometry and for a tracked one
-SPREAD = 0.05                   # standard deviation of one beam for the information matrix [m]
-SEARCH_BEAMS = 60               # beams used by the window search
-SEARCH_REACH = 12.0             # farther end points are not used in the window search [m]
-SEARCH_STEP = 0.08              # step of the window search [m]
-SEARCH_PENALTY = 0.06           # penalty on the mean score of a beam at the edge of the window
-WINDOW_DEVIATIONS = 3.0         # half width of the search, in standard deviations of odometry
-WINDOW_LEAST = np.array([0.1, 0.1])     # a smaller window needs no search: the match converges [m, rad]
-WINDOW_MOST = np.array([0.8, 0.9])      # limit for the time of a search [m, rad]
-PULL = 9.0                      # squared Mahalanobis distance from odometry above which a match is doubted
-SLIP_DEVIATIONS = 2.0           # half width of the search after a slip, in standard deviations of a slip
-SLIP_CONTINUES = 0.05       # difference from odometry that indicates a slip before this scan [m, rad]
-SLIP_COST = 6.0                 # negative logarithm of the probability of a slip
-#: Search if the scan contradicts older ones wherever odometry may be: wheels may miss any rotation on the spot.
-TURN_SECTORS, TURN_WINDOW = 8, np.array([0.6, math.pi / 8])     # number; half width of one [m, rad]
+NARROW = tuning.MATCHING.narrow
+WINDOW_MOST = np.array(tuning.MATCHING.search_most)
+TURN_WINDOW = np.array([tuning.SLIPS.sector_window, math.pi / tuning.SLIPS.sectors])    # [m, rad]
 NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
-GOOD_SHARE = 0.8                # share of the beams below whose score a match is compared with older scans
-MINIMUM_SCORE_CAP = 0.5         # share of the beams; most good matches do not reach a higher minimumScore
 
 
 class Beams(Protocol):
@@ -66,12 +51,14 @@ class FastMatcher:
     def __init__(self, config: GmappingConfig, workers: Workers) -> None:
         self._workers = workers
         self._settings = np.zeros(mk.MATCH_SETTINGS)
-        self._settings[mk.WIDE], self._settings[mk.NARROW] = WIDE, NARROW
-        self._settings[mk.ROUNDS], self._settings[mk.SPREAD] = ROUNDS, SPREAD
+        self._settings[mk.WIDE], self._settings[mk.NARROW] = tuning.MATCHING.wide, NARROW
+        self._settings[mk.ROUNDS] = tuning.MATCHING.rounds
+        self._settings[mk.SPREAD] = tuning.MATCHING.beam_deviation
         self._settings[mk.SIGMA], self._settings[mk.LSIGMA] = config["sigma"], config["lsigma"]
-        self._settings[mk.FREE] = SLIDE_STRAIGHT
+        self._settings[mk.FREE] = tuning.SCANS.slide
         self._particle_settings = self._settings.copy()
-        self._particle_settings[mk.WIDE], self._particle_settings[mk.ROUNDS] = NARROW, PARTICLE_ROUNDS
+        self._particle_settings[mk.WIDE] = NARROW
+        self._particle_settings[mk.ROUNDS] = tuning.MATCHING.particle_rounds
 
     def match(self, maps: TileMaps, reading: ScanReading, starts: FloatArray, predictions: FloatArray,
               prior: FloatArray, minimum_score: float) -> FloatArray:
@@ -98,7 +85,7 @@ class FastMatcher:
             Result rows of ``match_kernels``.
         """
         results, beams = np.empty((len(starts), mk.RESULT_SIZE)), reading.beams
-        least = min(minimum_score, MINIMUM_SCORE_CAP * beams.shape[1])
+        least = min(minimum_score, tuning.MATCHING.score_cap * beams.shape[1])
         table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._particle_settings
 
         def work(first: int, last: int) -> None:
@@ -178,30 +165,32 @@ class FastMatcher:
         row = self._fused(maps, particle, reading, ask.start, expected, inverse)
         best, pull = tk.cost_of(row, expected, variances)
         if long:
-            window = np.minimum(WINDOW_DEVIATIONS * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
-            if (window > WINDOW_LEAST).any():
+            window = np.minimum(tuning.MATCHING.certain * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
+            if (window > tuning.MATCHING.search_least).any():
                 found = self.search(maps, particle, reading, expected, window)
                 other = self._fused(maps, particle, reading, found, expected, inverse)
                 cost, other_pull = tk.cost_of(other, expected, variances)
                 if cost < best:
                     row, best, pull = other, cost, other_pull
-        good, denied = GOOD_SHARE * reading.beams.shape[1], 0.0
+        good, denied = tuning.MATCHING.good_share * reading.beams.shape[1], 0.0
         if row[mk.SCORE] < good:        # in an unknown area, or contradicted
             denied = conflict(row[:3])
-        if denied <= MOST_CONFLICT and pull < PULL:
+        if denied <= MOST_CONFLICT and pull < tuning.MATCHING.certain**2:
             return row, NO_SLIP
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
-        plain, wide = row[:3], np.square(window / SLIP_DEVIATIONS)[[0, 0, 1]]
+        plain, wide = row[:3], np.square(window / tuning.SLIPS.deviations)[[0, 0, 1]]
         # a continuous slip has already moved the start pose
-        for centre in (expected, start) if np.abs(between(expected, start)).max() > SLIP_CONTINUES else (expected,):
+        continues = np.abs(between(expected, start)).max() > tuning.SLIPS.continues
+        for centre in (expected, start) if continues else (expected,):
             for begin in (plain, self.search(maps, particle, reading, centre, window)):
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
-                cost = tk.cost_of(other, centre, wide)[0] + SLIP_COST
+                cost = tk.cost_of(other, centre, wide)[0] + tuning.SLIPS.cost
                 if cost < best:
                     row, best, slip = other, cost, SLIP
         if denied > MOST_CONFLICT and row[mk.SCORE] < good:
-            turned = self._turned(maps, particle, reading, expected, conflict,
-                                  best - SLIP_COST - math.log(math.pi / window[1]), max(MOST_CONFLICT, 0.5 * denied))
+            least_cost = best - tuning.SLIPS.cost - math.log(math.pi / window[1])
+            turned = self._turned(maps, particle, reading, expected, conflict, least_cost,
+                                  max(MOST_CONFLICT, 0.5 * denied))
             if turned is not None:
                 return turned, LARGE_SLIP
         return row, slip
@@ -214,10 +203,10 @@ class FastMatcher:
         Many rooms look alike after a quarter or half a turn, so each sector of directions has a candidate. Its cost
         must be below ``least_cost`` and its conflict at most ``most_conflict``.
         """
-        found, good = None, GOOD_SHARE * reading.beams.shape[1]
-        variances = np.square(TURN_WINDOW / SLIP_DEVIATIONS)[[0, 0, 1]]
-        for k in range(TURN_SECTORS):
-            centre = expected + [0.0, 0.0, 2.0 * math.pi * k / TURN_SECTORS]
+        found, good = None, tuning.MATCHING.good_share * reading.beams.shape[1]
+        variances = np.square(TURN_WINDOW / tuning.SLIPS.deviations)[[0, 0, 1]]
+        for k in range(tuning.SLIPS.sectors):
+            centre = expected + [0.0, 0.0, 2.0 * math.pi * k / tuning.SLIPS.sectors]
             begin = self.search(maps, particle, reading, centre, TURN_WINDOW)
             row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
             cost = tk.cost_of(row, centre, variances)[0]
@@ -249,19 +238,19 @@ class FastMatcher:
         """
         beams = reading.beams
         reach = np.hypot(beams[mk.QX], beams[mk.QY])
-        turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
-        turns = np.stack([turns, SEARCH_PENALTY * np.square(turns / window[1])], -1)
-        squares = _squares(int(np.ceil(window[0] / SEARCH_STEP)))
+        turns = _outwards(window[1], tuning.MATCHING.search_step / max(float(reach.mean()), 1.0))
+        turns = np.stack([turns, tuning.MATCHING.search_penalty * np.square(turns / window[1])], -1)
+        squares = _squares(int(np.ceil(window[0] / tuning.MATCHING.search_step)))
         offsets = squares.copy()
-        offsets[:, 2] = SEARCH_PENALTY * squares[:, 2] / window[0]**2
+        offsets[:, 2] = tuning.MATCHING.search_penalty * squares[:, 2] / window[0]**2
         farthest = float(offsets[-1, :2].max())
-        half = int((min(float(reach.max()), SEARCH_REACH) + farthest) * maps.frame[2]) + 3
+        half = int((min(float(reach.max()), tuning.MATCHING.search_reach) + farthest) * maps.frame[2]) + 3
         corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half
         field = np.empty((2 * half + 1, 2 * half + 1), np.uint8)
-        stride = max(1, beams.shape[1] // SEARCH_BEAMS)
+        stride = max(1, beams.shape[1] // tuning.MATCHING.search_beams)
         wanted = np.zeros(maps.table.shape[1:], bool)
         tiles_around(prediction, float(turns[-1, 0]), len(turns) // 2, beams, stride, farthest, maps.frame, wanted)
-        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, WIDE, wanted, field)
+        draw_field(maps.table[particle], maps.mean, maps.hits, maps.frame, corner, tuning.MATCHING.wide, wanted, field)
         best = np.empty(4)
         search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
                       maps.frame[2], field, best)
@@ -277,7 +266,7 @@ def _outwards(half_width: float, step: float) -> FloatArray:
 @functools.lru_cache(maxsize=16)
 def _squares(count: int) -> FloatArray:
     """Return x, y and squared length of the offsets within ``count`` steps, from the centre outwards; read only."""
-    steps = _outwards(count * SEARCH_STEP, SEARCH_STEP)
+    steps = _outwards(count * tuning.MATCHING.search_step, tuning.MATCHING.search_step)
     offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     squared = np.square(offsets).sum(axis=1)
     return np.column_stack([offsets, squared])[np.argsort(squared, kind="stable")]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import List, Mapping, Sequence, Set
 
-DEVIATIONS = 3.0                # a difference of that many standard deviations is no chance
-LEAST_YAW = math.radians(0.3)   # smaller differences bend a path by less than 1 cm in 2 m [rad]
-LEAST_OFFSET = 0.02             # less than half a cell of the usual map [m]
+from m2wr_gmapping import tuning
+
+LEAST_YAW, LEAST_OFFSET = math.radians(tuning.CALIBRATION.told_yaw), tuning.CALIBRATION.told_offset    # [rad], [m]
 
 
 class MountCheck:
@@ -49,7 +49,7 @@ class MountCheck:
         """Return whether one of the named values is certain to differ, for the first time."""
         if not calibration or what in self._told:
             return False
-        differs = any(abs(calibration[name]) > max(least, DEVIATIONS * calibration[name + "_deviation"])
+        differs = any(abs(calibration[name]) > max(least, tuning.MATCHING.certain * calibration[name + "_deviation"])
                       for name in names)
         if differs:
             self._told.add(what)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Iterable, Tuple
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.occlusion_kernels import passed_through
 from m2wr_gmapping.se2 import between
 
@@ -11,9 +12,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.scan import ScanReading
 
-OCCLUSION_MARGIN = 0.4      # a ray conflicts with a surface if it ends this much behind it [m]
-MOST_CONFLICT = 0.15        # greatest share of end points in conflict at a right pose: people, glass, thin posts
-FARTHEST_GAP = 2.5          # beams farther apart than this, in median gaps, have an unknown area between them
+MOST_CONFLICT = tuning.OCCLUSION.most_conflict
 
 
 def conflict_share(pairs: Iterable[Tuple[FloatArray, ScanReading, FloatArray, ScanReading]]) -> float:
@@ -35,6 +34,7 @@ def conflict_share(pairs: Iterable[Tuple[FloatArray, ScanReading, FloatArray, Sc
     for here, reading, there, other in pairs:
         for eye, seen, rays, points in ((here, there, reading.rays, other.points),
                                         (there, here, other.rays, reading.points)):
-            a, b = passed_through(rays, tuple(between(eye, seen)), points, OCCLUSION_MARGIN, FARTHEST_GAP)
+            a, b = passed_through(rays, tuple(between(eye, seen)), points, tuning.OCCLUSION.margin,
+                                  tuning.OCCLUSION.gap)
             through, total = through + a, total + b
     return through / max(1, total)

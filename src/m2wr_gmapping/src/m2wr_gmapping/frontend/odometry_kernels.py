@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Tuple
 
 from numba import njit
 
+from m2wr_gmapping import tuning
+
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise
 
-CROSS = 0.3                 # share of the noise along a direction that motion across it adds
-MIN_DEVIATION = 0.004       # standard deviation of a step of length 0 [m] or [rad]
-MIN_DEVIATION_SHARE = 0.005     # its growth with distance and rotation
-MEMORY, FIRST_MEMORY = 10.0, 1.0    # memory of the scale [steps]; weight of the user's parameters [steps]
-MAX_ERROR_RATIO = 9.0       # greatest ratio of squared error to expectation
-MIN_SCALE_INFORMATION = 0.01    # a scan with less information changes no scale
-MIN_SCALE, MAX_SCALE = 0.1, 30.0    # of the scale
+CROSS = tuning.ODOMETRY.cross
+MIN_DEVIATION, MIN_DEVIATION_SHARE = tuning.ODOMETRY.floor, tuning.ODOMETRY.floor_share
+MEMORY, FIRST_MEMORY = tuning.ODOMETRY.memory, tuning.ODOMETRY.first_memory
+MAX_ERROR_RATIO = tuning.MATCHING.certain**2        # greatest ratio of squared error to expectation
+MIN_SCALE_INFORMATION = tuning.ODOMETRY.least_information
+MIN_SCALE, MAX_SCALE = tuning.ODOMETRY.least_scale, tuning.ODOMETRY.greatest_scale
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Optional, Tuple
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.scan_kernels import classify_ranges, with_normals
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 FARTHEST = 1000.0           # limit for drivers that send a huge or infinite range_max [m]
 TILT_TOLERANCE = 1e-3       # of the cosine between the laser's axis and the vertical
-NORMAL_REACH, NORMAL_SIDE = 0.3, 4
-SLIDE_STRAIGHT = 0.02       # weight of the tangential residual at a straight wall
 
 
 class ScanError(ValueError):
@@ -256,7 +255,8 @@ class ScanReading:
         self.points, self.rays, self.ray_hits = points[:, :count].copy(), rays[:, :seen].copy(), ray_hits[:seen].copy()
         # of the merged points: neighbouring beams on a close wall are closer together than their noise
         beams = np.empty((mk.BEAM_ROWS, count))
-        with_normals(self.points, NORMAL_REACH, NORMAL_SIDE, min(laser.limits[2:]), SLIDE_STRAIGHT, beams)
+        with_normals(self.points, tuning.SCANS.normal_reach, tuning.SCANS.normal_side, min(laser.limits[2:]),
+                     tuning.SCANS.slide, beams)
         self.beams = np.ascontiguousarray(beams[:, used[:count]]) if skip else beams
 
     def level_part(self, slope: Vector, lift: float) -> ScanReading:

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping import tuning
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
 
-SPARSE, SPARSE_MOST = 1.6, 1.0       # reach in distances of the nearest neighbour; its maximum [m]
-STRAIGHT, CROOKED = 0.15, 0.4       # spread across the line over spread along it: of a noisy wall, and of a corner
+SPARSE, SPARSE_MOST = tuning.SCANS.sparse_ratio, tuning.SCANS.sparse_reach
+STRAIGHT, CROOKED = tuning.SCANS.straight, tuning.SCANS.crooked
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

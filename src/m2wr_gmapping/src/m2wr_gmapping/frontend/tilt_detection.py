@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING, Tuple
 
 import numpy as np
 
+from m2wr_gmapping import tuning
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.frontend.scan import ScanReading
-
-TILTED_SHARE = 0.3          # share of end points that are too high or too low
-MAX_TILTED_DISTANCE = 1.0                 # a driving robot that pitches is level again within this distance [m]
-MAX_SLOPE = 0.2              # steeper than any ramp: the robot has tipped over or leans on a wall [m/m]
-MEMORY = 10.0               # distance in which the reference slope adapts: to a ramp, or to a mounting error [m]
 
 
 class TiltDetector:
@@ -67,12 +64,12 @@ class TiltDetector:
         is_tilted = False
         if (more_x or more_y) and points.shape[1]:
             lifted = np.abs(more_x * points[0] + more_y * points[1]) > self._lift
-            is_tilted = float(lifted.mean()) > TILTED_SHARE
-        tipped = math.hypot(slope[0], slope[1]) > MAX_SLOPE
+            is_tilted = float(lifted.mean()) > tuning.TRACKING.tilted_share
+        tipped = math.hypot(slope[0], slope[1]) > tuning.TRACKING.steepest
         self._tilted_distance = self._tilted_distance + distance if is_tilted and not tipped else 0.0
-        self.is_rocking = is_tilted and self._tilted_distance < MAX_TILTED_DISTANCE
+        self.is_rocking = is_tilted and self._tilted_distance < tuning.TRACKING.tilted_distance
         if not self.is_rocking:
-            share = 1.0 - math.exp(-distance / MEMORY)
+            share = 1.0 - math.exp(-distance / tuning.TRACKING.slope_memory)
             self._reference = usual_x + more_x * share, usual_y + more_y * share
         self._is_tilted = is_tilted
         return is_tilted

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping import tuning
+
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.filter.motion_model import MotionNoise
@@ -15,12 +17,10 @@ if TYPE_CHECKING:
 #: of the laser relative to the centre of rotation x, y [m] and its yaw [rad], all as corrections of what is given.
 DISTANCE, ROTATION, DRIFT, MOUNT_X, MOUNT_Y, MOUNT_YAW, PARAMETERS = 0, 1, 2, 3, 4, 5, 6
 NAMES = "distance", "rotation", "drift", "laser_x", "laser_y", "laser_yaw"
-#: Standard deviations before the first scan. Wheels: a few per cent, as of a robot that was measured with a ruler.
-#: Mount: a laser that was screwed on by eye. The x offset is larger, because odometry may report a point that is not on
-#: the axle.
-CALIBRATION_PRIOR = np.array([0.03, 0.03, 0.03, 0.1, 0.05, 0.0175])
-#: Growth of the variance per metre as a share of the prior's: tyres and floors change, mounts do not.
-CALIBRATION_CHANGE = np.array([1.0 / 300.0, 0.0, 1.0 / 300.0, 0.0, 0.0, 0.0])
+#: Standard deviations before the first scan.
+CALIBRATION_PRIOR = np.array(tuning.CALIBRATION.prior)
+#: Growth of the variance per distance as a share of the prior's [1/m]: wheels change, mounts do not.
+CALIBRATION_CHANGE = tuning.CALIBRATION.change * np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 class Calibration(NamedTuple):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Tuple
 import numpy as np
 from numba import njit
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.calibration_kernels import (
     corrected_step,
     drift,
@@ -39,13 +40,12 @@ if TYPE_CHECKING:
 
 COST, INFORMATION = 6, 7
 
-STATIONARY = 0.005, 0.005, 0.005            # scans closer to the last matched one are not matched [m, m, rad]
-LONG_STEP = 0.15, 0.15, 0.1                 # after such a step a match may converge to a wrong pose [m, m, rad]
-SLIP_FLOOR, SLIP_SHARE = (0.2, 0.3), 0.4    # search window of a slip [m, rad]; growth with the step
-SLIP_DISTANCE = 0.15, 0.1                   # a slip is accepted if it persists over this motion [m, rad]
-SLIP_OBSERVATIONS = 20                      # or over this number of scans
-SLIP_TOLERANCE = 0.1, 0.1, 0.1              # and changes by at most this from scan to scan [m, m, rad]
-SLIP_LEFT = 0.05**2, 0.05**2, 0.03**2       # variance of odometry after a slip [m^2, m^2, rad^2]
+STATIONARY = (tuning.TRACKING.stationary,) * 3
+LONG_STEP = tuning.MATCHING.basin, tuning.MATCHING.basin, tuning.MATCHING.basin_turn
+SLIP_FLOOR, SLIP_SHARE = tuning.SLIPS.window, tuning.SLIPS.window_share
+SLIP_DISTANCE, SLIP_OBSERVATIONS = tuning.SLIPS.confirm_motion, tuning.SLIPS.confirm_scans
+SLIP_TOLERANCE = (tuning.SLIPS.tolerance,) * 3
+SLIP_LEFT = tuple(deviation**2 for deviation in tuning.SLIPS.left)      # [m^2, m^2, rad^2]
 
 
 # ---- between processed scans

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.scan_kernels import profile
 
 if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
 
 SECTORS = 36                # of a full circle: a laser that turns by a sector is noticed
-CHANGE = 0.15               # of the mean range of a sector: several times the noise of the mean [m]
-CHANGED_SHARE = 0.3         # share of the sectors: more than people nearby hide, less than any rotation changes
 
 
 class ViewMemory:
@@ -32,5 +31,6 @@ class ViewMemory:
     def has_changed(self, reading: ScanReading) -> bool:
         """Return whether a scan differs clearly from the remembered one."""
         profile(reading.rays, self._now)
-        changed, present = np.abs(self._now - self._seen) > CHANGE, (self._now > 0.0) | (self._seen > 0.0)
-        return bool(np.count_nonzero(changed) > CHANGED_SHARE * np.count_nonzero(present))
+        changed = np.abs(self._now - self._seen) > tuning.TRACKING.sector_change
+        present = (self._now > 0.0) | (self._seen > 0.0)
+        return bool(np.count_nonzero(changed) > tuning.TRACKING.changed_sectors * np.count_nonzero(present))

@@ -3,7 +3,7 @@
 
 It works on one block of memory, see step_layout.  The symbols of libode must be known to the compiler before this
 module is imported; see native_ode.publish_symbols.  Kernels may call those of other modules of this folder: after a
-change in one of them all are compiled again, see :mod:`m2wr_sim.kernel_cache`.
+change in one of them all are compiled again, see :mod:`m2wr_node.kernel_cache`.
 """
 from __future__ import annotations
 

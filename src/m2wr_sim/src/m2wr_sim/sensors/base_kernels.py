@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions that the kernels of this package share: compilation, arc tangent, rotations.
 
-After a change here all kernels of the package are compiled again, see :mod:`m2wr_sim.kernel_cache`.
+After a change here all kernels of the package are compiled again, see :mod:`m2wr_node.kernel_cache`.
 """
 from __future__ import annotations
 

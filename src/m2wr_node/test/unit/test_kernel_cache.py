@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from m2wr_sim import kernel_cache
+from m2wr_node import kernel_cache
 
 numba = pytest.importorskip("numba", reason="without numba there are no compiled kernels")
 
@@ -46,6 +46,16 @@ def test_a_change_beside_the_kernels_drops_them_and_only_them(folder, name, text
     assert (folder / "__pycache__" / "kernels.cpython-311.pyc").exists()
     fill(folder)
     kernel_cache.refresh(str(folder / "__init__.py"))
+    assert len(cached(folder)) == 2
+
+
+def test_a_changed_value_from_elsewhere_drops_the_kernels(folder):
+    for size, kept in ((1, 0), (1, 2), (2, 0)):
+        kernel_cache.refresh(str(folder / "__init__.py"), ("kernels.py",), lambda source, size=size: {"SIZE": size})
+        assert len(cached(folder)) == kept
+        fill(folder)
+    (folder / "numbers.py").write_text("# a module that does not count\n")
+    kernel_cache.refresh(str(folder / "__init__.py"), ("kernels.py",), lambda source: {"SIZE": 2})
     assert len(cached(folder)) == 2
 
 
@@ -91,7 +101,7 @@ def test_a_kernel_is_compiled_again_when_a_callee_changes(tmp_path):
     """In separate processes: a stale kernel, which numba itself would use, is not used."""
     package = tmp_path / "work"
     package.mkdir()
-    (package / "__init__.py").write_text("from m2wr_sim import kernel_cache\nkernel_cache.refresh(__file__)\n")
+    (package / "__init__.py").write_text("from m2wr_node import kernel_cache\nkernel_cache.refresh(__file__)\n")
     (package / "kernels.py").write_text("from numba import njit\nfrom work.inner import inner\n\n\n"
                                         "@njit(cache=True)\ndef outer():\n    return inner()\n")
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(tmp_path)] + sys.path), NUMBA_DISABLE_JIT="0",

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from typing import Any, Dict, Optional
+from typing import Any, Callable, Dict, Optional, Tuple
 
 try:
     from numba import njit
@@ -23,26 +23,40 @@ except ImportError:             # without numba no kernel is compiled
 _STAMP = "kernels.sha1"
 
 
-def refresh(path: str) -> None:
+def _nothing(source: str) -> object:
+    """Return the same for every source text."""
+    return None
+
+
+def refresh(path: str, endings: Tuple[str, ...] = (".py",), further: Callable[[str], object] = _nothing) -> None:
     """Delete the cached kernels of the folder that contains the file ``path`` if a module in it has changed.
 
     A package of kernels calls this when it is imported, before it imports a kernel.  numba stores compiled kernels
     beside the modules, or in a folder of the user if the former cannot be written.  Changes are found by a checksum and
     not by dates, because an installation may keep the dates of the files that it copies.
+
+    Parameters
+    ----------
+    path : str
+        File of the package.
+    endings : tuple of str
+        Ends of the names of the modules that count: kernels, and what kernels import from this folder.
+    further : callable
+        Returns for the source text of such a module what else its kernels depend on, with a ``repr`` of its own.
     """
     if njit is None:
         return
     folder = os.path.dirname(os.path.abspath(path))
     digest = hashlib.sha1()
     try:
-        modules = sorted(name for name in os.listdir(folder) if name.endswith(".py"))
+        modules = sorted(name for name in os.listdir(folder) if name.endswith(endings))
         cache = _place(os.path.join(folder, modules[0])) if modules else None
         if cache is None:
             return
         for name in modules:
-            digest.update(name.encode())
-            with open(os.path.join(folder, name), "rb") as stream:
-                digest.update(stream.read())
+            with open(os.path.join(folder, name), encoding="utf-8") as stream:
+                source = stream.read()
+            digest.update(repr((name, source, further(source))).encode())
         stamp, now = os.path.join(cache, _STAMP), digest.hexdigest()
         if _read(stamp) == now:
             return
@@ -56,7 +70,7 @@ def refresh(path: str) -> None:
         with open(stamp + ".%d" % os.getpid(), "w") as stream:
             stream.write(now)
         os.replace(stamp + ".%d" % os.getpid(), stamp)
-    except OSError:
+    except (OSError, UnicodeError):
         return
 
 

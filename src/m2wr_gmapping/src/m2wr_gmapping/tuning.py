@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tuned constants of the mapper, each with its unit, its meaning and the source of its value.
+
+A constant is here if another value would give another map and if data or taste decide about it. Indices, layouts,
+buffer sizes, file formats and limits of input stay where they are used. Users' parameters are in ``config``.
+
+Modules read ``tuning.MATCHING.narrow``. Compiled kernels need plain numbers, so a module of kernels assigns the values
+that it uses to names of its own when it is imported.
+"""
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, fields
+from typing import Any, Dict, Iterator, NamedTuple, Tuple
+
+#: A value may be one number or a tuple with one unit per component.
+Vector2 = Tuple[float, float]
+Vector3 = Tuple[float, float, float]
+Vector6 = Tuple[float, float, float, float, float, float]
+
+UNKNOWN = "not recorded"
+
+
+class Constant(NamedTuple):
+    """One tuned constant.
+
+    Attributes
+    ----------
+    group, name : str
+        Such as MATCHING and narrow.
+    value : float, int or tuple
+    unit : str
+        1 for numbers without one; of tuples all units, separated by commas.
+    meaning, source : str
+    """
+
+    group: str
+    name: str
+    value: Any
+    unit: str
+    meaning: str
+    source: str
+
+
+def tuned(value: Any, unit: str, meaning: str, source: str) -> Any:
+    """Return the field of a tuned constant.
+
+    Parameters
+    ----------
+    value : float, int or tuple
+    unit, meaning, source : str
+        See ``Constant``.
+    """
+    return field(default=value, metadata=dict(unit=unit, meaning=meaning, source=source))
+
+
+@dataclass(frozen=True)
+class Scans:
+    """End points of a scan and the surfaces through them."""
+
+    merge_gap: float = tuned(0.04, "m", "End points closer together than this are merged into their mean.",
+                             "range noise of common lasers (Hokuyo, SICK data sheets): 1 to 3 cm")
+    normal_reach: float = tuned(0.3, "m", "Farthest neighbour of an end point in the line that gives its normal.",
+                                "geometry: walls are straight over 0.6 m, furniture is not")
+    normal_side: int = tuned(4, "1", "Most neighbours on either side in that line.", UNKNOWN)
+    sparse_ratio: float = tuned(1.6, "1", "Reach of that line in distances of the nearest neighbour, at grazing "
+                                "incidence.", "geometry: the next beam but one is farther than twice that distance")
+    sparse_reach: float = tuned(1.0, "m", "Limit of that reach.", "geometry: about the width of a door")
+    straight: float = tuned(0.15, "1", "Spread across a line over the spread along it, of a noisy wall.",
+                            "geometry: 2 cm of range noise over 0.3 m, twice")
+    crooked: float = tuned(0.4, "1", "The same of a corner, whose normal is not used.",
+                           "geometry: a right angle with three points on each side")
+    slide: float = tuned(0.02, "1", "Weight of the tangential residual at a straight wall, for stability only.",
+                         UNKNOWN)
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Match of a scan with a map, and the search before it."""
+
+    wide: float = tuned(0.05, "m^2", "Squared width of the robust kernel in the first round.",
+                        "geometry: several cells, so that walls of the next room do not count")
+    narrow: float = tuned(0.01, "m^2", "Squared width of the robust kernel in the last round.",
+                          "geometry: 0.1 m, two cells of the usual map")
+    rounds: int = tuned(8, "1", "Searches for partners of the end points, from a pose by odometry.", UNKNOWN)
+    particle_rounds: int = tuned(6, "1", "The same from a pose that was tracked.", UNKNOWN)
+    steps_a_round: int = tuned(2, "1", "Gauss-Newton steps between two searches for partners.", UNKNOWN)
+    converged: float = tuned(1e-3, "m, rad", "A match has converged if it moves by less.",
+                             "geometry: a fiftieth of a cell")
+    basin: float = tuned(0.15, "m, rad", "Largest step of Gauss-Newton, and motion from which a match converges.",
+                         "geometry: three cells, from which partners are found")
+    basin_turn: float = tuned(0.1, "rad", "Rotation from which a match converges.",
+                              "geometry: three cells at 1.5 m")
+    beam_deviation: float = tuned(0.05, "m", "Standard deviation of the distance of one end point from its wall.",
+                                  "geometry: a cell of the usual map")
+    null_distance2: float = tuned(0.5, "m^2", "Squared distance of an end point without a partner, for the "
+                                  "likelihood.", "nullLikelihood of OpenSLAM gmapping")
+    dependent: float = tuned(10.0, "1", "Errors of beams are correlated: so many count as one.", UNKNOWN)
+    normal_variance: float = tuned(0.085, "rad^2", "Variance of the angle of a normal that is fitted to noisy end "
+                                   "points.", UNKNOWN)
+    good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans.",
+                              UNKNOWN)
+    score_cap: float = tuned(0.5, "1", "Limit of minimumScore, as a share of the beams.",
+                             "geometry: most good matches do not reach a higher score")
+    search_beams: int = tuned(60, "1", "Beams that the window search uses.", "time of a search")
+    search_reach: float = tuned(12.0, "m", "Farther end points are not used in the window search.",
+                                "time of a search")
+    search_step: float = tuned(0.08, "m", "Step of the window search.", "geometry: within the narrow kernel")
+    search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
+                                  UNKNOWN)
+    certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
+                           "normal distribution: 99.7 %")
+    search_least: float = tuned(0.1, "m, rad", "A smaller window needs no search, because the match converges.",
+                                "geometry: two cells")
+    search_most: Vector2 = tuned((0.8, 0.9), "m, rad", "Widest window of a search.", "time of a search")
+    start_window: Vector2 = tuned((1.0, 0.5), "m, rad", "Window around the initial pose on a saved map.",
+                                  "accuracy of a pose that is clicked in rviz")
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Scans between the processed ones."""
+
+    stationary: float = tuned(0.005, "m, rad", "Scans closer to the last matched one are not matched.",
+                              "geometry: a tenth of a cell")
+    sector_change: float = tuned(0.15, "m", "Change of the mean range of a sector that odometry must explain.",
+                                 "several times the noise of that mean")
+    changed_sectors: float = tuned(0.3, "1", "Share of changed sectors: the robot has moved without odometry.",
+                                   "geometry: more than people nearby hide, less than any rotation changes")
+    tilted_share: float = tuned(0.3, "1", "Share of end points too high or too low in a scan of a tilted laser.",
+                                UNKNOWN)
+    tilted_distance: float = tuned(1.0, "m", "A driving robot that pitches is level again within this distance.",
+                                   "geometry: a few lengths of the robot")
+    steepest: float = tuned(0.2, "m/m", "A steeper slope is no ramp: the robot has tipped over.",
+                            "ramps of buildings have at most 1 in 8")
+    slope_memory: float = tuned(10.0, "m", "Distance in which the reference slope adapts to a ramp.",
+                                "geometry: the length of a ramp")
+    put_off: float = tuned(2.0, "1", "A tilted scan is processed after this multiple of the motion that makes a scan "
+                           "due.", UNKNOWN)
+
+
+@dataclass(frozen=True)
+class Slips:
+    """Motion that odometry does not report, or reports although there was none."""
+
+    cost: float = tuned(6.0, "1", "Negative logarithm of the probability of a slip.", "one scan in 400")
+    deviations: float = tuned(2.0, "1", "Half width of the search, in standard deviations of a slip.",
+                              "normal distribution: 95 %")
+    window: Vector2 = tuned((0.2, 0.3), "m, rad", "Half width of the search, without motion.", UNKNOWN)
+    window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", UNKNOWN)
+    continues: float = tuned(0.05, "m, rad", "Difference from odometry that indicates a slip before this scan.",
+                             "geometry: a cell of the usual map")
+    sectors: int = tuned(8, "1", "Sectors of directions that are searched if a scan contradicts older ones.",
+                         "geometry: window and basin of a match overlap")
+    sector_window: float = tuned(0.6, "m", "Half width of that search.", UNKNOWN)
+    confirm_motion: Vector2 = tuned((0.15, 0.1), "m, rad", "A slip is accepted if it persists over this motion.",
+                                    "a pitching robot looks like a slip for a moment")
+    confirm_scans: int = tuned(20, "1", "Or over this number of scans.", "a pitching robot, see above")
+    tolerance: float = tuned(0.1, "m, rad", "And changes by at most this from scan to scan.", "geometry: two cells")
+    left: Vector3 = tuned((0.05, 0.05, 0.03), "m, m, rad", "Standard deviations of odometry after a slip.",
+                          "geometry: a cell of the usual map")
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """Check of a pose by rays that must not end behind surfaces that other scans have seen."""
+
+    margin: float = tuned(0.4, "m", "A ray conflicts with a surface if it ends this much behind it.",
+                          "geometry: larger than the errors of a pose, smaller than a room")
+    most_conflict: float = tuned(0.15, "1", "Greatest share of end points in conflict at a right pose.",
+                                 "people, glass, thin posts")
+    gap: float = tuned(2.5, "1", "Beams farther apart, in median gaps, have an unknown area between them.",
+                       "geometry: one beam without a return between them")
+    scans: int = tuned(8, "1", "Processed scans that a doubtful scan is compared with.", "time of a check")
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Random errors of odometry."""
+
+    cross: float = tuned(0.3, "1", "Share of the noise along a direction that motion across it adds.",
+                         "motion model of OpenSLAM gmapping")
+    floor: float = tuned(0.004, "m, rad", "Standard deviation of a step of length 0.", UNKNOWN)
+    floor_share: float = tuned(0.005, "1", "Growth of that deviation with distance and rotation.",
+                               "good wheels: half a per cent")
+    memory: float = tuned(10.0, "1", "Steps that the scale of the noise is estimated from.", UNKNOWN)
+    first_memory: float = tuned(1.0, "1", "Steps that the user's noise parameters weigh.",
+                                "users seldom measure them")
+    least_information: float = tuned(0.01, "1", "A scan with less information changes no scale.", UNKNOWN)
+    least_scale: float = tuned(0.1, "1", "Least scale of the user's noise.", UNKNOWN)
+    greatest_scale: float = tuned(30.0, "1", "Greatest scale of the user's noise.", UNKNOWN)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Systematic errors of odometry and of the laser's mount; components as in ``frontend.track``."""
+
+    prior: Vector6 = tuned((0.03, 0.03, 0.03, 0.1, 0.05, 0.0175), "1, 1, rad/m, m, m, rad",
+                           "Standard deviations before the first scan.",
+                           "a robot measured with a ruler, a laser screwed on by eye, odometry that may report a point "
+                           "in front of the axle")
+    change: float = tuned(1.0 / 300.0, "1/m", "Growth of the variances of distance and drift with distance, as a "
+                          "share of the prior's.", "tyres and floors change within some 100 m")
+    correlation: float = tuned(4.0, "1", "Errors of successive matches are correlated: so many count as one.",
+                               UNKNOWN)
+    outlier: float = tuned(21.1, "1", "Squared Mahalanobis distance of an outlier.",
+                           "chi-squared with 3 degrees of freedom: 99.99 %")
+    least_shift: float = tuned(0.01, "m", "The maps are rebuilt if a recalibration moves a node by more.",
+                               "geometry: a fifth of a cell")
+    told_yaw: float = tuned(0.3, "deg", "Smaller errors of the laser's yaw are not reported.",
+                            "geometry: 1 cm in 2 m")
+    told_offset: float = tuned(0.02, "m", "Smaller errors of the laser's position are not reported.",
+                               "geometry: half a cell")
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Particle filter, and the map that is published."""
+
+    drawn: float = tuned(0.3, "1", "Share of a draw from the proposal that is used.", UNKNOWN)
+    pose_floor: Vector3 = tuned((0.001, 0.001, 0.0005), "m, m, rad", "Least standard deviation of a proposal.",
+                                "geometry: a match is not more accurate")
+    bin: Vector3 = tuned((0.1, 0.1, 0.05), "m, m, rad", "Bin of poses of KLD-sampling.",
+                         "geometry: two cells; Fox 2003 uses larger ones for localization")
+    kld_error: float = tuned(0.15, "1", "Bound of the Kullback-Leibler distance between sample and distribution.",
+                             "Fox, Adapting the sample size in particle filters, IJRR 22(12), 2003: 0.05 to 0.2")
+    kld_quantile: float = tuned(2.326, "1", "Quantile of the normal distribution for that bound.",
+                                "normal distribution: 99 %")
+    changed_count: float = tuned(0.2, "1", "Relative change of the number of particles that triggers a resampling.",
+                                 "time of a resampling")
+    frozen_hits: int = tuned(20, "1", "Hits after which the mean of a cell is final.",
+                             "geometry: accurate to a few millimetres")
+    covariance_floor: Vector3 = tuned((0.01, 0.01, 0.005), "m, m, rad", "Least standard deviation of the published "
+                                      "pose.", "geometry: resolution of a grid map")
+    same_cells: float = tuned(0.3, "cells", "A scan whose pose changes by less is not traced again.",
+                              "time of a map update")
+    same_turn: float = tuned(0.002, "rad", "The same for its heading.", "time of a map update")
+
+
+# The back end has its group here as soon as its constants are moved.
+
+SCANS, MATCHING, TRACKING, SLIPS, OCCLUSION = Scans(), Matching(), Tracking(), Slips(), Occlusion()
+ODOMETRY, CALIBRATION, PARTICLES = Odometry(), Calibration(), Particles()
+#: Names of the groups, in the order of the tables.
+GROUPS = ("SCANS", "MATCHING", "TRACKING", "SLIPS", "OCCLUSION", "ODOMETRY", "CALIBRATION", "PARTICLES")
+_READ = re.compile(r"\btuning\.([A-Z_]+)\.([a-z_0-9]+)")
+
+
+def constants() -> Iterator[Constant]:
+    """Yield all tuned constants with their present values."""
+    for group in GROUPS:
+        present = globals()[group]
+        for one in fields(present):
+            yield Constant(group, one.name, getattr(present, one.name), **one.metadata)
+
+
+def read_by(source: str) -> Dict[str, Any]:
+    """Return the values of the constants that a module's source text reads, such as {"MATCHING.narrow": 0.01}."""
+    return {"{}.{}".format(group, name): getattr(globals()[group], name) for group, name in _READ.findall(source)
+            if group in GROUPS}
