@@ -77,7 +77,7 @@ def compile_controller_kernels() -> None:
     blocked = costmap.copy()
     blocked.costs[30, 32] = 254
     footprint = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
-    for name in ("DWAPlannerROS",):
+    for name in ("DWAPlannerROS", "TrajectoryPlannerROS"):
         kind = registry.find(registry.CONTROLLERS, name)
         controller = kind(read(kind.PARAMETERS, {}, name)[0])
         for end, grid in ((2.0, costmap), (0.05, costmap), (2.0, blocked)):

@@ -19,6 +19,7 @@ PLANNERS: Dict[str, str] = {
     "m2wr_navigation/InformedRRTStar": "m2wr_navigation.planners.rrt:InformedRRTStar",
 }
 CONTROLLERS: Dict[str, str] = {
+    "base_local_planner/TrajectoryPlannerROS": "m2wr_navigation.controllers.trajectory_planner:TrajectoryPlanner",
     "dwa_local_planner/DWAPlannerROS": "m2wr_navigation.controllers.dwa:Dwa",
     "m2wr_navigation/PurePursuit": "m2wr_navigation.controllers.pure_pursuit:PurePursuit",
 }

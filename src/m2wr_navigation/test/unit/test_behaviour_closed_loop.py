@@ -19,6 +19,22 @@ def dwa(**values):
     return kind(read)
 
 
+def trajectory_planner(**values):
+    given = {"max_vel_x": 0.5, "max_vel_theta": 0.8, "min_vel_theta": -0.8, "min_in_place_vel_theta": 0.2,
+             "holonomic_robot": False, "yaw_goal_tolerance": 0.1}
+    kind, read = made(registry.CONTROLLERS, "TrajectoryPlannerROS", **dict(given, **values))
+    return kind(read)
+
+
+@pytest.mark.parametrize("values", [
+    {}, {"dwa": True}, {"meter_scoring": True}, {"dwa": True, "meter_scoring": True}, {"heading_scoring": True},
+    {"holonomic_robot": True, "dwa": True}], ids=lambda values: "_".join(values) or "default")
+def test_trajectory_planner_drives_round_walls(values):
+    loop = ClosedLoop(ROOM, trajectory_planner(**values), (1.5, 1.5, 0.0))
+    assert loop.drive((8.5, 8.5, 1.0), 100.0) == REACHED, loop.messages
+    assert math.hypot(*(loop.pose[:2] - 8.5)) <= 0.15 and abs(math.remainder(loop.pose[2] - 1.0, 2 * math.pi)) <= 0.1
+
+
 def test_dwa_drives_round_walls_without_contact():
     loop = ClosedLoop(ROOM, dwa(), (1.5, 1.5, 0.0))
     assert loop.drive((8.5, 8.5, 1.0), 80.0) == REACHED, loop.messages

@@ -144,10 +144,13 @@ def test_at_the_goal_the_robot_stops_before_it_turns():
 
 def test_the_clouds_are_made_if_wanted():
     dwa = controller(publish_cost_grid_pc=True, publish_traj_pc=True)
-    command = dwa.compute(situation(free(), straight((2.0, 0.0, 0.0))))
-    assert command.costs.shape[1] == 7 and command.trajectories.shape[1] == 5
-    assert len(command.costs) == 120 * 120 and len(command.trajectories) > 100
-    np.testing.assert_allclose(command.costs[:, 6], command.costs[:, 3:6].sum(axis=1), rtol=1e-5)
+    now = situation(free(), straight((2.0, 0.0, 0.0)))
+    command = dwa.compute(now)
+    costs, trajectories = command.costs(), command.trajectories()
+    assert costs.shape[1] == 7 and trajectories.shape[1] == 5
+    assert len(costs) == 120 * 120
+    assert (trajectories[:, :4] == 0.0).all(axis=1).sum() == len(dwa.reachable(now))    # each sample begins here
+    np.testing.assert_allclose(costs[:, 6], costs[:, 3:6].sum(axis=1), rtol=1e-5)
 
 
 def test_a_bar_that_leaves_no_velocity_is_lifted():

@@ -67,7 +67,7 @@ def test_poses_are_as_close_as_wanted(sample, expected):
 def test_added_costs_decide_between_equal_samples():
     costs, grids = np.zeros((80, 80), np.uint8), np.zeros((3, 80, 80), np.int32)
     samples = np.array([[0.2, 0.0, 0.1], [0.2, 0.0, -0.1]])
-    settings = np.array([1.0, 0.025, 0.1, 1.0, 1.0, 0.0, 0.0, 0.01, 0.0, 0.0, 9.0, 0.0, 1.0, 1000.0])
+    settings = np.array([1.0, 0.025, 0.1, 1.0, 1.0, 0.0, 0.0, 0.01, 0.0, 0.0, 9.0, 0.0, 1.0, 1000.0, 0.0])
     for extra, best in (([1.0, 0.0], 1), ([0.0, 1.0], 0), ([0.0, 0.0], 0)):
         assert best == kernels.score_samples(
             samples, np.array(extra), np.zeros((3, 2)), np.zeros(3), np.zeros(3), np.full(3, np.inf), settings, costs,

@@ -113,7 +113,8 @@ def cycle_row(seed: int) -> Row:
     return Row("local costmap 6 x 6 m, a cycle with {} beams".format(BEAMS), float(np.mean(times)), None, "mean")
 
 
-def controller_row(seed: int, name: str, given: Mapping[str, object], original_ms: float) -> Row:
+def controller_row(seed: int, name: str, given: Mapping[str, object],
+                   original_ms: Optional[float]) -> Row:
     """Return the time of a cycle of a controller: distances, samples, choice.
 
     Parameters
@@ -123,7 +124,7 @@ def controller_row(seed: int, name: str, given: Mapping[str, object], original_m
         Of the controller.
     given : mapping of str to object
         Parameters.
-    original_ms : float
+    original_ms : float or None
         Of the C++ functions for samples and grids of these sizes.
     """
     costmap, random = Costmap.filled((120, 120), grids.RESOLUTION, (-3.0, -3.0), 0, "odom"), np.random.default_rng(seed)
@@ -201,6 +202,7 @@ def rows_of(seed: int, large: bool) -> Iterator[Row]:
             yield inflation_row(costs, radius)
     yield cycle_row(seed)
     yield controller_row(seed, "DWAPlannerROS", _DWA, 6.6)
+    yield controller_row(seed, "TrajectoryPlannerROS", {"holonomic_robot": False}, None)
     for size in [384, 800] + [LARGE] * large:
         for scene, (costmap, start, goal) in grids.scenes(size, seed).items():
             if scene == "blocks":

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Optional
+from typing import TYPE_CHECKING, Callable, ClassVar, Dict, Optional
 
 from m2wr_navigation.parameters import Configurable
 
@@ -64,18 +64,19 @@ class Command:
         Poses that the command leads to, for display; M may be 0.
     used_plan : (L, 3) float64
         Part of the plan that was used, for display.
-    costs : (P, 7) float32 or None
-        Cost cloud for display: x, y, z, path_cost, goal_cost, occ_cost, total_cost.
-    trajectories : (Q, 5) float32 or None
-        Cloud of the samples for display: x, y, z, theta, cost.
+    costs : callable or None
+        Called within the cycle if a display wants it; returns a cloud (P, 7): x, y, z, path_cost, goal_cost, occ_cost,
+        total_cost.
+    trajectories : callable or None
+        The same for the samples, (Q, 5): x, y, z, theta, cost.
     """
 
     velocity: Optional[FloatArray]
     reason: str
     local_plan: FloatArray
     used_plan: FloatArray
-    costs: Any = None
-    trajectories: Any = None
+    costs: Optional[Callable[[], FloatArray]] = None
+    trajectories: Optional[Callable[[], FloatArray]] = None
 
 
 class Controller(Configurable, ABC):
@@ -86,6 +87,9 @@ class Controller(Configurable, ABC):
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
     """
+
+    #: Older names of parameters, each with the present name.
+    ALIASES: ClassVar[Dict[str, str]] = {}
 
     @abstractmethod
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:

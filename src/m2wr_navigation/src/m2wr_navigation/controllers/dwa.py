@@ -2,7 +2,7 @@
 """The dynamic window approach with the parameters and costs of dwa_local_planner (Fox, Burgard, Thrun 1997)."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Dict
+from typing import TYPE_CHECKING, ClassVar, Dict
 
 import numpy as np
 
@@ -108,14 +108,20 @@ class Dwa(SamplingController):
             self._oscillation.reset()
             best = self._best(situation, samples, grids, totals, reasons, places)
         scale = costmap.resolution
-        costs = cost_cloud(costmap, grids, (
-            scale * values["path_distance_bias"], scale * values["goal_distance_bias"],
-            values["occdist_scale"])) if values["publish_cost_grid_pc"] else None
-        cloud = self._trajectory_cloud(situation, samples, totals) if values["publish_traj_pc"] else None
+
+        def costs() -> FloatArray:
+            return cost_cloud(costmap, grids, (scale * values["path_distance_bias"],
+                                               scale * values["goal_distance_bias"], values["occdist_scale"]))
+
+        def cloud() -> FloatArray:
+            return self._trajectory_cloud(situation, samples, totals)
+
+        clouds = costs if values["publish_cost_grid_pc"] else None, cloud if values["publish_traj_pc"] else None
         if best < 0:
-            return Command(None, explained(reasons, places), np.zeros((0, 3)), used, costs, cloud)
+            return Command(None, explained(reasons, places), np.zeros((0, 3)), used, *clouds)
         self._oscillation.note(samples[best], situation.pose, values["min_vel_trans"])
-        return Command(samples[best], "", self.poses(situation, samples[best], self._rolled_with), used, costs, cloud)
+        return Command(samples[best], "", self.poses(situation, samples[best], self._rolled_with), used,
+                       *clouds)
 
     def _best(self, situation: Situation, samples: FloatArray, grids: Int32Array, totals: FloatArray,
               reasons: IndexArray, places: FloatArray) -> int:
@@ -128,7 +134,7 @@ class Dwa(SamplingController):
             places))
 
     def _settings(self, situation: Situation) -> FloatArray:
-        """Return the settings (14,) of the kernel."""
+        """Return the settings (15,) of the kernel."""
         values, cell = self.values, situation.costmap.resolution
         away = situation.plan[-1, :2] - situation.pose[:2]
         is_far = away @ away > values["forward_point_distance"] ** 2 * values["cheat_factor"]
@@ -136,9 +142,9 @@ class Dwa(SamplingController):
         return np.array([values["sim_time"], values["sim_granularity"], values["angular_sim_granularity"], path, goal,
                          goal, path if is_far else 0.0, values["occdist_scale"], values["twirling_scale"],
                          values["forward_point_distance"], values["scaling_speed"], values["max_scaling_factor"],
-                         values["max_vel_trans"], float(MOST_POSES)])
+                         values["max_vel_trans"], float(MOST_POSES), float(values["publish_traj_pc"])])
 
-    def _trajectory_cloud(self, situation: Situation, samples: FloatArray, totals: FloatArray) -> Any:
+    def _trajectory_cloud(self, situation: Situation, samples: FloatArray, totals: FloatArray) -> FloatArray:
         """Return the poses of all valid samples: x, y, z, theta, cost."""
         parts = []
         for k in np.flatnonzero(np.isfinite(totals)):

@@ -150,6 +150,30 @@ def step_count(sample: FloatArray, duration: float, granularity: float, angular_
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
+def poses_after(samples: FloatArray, start: FloatArray, velocity: FloatArray, acceleration: FloatArray,
+                rolled: FloatArray, out: FloatArray) -> None:
+    """Compute the last pose of the roll-out of each sample.
+
+    Parameters
+    ----------
+    samples : (N, 3) float64
+        Velocities [m/s, m/s, rad/s].
+    start, velocity, acceleration : (3,) float64
+        As for :func:`roll_out`.
+    rolled : (4,) float64
+        Duration [s], sim_granularity [m], angular_sim_granularity [rad], greatest number of poses.
+    out : (N, 3) float64
+        Written [m, m, rad].
+    """
+    most = int(rolled[3])
+    poses = np.empty((most, 3))
+    for i in range(len(samples)):
+        steps = step_count(samples[i], rolled[0], rolled[1], rolled[2], most)
+        roll_out(start, velocity, samples[i], acceleration, rolled[0], steps, poses)
+        out[i] = poses[steps - 1]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
 def _at(grid: Int32Array, resolution: float, origin: FloatArray, x: float, y: float) -> int:
     """Return the value of the cell at a point, or -1 off the grid."""
     across, up = (x - origin[0]) / resolution, (y - origin[1]) / resolution
@@ -197,10 +221,10 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
         For x, y and theta: 1 if negative, and if positive velocities are barred because of oscillation.
     start, velocity, acceleration : (3,) float64
         As for :func:`roll_out`.
-    settings : (14,) float64
+    settings : (15,) float64
         sim_time, sim_granularity, angular_sim_granularity, scale of the path's distance, of the goal's, of the front
         goal's, of the alignment, of the obstacles' cost, of the turn rate, forward_point_distance, scaling_speed,
-        max_scaling_factor, max_vel_trans, greatest number of poses.
+        max_scaling_factor, max_vel_trans, greatest number of poses, and 1 if each sample is examined to the end.
     costs, resolution, origin
         The local costmap.
     footprint : (K, 2) float64
@@ -216,7 +240,7 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
     """
     duration, granularity, turn_granularity, path_scale, goal_scale, front_scale, align_scale = settings[:7]
     obstacle_scale, twirl_scale, nose, scaling_speed, scaling, fastest = settings[7:13]
-    most = int(settings[13])
+    most, complete = int(settings[13]), settings[14] > 0.0
     poses, blocked = np.empty((most, 3)), costs.shape[0] * costs.shape[1]
     scaled = np.empty_like(footprint)
     best, least = -1, math.inf
@@ -251,7 +275,7 @@ def score_samples(samples: FloatArray, extra: FloatArray, barred: FloatArray, st
             continue
         total = path_scale * path + goal_scale * goal + front_scale * front + align_scale * aligned \
             + twirl_scale * abs(sample[2]) + extra[i]
-        if total >= least:
+        if total >= least and not complete:
             reasons[i] = WORSE
             continue
         speed = math.hypot(sample[0], sample[1])

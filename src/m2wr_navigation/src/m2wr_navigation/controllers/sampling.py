@@ -217,7 +217,7 @@ class SamplingController(Controller):
         return self._grids
 
 
-def cost_cloud(costmap: Costmap, grids: Int32Array, scales: Tuple[float, float, float]) -> Any:
+def cost_cloud(costmap: Costmap, grids: Int32Array, scales: Tuple[float, float, float]) -> FloatArray:
     """Return x, y, z, path, goal, obstacle and total cost (P, 7) of the cells that have a way to the plan.
 
     Parameters

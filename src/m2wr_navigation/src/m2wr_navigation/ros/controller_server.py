@@ -49,6 +49,9 @@ class ControllerServer:
         latch = rospy.get_param("~latch_xy_goal_tolerance", None)       # where the real DWA planner looks for it
         if latch is not None:
             given.setdefault("latch_xy_goal_tolerance", latch)
+        for old, present in kind.ALIASES.items():
+            if old in given:
+                given.setdefault(present, given.pop(old))
         values, warnings = read(kind.PARAMETERS, given, self._place)
         for sentence in warnings + unknown(given, set(kind.PARAMETERS) | {
                 "controller_frequency", "latch_xy_goal_tolerance", "odom_topic", "global_frame_id"}, self._place):
@@ -76,10 +79,10 @@ class ControllerServer:
         for publisher, poses in zip(self._plans, (command.used_plan, command.local_plan)):
             if publisher.get_num_connections():
                 publisher.publish(_path(poses, frame, stamp))
-        for publisher, points, names in zip(self._clouds, (command.costs, command.trajectories),
-                                            (_COSTS, _TRAJECTORIES)):
-            if points is not None and publisher.get_num_connections():
-                publisher.publish(cloud_message(points, names, frame, stamp))
+        for publisher, cloud, names in zip(self._clouds, (command.costs, command.trajectories),
+                                           (_COSTS, _TRAJECTORIES)):
+            if cloud is not None and publisher.get_num_connections():
+                publisher.publish(cloud_message(cloud(), names, frame, stamp))
 
     def clear(self, frame: str) -> None:
         """Publish empty plans, so that no old ones stay on a display."""
