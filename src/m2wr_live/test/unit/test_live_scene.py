@@ -5,14 +5,15 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import Point, TransformStamped
+from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 from m2wr_live.scene.live_scene import LEAST_BEAMS, MOST_BEAMS, MOST_TRAIL, LiveScene
 from m2wr_live.scene.robot_model import read_robot_model
+from m2wr_live.web.map_pixels import costmap_pixels, map_pixels, pixels_of
 from m2wr_live.web.picking import first_hit, on_ground
-from m2wr_live.web.picture import map_pixels
 from m2wr_view.errors import ViewError
 
 URDF = """<robot name="cart"><material name="leaf"><color rgba="0 1 0 1"/></material>
@@ -135,8 +136,32 @@ def test_maps_are_checked_and_drawn_with_y_upwards():
     assert np.all((map_pixels(wall)[..., 0] < 60).any(axis=1))
 
 
+def test_a_costmap_shows_costs_and_takes_changes():
+    scene, message = LiveScene(), OccupancyGrid(data=[0, 1, 98, 99, 100, -1])
+    message.info.width, message.info.height, message.info.resolution = 3, 2, 0.5
+    message.info.origin.orientation.w = 1.0
+    topic = "/move_base/global_costmap/costmap"
+    scene.take_map(topic, message)
+    pixels = pixels_of(topic, scene.grids[topic].cells)
+    assert np.array_equal(pixels, costmap_pixels(scene.grids[topic].cells))
+    low, high = pixels[1], pixels[0]
+    assert low[0, 3] == 0 and high[2, 3] == 0 and low[1, 2] > 200 > 100 > low[1, 0] and low[2, 0] > 200
+    assert len({tuple(colour) for colour in (low[1], low[2], high[0], high[1])}) == 4
+    change = OccupancyGridUpdate(x=1, y=1, width=2, height=1, data=[7, 8])
+    before = scene.grids[topic].cells
+    scene.take_map_update(topic + "_updates", change)
+    assert scene.grids[topic].cells.tolist() == [[0, 1, 98], [99, 7, 8]] and before[1, 1] == 100
+    scene.take_map_update("/other_updates", change)
+    for wrong in (OccupancyGridUpdate(x=2, y=0, width=2, height=1, data=[7, 8]),
+                  OccupancyGridUpdate(x=-1, y=0, width=2, height=1, data=[7, 8]),
+                  OccupancyGridUpdate(x=0, y=0, width=2, height=1, data=[7])):
+        with pytest.raises(ViewError, match="expected one per cell, in the map of 3 x 2"):
+            scene.take_map_update(topic + "_updates", wrong)
+
+
 def test_a_click_means_the_ground_or_the_first_body():
     assert on_ground((0, 0, 2), (1, 0, -1)) == pytest.approx((2, 0))
+    assert on_ground((0, 0, 2), (math.nan, 0, -1)) is None and on_ground((0, math.inf, 2), (1, 0, -1)) is None
     assert on_ground((0, 0, 2), (1, 0, 0.1)) is None and on_ground((0, 0, 2), (1, 0, -1e-6)) is None
     model = read_robot_model(URDF, lambda _: None)
     near, far = np.eye(4), np.eye(4)

@@ -11,5 +11,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
     IndexArray = NDArray[np.int64]
     Int8Array = NDArray[np.int8]
+    Uint8Array = NDArray[np.uint8]
     Uint32Array = NDArray[np.uint32]
     BoolArray = NDArray[np.bool_]

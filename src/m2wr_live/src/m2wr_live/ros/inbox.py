@@ -15,6 +15,7 @@ import rospy
 
 from m2wr_live.scene.live_scene import LiveScene
 from m2wr_live.scene.robot_model import FindMesh, read_robot_model
+from m2wr_node.internals.paced_subscription import subscribe_paced
 from m2wr_view.errors import ViewError
 
 if TYPE_CHECKING:
@@ -32,11 +33,17 @@ _NAMED = {"/clock": "rosgraph_msgs/Clock", "/tf": "tf2_msgs/TFMessage", "/tf_sta
           "/bug2/state": "std_msgs/String", "/bug2/hit_point": "geometry_msgs/PointStamped",
           "/bug2/leave_point": "geometry_msgs/PointStamped", "/diagnostics": "diagnostic_msgs/DiagnosticArray"}
 #: Topics of which every message counts.
-_ALL = ("/tf", "/tf_static", "/bug2/hit_point", "/bug2/leave_point", "/diagnostics")
+_ALL = ("/tf", "/tf_static", "/bug2/hit_point", "/bug2/leave_point", "/diagnostics", "map_msgs/OccupancyGridUpdate",
+        "visualization_msgs/MarkerArray")
+_MARKERS = "visualization_msgs/MarkerArray"
 #: Types whose topics are all shown: greatest rate [Hz] at which they are read.
 SHOWN = {"sensor_msgs/LaserScan": 10.0, "nav_msgs/Path": 2.0, "nav_msgs/OccupancyGrid": 1.0,
-         "geometry_msgs/PoseArray": 2.0}
+         "geometry_msgs/PoseArray": 2.0, "map_msgs/OccupancyGridUpdate": 2.0, _MARKERS: 5.0}
+#: Topics whose content the scene has from elsewhere.
+_LEFT_OUT = ("/bug2/markers",)
 _RATES = {"/gazebo/world_markers": 10.0}
+#: Types and topics with a message for each period of simulated time: publishers are asked for as many as are drawn.
+_PACED = {"/clock": 30.0, "/gazebo/link_states": 30.0, "sensor_msgs/LaserScan": 10.0}
 
 
 def kind_of(topic: str, kind: str) -> bool:
@@ -47,7 +54,7 @@ def kind_of(topic: str, kind: str) -> bool:
     topic, kind : str
         Name of the topic and type of its messages.
     """
-    return _NAMED.get(topic) == kind or kind in SHOWN
+    return _NAMED.get(topic) == kind or kind in SHOWN and topic not in _LEFT_OUT
 
 
 def read_states(data: bytes) -> Tuple[List[str], Any]:
@@ -107,7 +114,8 @@ class Inbox:
             "/diagnostics": self._take_diagnostics,
             "sensor_msgs/LaserScan": scene.take_scan, "nav_msgs/OccupancyGrid": scene.take_map,
             "nav_msgs/Path": functools.partial(self._take_points, False),
-            "geometry_msgs/PoseArray": functools.partial(self._take_points, True)}
+            "geometry_msgs/PoseArray": functools.partial(self._take_points, True),
+            "map_msgs/OccupancyGridUpdate": scene.take_map_update, _MARKERS: scene.take_annotations}
 
     # ---- coming in ---------------------------------------------------------------------------------------------
 
@@ -123,8 +131,12 @@ class Inbox:
             if topic not in self._kinds and kind_of(topic, kind) and len(self._kinds) < MOST_TOPICS and (
                     topic != "/gazebo/robot_states"):       # link_states has more
                 self.add(topic, kind)
-                rospy.Subscriber(topic, rospy.AnyMsg, self._take_bytes, topic, queue_size=100, tcp_nodelay=True,
-                                 buff_size=1 << 20)
+                rate = _PACED.get(topic) or _PACED.get(kind)
+                options = {"queue_size": 100, "tcp_nodelay": True, "buff_size": 1 << 20}
+                if rate:
+                    subscribe_paced(topic, 1.0 / rate, rospy.AnyMsg, self._take_bytes, topic, **options)
+                else:
+                    rospy.Subscriber(topic, rospy.AnyMsg, self._take_bytes, topic, **options)
 
     def add(self, topic: str, kind: str) -> None:
         """Expect messages of a type on a topic.
@@ -134,7 +146,8 @@ class Inbox:
         topic, kind : str
         """
         with self._lock:
-            self._waiting[topic] = deque(maxlen=_EVERY if topic in _ALL else 1)
+            every = topic in _ALL or kind in _ALL
+            self._waiting[topic] = deque(maxlen=_EVERY if every else 1)
             self._kinds[topic] = kind
 
     def _take_bytes(self, message: Any, topic: str) -> None:

@@ -32,6 +32,7 @@ IDLE_RATE = 5.0             # and while none is open, so that trails are complet
 _STATUS = 0.25              # s between two measurements for the status
 _LOOK = 2.0                 # s between two looks for new topics
 _MOST_COMPLAINTS = 20       # different errors that are logged
+_REST = 0.002               # s after a picture in which other threads run in any case
 _DRAGS = 0.05               # s between two moves of a dragged model
 
 
@@ -122,7 +123,7 @@ class Live:
             lambda: self._repeat(_LOOK, self._look), lambda: self._repeat(_DRAGS, self._drag))]
         for thread in threads:
             thread.start()
-        measured = 0.0
+        measured, due = 0.0, time.monotonic()
         while not self._stopping.is_set():
             began = time.monotonic()
             busy = self._pages.server.pages > 0
@@ -132,8 +133,9 @@ class Live:
                 self._picture(began, busy, measure)
             except Exception as error:      # one picture fails; the node and the other pictures do not
                 self._complain(error)
-            wait = 1.0 / (RATE if busy else IDLE_RATE) - (time.monotonic() - began)
-            self._stopping.wait(max(0.002, wait))
+            now = time.monotonic()
+            due = max(due + 1.0 / (RATE if busy else IDLE_RATE), now + _REST)   # on a grid, so that waits do not add up
+            self._stopping.wait(due - now)
         self._pages.server.stop()
 
     def _picture(self, wall: float, busy: bool, measure: bool) -> None:

@@ -179,6 +179,7 @@ class Player:
         self._scene.forget_run()
         self._scene.now = 0.0
         self._scene.grids, self._scene.paths, self._scene.particles = {}, {}, {}
+        self._scene.annotations = {}
         return self._recording.up_to(self._now)
 
     def _footprint(self) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequenc
 
 import numpy as np
 
+from m2wr_live.scene.annotations import Annotations
 from m2wr_live.scene.shapes import MarkerShapes
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import Frames, matrix_of, planar
@@ -24,6 +25,7 @@ LEAST_BEAMS = 24            # of each; beams are most of what a browser draws
 MOST_POINTS = 2000          # of a path or of a set of particles
 MOST_CELLS = 1 << 24        # of a map
 MOST_MARKS = 200            # hit points, and leave points
+UPDATES = "_updates"        # end of the topic with the changes of a map
 _REWIND = 0.5               # s; a clock that goes back further was reset
 
 
@@ -86,6 +88,8 @@ class LiveScene:
     paths, particles : dict of str to (n, 3) float64
         Points [m] by topic.
     grids : dict of str to Grid
+    annotations : dict of str to Annotations
+        Markers for viewers, such as frontiers, by topic.
     state : str
         Of Bug 2.
     hits, leaves : list of (float, float)
@@ -106,6 +110,7 @@ class LiveScene:
         self.paths: Dict[str, FloatArray] = {}
         self.particles: Dict[str, FloatArray] = {}
         self.grids: Dict[str, Grid] = {}
+        self.annotations: Dict[str, Annotations] = {}
         self.state = ""
         self.hits: List[Tuple[float, float]] = []
         self.leaves: List[Tuple[float, float]] = []
@@ -234,6 +239,48 @@ class LiveScene:
         if pose is None or not (np.all(np.isfinite(corner)) and 0.0 < info.resolution < math.inf):
             return
         self.grids[topic] = Grid(pose.dot(corner), info.resolution, cells.reshape(info.height, info.width))
+
+    def take_map_update(self, topic: str, message: Any) -> None:
+        """Take a change of a map that is known; one of another map is ignored.
+
+        Parameters
+        ----------
+        topic : str
+            Of the changes: that of the map and ``_updates``.
+        message : map_msgs.msg.OccupancyGridUpdate
+
+        Raises
+        ------
+        ViewError
+            If it has another number of values than of cells, or does not lie in the map.
+        """
+        name = topic[:-len(UPDATES)] if topic.endswith(UPDATES) else topic
+        grid = self.grids.get(name)
+        if grid is None:
+            return
+        rows, columns = grid.cells.shape
+        values = np.array(message.data, dtype=np.int8)
+        if not (0 <= message.x <= message.x + message.width <= columns
+                and 0 <= message.y <= message.y + message.height <= rows
+                and values.size == message.width * message.height):
+            raise ViewError("change on %s: %d values for %d x %d cells from (%d, %d) on; expected one per cell, in the "
+                            "map of %d x %d cells" % (topic, values.size, message.width, message.height, message.x,
+                                                      message.y, columns, rows))
+        cells = grid.cells.copy()           # pages may be drawing the old ones
+        cells[message.y:message.y + message.height, message.x:message.x + message.width] = values.reshape(
+            message.height, message.width)
+        self.grids[name] = grid._replace(cells=cells)
+
+    def take_annotations(self, topic: str, message: Any) -> None:
+        """Take markers for viewers.
+
+        Parameters
+        ----------
+        topic : str
+        message : visualization_msgs.msg.MarkerArray
+        """
+        self.annotations.setdefault(topic, Annotations()).update(
+            message.markers, self.now, lambda frame: self.pose_of(frame, topic))
 
     def take_mark(self, left: bool, point: Any) -> None:
         """Take a hit or leave point of Bug 2.

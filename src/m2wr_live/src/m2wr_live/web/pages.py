@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("m2wr_live")
 
 _LAYERS = (("Laser beams", "beams"), ("Trails", "trails"), ("Goals and points", "marks"), ("Maps", "maps"),
-           ("Paths", "paths"), ("Particles", "particles"))
+           ("Paths", "paths"), ("Particles", "particles"), ("Markers, frontiers", "markers"))
 _PLOTS = (("Speed [m/s]", 1, "#0072b2"), ("Clearance [m]", 2, "#d55e00"), ("Distance [m]", 3, "#009e73"))
 
 

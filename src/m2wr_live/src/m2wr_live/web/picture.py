@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from m2wr_live.scene.shapes import UNITS, Geometry, quaternions_of
+from m2wr_live.web.annotation_picture import AnnotationPicture, node_name
 from m2wr_live.web.batches import Batches
+from m2wr_live.web.map_pixels import pixels_of
 
 if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import Grid, LiveScene, Robot
@@ -19,8 +21,6 @@ ABOVE = 0.02                # m; height of lines on the floor, above maps
 CHUNK = 100                 # segments of a trail that are sent together
 BEAMS, TRAIL, PATH, LINE = (240, 150, 100), (0, 114, 178), (0, 158, 115), (204, 121, 167)
 HIT, LEAVE, GOAL = (213, 43, 30), (0, 158, 115), (230, 159, 0)
-MOST_PIXELS = 1024          # of a map along each side; larger ones are thinned out
-_FREE, _WALL, _UNKNOWN = (250, 250, 245, 200), (30, 30, 30, 235), (0, 0, 0, 0)
 
 
 class Picture:
@@ -43,14 +43,15 @@ class Picture:
         scene.configure_default_lights(cast_shadow=True)
         self._floor = scene.add_grid("/floor", width=100.0, height=100.0, cell_size=1.0, section_size=5.0, plane="xy",
                                      infinite_grid=True, shadow_opacity=0.25)
-        self.layers: Dict[str, Any] = {name: scene.add_frame("/" + name, show_axes=False)
-                                       for name in ("beams", "trails", "marks", "maps", "paths", "particles", "names")}
+        layers = ("beams", "trails", "marks", "maps", "paths", "particles", "markers", "names")
+        self.layers: Dict[str, Any] = {name: scene.add_frame("/" + name, show_axes=False) for name in layers}
         self.world, self._robots = Batches(scene, "/world"), Batches(scene, "/robots")
         self.robot_shapes: List[Tuple[Robot, Shape]] = []
         self._offsets: FloatArray = np.zeros((0, 4, 4))
         self._drawn: Dict[str, object] = {}
         self._nodes: Dict[str, Any] = {}
         self._trails: Dict[str, int] = {}
+        self._annotations = AnnotationPicture(scene, source)
 
     def draw(self) -> None:
         """Send what has changed since the last call."""
@@ -61,9 +62,10 @@ class Picture:
         self._draw_particles()
         self._draw_marks()
         self._draw_trails()
-        for topic, grid in list(self.source.grids.items()):
-            if self._changed("map " + topic, id(grid.cells), grid.pose.tobytes()):
-                self._draw_map(topic, grid)
+        self._annotations.draw()
+        for number, (topic, grid) in enumerate(sorted(self.source.grids.items())):
+            if self._changed("map " + topic, id(grid.cells), grid.pose.tobytes(), number):
+                self._draw_map(topic, grid, GROUND * (1 + number))
 
     def _changed(self, name: str, *content: object) -> bool:
         """Return whether something differs from what was drawn under this name."""
@@ -142,7 +144,7 @@ class Picture:
                 node.points = points
             elif len(points):
                 self._nodes[name] = self._scene.add_line_segments(
-                    "/%s/%s" % (layer, _node_name(topic)), points, colour, thickness=0.8, thickness_units="screen")
+                    "/%s/%s" % (layer, node_name(topic)), points, colour, thickness=0.8, thickness_units="screen")
 
     def _draw_paths(self) -> None:
         for topic, points in list(self.source.paths.items()):
@@ -154,7 +156,7 @@ class Picture:
                 raised = points + (0.0, 0.0, ABOVE)
                 colour = LINE if topic.endswith("m_line") else PATH
                 self._nodes[name] = self._scene.add_line_segments(
-                    "/paths/" + _node_name(topic), np.stack((raised[:-1], raised[1:]), axis=1).astype(np.float32),
+                    "/paths/" + node_name(topic), np.stack((raised[:-1], raised[1:]), axis=1).astype(np.float32),
                     colour, thickness=3.0, thickness_units="screen")
 
     def _draw_particles(self) -> None:
@@ -165,7 +167,7 @@ class Picture:
             self._forget(name)
             if len(points):
                 self._nodes[name] = self._scene.add_point_cloud(
-                    "/particles/" + _node_name(topic), (points + (0.0, 0.0, ABOVE)).astype(np.float32), (200, 30, 120),
+                    "/particles/" + node_name(topic), (points + (0.0, 0.0, ABOVE)).astype(np.float32), (200, 30, 120),
                     point_size=0.03)
 
     def _draw_marks(self) -> None:
@@ -215,41 +217,17 @@ class Picture:
 
     # ---- maps --------------------------------------------------------------------------------------------------
 
-    def _draw_map(self, topic: str, grid: Grid) -> None:
-        """Draw a map as a picture on the floor."""
+    def _draw_map(self, topic: str, grid: Grid, height_above: float) -> None:
+        """Draw a map as a picture on the floor, at a height [m]."""
         rows, columns = grid.cells.shape
         self._forget("map " + topic)
         width, height = columns * grid.resolution, rows * grid.resolution
         # the picture's first row is its top, and its x axis goes to the right: it looks up after a turn about x
-        centre = grid.pose.dot((0.5 * width, 0.5 * height, GROUND, 1.0))[:3]
+        centre = grid.pose.dot((0.5 * width, 0.5 * height, height_above, 1.0))[:3]
         turned = grid.pose[:3, :3].dot(np.diag((1.0, -1.0, -1.0)))
         self._nodes["map " + topic] = self._scene.add_image(
-            "/maps/" + _node_name(topic), map_pixels(grid.cells), width, height, format="png", cast_shadow=False,
+            "/maps/" + node_name(topic), pixels_of(topic, grid.cells), width, height, format="png", cast_shadow=False,
             position=centre, wxyz=quaternions_of(turned[None])[0])
-
-
-def map_pixels(cells: Any) -> Any:
-    """Return the picture of a map (rows, columns, 4) uint8, its first row at the map's largest y.
-
-    Parameters
-    ----------
-    cells : (rows, columns) int8
-        0 to 100, occupied from 65 on as map_server has it; negative: unknown.
-    """
-    step = max(1, -(-max(cells.shape) // MOST_PIXELS))
-    if step > 1:                            # a wall in a block of cells stays visible
-        rows, columns = (side // step * step for side in cells.shape)
-        blocks = cells[:rows, :columns].reshape(rows // step, step, columns // step, step)
-        cells = blocks.max(axis=(1, 3))
-    pixels = np.empty(cells.shape + (4,), dtype=np.uint8)
-    pixels[:] = _FREE
-    pixels[cells >= 65] = _WALL
-    pixels[cells < 0] = _UNKNOWN
-    return pixels[::-1]
-
-
-def _node_name(topic: str) -> str:
-    return "".join(sign if sign.isalnum() else "_" for sign in topic.strip("/")) or "_"
 
 
 def look_of(scene: LiveScene) -> Optional[FloatArray]:

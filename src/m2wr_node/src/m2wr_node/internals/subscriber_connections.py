@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 import warnings
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
@@ -90,6 +91,9 @@ class Channel:
         self._serialise = serialise
         self._known: Optional[List[Any]] = None         # rospy's list of connections that _links was made of
         self._links: Tuple[Any, ...] = ()               # of Link, or connections of rospy
+        self._prompt: Tuple[Any, ...] = ()              # those of the links that get each message,
+        self._paced: Tuple[Link, ...] = ()              # and those that asked for fewer (subscriber_link.PERIOD_FIELD)
+        self._skipped: Any = None       # the newest message, if a link has not got it
         self._gone = 0                  # messages dropped for subscribers that have left
         self._lock = threading.RLock()  # a holder never waits for a subscriber
         self._latched = False
@@ -98,6 +102,15 @@ class Channel:
     def connected(self) -> bool:
         """Return whether the topic has a subscriber."""
         return bool(self.impl.connections)
+
+    def due(self) -> bool:
+        """Return whether a subscriber takes a message now; one that asked for fewer may not."""
+        if self.impl.connections is not self._known or self._prompt:
+            return bool(self.impl.connections)
+        if not self._paced:
+            return False
+        now = time.monotonic()
+        return any(now >= link.due for link in self._paced)
 
     def latch(self) -> None:
         """Send the last message to each new subscriber from now on.
@@ -135,7 +148,9 @@ class Channel:
                 self._adopt()
             if impl.closed:
                 raise rospy.ROSException("publish() to the closed topic %s" % self.topic)
-            links, data = self._links, b""
+            links, data = self._prompt, b""
+            if self._paced:
+                links += self._take_due(message)
             if links:
                 impl.seq += 1
                 data = self._serialise(impl.seq, message)
@@ -147,6 +162,29 @@ class Channel:
                 except Exception as error:
                     self._lose(link, error)
             impl.message_data_sent += len(data)
+
+    def _take_due(self, message: Any) -> Tuple[Link, ...]:
+        """Return the paced links that take a message now; it is kept for the others, see :meth:`flush`."""
+        now = time.monotonic()
+        due = tuple(link for link in self._paced if now >= link.due)
+        for link in due:
+            link.due = now + link.period
+        self._skipped = None if len(due) == len(self._paced) else message
+        return due
+
+    def flush(self) -> None:
+        """Send the newest message to the subscribers that asked for fewer messages and have not got it.
+
+        For moments in which no further message comes soon.
+        """
+        with self._lock:
+            message = self._skipped
+            links = self._take_due(message) if message is not None and not self.impl.closed else ()
+            if links:
+                data = self._frame(message)
+                for link in links:
+                    self._send(link, data)
+                self.impl.message_data_sent += len(data)
 
     def _frame(self, message: Any) -> bytes:
         self.impl.seq += 1
@@ -179,6 +217,10 @@ class Channel:
                     connections[index] = Link(connection, self.topic)
             self._links = tuple(connection for connection in connections if not connection.done)
             self._known = connections
+            paced = () if self._latched else tuple(
+                link for link in self._links if isinstance(link, Link) and link.period)
+            self._paced, self._prompt = paced, tuple(link for link in self._links if link not in paced)
+            self._skipped = self._skipped if paced else None
         self._gone += sum(getattr(link, "dropped", 0) for link in before if link not in self._links)
         added = [link for link in self._links if link not in before]
         if self._kept is None or not added:
@@ -233,6 +275,13 @@ class PlainChannel:
     def connected(self) -> bool:
         """Return whether the topic has a subscriber."""
         return self._publisher.get_num_connections() > 0
+
+    def due(self) -> bool:
+        """Return whether the topic has a subscriber; rospy sends each message to all."""
+        return self.connected()
+
+    def flush(self) -> None:
+        """Do nothing: no message is held back."""
 
     def latch(self) -> None:
         """Send the last message to each new subscriber from now on."""
@@ -300,6 +349,7 @@ class Channels:
     def __init__(self, serialiser_of: Callable[[type], Serialiser]) -> None:
         self._serialiser_of, self._warned = serialiser_of, False
         self._channels: Dict[str, AnyChannel] = {}      # by resolved topic
+        subscriber_link.read_periods()
 
     def open(self, topic: str, message_class: type) -> Tuple[Any, AnyChannel]:
         """Register a publisher with the master.
@@ -347,6 +397,11 @@ class Channels:
         unregister(publisher)
         if channel.release() and self._channels.get(channel.topic) is channel:
             del self._channels[channel.topic]
+
+    def flush(self) -> None:
+        """Send what subscribers have not got that asked for fewer messages."""
+        for channel in list(self._channels.values()):
+            channel.flush()
 
     def traffic(self) -> Dict[str, Tuple[int, int]]:
         """Return ``{topic: (messages made, subscribers)}``; without a subscriber no message is made."""

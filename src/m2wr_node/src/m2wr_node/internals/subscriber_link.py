@@ -5,7 +5,8 @@ Need: see :mod:`m2wr_node.internals.subscriber_connections`.
 
 Uses: of ``rospy.impl.tcpros_base.TCPROSTransport`` the attributes ``socket``, ``endpoint_id``, ``done``,
 ``cleanup_cb``, ``stat_bytes``, ``stat_num_msg`` and the methods ``set_cleanup_callback`` and ``close``, which calls
-``cleanup_cb``; this removes the connection from its topic.
+``cleanup_cb``; this removes the connection from its topic.  ``tcpros_base._tcpros_server.topic_connection_handler``,
+which gets the socket, the address and the header of each new subscriber, and keeps nothing of the header.
 Checked: rospy 1.15.15 (Debian 12), 1.16.0 (source of Noetic).
 Without it: rospy writes to the connection itself, see ``subscriber_connections``.
 """
@@ -20,12 +21,15 @@ from collections import deque
 from typing import Any, Deque, Dict, Optional
 
 from rospy.exceptions import TransportTerminated
+from rospy.impl import tcpros_base
 
 log = logging.getLogger(__name__)
 
 BACKLOG_MESSAGES = 10000    # of one connection; the first limit that is reached counts
 BACKLOG_BYTES = 8 << 20
 USED = ("socket", "endpoint_id", "done", "cleanup_cb", "stat_bytes", "stat_num_msg", "set_cleanup_callback", "close")
+PERIOD_FIELD = "m2wr_wall_period"       # of a connection header: least wall time between two messages [s]
+LONGEST_PERIOD = 10.0                   # s that a subscriber may ask for
 _AT_ONCE = socket.MSG_DONTWAIT
 _BATCH_MESSAGES = 64        # passed to the kernel in one call when a backlog is sent
 _QUIET = 10.0               # s of wall time between two log lines about one connection
@@ -76,6 +80,43 @@ class _Drain:
 _drain = _Drain()
 
 
+_MOST_ASKED = 1000                      # subscribers that asked for a period and are not adopted yet
+_asked: Dict[Any, float] = {}           # their periods [s], by address
+
+
+def read_periods() -> None:
+    """Note from now on the periods that new subscribers of this process ask for; call it after rospy has started."""
+    server: Any = getattr(tcpros_base, "_tcpros_server", None)
+    handler = getattr(server, "topic_connection_handler", None)
+    if handler is None or hasattr(handler, "reads_periods"):
+        return
+
+    def note_period(sock: Any, address: Any, header: Dict[str, str]) -> Any:
+        period = period_of(header)
+        if period and len(_asked) < _MOST_ASKED:
+            _asked[address] = period
+        return handler(sock, address, header)
+
+    note_period.reads_periods = True        # type: ignore[attr-defined]
+    server.topic_connection_handler = note_period
+
+
+def period_of(header: Dict[str, str]) -> float:
+    """Return the least wall time between two messages that a connection header asks for [s]; 0: none."""
+    try:
+        period = float(header.get(PERIOD_FIELD, 0.0))
+    except (TypeError, ValueError):
+        return 0.0
+    return period if 0.0 < period <= LONGEST_PERIOD else 0.0
+
+
+def _period_asked(sock: Any) -> float:
+    try:
+        return _asked.pop(sock.getpeername(), 0.0) if _asked else 0.0
+    except OSError:                         # closed meanwhile
+        return 0.0
+
+
 class Link:
     """Stands for one of rospy's connections in the list of connections of a topic.
 
@@ -88,9 +129,17 @@ class Link:
         With an open socket.
     topic : str
         For log messages.
+
+    Attributes
+    ----------
+    period : float
+        Least wall time between two messages that the peer asks for [s]; 0: it wants all.
+    due : float
+        When the next one may be sent [s, of ``time.monotonic``].
     """
 
     def __init__(self, connection: Any, topic: str) -> None:
+        self.period, self.due = _period_asked(connection.socket), 0.0
         self._connection, self._socket, self._topic = connection, connection.socket, topic
         self._lock = threading.Lock()
         # what the kernel gets next; only _drain's thread changes it; None: all is sent

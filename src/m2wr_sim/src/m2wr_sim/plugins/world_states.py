@@ -85,7 +85,7 @@ def _link_state(engine: Engine, link: int) -> Any:
 
 
 class WorldStates(Plugin):
-    """Publishes ``~model_states`` and ``~link_states`` while there are subscribers.
+    """Publishes ``~model_states`` and ``~link_states`` while subscribers take them.
 
     Parameters
     ----------
@@ -101,6 +101,9 @@ class WorldStates(Plugin):
     def __init__(self, simulator: Any, models_port: Any, links_port: Any, rate: float,
                  wanted: Optional[Callable[[Model], bool]] = None) -> None:
         self._simulator, self._models_port, self._links_port = simulator, models_port, links_port
+        self._models_due: Callable[[], bool] = getattr(models_port, "due", models_port.wanted)
+        self._links_due: Callable[[], bool] = getattr(links_port, "due", links_port.wanted)
+        self._sent_ns = -1
         self._schedule = StrictSchedule(rate, simulator.now_ns)
         self._seen: Optional[List[Any]] = None
         self._models, self._links = self._readers([])
@@ -110,7 +113,7 @@ class WorldStates(Plugin):
         pass                # this plugin has no tags
 
     def next_before(self, now_ns: int) -> Optional[int]:
-        if not (self._models_port.wanted() or self._links_port.wanted()):
+        if not (self._models_due() or self._links_due()):
             return NEVER
         due_ns = self._schedule.next_due(now_ns, self._simulator.step_ns)
         if due_ns <= now_ns:                    # first subscriber after a pause: skip what was due in it
@@ -118,17 +121,25 @@ class WorldStates(Plugin):
         return max(due_ns, now_ns + self._simulator.step_ns)
 
     def before_step(self, now_ns: int) -> None:
-        if not self._schedule.due(now_ns):
-            return
-        simulator = self._simulator
+        if self._schedule.due(now_ns):
+            self._publish(now_ns)
+
+    def rest(self) -> None:
+        """Publish the present states if they were not; for a simulation that does not advance at the moment."""
+        now_ns = self._simulator.now_ns
+        if now_ns != self._sent_ns and (self._models_due() or self._links_due()):
+            self._publish(now_ns)
+
+    def _publish(self, now_ns: int) -> None:
+        simulator, self._sent_ns = self._simulator, now_ns
         simulator.ports.moment(now_ns)
         models = [model for model in simulator.models.values() if self._chosen(model.record)]
         if models != self._seen:                # a model remains the same object until it is deleted
             self._seen = models
             self._models, self._links = self._readers(models)
-        if self._models_port.wanted():
+        if self._models_due():
             self._models_port.publish(self._models.read(simulator.engine))
-        if self._links_port.wanted():
+        if self._links_due():
             self._links_port.publish(self._links.read(simulator.engine))
 
     @staticmethod

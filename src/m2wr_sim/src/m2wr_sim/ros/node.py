@@ -199,13 +199,20 @@ def _network(config: NodeConfig, simulator: RosSimulator, factor: float, folders
         return Loop(simulator, factor, stopping, lambda: None, lockstep), None
     models = simulator.ports.advertise("~model_states", ModelStates, 10, "")
     links = simulator.ports.advertise("~link_states", LinkStates, 10, "")
-    simulator.add_observer(WorldStates(simulator, models, links, rate=config.pub_state_frequency), "state topics")
+    states = WorldStates(simulator, models, links, rate=config.pub_state_frequency)
+    simulator.add_observer(states, "state topics")
     diagnostics, performance = Diagnostics(simulator, factor, lockstep), Performance(simulator)
     markers, description = _view_topics(simulator, config)
+
+    turned_ns = [-1]
 
     def on_turn() -> None:
         for part in (diagnostics, performance, markers, description):
             part.turn()
+        if turned_ns[0] == simulator.now_ns:        # paused, or waiting: no further message comes soon
+            states.rest()
+            simulator.ports.flush()
+        turned_ns[0] = simulator.now_ns
 
     loop = Loop(simulator, factor, stopping, on_turn, lockstep)
 

@@ -54,6 +54,7 @@ class _Port:
         self._channels = channels
         self._publisher, self.channel = channels.open(topic, message_class)
         self.wanted: Callable[[], bool] = self.channel.connected       # called before each sequence of steps
+        self.due: Callable[[], bool] = self.channel.due                # as wanted, at this moment of wall time
         self.topic: str = self.channel.topic
 
     def publish(self, message: Any) -> None:
@@ -153,6 +154,10 @@ class RosPorts(Ports):
     def dropped(self) -> List[Dropped]:
         """Return how many messages slow subscribers have lost."""
         return self._channels.dropped()
+
+    def flush(self) -> None:
+        """Send what subscribers have not got that asked for fewer messages."""
+        self._channels.flush()
 
     def traffic(self) -> Dict[str, Tuple[int, int]]:
         """Return ``{topic: (messages sent, subscribers)}``."""

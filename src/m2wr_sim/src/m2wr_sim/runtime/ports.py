@@ -26,6 +26,7 @@ class Ports(abc.ABC):
         -------
         object
             With ``publish(message)``, ``wanted()``, which returns whether there are subscribers, and ``close()``.
+            There may be ``due()``, which returns whether one of them takes a message at this moment.
         """
 
     @abc.abstractmethod
