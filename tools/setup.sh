@@ -93,10 +93,10 @@ detect_platform
 cd "$WORKSPACE"
 if [ "$PLATFORM" = debian12 ]; then
     install_apt_packages
-    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, collada, trimesh, viser, numpy, lxml, yaml"
+    install_venv requirements.txt "xacro, urdf_parser_py.urdf, rosbags.rosbag1, collada, trimesh, viser, cbor2, mcap, numpy, lxml, yaml"
 else
     install_noetic_packages
-    install_venv requirements-noetic.txt "ode, rosbags.rosbag1, collada, trimesh, numpy, yaml"
+    install_venv requirements-noetic.txt "ode, rosbags.rosbag1, collada, trimesh, cbor2, mcap, msgspec, websockets, numpy, yaml"
 fi
 build_if_changed
 say "set-up complete; in a shell: source $WORKSPACE/devel/setup.bash"

@@ -67,6 +67,14 @@ RULES = (
     Rule("m2wr_lockstep/*/*.py", set(), False, False, ABOVE_LOCKSTEP + LOCKSTEP_EDGES),   # waits in wall time
     Rule("m2wr_lockstep/*.py", set(), False, False, ABOVE_LOCKSTEP + LOCKSTEP_EDGES),
     Rule("m2wr_course/*.py", NUMERIC | {"lxml", "PIL", "yaml"}, False, True, EDGES),
+    Rule("m2wr_bridge/messages/*.py", {"cbor2"}, True, True,
+         ("m2wr_bridge.ros", "m2wr_bridge.web", "m2wr_bridge.rosbridge", "m2wr_bridge.foxglove")),
+    Rule("m2wr_bridge/web/*.py", {"websockets"}, False, False,                    # limits and pauses in wall time
+         ("m2wr_bridge.ros", "m2wr_bridge.rosbridge", "m2wr_bridge.foxglove")),
+    Rule("m2wr_bridge/rosbridge/*.py", {"cbor2", "msgspec", "PIL"}, False, True,
+         ("m2wr_bridge.ros", "m2wr_bridge.foxglove")),
+    Rule("m2wr_bridge/ros/*.py", ANYTHING, True, False, ()),
+    Rule("m2wr_bridge/*.py", set(), False, True, ("m2wr_bridge.*",)),
     Rule("m2wr_live/scene/*.py", NUMERIC | {"trimesh"}, False, True, ("m2wr_live.web", "m2wr_live.ros") + EDGES),
     Rule("m2wr_live/web/*.py", NUMERIC | {"viser", "websockets"}, False, True, ("m2wr_live.ros",) + EDGES),
     Rule("m2wr_live/ros/*.py", ANYTHING, True, False, ()),

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Bridges between ROS and web pages, Foxglove and MCAP."""

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The node ``rosbridge_websocket``."""
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from typing import List, Optional
+
+import rospy
+from std_msgs.msg import Int32
+
+from m2wr_bridge.errors import BridgeError
+from m2wr_bridge.ros import settings
+from m2wr_bridge.ros.graph import RosGraph
+from m2wr_bridge.rosbridge.globs import Globs
+from m2wr_bridge.rosbridge.session import RosbridgeSession, Rules
+from m2wr_bridge.web.server import Client, Settings, WebSocketServer
+from m2wr_node.listening import AddressError, free_port
+from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.starting import start_node
+
+log = logging.getLogger("m2wr_bridge")
+
+PORT = 9090
+LARGEST = 10_000_000        # bytes of a message, as in rosbridge
+NULL_ORIGIN = "null"        # of pages opened as files, and of frames that a foreign page has locked in
+#: Parameters of the original that have no effect here, and the value that says so.
+_WITHOUT_EFFECT = {"websocket_external_port": ("None", "", -1), "bson_only_mode": (False,),
+                   "binary_encoder": ("default", "")}
+
+
+def _warn_of_ignored() -> None:
+    """Name once what was asked for and is not there."""
+    for name, usual in _WITHOUT_EFFECT.items():
+        value = rospy.get_param("~" + name, usual[0])
+        if value not in usual:
+            log.warning("parameter ~%s has no effect here (it is %r)", name, value)
+
+
+def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event) -> None:
+    """Return when an address is free; while it is not, say once who has it, and look again after ``pause`` s."""
+    said = False
+    while not stopping.is_set():
+        try:
+            free_port(host, port)
+            return
+        except AddressError as error:
+            if not pause or "expected" in str(error):
+                raise BridgeError(str(error)) from error
+            if not said:
+                log.warning("%s; looking again every %g s", error, pause)
+            said = True
+        stopping.wait(pause)
+
+
+class RosbridgeNode:
+    """Serves until ROS ends.
+
+    Raises
+    ------
+    BridgeError
+        If a parameter is wrong or the address cannot be used.
+    """
+
+    def __init__(self) -> None:
+        self._stopping = threading.Event()
+        at_shutdown(self._stopping.set)
+        if settings.flag("authenticate", False):
+            raise BridgeError("authenticate is true, and rosauth is not supported; use the parameter ~token, "
+                              "with links such as ws://HOST:9090/?token=WORD")
+        _warn_of_ignored()
+        self._rules = Rules(
+            Globs(settings.text("topics_glob", ""), "topics_glob"),
+            Globs(settings.text("services_glob", ""), "services_glob"),
+            settings.amount("fragment_timeout", 600.0), settings.whole("max_message_size", LARGEST, 1 << 31))
+        self._graph = RosGraph(settings.amount("unregister_timeout", 10.0))
+        self._server: Optional[WebSocketServer] = None
+        self._counted = rospy.Publisher("client_count", Int32, latch=True, queue_size=10)
+        self._counted.publish(0)
+
+    def _open(self, client: Client) -> RosbridgeSession:
+        return RosbridgeSession(client, self._graph, self._rules, self._graph.readers, time.monotonic)
+
+    def run(self) -> None:
+        """Serve until ROS ends.
+
+        Raises
+        ------
+        BridgeError
+            If the address cannot be used.
+        """
+        host, port = settings.text("address", "127.0.0.1") or "0.0.0.0", settings.whole("port", PORT, 65535)
+        origins: List[str] = settings.text("allowed_origins", "").replace(",", " ").split()
+        if settings.flag("websocket_null_origin", False):
+            origins.append(NULL_ORIGIN)
+        access = settings.access_of(host, port, origins)
+        tls = settings.tls_of()
+        ping = settings.amount("websocket_ping_interval", 0.0)
+        wanted = Settings(
+            host, port, largest=self._rules.largest, pause=settings.amount("delay_between_messages", 0.0, 60.0),
+            ping=ping or None, ping_patience=settings.amount("websocket_ping_timeout", 30.0) or None,
+            deflate=settings.flag("use_compression", False), tls=tls)
+        _wait_for_port(host, port, settings.amount("retry_startup_delay", 5.0), self._stopping)
+        if self._stopping.is_set():
+            return
+        try:
+            self._server = WebSocketServer(wanted, access, self._open, self._counted.publish)
+        except OSError as error:
+            raise BridgeError("address %s:%d cannot be used: %s" % (host, port, error)) from error
+        log.info("Rosbridge WebSocket server started: %s",
+                 settings.link("wss" if tls else "ws", host, port, access))
+        self._stopping.wait()
+        self._server.stop()
+
+
+def main() -> int:
+    """Entry point; returns the exit code."""
+    start_node("rosbridge_websocket")
+    settings.log_through_ros()
+    try:
+        RosbridgeNode().run()
+    except BridgeError as error:
+        rospy.logfatal("rosbridge_websocket: %s", error)
+        return 1
+    return 0
