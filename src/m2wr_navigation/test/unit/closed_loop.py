@@ -107,7 +107,8 @@ class ClosedLoop:
         self.now += self.period
 
     def situation(self, plan):
-        return Situation(self.now, self.period, self.pose.copy(), self.velocity.copy(), plan, self.local.snapshot(),
+        velocity = self.velocity - [0.0, self.velocity[2] * self.axle, 0.0]     # of the base frame's origin
+        return Situation(self.now, self.period, self.pose.copy(), velocity, plan, self.local.snapshot(),
                          self.local.footprint)
 
     def drive(self, goal, seconds):

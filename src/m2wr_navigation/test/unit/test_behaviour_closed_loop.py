@@ -43,9 +43,10 @@ def test_dwa_drives_round_walls_without_contact():
     assert 10.0 / loop.now > 0.2 and speeds.min() >= 0.0
 
 
+@pytest.mark.parametrize("make", [dwa, trajectory_planner])
 @pytest.mark.parametrize("axle", [-0.05, -0.15, 0.1])
-def test_a_turn_about_another_point_does_not_lose_the_goal(axle):
-    loop = ClosedLoop(world(6.0), dwa(), (1.5, 3.0, 0.0), axle=axle)
+def test_a_turn_about_another_point_does_not_lose_the_goal(axle, make):
+    loop = ClosedLoop(world(6.0), make(), (1.5, 3.0, 0.0), axle=axle)
     assert loop.drive((4.0, 3.0, 3.0), 40.0) == REACHED, loop.messages
     assert abs(math.remainder(loop.pose[2] - 3.0, 2 * math.pi)) <= 0.1
 

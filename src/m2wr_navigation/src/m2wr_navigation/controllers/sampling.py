@@ -57,6 +57,7 @@ class SamplingController(Controller):
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__(values)
         self._oscillation, self._arrival = Oscillation(), Arrival()
+        self._turns = False         # whether the turn at the goal has begun
         self._grids: Int32Array = np.zeros((3, 0, 0), np.int32)
         self._queue: IndexArray = np.zeros(0, np.int64)
 
@@ -89,6 +90,7 @@ class SamplingController(Controller):
         if new_goal:
             self._oscillation.reset()
             self._arrival.reset()
+            self._turns = False
 
     # ---- near the goal
 
@@ -107,7 +109,9 @@ class SamplingController(Controller):
         velocity, period, goal = situation.velocity, situation.period, situation.plan[-1:]
         limits, acceleration = self.goal_limits, self.acceleration
         turn = wrapped(goal[0, 2] - situation.pose[2])
-        if math.hypot(velocity[0], velocity[1]) > limits.stopped[0] or abs(turn) <= self.values["yaw_goal_tolerance"]:
+        # a turn about a point beside the base frame moves this frame: no reason to stop again
+        self._turns = self._turns or math.hypot(velocity[0], velocity[1]) <= limits.stopped[0]
+        if not self._turns or abs(turn) <= self.values["yaw_goal_tolerance"]:
             braked = np.sign(velocity) * np.maximum(np.abs(velocity) - period * acceleration, 0.0)
             return Command(braked, "", situation.pose[None], goal)
         for angle in (turn, turn - math.copysign(2.0 * math.pi, turn)):     # or the long way round
@@ -143,6 +147,7 @@ class SamplingController(Controller):
             return self._escape(situation)
         if self._is_near(situation):
             return self._stop_and_turn(situation)
+        self._turns = False
         used = _local_part(situation.plan, situation)
         if used is None:
             return Command(None, "the plan does not cross the local costmap, the robot is at ({:.2f}, {:.2f})".format(
