@@ -101,6 +101,9 @@ RULES = (
     Rule("m2wr_navigation/costmap/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.controllers",
           "m2wr_navigation.recoveries")),
+    Rule("m2wr_navigation/methods/*.py", NUMERIC, False, True,
+         ("m2wr_navigation.ros", "m2wr_navigation.compare", "m2wr_navigation.planners", "motion_plan.ros*")),
+    Rule("m2wr_navigation/compare/*.py", NUMERIC, False, False, ("m2wr_navigation.ros",)),       # measures time
     Rule("m2wr_navigation/optimum/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/planners/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.controllers", "m2wr_navigation.recoveries")),

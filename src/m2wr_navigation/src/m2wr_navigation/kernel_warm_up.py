@@ -12,6 +12,7 @@ from m2wr_navigation.costmap.footprint_kernels import outline_cost
 from m2wr_navigation.costmap.layered_costmap import LayeredCostmap
 from m2wr_navigation.costmap.observation import SOURCE_PARAMETERS, Observation, Source
 from m2wr_navigation.localization.kernel_tour import compile_localization_kernels
+from m2wr_navigation.methods.method import Sensing
 from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_navigation.parameters import read
 from m2wr_navigation.planners import potential_search, visibility_kernels
@@ -85,6 +86,14 @@ def compile_controller_kernels() -> None:
             controller.compute(Situation(0.0, 0.1, np.zeros(3), np.zeros(3), plan, grid, footprint))
 
 
+def compile_method_kernels() -> None:
+    """Let the method that samples take one decision."""
+    kind = registry.find(registry.METHODS, "mppi")
+    method = kind(read(kind.PARAMETERS, {"samples": 10}, "mppi")[0])
+    method.begin((1.0, 0.0))
+    method.step(Sensing(0.0, (0.0, 0.0, 0.0), (0.0, 0.0), np.full(10, 2.0, np.float32), -1.0, 0.2))
+
+
 def compile_kernels() -> None:
     """Call everything once."""
     compile_controller_kernels()
@@ -92,6 +101,7 @@ def compile_kernels() -> None:
     compile_planner_kernels()
     compile_localization_kernels()
     compile_optimum_kernels()
+    compile_method_kernels()
 
 
 if __name__ == "__main__":

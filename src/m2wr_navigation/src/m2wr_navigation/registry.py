@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Table of the planners, controllers, recovery behaviours and costmap layers, by the names that parameters use.
+"""Table of planners, controllers, methods without a map, recovery behaviours and costmap layers, by their names.
 
 A new one is one file and one line here.
 """
@@ -22,6 +22,17 @@ CONTROLLERS: Dict[str, str] = {
     "base_local_planner/TrajectoryPlannerROS": "m2wr_navigation.controllers.trajectory_planner:TrajectoryPlanner",
     "dwa_local_planner/DWAPlannerROS": "m2wr_navigation.controllers.dwa:Dwa",
     "m2wr_navigation/PurePursuit": "m2wr_navigation.controllers.pure_pursuit:PurePursuit",
+}
+METHODS: Dict[str, str] = {
+    "bug0": "m2wr_navigation.methods.bug0:Bug0",
+    "bug1": "m2wr_navigation.methods.bug1:Bug1",
+    "bug2": "m2wr_navigation.methods.bug2:Bug2",
+    "dist_bug": "m2wr_navigation.methods.dist_bug:DistBug",
+    "tangent_bug": "m2wr_navigation.methods.tangent_bug:TangentBug",
+    "vfh_plus": "m2wr_navigation.methods.vfh_plus:VfhPlus",
+    "follow_the_gap": "m2wr_navigation.methods.follow_the_gap:FollowTheGap",
+    "potential_field": "m2wr_navigation.methods.potential_field:PotentialField",
+    "mppi": "m2wr_navigation.methods.mppi:Mppi",
 }
 RECOVERIES: Dict[str, str] = {
     "clear_costmap_recovery/ClearCostmapRecovery": "m2wr_navigation.recoveries.clear_costmap:ClearCostmap",

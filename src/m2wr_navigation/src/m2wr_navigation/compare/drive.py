@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Drives of m2wr in the simulator, in this process: by a method without a map, or along a planned path."""
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Callable, List, Tuple
+
+import numpy as np
+
+from m2wr_navigation.methods.method import REACHED, Decision, Method, Sensing
+from m2wr_sim.api import Sim
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_sim.api import StepResult
+    from m2wr_sim.model.types import World
+
+PERIOD = 0.05               # s: a command is given at 20 Hz
+TIME_OUT = "time out"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The record of a drive.
+
+    Attributes
+    ----------
+    outcome : str
+        ``reached``, ``unreachable``, ``stuck`` or ``time out``.
+    reason : str
+        Of the method.
+    poses : (N, 3) float64
+        True poses of link_chassis at each cycle [m, m, rad].
+    time : float
+        Simulated time [s].
+    contacts : int
+        Contacts of the robot with obstacles that began.
+    cpu_ms : float
+        CPU time of the method, mean of a cycle [ms].
+    """
+
+    outcome: str
+    reason: str
+    poses: FloatArray
+    time: float
+    contacts: int
+    cpu_ms: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether the goal was reached without a contact."""
+        return self.outcome == REACHED and self.contacts == 0
+
+    @property
+    def length(self) -> float:
+        """Length of the path [m]."""
+        return float(np.sum(np.hypot(*np.diff(self.poses[:, :2], axis=0).T)))
+
+
+def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision], limit: float = 600.0,
+          seed: int = 0) -> Drive:
+    """Return the record of a drive of m2wr, until the decisions end.
+
+    Parameters
+    ----------
+    world : World
+    start : (3,) float
+        Pose of link_chassis [m, m, rad].
+    decide : callable
+        Gives a decision for the result of each step.
+    limit : float
+        Simulated time after which the drive ends [s].
+    seed : int
+        Of the noise of the sensors.
+    """
+    poses: List[Tuple[float, float, float]] = []
+    contacts, spent, cycles = 0, 0.0, 0
+    decision = Decision(0.0, 0.0)
+    with Sim(world, "m2wr", (float(start[0]), float(start[1]), float(start[2])), seed=seed, sensing="now") as sim:
+        begun = sim.time
+        while sim.time - begun < limit:
+            result = sim.step((decision.linear, decision.angular), PERIOD)
+            poses.append(result.pose)
+            contacts += len(result.contacts)
+            before = time.process_time()
+            decision = decide(result)
+            spent, cycles = spent + time.process_time() - before, cycles + 1
+            if decision.outcome != "running":
+                break
+        else:
+            decision = Decision(0.0, 0.0, TIME_OUT, "{:.0f} s".format(limit))
+        duration = sim.time - begun
+    return Drive(decision.outcome, decision.reason, np.array(poses), duration, contacts, 1e3 * spent / max(cycles, 1))
+
+
+def sensing_of(result: StepResult) -> Sensing:
+    """Return what a method sees of a step of the simulation."""
+    scan, odometry = result.scan, result.odometry
+    assert scan is not None and odometry is not None
+    return Sensing(result.time, result.pose, (odometry.linear_x, odometry.angular_z), scan.ranges, scan.angle_min,
+                   scan.angle_increment)
+
+
+def drive_method(world: World, start: Vector, goal: Vector, method: Method, limit: float = 600.0,
+                 seed: int = 0) -> Drive:
+    """Return the record of a drive by a method without a map.
+
+    Parameters
+    ----------
+    world : World
+    start : (3,) float
+        [m, m, rad]
+    goal : (2,) float
+        [m]
+    method : Method
+    limit : float
+        [s]
+    seed : int
+    """
+    method.begin(goal)
+    return drive(world, start, lambda result: method.step(sensing_of(result)), limit, seed)
+
+
+def final_distance(poses: FloatArray, goal: Vector) -> float:
+    """Return the distance of the last pose from a goal [m].
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+    goal : (2,) float
+    """
+    return math.hypot(poses[-1, 0] - goal[0], poses[-1, 1] - goal[1])

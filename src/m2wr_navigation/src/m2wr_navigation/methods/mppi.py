@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""MPPI: a sampling model predictive controller straight towards the goal (Williams 2016, 2018).
+
+2000 sequences of 56 commands of 0.05 s are rolled out in each cycle; their mean, weighted by exp(-cost / lambda), is
+the next sequence. Not complete: the horizon is 2.8 s, and patience ends the drive in a local minimum.
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
+from m2wr_navigation.methods.method import COMMON, Decision, Method, View
+from m2wr_navigation.methods.mppi_kernels import costs_of, improve
+from m2wr_navigation.parameters import Parameter
+from motion_plan.body import TURNING_RADIUS
+
+CELLS, RESOLUTION = 120, 0.05           # the grid around the robot: 6 x 6 m
+INFLATION = 1.0                         # m
+SCALING = 5.0                           # 1/m: decay of the costs
+
+
+class Mppi(Method):
+    """MPPI."""
+
+    PARAMETERS = dict(COMMON, **{
+        "samples": Parameter(2000, "", 10, 20000, "sequences of commands"),
+        "horizon": Parameter(56, "", 2, 400, "commands of a sequence"),
+        "step": Parameter(0.05, "s", 0.01, 1.0, "time of a command; the period of the loop"),
+        "deviation_x": Parameter(0.2, "m/s", 0.001, 10.0, "standard deviation of the disturbance of the speed"),
+        "deviation_theta": Parameter(0.6, "rad/s", 0.001, 10.0, "the same of the rate of turning"),
+        "temperature": Parameter(0.3, "", 0.001, 1000.0, "lambda: how far the mean is from the best sample"),
+        "gamma": Parameter(0.015, "", 0.0, 1000.0, "weight of the cost of the commands themselves"),
+        "seed": Parameter(0, "", 0, 2 ** 31 - 1, "of the disturbances"),
+    })
+
+    def restart(self) -> None:
+        self._random = np.random.default_rng(self.values["seed"])
+        self._nominal = np.zeros((self.values["horizon"], 2))
+        cells = int(math.ceil(INFLATION / RESOLUTION))
+        self._table = cost_table(cells, RESOLUTION, TURNING_RADIUS, SCALING)
+
+    def decide(self, view: View) -> Decision:
+        values = self.values
+        corner = (view.x - 0.5 * CELLS * RESOLUTION, view.y - 0.5 * CELLS * RESOLUTION, RESOLUTION)
+        grid = np.zeros((CELLS, CELLS), np.uint8)
+        cells = ((view.surroundings.points[:, ::-1] - (corner[1], corner[0])) / RESOLUTION).astype(np.int64)
+        inside = ((cells >= 0) & (cells < CELLS)).all(axis=1)
+        grid[cells[inside, 0], cells[inside, 1]] = 254
+        inflate(grid, self._table, int(math.ceil(INFLATION / RESOLUTION)), 0, CELLS, 0, CELLS, False)
+        if len(self._nominal) != values["horizon"]:
+            self._nominal = np.zeros((values["horizon"], 2))
+        noise = self._random.standard_normal((values["samples"], values["horizon"], 2), np.float32)
+        limits = (values["max_vel_x"], values["max_vel_theta"])
+        deviations = (values["deviation_x"], values["deviation_theta"])
+        costs = costs_of(grid, corner, (view.x, view.y, view.yaw), (float(self.goal[0]), float(self.goal[1])),
+                         self._nominal, noise, (values["step"],) + deviations + limits + (values["gamma"],))
+        improve(self._nominal, noise, costs, deviations + (values["temperature"],))
+        np.clip(self._nominal, (0.0, -limits[1]), limits, out=self._nominal)
+        linear, angular = self._nominal[0]
+        self._nominal[:-1] = self._nominal[1:]
+        free = self.travel(view, view.yaw)[0] + values["radius"] - TURNING_RADIUS
+        return Decision(min(float(linear), math.sqrt(max(free, 0.0))), float(angular),
+                        reason="least cost {:.1f}".format(float(costs.min())))
