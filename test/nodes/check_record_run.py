@@ -16,7 +16,7 @@ import rospy
 from std_msgs.msg import String
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from sim_probe import Running, program, run_checks, wait_until  # noqa: E402
+from sim_probe import Running, program, run_checks, run_program, wait_until  # noqa: E402
 
 TOPIC = "/record_talk"
 RATE = 0.01             # s of wall time between two messages
@@ -88,6 +88,16 @@ class RecordRun(unittest.TestCase):
             self.recorded()
             self.assertEqual(running.end(signal.SIGINT)[0], 0, running.text)
         self.assert_in_a_row(self.numbers())
+
+    def test_the_ending_mcap_makes_an_mcap_file(self):
+        path = os.path.join(self.folder, "run.mcap")
+        with self.supervisor("-O", path) as run:
+            self.recorded()
+            self.assertEqual(run.end(signal.SIGINT)[0], 0, run.text)
+        self.assertEqual(os.listdir(self.folder), ["run.mcap"])
+        self.assertEqual(run_program([program("m2wr_sim", "convert_recording"), path]).returncode, 0)
+        numbers = self.numbers()
+        self.assertEqual(numbers, list(range(numbers[0], numbers[-1] + 1)))
 
     def test_a_killed_supervisor_leaves_a_closed_bag(self):
         with self.supervisor("-O", self.bag) as running:

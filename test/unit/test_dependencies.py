@@ -16,7 +16,8 @@ PROVIDERS = {
     "rospkg": "python3-rospkg", "scipy": "python3-scipy", "yaml": "python3-yaml", "urdf_parser_py": "urdfdom_py",
     "mpl_toolkits": "python3-matplotlib",
     "collada": None, "gymnasium": None, "trimesh": None, "viser": None, "websockets": None,
-    "cbor2": None, "mcap": None, "msgspec": None,
+    "cbor2": None, "mcap": None, "msgspec": None, "rosbags": None,
+    "lz4": None, "zstandard": None,
 }
 PACKAGES = [package for package in tree.packages() if package.name != "m2wr_test"]
 NAMES = {package.name for package in PACKAGES}

@@ -29,6 +29,7 @@ from m2wr_node.ros.is_there import PatientTransport
 from m2wr_node.ros.starting import register
 from m2wr_node.user_folder import from_user
 from m2wr_tools.runs.bag_order import settle_times
+from m2wr_view.errors import ViewError
 
 _CHUNK_KB = 256             # written at once; at most this is lost when the recorder is killed
 _SPACE_MB = 64              # free on the disk, below which it stops; its own default is 1 GB, more than most runs take
@@ -262,12 +263,37 @@ class Keeper:
         rospy.signal_shutdown("the run ends")
 
 
+def finish_as_mcap(bag: str, path: str) -> None:
+    """Replace a bag that is complete by an MCAP file.
+
+    Parameters
+    ----------
+    bag : str
+    path : str
+        Of the new file.
+
+    Raises
+    ------
+    RecordError
+        If this fails; the bag stays.
+    """
+    from m2wr_tools.runs.mcap_files import bag_to_mcap  # its libraries take 0.2 s, which other recordings save
+    if not os.path.exists(bag):
+        return
+    try:
+        bag_to_mcap(bag, path)
+    except ViewError as error:
+        raise RecordError("%s; the recording is in %s" % (error, bag)) from error
+    os.remove(bag)
+
+
 def main(argv: Optional[List[str]] = None) -> int:
     """Entry point; returns the exit code: 0, 1 where less was recorded than was wanted, 2 on misuse."""
     parser = argparse.ArgumentParser(prog="record_run", description="rosbag record for launch files: if the recording "
                                      "fails, the run continues and the recorded part is readable.")
     name = parser.add_mutually_exclusive_group(required=True)
-    name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag")
+    name.add_argument("-O", dest="path", metavar="FILE", help="name of the bag; with the ending .mcap the recording "
+                      "becomes an MCAP file when it ends")
     name.add_argument("-o", dest="prefix", metavar="PREFIX", help="beginning of the name; the time is appended")
     parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place; the bag "
                         "shows each topic in the order in which it was recorded")
@@ -276,10 +302,14 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("topics", nargs="+", metavar="TOPIC")
     given = parser.parse_args(sys.argv[1:] if argv is None else argv)
     path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))
-    path = from_user(path if path.endswith(".bag") else path + ".bag")
+    path = from_user(path if path.endswith((".bag", ".mcap")) else path + ".bag")
+    base, ending = os.path.splitext(path)
+    bag = path if ending == ".bag" else base + ".bag"
     lockstep = given.lockstep.lower() == "true"
-    keeper = Keeper(path, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [], in_order=lockstep)
+    keeper = Keeper(bag, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [], in_order=lockstep)
     try:
+        if bag != path and os.path.exists(path):
+            raise RecordError("%s exists; expected the name of a new file" % path)
         keeper.record()
     except RecordError as error:
         sys.stderr.write("record: %s. The run continues without a recording.\n" % error)
@@ -289,4 +319,10 @@ def main(argv: Optional[List[str]] = None) -> int:
         else:
             keeper.wait()
         return 1
+    if bag != path:
+        try:
+            finish_as_mcap(bag, path)
+        except RecordError as error:
+            sys.stderr.write("record: %s\n" % error)
+            return 1
     return 0
