@@ -17,6 +17,7 @@ from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
 from m2wr_gmapping.frontend.occlusion import conflict_share
+from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
 from m2wr_gmapping.frontend.tracking import Tracker
@@ -101,7 +102,7 @@ class Mapper:
             self._tracker = Tracker(matcher, config.noise, self._dense, laser.base_from_sensor)
             if config["loop_closing"]:
                 self._loops = LoopCloser(matcher, config["delta"], self._history)
-        self._motion = ViewMemory()
+        self._motion, self._gaps = ViewMemory(), ScanGaps()
         self._level = TiltDetector(config["delta"], laser.max_range)
         self.filter: Optional[ParticleFilter] = None
         self.readings: List[ScanReading] = []
@@ -166,6 +167,7 @@ class Mapper:
             return self._first(reading, odom, stamp)
         tracker, tracked, before = self._tracker, False, self._odom
         self._odom = odom
+        self._gaps.add(stamp)
         if tracker is None:
             step = between(before, odom)
             distance, turn, moved = math.hypot(step[0], step[1]), abs(float(step[2])), False
@@ -252,6 +254,7 @@ class Mapper:
         self.readings.append(reading)
         self.stamps.append(stamp)
         self._distance = self._turn = 0.0
+        self._gaps.restart()
         if self._tracker is not None:
             self._tracker.restart()
             self._motion.remember(reading)
@@ -307,6 +310,8 @@ class Mapper:
             tracker.learn(particles.maps, best, anchors[best], predictions[best], reading, rows[best],
                           self._history.next_record())
             self._history.set_information(rows[best], variances)
+            if tracker.has_slipped and self._gaps.noticed:
+                self._history.mark_doubtful()
         particles.resample()
         particles.register(reading)
         self._remember(reading, stamp)

@@ -13,6 +13,7 @@ from m2wr_gmapping.backend.loop_graph import (
     AGREEMENT,
     CONFIDENT_CHANGE,
     MIN_CHANGE,
+    NEAR,
     LoopGraph,
     change_of,
     distances_along,
@@ -20,6 +21,8 @@ from m2wr_gmapping.backend.loop_graph import (
     link_of,
 )
 from m2wr_gmapping.backend.occlusion import occlusion_conflict
+from m2wr_gmapping.backend.step_history import turned_step
+from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
 from m2wr_gmapping.se2 import between, compose, inverse
@@ -94,7 +97,8 @@ class LoopCloser:
 
     def __init__(self, matcher: FastMatcher, resolution: float, history: StepHistory) -> None:
         self.graph = LoopGraph(matcher, resolution, history)
-        self._extension = LoopExtension(self.graph)
+        self._extension, self._turned = LoopExtension(self.graph), TurnedPath(self.graph)
+        self._history = history
         self._pending: Optional[Tuple[Link, FloatArray]] = None     # a loop closure that waits for confirmation
         self._candidates: List[Candidate] = []          # recent results of wide searches
         self._searched_at = self._linked_at = self._wide_at = 0.0
@@ -162,7 +166,35 @@ class LoopCloser:
             has_moved, leads_far = self._extension.has_moved, self._extension.has_large_shift
             if self._extension.frontiers:     # the maps are rebuilt once, when all frontiers have ended
                 return None
-        return self._solve(path, leads_far) if has_moved or leads_far else None
+        if has_moved or leads_far:
+            return self._solve(path, leads_far)
+        turned = self._turned.search(path, along, readings, self._history.doubtful)
+        return self._turn_back(path, along, readings, turned) if turned else None
+
+    def _turn_back(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+                   found: List[TurnedFind]) -> Optional[FloatArray]:
+        """Return the path without a turn that was not noticed; None, and no change, if its scans contradict that."""
+        node, correction = found[-1].node, found[-1].correction
+        self._history.corrected(path)       # has seen all nodes
+        path = path.copy()
+        path[node:] = compose(correction, path[node:])
+        before, links = self._history.step(node), self.graph.links
+        self._history.replace_step(node, turned_step(before[0], correction[2]))
+        self.graph.replace_links([link for link in links if link[0] >= node or link[1] < node]
+                                 + [find.link for find in found])
+        solved = self.graph.solve(path, True)
+        path = path if solved is None else solved
+        placed = self.graph.drift(path, len(path) - 1)[0] <= NEAR
+        if not is_consistent(path, along, readings, node, placed):
+            self._history.replace_step(node, before)
+            self.graph.replace_links(links)
+            return None
+        self._history.doubtful.remove(node)
+        self._pending, self._candidates, self._linked_at = None, [], along[-1]
+        self._extension = LoopExtension(self.graph)
+        self._extension.start_at([find.link for find in found])
+        self._extension.schedule_review(along)
+        return path
 
     def _search_near(self, scene: place_search.Scene, old: IndexArray) -> bool:
         """Search close to the newest node; return whether a loop closure was found that moves the path."""

@@ -164,7 +164,7 @@ class LoopGraph:
             Old nodes with little drift, and with more drift, against the node.
         """
         count = drift_kernels.old_nodes(along, node, OLD)
-        shift, turn = self._drift(path, node)
+        shift, turn = self.drift(path, node)
         if node < len(path) - 1 or correction is not None:
             path, along, readings = path[:node + 1].copy(), along[:node + 1], readings[:node + 1]
             shift, turn = shift[:node + 1], turn[:node + 1]
@@ -175,8 +175,15 @@ class LoopGraph:
         scene = place_search.Scene(path, along, readings, np.arange(count), shift, turn)
         return scene, numbers[0, :near], numbers[1, :far]
 
-    def _drift(self, path: FloatArray, node: int) -> Tuple[FloatArray, FloatArray]:
-        """Return the greatest drift of ``node`` against each node, (K,) [m] and (K,) [rad]."""
+    def drift(self, path: FloatArray, node: int) -> Tuple[FloatArray, FloatArray]:
+        """Return the greatest drift of ``node`` against each node, (K,) [m] and (K,) [rad].
+
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+        node : int
+        """
         out, shift, turn = np.empty((len(path), 3)), np.empty(len(path)), np.empty(len(path))
         if len(self._link_nodes) < len(self.links):
             self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
@@ -270,6 +277,11 @@ class LoopGraph:
             return None
         self.closures += 1
         return bent
+
+    def replace_links(self, links: List[Link]) -> None:
+        """Replace all loop closures."""
+        self.links = links
+        self._link_nodes = np.zeros((0, 2), np.int64)
 
     # ---- saving
 

@@ -6,7 +6,7 @@ first steps are as wrong as the first calibration was. They are corrected when m
 """
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Dict, List
+from typing import TYPE_CHECKING, Any, Dict, List, Tuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
 STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # least variance of a step [m^2, m^2, rad^2]
+CARRIED = np.array([2.0, 2.0, 0.5])     # standard deviations of a step on which the robot was turned by hand [m, m, rad]
+#: Measured pose (3,) of a node from the one before, its information (3, 3), position variance [m^2], record.
+Step = Tuple["FloatArray", "FloatArray", float, "FloatArray"]
 SMOOTHING_FACTOR = 10.0     # the calibration changes less than the filter assumes, which has to follow at once
 
 
@@ -31,12 +34,15 @@ class StepHistory:
     ----------
     count : int
         Number of nodes.
+    doubtful : list of int
+        Nodes to which the robot may have turned in an unknown way.
     """
 
     def __init__(self) -> None:
         self._records = np.zeros((FIRST_STEPS, RECORD_SIZE))
         self._information, self._variances = np.zeros((FIRST_STEPS, 3, 3)), np.zeros(FIRST_STEPS)
         self._measured: List[FloatArray] = []       # pose of each node from the one before, [0] unused
+        self.doubtful: List[int] = []
         self.count, self._checked_at = 1, 0
 
     def next_record(self) -> FloatArray:
@@ -96,6 +102,26 @@ class StepHistory:
         changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / SMOOTHING_FACTOR, change)
         return compose(np.array(self._measured[:count]), change)
 
+    def mark_doubtful(self) -> None:
+        """Tell that the robot may have turned in an unknown way on the step to the newest node."""
+        self.doubtful.append(self.count - 1)
+
+    def step(self, node: int) -> Step:
+        """Return the step to a node."""
+        return (self._measured[node], self._information[node].copy(), float(self._variances[node]),
+                self._records[node].copy())
+
+    def replace_step(self, node: int, step: Step) -> None:
+        """Replace the step to a node that :meth:`corrected` has seen.
+
+        Parameters
+        ----------
+        node : int
+        step : tuple
+            As of :meth:`step`.
+        """
+        self._measured[node], self._information[node], self._variances[node], self._records[node] = step
+
     @property
     def due(self) -> bool:
         """Whether enough steps were added since the last ``checked``."""
@@ -110,12 +136,26 @@ class StepHistory:
     def compact(self) -> Dict[str, object]:
         """Return the attributes that are stored, without spare rows."""
         return dict(_records=self._records[:self.count], _information=self.information, _variances=self.variances,
-                    _measured=self._measured, _checked_at=self._checked_at)
+                    _measured=self._measured, doubtful=self.doubtful, _checked_at=self._checked_at)
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned."""
         self.__dict__.update(stored)
         self.count = len(self._variances)
+
+
+def turned_step(step: FloatArray, turn: float) -> Step:
+    """Return a step on which the robot was also turned on the spot, which was not measured.
+
+    Parameters
+    ----------
+    step : (3,) float64
+        As measured [m, m, rad].
+    turn : float
+        [rad]
+    """
+    return (compose(step, [0.0, 0.0, turn]), np.diag(1.0 / np.square(CARRIED)), 2.0 * CARRIED[0]**2,
+            np.zeros(RECORD_SIZE))
 
 
 def path_of(start: FloatArray, steps: FloatArray) -> FloatArray:

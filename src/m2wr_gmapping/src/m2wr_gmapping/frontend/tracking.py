@@ -95,6 +95,11 @@ class Tracker:
         return self.track.matched.copy()
 
     @property
+    def has_slipped(self) -> bool:
+        """Whether a slip of odometry was confirmed since the last processed scan."""
+        return bool(self.track.slack.any())
+
+    @property
     def undecided(self) -> bool:
         """Whether scan and odometry contradict each other, and a slip is not confirmed yet."""
         return bool(self.track.slip[2])

@@ -8,6 +8,7 @@ from typing import Any, Dict, Union
 import numpy as np
 
 from m2wr_gmapping.backend.loop_closing import Candidate
+from m2wr_gmapping.backend.turned_path import TURNS, TurnedFind
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
@@ -40,6 +41,8 @@ READING = ListedRecord(_reading, {
 CANDIDATE = ListedRecord(lambda values: Candidate(**values), {
     "along": REAL, "link": LINK, "pose": POSE, "correction": POSE, "slides": YES, "clear": YES, "alike": YES,
     "drift": REAL, "long": YES})
+TURNED_FIND = ListedRecord(lambda values: TurnedFind(**values), {
+    "along": REAL, "node": NODE, "link": LINK, "correction": POSE})
 LASER = Record(lambda values: LaserModel(**values), {
     "angles": Array("float64", "B", -math.pi * 3, math.pi * 3), "reverse": YES, "centre": REAL,
     "base_from_sensor": POSE, "range_min": REAL, "range_max": REAL, "max_range": REAL, "max_urange": REAL})
@@ -71,19 +74,23 @@ OCCUPANCY = Part({
 GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
-    "_variances": Array("float64", "S"), "_measured": Many(POSE), "_checked_at": COUNT}, ("count",))
+    "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(NODE), "_checked_at": COUNT}, ("count",))
 GRAPH = Part({"links": Many(LINK), "searches": COUNT, "closures": COUNT},
              ("_matcher", "_resolution", "_history", "_link_nodes"))
 EXTENSION = Part({
     "_frontiers": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "has_moved": YES,
     "has_large_shift": YES}, ("_graph",))
+TURNED = Part({
+    "_finds": Many(TURNED_FIND), "_searched_at": REAL, "_turn": Number(int, 0, len(TURNS) - 1)}, ("_graph",))
 LOOPS = Part({
-    "graph": GRAPH, "_extension": EXTENSION, "_pending": Maybe(Group(LINK, POSE)), "_candidates": Many(CANDIDATE),
-    "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL, "wide_searches": COUNT})
+    "graph": GRAPH, "_extension": EXTENSION, "_turned": TURNED, "_pending": Maybe(Group(LINK, POSE)),
+    "_candidates": Many(CANDIDATE), "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL,
+    "wide_searches": COUNT}, ("_history",))
 TRACKER = Part({
     "_track": Array("float64", str(tr.TRACK_SIZE)), "_noise": Array("float64", str(tr.NOISE_SIZE)),
     "_calibration": Array("float64", str(tr.CALIBRATION_SIZE))}, ("_matcher", "_dense", "_ask"))
 VIEW = Part({"_seen": Array("float64", str(SECTORS))}, ("_now",))
+GAPS = Part({"noticed": YES, "_count": COUNT, "_first": REAL, "_last": REAL})
 LEVEL = Part({
     "_reference": Group(REAL, REAL), "_tilted_distance": REAL, "_excess": Group(REAL, REAL), "_is_tilted": YES,
     "is_rocking": YES}, ("_lift", "_reach"))
@@ -91,7 +98,7 @@ _MAPPER: Dict[str, Union[Kind, Part]] = {
     "stamps": Many(REAL, "scans"), "readings": Many(READING, "scans"), "given": Number(int, 0, 1),
     "_between": Many(Group(REAL, NODE, POSE)), "_odom": POSE, "_distance": Number(float, infinite=True), "_turn": REAL,
     "_last_processed": REAL, "filter": FILTER, "_tracker": TRACKER, "_level": LEVEL, "_loops": LOOPS,
-    "_history": HISTORY, "_motion": VIEW}
+    "_history": HISTORY, "_motion": VIEW, "_gaps": GAPS}
 _MADE = ("config", "laser", "_workers", "_plain", "_matcher", "_dense")
 
 

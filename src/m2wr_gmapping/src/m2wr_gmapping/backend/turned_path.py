@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Search for a turn of the robot that nothing has noticed: it was carried, and the place looks alike after a turn.
+
+A corridor looks the same after half a turn, a square room after a quarter. If the robot is turned there while scans are
+missing, every later pose is rotated about that place, and places appear a second time, rotated. Only steps without scans
+on which odometry and laser did not agree are in doubt: a building with equal wings looks the same.
+"""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, List, Optional, Sequence
+
+import numpy as np
+
+from m2wr_gmapping.backend import place_search
+from m2wr_gmapping.backend.loop_graph import is_observed, link_of
+from m2wr_gmapping.backend.occlusion import LOOKS, occlusion_conflict
+from m2wr_gmapping.backend.place_query import query_points, spread_out, thinned
+from m2wr_gmapping.backend.place_search import RASTER_SCORE, RIVAL, WIDE_PATH
+from m2wr_gmapping.frontend import correlative_kernels as ck
+from m2wr_gmapping.frontend import match_kernels as mk
+from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, conflict_share
+from m2wr_gmapping.se2 import between, compose, inverse
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, FloatArray, Uint8Array
+    from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
+    from m2wr_gmapping.frontend.scan import ScanReading
+
+TURNS = math.pi, 0.5 * math.pi, -0.5 * math.pi  # of rooms with right angles that look alike [rad]
+TURN_WINDOW = 0.2           # half width of the search around each [rad]
+SEARCH_EVERY = 2.0          # path between two searches of the whole path [m]
+FOLLOW_EVERY = 0.7          # path between two searches after a result [m]
+MEMORY = 50.0               # path after which a result is dropped [m]
+SUPPORT, COUNT = 5.0, 5     # path [m] and number of results that have to agree
+LOOK_EVERY = 3.0            # path between two scans of the check of the whole turned path [m]
+AGREEMENT = np.array([0.5, 0.5, 0.08])  # greatest difference of two results [m, m, rad]
+BREAK_REACH = 1.5           # greatest distance of the node after a turn from its centre: a step of the path [m]
+
+
+@dataclass(frozen=True)
+class TurnedFind:
+    """A place that the newest scans fit after a turn.
+
+    Attributes
+    ----------
+    along : float
+        Length of the path up to the newest node [m].
+    node : int
+        First node after the turn.
+    link : tuple
+        As in ``LoopGraph.links``.
+    correction : (3,) float64
+        Transform of the poses after the turn, in the axes of the map.
+    """
+
+    along: float
+    node: int
+    link: Link
+    correction: FloatArray
+
+
+class TurnedPath:
+    """Searches turns of the path that were not noticed.
+
+    Parameters
+    ----------
+    graph : LoopGraph
+    """
+
+    def __init__(self, graph: LoopGraph) -> None:
+        self._graph = graph
+        self._finds: List[TurnedFind] = []
+        self._searched_at = 0.0
+        self._turn = 0
+
+    def search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+               doubtful: Sequence[int]) -> Optional[List[TurnedFind]]:
+        """Search at the newest node; return the results that agree on a turn, once there are enough.
+
+        Parameters
+        ----------
+        path : (K, 3) float64
+            Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+        along : (K,) float64
+            Length of the path up to each node [m].
+        readings : sequence of K ScanReading
+            Scans of the path's nodes.
+        doubtful : sequence of int
+            Nodes to which the robot may have turned.
+
+        Returns
+        -------
+        list of TurnedFind or None
+        """
+        here = along[-1]
+        # the newest scans have to be from after the turn, and the oldest from before
+        nodes = [node for node in doubtful if WIDE_PATH < along[node] < here - WIDE_PATH]
+        if not nodes:
+            return None
+        follows = bool(self._finds) and self._finds[-1].along == self._searched_at
+        if here - self._searched_at < (FOLLOW_EVERY if follows else SEARCH_EVERY):
+            return None
+        self._searched_at = here
+        correction: Optional[FloatArray]
+        if follows:
+            correction = self._finds[-1].correction
+        else:
+            self._turn = (self._turn + 1) % len(TURNS)
+            correction = self._coarse(path, along, readings, nodes, TURNS[self._turn])
+        found = None if correction is None else self._verify(path, along, readings, nodes, correction)
+        if found is None:
+            return None
+        self._finds = [find for find in self._finds if here - find.along < MEMORY] + [found]
+        agreed = [find for find in self._finds if _agrees(find, found, path[-1])]
+        if len(agreed) < COUNT or here - agreed[0].along < SUPPORT:
+            return None
+        self._finds = [find for find in self._finds if not _agrees(find, found, path[-1])]
+        return agreed
+
+    def _coarse(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], nodes: List[int],
+                turn: float) -> Optional[FloatArray]:
+        """Return the correction of the place that the newest scans fit best after a turn on the way to a node."""
+        last = nodes[-1]
+        query = query_points(path, along, readings, WIDE_PATH, WIDE_PATH)
+        query = thinned(spread_out(query, place_search.WIDE_SPACING), place_search.WIDE_POINTS)
+        if query.shape[1] < place_search.FEWEST_POINTS:
+            return None
+        old = path[:last, :2]
+        centre = 0.5 * (old.min(axis=0) + old.max(axis=0))
+        window = float((old.max(axis=0) - centre).max()) + place_search.ROOM
+        c, s = math.cos(turn), math.sin(turn)
+        centres = path[nodes, :2]
+        arm = path[-1, :2] - centres
+        turned = centres + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1]], -1)
+
+        def allowed(middles: FloatArray) -> Uint8Array:
+            return _near(middles, turned - centre, 2.0 * BREAK_REACH) * _near(middles, old - centre, place_search.ROOM)
+
+        reference = np.arange(last)[::max(1, -(-last // place_search.WIDE_NODES))]
+        pose = np.array([centre[0], centre[1], path[-1, 2] + turn])
+        best = place_search.coarse_search(pose, query, path, reference, readings, window, TURN_WINDOW,
+                                          place_search.WIDE_RASTER, allowed)
+        if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
+            return None
+        return compose(best[:3], inverse(path[-1]))
+
+    def _verify(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+                nodes: List[int], correction: FloatArray) -> Optional[TurnedFind]:
+        """Search again with the path turned by ``correction``, against the scans before the turn only."""
+        node = turned_node(path, nodes, correction)
+        if node is None:
+            return None
+        turned = path.copy()
+        turned[node:] = compose(correction, path[node:])
+        scene, near, far = self._graph.scene(turned, along, readings, len(path) - 1)
+        old = np.concatenate([near, far])
+        old = old[old < node]
+        if not len(old):
+            return None
+        place = place_search.wide_search(scene, old)
+        found = None if place is None else self._graph.fine_match(scene, old, place.pose, place.reach)
+        if found is None or place is None:
+            return None
+        nearest, row, around, supported = found
+        if not is_observed(row) or occlusion_conflict(scene, row[:3], around) > MOST_CONFLICT \
+                or self._is_explained(path, along, readings, node, place.score):
+            return None
+        pose = row[:3].copy()
+        row[mk.INFORMATION:] = supported
+        return TurnedFind(float(along[-1]), node, link_of(turned, nearest, row), compose(pose, inverse(path[-1])))
+
+    def _is_explained(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
+                      score: float) -> bool:
+        """Whether the newest scans fit the scans before the turn at their present pose as well."""
+        query = query_points(path, along, readings, WIDE_PATH, WIDE_PATH)
+        query = thinned(spread_out(query, place_search.WIDE_SPACING), place_search.WIDE_POINTS)
+        distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
+        reference = np.flatnonzero(distance < place_search.QUERY_REACH + WIDE_PATH)
+        if not len(reference):
+            return False
+        reference = reference[::max(1, -(-len(reference) // place_search.WIDE_NODES))]
+        best = place_search.coarse_search(path[-1], query, path, reference, readings, place_search.BESIDE,
+                                          place_search.LOCAL_TURN, place_search.WIDE_RASTER)
+        return bool(best[3] > RIVAL * score)
+
+
+def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
+                  placed: BoolArray) -> bool:
+    """Return whether the path after a turn nowhere conflicts by occlusion with the scans before it.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses with the turn [m, m, rad], in ``map``.
+    along : (K,) float64
+        Length of the path up to each node [m].
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    node : int
+        First node after the turn.
+    placed : (K,) bool
+        Nodes whose place is known well enough.
+    """
+    shares = []
+    for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], LOOK_EVERY))):
+        if not placed[later]:
+            continue
+        distance = np.hypot(path[:node, 0] - path[later, 0], path[:node, 1] - path[later, 1])
+        near = np.argsort(distance, kind="stable")[:LOOKS]
+        shares.append(conflict_share((path[later], readings[later], path[other], readings[other]) for other in near))
+    count = min(len(shares), int(WIDE_PATH / LOOK_EVERY) + 1)
+    return not shares or bool(np.convolve(shares, np.full(count, 1.0 / count), "valid").max() <= MOST_CONFLICT)
+
+
+def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> Optional[int]:
+    """Return the node on the way to which the robot was turned, or None if it was at none then.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    nodes : list of int
+        Candidates.
+    correction : (3,) float64
+        Transform of the poses after the turn; its fixed point is the place of the turn.
+    """
+    moved = compose(correction, path[nodes])        # the robot at a fixed point does not move
+    size = 2.0 * abs(math.sin(0.5 * correction[2]))     # and moves so far per metre from it
+    distance = np.hypot(*(moved - path[nodes])[:, :2].T) / max(size, 1e-9)
+    best = int(np.argmin(distance))
+    return nodes[best] if distance[best] <= BREAK_REACH else None
+
+
+def _near(middles: FloatArray, places: FloatArray, reach: float) -> Uint8Array:
+    """Return (N, N) uint8: offsets within ``reach`` of one of the ``places`` (C, 2) [m]."""
+    near = np.zeros((len(middles), len(middles)), np.uint8)
+    if len(middles) > 1:
+        places = np.ascontiguousarray(places)
+        ck.mark_near(middles, places, np.zeros(len(places)), np.full(len(places), np.inf), reach, near)
+    return near
+
+
+def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:
+    return find.node == found.node and bool((np.abs(between(compose(find.correction, newest), compose(found.correction, newest)))
+                 <= AGREEMENT).all())

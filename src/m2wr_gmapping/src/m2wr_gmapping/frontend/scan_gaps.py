@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Times in which scans are missing: what the robot did then is known from odometry only."""
+from __future__ import annotations
+
+GAP = 1.5                   # in usual intervals: between none (1) and one missing scan (2)
+
+
+class ScanGaps:
+    """Notices missing scans.
+
+    Attributes
+    ----------
+    noticed : bool
+        Whether scans were missing since :meth:`restart`.
+    """
+
+    def __init__(self) -> None:
+        self.noticed = False
+        self._count, self._first, self._last = 0, 0.0, 0.0
+
+    def add(self, stamp: float) -> None:
+        """Take note of a scan at a time [s]."""
+        if self._count > 1:
+            usual = (self._last - self._first) / (self._count - 1)
+            self.noticed |= stamp - self._last > GAP * usual
+        self._first = self._first if self._count else stamp
+        self._last, self._count = stamp, self._count + 1
+
+    def restart(self) -> None:
+        """Forget the gaps noticed so far."""
+        self.noticed = False

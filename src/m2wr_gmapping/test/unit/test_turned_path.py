@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot that is carried and turned in a plain corridor: noticed later, by the places that it sees a second time."""
+import math
+
+import numpy as np
+import pytest
+
+from m2wr_gmapping.backend import turned_path
+from m2wr_gmapping.backend.loop_graph import distances_along
+from m2wr_gmapping.config import GmappingConfig
+from m2wr_gmapping.frontend.scan import LaserModel
+from m2wr_gmapping.frontend.scan_gaps import ScanGaps
+from m2wr_gmapping.mapper import Mapper
+from m2wr_gmapping.se2 import between, compose
+
+LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 8.0)
+HALF, BEGIN, PLAIN, END = 1.1, -40.0, 16.0, 90.0        # half width of the corridor; it is plain from PLAIN to END [m]
+START, PLACE, STEP, MISSING = -35.0, 30.0, 0.1, 10      # of the drive, of the turn [m]; number of missing scans
+
+
+def corridor(rng):
+    """Walls (S, 4) of a corridor along x that has niches before ``PLAIN``."""
+    walls = [(BEGIN, -HALF, BEGIN, HALF), (END, -HALF, END, HALF)]
+    for side in (-HALF, HALF):
+        at, x = BEGIN, BEGIN + rng.uniform(1.0, 4.0)
+        while x < PLAIN - 2.0:
+            out, width = side * (1.0 + rng.uniform(0.3, 1.0)), rng.uniform(0.6, 2.0)
+            end = x + width
+            walls += [(at, side, x, side), (x, side, x, out), (x, out, end, out), (end, out, end, side)]
+            at, x = end, end + rng.uniform(1.0, 5.0)
+        walls.append((at, side, END, side))
+    return np.array(walls)
+
+
+def ranges(walls, pose):
+    dx, dy = np.cos(pose[2] + LASER.angles)[:, None], np.sin(pose[2] + LASER.angles)[:, None]
+    x0, y0, x1, y1 = (walls - np.tile(pose[:2], 2)).T
+    ex, ey = x1 - x0, y1 - y0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = dx * ey - dy * ex
+        along, part = (x0 * ey - y0 * ex) / cross, (x0 * dy - y0 * dx) / cross
+    return np.where((along > 0) & (part >= 0) & (part <= 1), along, np.inf).min(axis=1)
+
+
+def drive(turn, askew):
+    """True poses (K, 3): along the corridor, then turned by ``turn`` and ``askew``, and on; number of the turn."""
+    there = np.zeros((int((PLACE - START) / STEP), 3))
+    there[:, 0] = START + STEP * np.arange(len(there))
+    after = np.zeros((500, 3))
+    after[:, 0] = STEP * np.arange(len(after))
+    last = there[-1] + [0.0, 0.0, turn]
+    return np.concatenate([there, [last + [0.0, 0.0, askew]], compose(last, after)]), len(there)
+
+
+def mapped(turn, askew, missing, seed=3):
+    """The mapper after a drive whose odometry knows nothing of the turn, and the last true pose."""
+    rng = np.random.default_rng(seed)
+    walls, (truth, turned) = corridor(rng), drive(turn, askew)
+    odom = [truth[0]]
+    for k in range(1, len(truth)):
+        step = between(truth[k - 1], truth[k]) if k != turned else np.zeros(3)
+        odom.append(compose(odom[-1], step * [1.01, 1.0, 1.0]))
+    mapper = Mapper(GmappingConfig.from_mapping(dict(
+        particles=4, threads=1, linearUpdate=0.5, angularUpdate=0.4, xmin=-1.0, ymin=-1.0, xmax=1.0, ymax=1.0)), LASER)
+    for k, (pose, at) in enumerate(zip(truth, odom)):
+        seen = ranges(walls, pose) + rng.normal(0.0, 0.01, len(LASER.angles))
+        mapper.process(mapper.reading(seen), at, 0.1 * (k + (missing if k >= turned else 0)))
+    return mapper, truth[-1]
+
+
+@pytest.mark.parametrize("turn, askew", [(math.pi, math.radians(10.0)), (-math.pi, math.radians(-12.0))])
+def test_turn_in_a_plain_corridor_is_found_later(turn, askew):
+    mapper, last = mapped(turn, askew, MISSING)
+    assert np.hypot(*(mapper.pose - last)[:2]) < 0.3
+    assert abs(math.remainder(mapper.pose[2] - last[2], 2.0 * math.pi)) < 0.05
+    assert not mapper._history.doubtful
+
+
+@pytest.mark.parametrize("askew, missing, doubtful", [(0.0, 0, 0), (0.0, MISSING, 0), (0.17, 0, 0), (0.17, MISSING, 1)])
+def test_without_a_turn_the_path_goes_straight_on(askew, missing, doubtful):
+    """Only a slip while scans are missing is doubtful, and stays so as long as no place is seen again."""
+    mapper, last = mapped(0.0, askew, missing)
+    assert np.hypot(*(mapper.pose - last)[:2]) < 1.0 and abs(mapper.pose[2]) < 0.02
+    assert len(mapper._history.doubtful) == doubtful
+
+
+@pytest.mark.parametrize("turn", [math.pi, 0.5 * math.pi, -0.5 * math.pi, 3.0])
+def test_fixed_point_tells_where_the_robot_was_turned(turn):
+    path = np.array([[0.5 * k, 1.0, 0.0] for k in range(41)])
+    place = np.append(path[20, :2], 0.0)
+    correction = compose(compose(place, [0.0, 0.0, turn]), [-place[0], -place[1], 0.0])
+    assert turned_path.turned_node(path, [5, 20, 30], correction) == 20
+    assert turned_path.turned_node(path, [5, 30], correction) is None
+
+
+def test_path_through_walls_is_not_consistent():
+    rng = np.random.default_rng(1)
+    walls = corridor(rng)
+    truth = np.zeros((41, 3))
+    truth[:, 0] = START + 0.5 * np.arange(41)
+    seen = [LASER.reading(ranges(walls, pose)) for pose in truth]
+    path, placed = np.concatenate([truth, truth]), np.ones(82, bool)
+    along = np.concatenate([distances_along(truth), 30.0 + distances_along(truth)])
+    assert turned_path.is_consistent(path, along, seen + seen, 41, placed)
+    path[41:, 1] += 1.5
+    assert not turned_path.is_consistent(path, along, seen + seen, 41, placed)
+    assert turned_path.is_consistent(path, along, seen + seen, 41, ~placed)      # their place is not known
+
+
+@pytest.mark.parametrize("stamps, noticed", [
+    ((0.0, 0.1, 0.2, 0.3), False), ((0.0, 0.1, 0.2, 0.4), True), ((0.0, 0.1, 0.2, 0.33), False), ((0.0, 5.0), False)])
+def test_missing_scans_are_noticed(stamps, noticed):
+    gaps = ScanGaps()
+    for stamp in stamps:
+        gaps.add(stamp)
+    assert gaps.noticed == noticed
+    gaps.restart()
+    assert not gaps.noticed
