@@ -243,6 +243,8 @@ SCANS, MATCHING, TRACKING, SLIPS, OCCLUSION = Scans(), Matching(), Tracking(), S
 ODOMETRY, CALIBRATION, PARTICLES = Odometry(), Calibration(), Particles()
 #: Names of the groups, in the order of the tables.
 GROUPS = ("SCANS", "MATCHING", "TRACKING", "SLIPS", "OCCLUSION", "ODOMETRY", "CALIBRATION", "PARTICLES")
+#: Ends of the names of modules whose values are frozen in compiled kernels.
+KERNEL_MODULES = ("kernels.py", "track.py")
 _READ = re.compile(r"\btuning\.([A-Z_]+)\.([a-z_0-9]+)")
 
 

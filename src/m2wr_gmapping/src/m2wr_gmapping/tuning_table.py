@@ -8,9 +8,10 @@ from m2wr_gmapping import tuning
 
 HEAD = """# Tuned constants of the mapper
 
-Written by `make reference` from
-[`tuning.py`](../../src/m2wr_gmapping/src/m2wr_gmapping/tuning.py). These values are no
-parameters: they are the same for every robot. A value with several components has one unit for each.
+Written by `make reference` from [`tuning.py`](../../src/m2wr_gmapping/src/m2wr_gmapping/tuning.py).
+These values are no parameters: they are the same for every robot. A value with several components has one unit for
+each. `rosrun m2wr_gmapping sensitivity` measures
+[what each value does](../how-to/mapping_benchmark.md#see-what-a-constant-does).
 """
 
 

@@ -3,4 +3,4 @@
 from m2wr_gmapping import tuning
 from m2wr_node import kernel_cache
 
-kernel_cache.refresh(__file__, ("kernels.py", "track.py"), tuning.read_by)
+kernel_cache.refresh(__file__, tuning.KERNEL_MODULES, tuning.read_by)

@@ -54,7 +54,8 @@ def _pair(kind: Callable[[str], Any]) -> Callable[[str], Tuple[str, Any]]:
     return read
 
 
-def _whole(least: int) -> Callable[[str], int]:
+def whole(least: int) -> Callable[[str], int]:
+    """Return a reader of whole numbers of at least ``least``, as a type for argparse."""
     def read(text: str) -> int:
         if not text.isdigit() or int(text) < least:
             raise argparse.ArgumentTypeError("{}: expected a whole number of at least {}".format(text, least))
@@ -70,13 +71,13 @@ def parser() -> argparse.ArgumentParser:
     add("folder", nargs="?", default=os.environ.get(FOLDER_VARIABLE), help="default: $" + FOLDER_VARIABLE)
     add("--make", choices=list(MADE), metavar="SET", help="first make the logs of a set in the folder, those that are "
         "not there, and map only them: {}".format(" or ".join(MADE)))
-    add("--count", type=_whole(1), metavar="N", help="with --make: how many logs, from number 0 on ({})".format(
+    add("--count", type=whole(1), metavar="N", help="with --make: how many logs, from number 0 on ({})".format(
         ", ".join("{}: {}".format(*item) for item in MADE.items())))
     add("--logs", nargs="+", metavar="NAME", help="default: all of the folder")
     add("--sets", nargs="+", choices=list(SETS), default=list(SETS), help="sets of parameters (all)")
-    add("--particles", nargs="+", type=_whole(1), metavar="N", default=[30, 80], help="default: 30 80")
-    add("--seeds", type=_whole(1), default=3, help="runs with different seeds (%(default)s)")
-    add("--threads", type=_whole(0), default=1, help="of each run; 0: one per core (%(default)s)")
+    add("--particles", nargs="+", type=whole(1), metavar="N", default=[30, 80], help="default: 30 80")
+    add("--seeds", type=whole(1), default=3, help="runs with different seeds (%(default)s)")
+    add("--threads", type=whole(0), default=1, help="of each run; 0: one per core (%(default)s)")
     add("--laser-x", nargs="+", type=_pair(float), default=[], metavar="NAME=X",
         help="how far the laser of a CARMEN log sits in front of the odometry's centre [m] (0)")
     add("--set", nargs="+", type=_pair(str), default=[], dest="more", metavar="PARAMETER=VALUE",
