@@ -30,7 +30,7 @@ PARAMETERS: Dict[str, Parameter] = {
     "conservative_reset_dist": Parameter(3.0, "m", 0.0, 50.0, "side of the square that the first recovery keeps"),
     "recovery_behavior_enabled": flag(True, "whether there are recovery behaviours"),
     "clearing_rotation_allowed": flag(True, "whether the robot may turn on the spot to see obstacles again"),
-    "shutdown_costmaps": flag(False, "whether costmaps stop between two goals"),
+    "shutdown_costmaps": flag(False, "accepted, without effect: the costmaps are always updated"),
     "make_plan_clear_costmap": flag(True, "accepted, without effect: make_plan works on a copy"),
     "make_plan_add_unreachable_goal": flag(True, "whether a plan to a place near the goal ends with the goal"),
 }

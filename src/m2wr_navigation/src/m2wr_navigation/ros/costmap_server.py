@@ -93,6 +93,8 @@ class CostmapServer:
         for setting in layers:
             self._add_layer(setting)
         place = self._place + "/"
+        if "plugins" not in given:      # as costmap_2d does with a file without layers; clients look there
+            rospy.set_param(place + "plugins", [{"name": layer.name, "type": layer.kind} for layer in layers])
         self._grid = rospy.Publisher(place + "costmap", OccupancyGrid, self._Greeting(self), queue_size=1)
         self._updates = rospy.Publisher(place + "costmap_updates", OccupancyGridUpdate, queue_size=1)
         self._outline = rospy.Publisher(place + "footprint", PolygonStamped, queue_size=1)
@@ -128,6 +130,7 @@ class CostmapServer:
             warnings += more
             for name, settings in sources.items():
                 layer.sources[name] = Source(name, settings)
+                rospy.set_param("{}/{}".format(place, name), settings)
                 self._inputs.append(SensorInput(layer.sources[name], self._transforms, self.frame))
         elif isinstance(layer, StaticLayer):
             self._subscribe_to_map(layer)

@@ -63,6 +63,8 @@ class MoveBase:
         known = set(PARAMETERS) | BESIDE | {name for name, value in given.items() if isinstance(value, dict)}
         for sentence in warnings + unknown(given, known, "~"):
             rospy.logwarn("%s", sentence.replace("~/", "~"))
+        if self._values["shutdown_costmaps"]:
+            rospy.logwarn("parameter ~shutdown_costmaps has no effect: the costmaps are always updated")
         self._velocity, self._moving = np.zeros(3), False
         self._end = threading.Event()
         self.transforms = Transforms()
