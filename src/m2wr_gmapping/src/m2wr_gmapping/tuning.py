@@ -129,6 +129,8 @@ class Tracking:
                                    "geometry: more than people nearby hide, less than any rotation changes")
     tilted_share: float = tuned(0.3, "1", "Share of end points too high or too low in a scan of a tilted laser.",
                                 UNKNOWN)
+    missing_scan: float = tuned(1.5, "1", "Scans are missing in an interval longer than this, in usual ones.",
+                                "geometry: between no scan missing (1) and one (2)")
     tilted_distance: float = tuned(1.0, "m", "A driving robot that pitches is level again within this distance.",
                                    "geometry: a few lengths of the robot")
     steepest: float = tuned(0.2, "m/m", "A steeper slope is no ramp: the robot has tipped over.",

@@ -2,7 +2,7 @@
 """Times in which scans are missing: what the robot did then is known from odometry only."""
 from __future__ import annotations
 
-GAP = 1.5                   # in usual intervals: between none (1) and one missing scan (2)
+from m2wr_gmapping import tuning
 
 
 class ScanGaps:
@@ -22,7 +22,7 @@ class ScanGaps:
         """Take note of a scan at a time [s]."""
         if self._count > 1:
             usual = (self._last - self._first) / (self._count - 1)
-            self.noticed |= stamp - self._last > GAP * usual
+            self.noticed |= stamp - self._last > tuning.TRACKING.missing_scan * usual
         self._first = self._first if self._count else stamp
         self._last, self._count = stamp, self._count + 1
 
