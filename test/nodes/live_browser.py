@@ -81,6 +81,20 @@ class Page:
             self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {
                 "type": kind, "x": x, "y": y, "button": "none" if kind == "mouseMoved" else "left", "clickCount": 1})
 
+    def drag(self, begin, end, release=True):
+        """Move the mouse with its button pressed from one place of the page to another [pixels], in ten steps."""
+        def event(kind, place, button):
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", {
+                "type": kind, "x": place[0], "y": place[1], "button": button, "clickCount": 1,
+                "buttons": int(button == "left" and kind != "mouseReleased")})
+
+        event("mouseMoved", begin, "none")
+        event("mousePressed", begin, "left")
+        for part in range(1, 11):
+            event("mouseMoved", [a + 0.1 * part * (b - a) for a, b in zip(begin, end)], "left")
+        if release:
+            event("mouseReleased", end, "left")
+
     def elements(self, kind, content, attribute="textContent"):
         """Return the visible elements of a CSS selector whose text, or value, is ``content``; read at once."""
         return self.driver.execute_script(
@@ -96,6 +110,20 @@ class Page:
         self._click_on("input", present, "value")
         self._click_on("[role=option]", option)
         wait_until(lambda: self.elements("input", option, "value"), "the choice of " + option, _START)
+
+    def unfold(self, title):
+        """Open a folder of the panel that is folded."""
+        def click():
+            found = self.driver.execute_script(
+                "const labels = Array.from(document.querySelectorAll('div, legend')).filter((element) => "
+                "element.children.length <= 1 && element.textContent.trim() === arguments[0]);"
+                "if (labels.length) { labels[labels.length - 1].click(); } return labels.length", title)
+            return found
+        wait_until(click, "the folder " + title, _START)
+
+    def save(self, name):
+        """Press the link with which the page offers a file."""
+        self._click_on("a", name, "download")
 
     def _click_on(self, kind, content, attribute="textContent"):
         """Click on an element as soon as it is there; the page may replace it meanwhile."""

@@ -95,6 +95,7 @@ class Inbox:
     def __init__(self, scene: LiveScene, solids: Solids, find_mesh: FindMesh) -> None:
         self._scene, self._solids, self._find_mesh = scene, solids, find_mesh
         self.footprint: List[Any] = []
+        self.problems: List[str] = []       # visuals that are left out, with the reason
         self._kinds: Dict[str, str] = {}
         self._waiting: Dict[str, Deque[bytes]] = {}
         self._read_at: Dict[str, float] = {}
@@ -248,6 +249,7 @@ class Inbox:
             return
         self._robots[source] = text
         model: RobotModel = read_robot_model(text, self._find_mesh)
+        self.problems += model.problems[:20]
         for problem in model.problems[:20]:
             log.warning("robot %s: %s; the page shows it without", model.name, problem)
         self._scene.take_description(source, model)

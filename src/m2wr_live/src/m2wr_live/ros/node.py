@@ -137,6 +137,8 @@ class Live:
             due = max(due + 1.0 / (RATE if busy else IDLE_RATE), now + _REST)   # on a grid, so that waits do not add up
             self._stopping.wait(due - now)
         self._pages.server.stop()
+        if self._actions is not None:
+            self._actions.recorder.close()
 
     def _picture(self, wall: float, busy: bool, measure: bool) -> None:
         """Read what has come, and send it if a page is open (``busy``); ``measure``: the status, too."""
@@ -162,6 +164,7 @@ class Live:
             self._stopping.wait(period)
 
     def _measure(self, wall: float) -> None:
+        self._pages.problems = self._inbox.problems
         topics = self._driver.topics if self._control else []
         self._pages.measure(wall, self._pages.solids.blocking, self._actions.paused() if self._actions else None,
                             topics)
@@ -193,6 +196,8 @@ class Live:
 
     def _drag(self) -> None:
         self._driver.watch()
+        if self._actions is not None:
+            self._actions.recorder.watch()
         for panel in self._pages.panels:
             panel.apply_drag()
 

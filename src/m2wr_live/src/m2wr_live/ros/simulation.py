@@ -12,7 +12,9 @@ import rospy
 from geometry_msgs.msg import PoseStamped, Twist
 from std_srvs.srv import Empty, Trigger
 
-from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties
+from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties, SpawnModel
+from m2wr_live.ros import worlds
+from m2wr_live.ros.recorder import Recorder
 from m2wr_live.web.actions import PLACEABLE, Actions, ModelPose
 from m2wr_live.web.requests import Drive
 from m2wr_sim.errors import SimError
@@ -43,6 +45,7 @@ class Simulation(Actions):
         self._lock = threading.Lock()
         self._goals = rospy.Publisher(_GOAL, PoseStamped, queue_size=1)
         self._paused: Optional[bool] = None
+        self.recorder = Recorder()
 
     def _safely(self, action: Callable[[], _Result]) -> _Result:
         try:
@@ -113,6 +116,40 @@ class Simulation(Actions):
         message.header.frame_id, message.header.stamp = frame, rospy.Time(0)
         message.pose.position.x, message.pose.position.y, message.pose.orientation.w = x, y, 1.0
         self._goals.publish(message)
+
+    def worlds(self) -> List[str]:
+        return worlds.names()
+
+    def load_world(self, name: str) -> None:
+        models = worlds.models_of(name)
+
+        def replace() -> None:
+            self._call("reset_world", Empty)
+            for old in self._world.names():
+                if old != worlds.GROUND and self._world.kind_of(old)[0] != "robot":
+                    self._world.delete(old)
+            there = set(self._world.names())
+            for model in models:
+                if model.name not in there:
+                    answer = self._call("spawn_sdf_model", SpawnModel, model.name, model.sdf, "", model.pose, "")
+                    if not answer.success:
+                        raise ViewError("world %s: %s" % (name, answer.status_message))
+        self._safely(replace)
+
+    def record(self) -> None:
+        self.recorder.start()
+
+    def stop_recording(self) -> None:
+        self.recorder.stop()
+
+    def recording(self) -> Optional[float]:
+        return self.recorder.seconds()
+
+    def bag(self) -> bytes:
+        return self.recorder.bag()
+
+    def film(self) -> bytes:
+        return self.recorder.film()
 
     def paused(self) -> Optional[bool]:
         return self._paused

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from typing import NamedTuple, Optional, Tuple
+from typing import List, NamedTuple, Optional, Tuple
 
 #: Kinds of obstacles that pages place: name in the page -> kind, size with a height of 1 m [m].
 PLACEABLE = {"box": ("box", (0.5, 0.5, 0.5)), "cylinder": ("cylinder", (0.25, 0.5)), "sphere": ("sphere", (0.25,)),
@@ -92,6 +92,34 @@ class Actions(abc.ABC):
         frame : str
             In which they are.
         """
+
+    @abc.abstractmethod
+    def worlds(self) -> List[str]:
+        """Return the names of the worlds that pages may load."""
+
+    @abc.abstractmethod
+    def load_world(self, name: str) -> None:
+        """Replace all models but robots by those of a world, and put the robots back to where they began."""
+
+    @abc.abstractmethod
+    def record(self) -> None:
+        """Begin to record all topics."""
+
+    @abc.abstractmethod
+    def stop_recording(self) -> None:
+        """End the recording."""
+
+    @abc.abstractmethod
+    def recording(self) -> Optional[float]:
+        """Return for how long it has been recording [s of wall time], or None if it is not."""
+
+    @abc.abstractmethod
+    def bag(self) -> bytes:
+        """Return the newest recording, a bag."""
+
+    @abc.abstractmethod
+    def film(self) -> bytes:
+        """Return a film of the newest recording, a GIF."""
 
     @abc.abstractmethod
     def paused(self) -> Optional[bool]:

@@ -25,6 +25,7 @@ log = logging.getLogger("m2wr_live")
 
 _LAYERS = (("Laser beams", "beams"), ("Trails", "trails"), ("Goals and points", "marks"), ("Maps", "maps"),
            ("Paths", "paths"), ("Particles", "particles"), ("Markers, frontiers", "markers"))
+_PROBLEMS = 3               # lines of the status
 _PLOTS = (("Speed [m/s]", 1, "#0072b2"), ("Clearance [m]", 2, "#d55e00"), ("Distance [m]", 3, "#009e73"))
 
 
@@ -49,6 +50,7 @@ class Pages:
         self._lock = threading.Lock()
         self._plots: List[Any] = []
         self._error = ""
+        self.problems: List[str] = []       # what is not shown, and why
         self.viser.gui.configure_theme(show_logo=False, show_share_button=False)
         self.viser.gui.set_panel_label("m2wr live view")
         self._make_shared_panel()
@@ -143,6 +145,10 @@ class Pages:
             lines.append("contacts  %s" % (contacts.get(robot.name, 0) if contacts or source.values else "not known"))
         if source.state:
             lines.append("state  " + source.state[:60])
+        recorded = None if self._actions is None else self._actions.recording()
+        if recorded is not None:
+            lines.append("recording  %.0f s" % recorded)
+        lines += self.problems[:_PROBLEMS]
         if len(source.robots) > 1:
             lines.append("robots  %d" % len(source.robots))
         if source.markers.left_out:

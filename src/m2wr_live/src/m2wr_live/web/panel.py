@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("m2wr_live")
 
 SELECT, GOAL, PLACE = "select and drag", "send a goal", "place a "
+AS_IT_IS = "as it is"
 FREE, FOLLOW, TOP = "free", "follow", "top"
 _HEIGHT = 14.0              # m above the robot of the camera from above
 _START = np.array((-5.0, -5.0, 4.5))        # m from what the page looks at first
@@ -49,6 +50,7 @@ class Panel:
         if actions is not None:
             self._make_simulation(actions)
             self._make_clicks()
+            self._make_recording(actions)
         self._make_camera()
 
     # ---- parts of the panel ------------------------------------------------------------------------------------
@@ -60,6 +62,8 @@ class Panel:
             factor = gui.add_dropdown("Speed", ("0.1", "0.25", "0.5", "1", "2", "5", "10", "as fast as possible"),
                                       initial_value="1")
             reset = gui.add_button("Reset the world", hint="all models go back to where they began")
+            world = gui.add_dropdown("World", (AS_IT_IS,) + tuple(actions.worlds()),
+                                     hint="its models replace those that are there; robots stay")
         orders: Dict[str, Callable[[], None]] = {"pause": actions.pause, "continue": actions.resume,
                                                  "step": actions.step}
 
@@ -75,6 +79,27 @@ class Panel:
         @reset.on_click
         def _(_event: Any) -> None:
             self.attempt(actions.reset)
+
+        @world.on_update
+        def _(_event: Any) -> None:
+            if world.value != AS_IT_IS:
+                self.attempt(lambda: actions.load_world(str(world.value)))
+
+    def _make_recording(self, actions: Actions) -> None:
+        gui, client = self._client.gui, self._client
+        with gui.add_folder("Recording", order=4, expand_by_default=False):
+            record = gui.add_button_group("Topics", ("record", "stop"))
+            download = gui.add_button_group("Download", ("bag", "film"))
+
+        @record.on_click
+        def _(_event: Any) -> None:
+            self.attempt(actions.record if record.value == "record" else actions.stop_recording)
+
+        @download.on_click
+        def _(_event: Any) -> None:
+            film = download.value == "film"
+            self.attempt(lambda: client.send_file_download("run.gif" if film else "run.bag",
+                                                           actions.film() if film else actions.bag()))
 
     def _make_clicks(self) -> None:
         gui, client = self._client.gui, self._client

@@ -38,7 +38,7 @@ _LOOK = 0.1                 # s between two looks at the recorder
 _INDEX = 256 << 10          # bytes; upper limit of the message definitions in an index
 #: Topics that ``--all`` leaves out: duplicates, and the states of all links and models at 100 Hz. The states of robots
 #: are in /gazebo/robot_states.
-_NOT_OF_ALL = "^(/rosout_agg|/gazebo/(link_states|model_states|parameter_.*)|.*/parameter_(descriptions|updates))$"
+NOT_OF_ALL = "^(/rosout_agg|/gazebo/(link_states|model_states|parameter_.*)|.*/parameter_(descriptions|updates))$"
 _SET_DEATH_SIGNAL = 1       # of prctl(2)
 
 
@@ -298,7 +298,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     parser.add_argument("--lockstep", default="false", help="true: without a recorder, listen in its place; the bag "
                         "shows each topic in the order in which it was recorded")
     parser.add_argument("--all", action="store_true",
-                        help="record all other topics too, except those that match " + _NOT_OF_ALL)
+                        help="record all other topics too, except those that match " + NOT_OF_ALL)
     parser.add_argument("topics", nargs="+", metavar="TOPIC")
     given = parser.parse_args(sys.argv[1:] if argv is None else argv)
     path = given.path or "%s_%s" % (given.prefix, time.strftime("%Y-%m-%d-%H-%M-%S"))
@@ -306,7 +306,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     base, ending = os.path.splitext(path)
     bag = path if ending == ".bag" else base + ".bag"
     lockstep = given.lockstep.lower() == "true"
-    keeper = Keeper(bag, given.topics, ["-a", "-x", _NOT_OF_ALL] if given.all else [], in_order=lockstep)
+    keeper = Keeper(bag, given.topics, ["-a", "-x", NOT_OF_ALL] if given.all else [], in_order=lockstep)
     try:
         if bag != path and os.path.exists(path):
             raise RecordError("%s exists; expected the name of a new file" % path)
