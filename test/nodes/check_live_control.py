@@ -12,7 +12,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from check_live import CRATE, address_of, live, status_of  # noqa: E402
+from check_live import CRATE, address_of, green, live, status_of  # noqa: E402
 from live_browser import Page  # noqa: E402
 from sim_probe import Recorder, Simulation, run_checks, wait_until, xyz  # noqa: E402
 
@@ -47,8 +47,8 @@ class LiveControl(unittest.TestCase):
         host, port = self.address.split("/")[2].split(":")
         connection = socket.create_connection((host, int(port)), 30.0)
         connection.sendall((
-            "GET /m2wr HTTP/1.1\r\nHost: %s:%s\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13"
-            "\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n" % (host, port)).encode())
+            "GET /m2wr HTTP/1.1\r\nHost: %s:%s\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n" % (host, port)).encode())
         return connection
 
     def advances(self):
@@ -85,12 +85,12 @@ class LiveControl(unittest.TestCase):
     def test_a_box_is_dragged_and_a_page_may_close_meanwhile(self):
         with Page(self.address) as page:
             name, (x, y), metre = self.seen_from_above(page)
-            begin = self.place_of(name)
+            begin, handle = self.place_of(name), (x + 1.0 * metre, y)
+            wait_until(lambda: green(page.scene()) < 20, "a scene without the gizmo")
             self.selected(page, name, (x, y))
-            handle = (x + 1.0 * metre, y)
-            wait_until(lambda: page.drag(handle, (handle[0], y)) or (
-                page.drag(handle, (handle[0] + 2.0 * metre, y)) or self.place_of(name)[0] > begin[0] + 1.0),
-                "a box that was dragged along x")
+            wait_until(lambda: green(page.scene()) > 20, "the gizmo, whose y axis is green")
+            page.drag(handle, (handle[0] + 2.0 * metre, y))
+            wait_until(lambda: self.place_of(name)[0] > begin[0] + 1.0, "a box that was dragged along x")
             moved = self.place_of(name)
             self.assertAlmostEqual(moved[1], begin[1], delta=0.1)
             self.assertEqual(page.errors(), [])
