@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs planners and methods in one world, and measures their paths against the exact shortest one."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Sequence
+
+import numpy as np
+
+from m2wr_navigation import registry
+from m2wr_navigation.compare.drive import Drive, drive_method
+from m2wr_navigation.compare.planned import costmap_of, drive_plan, plan_with
+from m2wr_navigation.methods.method import UNREACHABLE
+from m2wr_navigation.optimum.shortest_path import ShortestPath, shortest_path
+from m2wr_navigation.parameters import read
+from m2wr_sim.api import read_world
+from m2wr_sim.model.outlines import obstacle_outlines
+from m2wr_view.outlines import least_clearance
+from motion_plan.body import AXLE_X
+from motion_plan.surroundings import axle_of
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Vector
+
+#: Radius of the greatest disc around the axle inside of m2wr [m]: no path without contacts is shorter than its optimum.
+INSCRIBED = 0.2
+_NO_COMPARISON = ("carrot_planner/CarrotPlanner",)      # ends before the first obstacle
+#: Names of all planners and methods that are compared.
+NAMES = [registry.short_name(name) for name in registry.PLANNERS if name not in _NO_COMPARISON] \
+    + list(registry.METHODS)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What one planner or method did.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        ``planner``, with the true map, or ``method``, without a map.
+    outcome, reason : str
+    path : (N, 2) float64
+        Of the axle [m].
+    length : float
+        Of the path, and of the rest to the goal in a straight line [m].
+    ratio : float
+        Over the optimum.
+    time : float
+        Simulated time of the drive [s].
+    clearance : float
+        Least distance of the robot's outline from an obstacle [m].
+    contacts : int
+    cpu_ms : float
+        CPU time: of one plan, or of a cycle of a method [ms].
+    """
+
+    name: str
+    kind: str
+    outcome: str
+    reason: str
+    path: FloatArray
+    length: float
+    ratio: float
+    time: float
+    clearance: float
+    contacts: int
+    cpu_ms: float
+
+    @property
+    def success(self) -> bool:
+        """Whether the goal was reached without a contact."""
+        return self.outcome == "reached" and self.contacts == 0
+
+    def record(self) -> Dict[str, Any]:
+        """Return everything for JSON; the path is rounded to millimetres."""
+        found = {key: value for key, value in self.__dict__.items() if key != "path"}
+        return dict(found, success=self.success, path=np.round(self.path, 3).tolist())
+
+
+class Comparison:
+    """One world with a start and a goal.
+
+    Parameters
+    ----------
+    world : str
+        As :func:`m2wr_sim.api.read_world` takes it.
+    start : (3,) float
+        Pose of link_chassis [m, m, rad].
+    goal : (2,) float
+        [m]
+    limit : float
+        Greatest simulated time of a drive [s].
+    seed : int
+        Of the noise of the sensors.
+
+    Attributes
+    ----------
+    obstacles : list of Outline
+    optimum : ShortestPath
+        Of the inscribed disc, from the axle at the start to the goal.
+
+    Raises
+    ------
+    NoPathError
+        If start or goal are in an obstacle, or nothing connects them.
+    """
+
+    def __init__(self, world: str, start: Vector, goal: Vector, limit: float = 600.0, seed: int = 0) -> None:
+        self._world, self._limit, self._seed = read_world(world), limit, seed
+        self.name, self.start, self.goal = world, tuple(map(float, start)), tuple(map(float, goal))
+        self.obstacles = obstacle_outlines(self._world)
+        self._axle = axle_of((self.start[0], self.start[1], self.start[2]))
+        self.optimum: ShortestPath = shortest_path(self.obstacles, INSCRIBED, self._axle, self.goal)
+        self._costmap = costmap_of(self.obstacles, np.array([self._axle, self.goal]))
+
+    def entries(self, names: Sequence[str]) -> Iterator[Entry]:
+        """Yield an entry for each name of NAMES, as soon as its drive has ended.
+
+        Parameters
+        ----------
+        names : sequence of str
+        """
+        for name in names:
+            yield self._method(name) if name in registry.METHODS else self._planner(name)
+
+    def _method(self, name: str) -> Entry:
+        kind = registry.find(registry.METHODS, name)
+        made = kind(read(kind.PARAMETERS, {}, name)[0])
+        run = drive_method(self._world, self.start, self.goal, made, self._limit, self._seed)
+        return self._entry(name, "method", run, run.cpu_ms)
+
+    def _planner(self, name: str) -> Entry:
+        plan, spent = plan_with(name, self._costmap, self.start, self.goal)
+        if not len(plan.poses):
+            run = Drive(UNREACHABLE, plan.reason, np.array([self.start]), 0.0, 0, spent)
+        else:
+            run = drive_plan(self._world, self.start, plan.poses, self._costmap, self._limit, self._seed)
+        return self._entry(name, "planner", run, spent)
+
+    def _entry(self, name: str, kind: str, run: Drive, spent: float) -> Entry:
+        yaw = run.poses[:, 2]
+        path = run.poses[:, :2] + AXLE_X * np.stack([np.cos(yaw), np.sin(yaw)], -1)
+        path = np.concatenate([[self._axle], path])
+        left = float(np.hypot(*(path[-1] - self.goal)))
+        length = float(np.sum(np.hypot(*np.diff(path, axis=0).T))) + left
+        clearance = least_clearance(run.poses, self.obstacles).distance
+        return Entry(name, kind, run.outcome, run.reason, path, length, length / max(self.optimum.length, 1e-9),
+                     run.time, clearance, run.contacts, spent)
+
+
+def order(entries: Sequence[Entry]) -> List[Entry]:
+    """Return the entries with success first, the shortest path first."""
+    return sorted(entries, key=lambda entry: (not entry.success, entry.kind != "planner" and not entry.success,
+                                              entry.length))

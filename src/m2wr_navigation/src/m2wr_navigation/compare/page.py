@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The page of a comparison: one file of HTML with a table and a picture of each path. It needs no network."""
+from __future__ import annotations
+
+import math
+from html import escape
+from typing import TYPE_CHECKING, List, Sequence
+
+import numpy as np
+
+from m2wr_navigation.compare.comparison import INSCRIBED, order
+from m2wr_view.outlines import convex_hull
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.compare.comparison import Comparison, Entry
+    from m2wr_view.outlines import Outline
+
+MARGIN = 0.5                # m
+RIM_POINTS = 32
+APART = 0.03                # m between two points of a drawn path
+
+STYLE = """
+body { font: 15px/1.5 sans-serif; margin: 2em auto; max-width: 1150px; padding: 0 1em; color: #222; }
+table { border-collapse: collapse; width: 100%; } td, th { padding: .2em .6em; border-bottom: 1px solid #ddd; }
+th { text-align: left; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+tr.bad td { color: #a33; } figure { margin: 0; } figcaption { font-size: 14px; }
+.grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(250px, 1fr)); gap: 1em; }
+svg { width: 100%; height: auto; background: #fafafa; border: 1px solid #ddd; }
+.wall { fill: #8a8f98; } .best { fill: none; stroke: #0072b2; stroke-dasharray: .25 .15; }
+.way { fill: none; stroke: #d55e00; } .start { fill: #009e73; } .goal { fill: #d55e00; }
+"""
+
+
+def page(comparison: Comparison, entries: Sequence[Entry]) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    entries : sequence of Entry
+    """
+    ordered, start, goal = order(entries), comparison.start, comparison.goal
+    title = "{}: ({:g}, {:g}) to ({:g}, {:g})".format(comparison.name, start[0], start[1], goal[0], goal[1])
+    parts = ["<!DOCTYPE html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>", escape(title), "</title><style>",
+             STYLE, "</style></head><body><h1>", escape(title), "</h1>", _intro(comparison), "<table>",
+             "<tr><th>name</th><th>map</th><th>result</th><th class=n>length / optimum</th><th class=n>length m</th>"
+             "<th class=n>time s</th><th class=n>clearance m</th><th class=n>contacts</th><th class=n>CPU ms</th></tr>"]
+    parts += [_row(entry) for entry in ordered]
+    parts += ["</table><h2>Paths</h2><svg style=\"position:absolute;width:0;height:0;border:0\"><defs><g id=\"world\">",
+              "".join(_shape(outline) for outline in comparison.obstacles), _line(comparison.optimum.points, "best"),
+              _dot(comparison.optimum.points[0], "start"), _dot(comparison.optimum.points[-1], "goal"),
+              "</g></defs></svg><div class=grid>"]
+    view = _view(comparison, ordered)
+    parts += [_picture(entry, view) for entry in ordered]
+    return "".join(parts + ["</div></body></html>\n"])
+
+
+def _intro(comparison: Comparison) -> str:
+    return ("<p>Planners know the true map; pure pursuit drives along their paths. Methods see only the laser. The "
+            "optimum, {:.2f} m, is the exact shortest path of a disc of {:g} m, the greatest inside of the robot: no "
+            "path without contacts is shorter. The length is that of the axle's path. Time is simulated. Clearance is "
+            "the least distance of the robot's outline from an obstacle. CPU time is that of one plan, or of one cycle "
+            "of a method at 20 Hz.</p>").format(comparison.optimum.length, INSCRIBED)
+
+
+def _row(entry: Entry) -> str:
+    cells = ["<td>", escape(entry.name), "</td><td>", "true map" if entry.kind == "planner" else "none",
+             "</td><td title=\"", escape(entry.reason), "\">", escape(entry.outcome), "</td>"]
+    numbers = ["{:.3f}".format(entry.ratio) if entry.success else "", "{:.2f}".format(entry.length) if entry.success
+               else "", "{:.1f}".format(entry.time), "{:.2f}".format(entry.clearance), str(entry.contacts),
+               "{:.2f}".format(entry.cpu_ms)]
+    cells += ["<td class=n>{}</td>".format(number) for number in numbers]
+    return "<tr{}>{}</tr>".format("" if entry.success else " class=bad", "".join(cells))
+
+
+def _view(comparison: Comparison, entries: Sequence[Entry]) -> str:
+    points = np.concatenate([outline.vertices for outline in comparison.obstacles] + [entry.path for entry in entries]
+                            + [comparison.optimum.points])
+    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    return "{:.2f} {:.2f} {:.2f} {:.2f}".format(low[0], -high[1], high[0] - low[0], high[1] - low[1])
+
+
+def _picture(entry: Entry, view: str) -> str:
+    text = "{:.3f} × optimum, {:.0f} s".format(entry.ratio, entry.time) if entry.success else entry.outcome
+    return ("<figure><svg viewBox=\"{}\"><use href=\"#world\"/>{}</svg><figcaption><b>{}</b>: {}</figcaption></figure>"
+            .format(view, _line(thinned(entry.path), "way"), escape(entry.name), escape(text)))
+
+
+def thinned(path: FloatArray) -> FloatArray:
+    """Return the points (M, 2) of a path (N, 2) [m] that are at least APART, and its last one."""
+    kept: List[int] = [0]
+    for k in range(1, len(path)):
+        if math.hypot(*(path[k] - path[kept[-1]])) >= APART:
+            kept.append(k)
+    return path[kept + ([len(path) - 1] if kept[-1] != len(path) - 1 else [])]
+
+
+def _pairs(points: FloatArray) -> str:
+    return " ".join("{:.2f},{:.2f}".format(x, -y) for x, y in points.tolist())
+
+
+def _line(points: FloatArray, name: str) -> str:
+    return "<polyline class={} stroke-width=.1 points=\"{}\"/>".format(name, _pairs(points))
+
+
+def _dot(point: FloatArray, name: str) -> str:
+    return "<circle class={} cx={:.2f} cy={:.2f} r=.22 />".format(name, point[0], -point[1])
+
+
+def _shape(outline: Outline) -> str:
+    if len(outline.vertices) == 1:
+        (x, y), = outline.vertices.tolist()
+        return "<circle class=wall cx={:.3f} cy={:.3f} r={:.3f} />".format(x, -y, outline.radius)
+    corners = outline.vertices
+    if outline.radius > 0.0:
+        turns = np.linspace(0.0, 2.0 * math.pi, RIM_POINTS, endpoint=False)
+        rim = outline.radius * np.stack([np.cos(turns), np.sin(turns)], -1)
+        corners = convex_hull((corners[:, None] + rim).reshape(-1, 2))
+    return "<polygon class=wall points=\"{}\"/>".format(_pairs(corners))

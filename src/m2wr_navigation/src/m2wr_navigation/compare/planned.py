@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Planners on the true world: its costmap, and drives along planned paths by pure pursuit."""
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, List, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_navigation import registry
+from m2wr_navigation.compare.drive import PERIOD, Drive, drive
+from m2wr_navigation.controllers.controller import Situation
+from m2wr_navigation.controllers.pure_pursuit import PurePursuit
+from m2wr_navigation.costmap.cost_layout import LETHAL
+from m2wr_navigation.costmap.costmap import Costmap
+from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
+from m2wr_navigation.methods.method import REACHED, RUNNING, STUCK, Decision
+from m2wr_navigation.parameters import read
+from m2wr_view.outlines import M2WR_FOOTPRINT, convex_hull, point_distances
+from motion_plan.body import AXLE_X, TURNING_RADIUS
+from motion_plan.surroundings import axle_of
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_navigation.planners.planner import Plan
+    from m2wr_sim.api import StepResult
+    from m2wr_sim.model.types import World
+    from m2wr_view.outlines import Outline
+
+RESOLUTION = 0.05           # m
+MARGIN = 2.0                # m of free space around all that is known
+INFLATION, SCALING = 1.2, 3.0           # m, 1/m
+LARGEST = 4000              # cells along a side
+ARRIVED = 0.2               # m, as for methods
+PATIENCE = 10.0             # s without a valid command, after which the robot is stuck
+
+
+def costmap_of(obstacles: Sequence[Outline], ends: FloatArray) -> Costmap:
+    """Return the true costmap of a world, in which the disc around the axle of m2wr is free at every heading.
+
+    Parameters
+    ----------
+    obstacles : sequence of Outline
+    ends : (N, 2) float64
+        Places that have to be on it [m].
+
+    Raises
+    ------
+    ValueError
+        If the world is larger than LARGEST cells.
+    """
+    points = np.concatenate([ends] + [outline.vertices for outline in obstacles])
+    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    columns, rows = (int(count) for count in np.ceil((high - low) / RESOLUTION))
+    if max(rows, columns) > LARGEST:
+        raise ValueError("the world is {:.0f} x {:.0f} m; expected at most {:.0f} m a side".format(
+            *(high - low), LARGEST * RESOLUTION))
+    costmap = Costmap.filled((rows, columns), RESOLUTION, low, 0, "world")
+    for outline in obstacles:
+        reach = outline.radius + RESOLUTION
+        first = np.maximum(((outline.vertices.min(axis=0) - reach - low) / RESOLUTION).astype(int), 0)
+        last = ((outline.vertices.max(axis=0) + reach - low) / RESOLUTION).astype(int) + 1
+        window = costmap.costs[first[1]:last[1], first[0]:last[0]]
+        row, column = np.mgrid[first[1]:first[1] + window.shape[0], first[0]:first[0] + window.shape[1]]
+        centres = low + (np.stack([column.ravel(), row.ravel()], -1) + 0.5) * RESOLUTION
+        window[(point_distances(centres, outline) <= 0.5 * RESOLUTION).reshape(window.shape)] = LETHAL
+    cells = int(math.ceil(INFLATION / RESOLUTION))
+    table = cost_table(cells, RESOLUTION, TURNING_RADIUS, SCALING)
+    inflate(costmap.costs, table, cells, 0, rows, 0, columns, False)
+    return costmap
+
+
+def plan_with(name: str, costmap: Costmap, start: Vector, goal: Vector) -> Tuple[Plan, float]:
+    """Return the plan of a planner, and the CPU time that it took [ms].
+
+    Parameters
+    ----------
+    name : str
+        As in ``registry.PLANNERS``.
+    costmap : Costmap
+    start : (3,) float
+        Pose of link_chassis [m, m, rad].
+    goal : (2,) float
+        [m]
+    """
+    kind = registry.find(registry.PLANNERS, name)
+    planner = kind(read(kind.PARAMETERS, {}, name)[0])
+    axle = axle_of((float(start[0]), float(start[1]), float(start[2])))
+    begun = time.process_time()
+    plan = planner.plan(costmap, np.array([*axle, start[2]]), np.array([goal[0], goal[1], 0.0]))
+    return plan, 1e3 * (time.process_time() - begun)
+
+
+class Follower:
+    """Pure pursuit along a plan, as decisions.
+
+    Parameters
+    ----------
+    plan : (N, 3) float64
+        Of the axle [m, m, rad].
+    costmap : Costmap
+    """
+
+    def __init__(self, plan: FloatArray, costmap: Costmap) -> None:
+        self._controller = PurePursuit(read(PurePursuit.PARAMETERS, {}, "~PurePursuit")[0])
+        self._controller.set_plan(plan, True)
+        self._plan, self._costmap = plan, costmap
+        corners: List[Tuple[float, float]] = []
+        for part in M2WR_FOOTPRINT:
+            for x, y in part.vertices.tolist():
+                corners += [(x - AXLE_X + dx, y + dy) for dx in (-part.radius, part.radius)
+                            for dy in (-part.radius, part.radius)]
+        self._footprint, self._valid = convex_hull(corners), 0.0
+
+    def __call__(self, result: StepResult) -> Decision:
+        odometry = result.odometry
+        assert odometry is not None
+        x, y = axle_of(result.pose)
+        left = math.hypot(self._plan[-1, 0] - x, self._plan[-1, 1] - y)
+        if left <= ARRIVED:
+            return Decision(0.0, 0.0, REACHED, "{:.2f} m from the goal".format(left))
+        command = self._controller.compute(Situation(
+            result.time, PERIOD, np.array([x, y, result.pose[2]]),
+            np.array([odometry.linear_x, odometry.linear_y, odometry.angular_z]), self._plan, self._costmap,
+            self._footprint))
+        if command.velocity is not None:
+            self._valid = result.time
+            return Decision(float(command.velocity[0]), float(command.velocity[2]), RUNNING, command.reason)
+        return Decision(0.0, 0.0, STUCK if result.time - self._valid > PATIENCE else RUNNING, command.reason)
+
+
+def drive_plan(world: World, start: Vector, plan: FloatArray, costmap: Costmap, limit: float, seed: int) -> Drive:
+    """Return the record of a drive along a plan.
+
+    Parameters
+    ----------
+    world : World
+    start : (3,) float
+        Pose of link_chassis [m, m, rad].
+    plan : (N, 3) float64
+        Of the axle [m, m, rad].
+    costmap : Costmap
+    limit : float
+        [s]
+    seed : int
+    """
+    return drive(world, start, Follower(plan, costmap), limit, seed)
