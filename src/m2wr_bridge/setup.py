@@ -4,6 +4,6 @@ from setuptools import setup
 
 setup(**generate_distutils_setup(
     packages=["m2wr_bridge"] + ["m2wr_bridge." + folder for folder in (
-        "messages", "ros", "rosbridge", "web")],
+        "foxglove", "messages", "ros", "rosbridge", "web")],
     package_dir={"": "src"},
 ))

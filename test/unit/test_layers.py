@@ -73,6 +73,7 @@ RULES = (
          ("m2wr_bridge.ros", "m2wr_bridge.rosbridge", "m2wr_bridge.foxglove")),
     Rule("m2wr_bridge/rosbridge/*.py", {"cbor2", "msgspec", "PIL"}, False, True,
          ("m2wr_bridge.ros", "m2wr_bridge.foxglove")),
+    Rule("m2wr_bridge/foxglove/*.py", {"msgspec"}, False, True, ("m2wr_bridge.ros",)),
     Rule("m2wr_bridge/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_bridge/*.py", set(), False, True, ("m2wr_bridge.*",)),
     Rule("m2wr_live/scene/*.py", NUMERIC | {"trimesh"}, False, True, ("m2wr_live.web", "m2wr_live.ros") + EDGES),

@@ -95,7 +95,7 @@ class Access:
             "the host is %r; expected localhost, or a link with a token" % host[:100]
 
     def _is_known(self, origin: str, host: str) -> bool:
-        if origin.lower() in self._origins:
+        if origin.lower().rstrip("/") in self._origins:
             return True
         scheme, mark, place = origin.lower().partition("://")
         return bool(mark) and (place == host.lower() or place in self._sites or (

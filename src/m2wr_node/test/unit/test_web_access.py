@@ -66,3 +66,9 @@ def test_an_open_server_still_refuses_pages_of_other_sites():
     assert access.refusal("/", {"Host": "robot.example:9090"}) is None
     assert access.refusal("/", {"Host": "robot.example:9090", "Origin": "http://robot.example:9090"}) is None
     assert access.refusal("/", {"Host": "robot.example:9090", "Origin": "http://evil.example"})
+
+
+def test_programs_that_open_files_can_be_named():
+    access = Access("", "c", origins=["file://"])
+    assert access.refusal("/", {"Host": "localhost:8765", "Origin": "file://"}) is None
+    assert access.refusal("/", {"Host": "localhost:8765", "Origin": "null"})

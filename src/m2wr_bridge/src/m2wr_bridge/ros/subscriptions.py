@@ -147,7 +147,9 @@ class Subscriptions:
         """Pass a message on; in a thread of rospy."""
         header = message._connection_header
         now = rospy.get_rostime()
-        received = Received(message._buff, header.get("type", "*"), header.get("md5sum", "*"),
+        # rospy gives one topic one class: /clock comes as a message, because rospy itself reads the time from it
+        raw = message._buff if isinstance(message, rospy.AnyMsg) else serialised(message)
+        received = Received(raw, header.get("type", "*"), header.get("md5sum", "*"),
                             header.get("message_definition", ""), now.secs, now.nsecs, self.decode)
         with source.lock:
             if header.get("latching") == "1" and len(source.latched) < MOST_LATCHED:
