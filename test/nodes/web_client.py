@@ -6,13 +6,14 @@ import time
 from websockets.sync.client import connect
 
 PATIENCE = 60.0         # s of wall time
+CLOSING = 0.5           # s for the end; the library waits for an answer that it cannot read behind unread messages
 
 
 class WebClient:
     """One connection; use it as a context manager."""
 
     def __init__(self, address, **options):
-        self.socket = connect(address, max_size=None, open_timeout=PATIENCE, **options)
+        self.socket = connect(address, max_size=None, open_timeout=PATIENCE, close_timeout=CLOSING, **options)
 
     def __enter__(self):
         return self
