@@ -80,14 +80,16 @@ class Matching:
 
     wide: float = tuned(0.05, "m^2", "Squared width of the robust kernel in the first round.",
                         "geometry: several cells, so that walls of the next room do not count")
-    narrow: float = tuned(0.01, "m^2", "Squared width of the robust kernel in the last round.",
+    narrow: float = tuned(0.01, "m^2", "Squared width of the robust kernel in the last round, and squared step "
+                          "of a search.",
                           "geometry: 0.1 m, two cells of the usual map")
     rounds: int = tuned(8, "1", "Searches for partners of the end points, from a pose by odometry.", UNKNOWN)
     particle_rounds: int = tuned(6, "1", "The same from a pose that was tracked.", UNKNOWN)
     steps_a_round: int = tuned(2, "1", "Gauss-Newton steps between two searches for partners.", UNKNOWN)
     converged: float = tuned(1e-3, "m, rad", "A match has converged if it moves by less.",
                              "geometry: a fiftieth of a cell")
-    basin: float = tuned(0.15, "m, rad", "Largest step of Gauss-Newton, and motion from which a match converges.",
+    basin: float = tuned(0.15, "m, rad", "Largest step of Gauss-Newton, and motion from which a match converges; over "
+                         "more, a slip persists.",
                          "geometry: three cells, from which partners are found")
     basin_turn: float = tuned(0.1, "rad", "Rotation from which a match converges.",
                               "geometry: three cells at 1.5 m")
@@ -105,13 +107,10 @@ class Matching:
     search_beams: int = tuned(60, "1", "Beams that the window search uses.", "time of a search")
     search_reach: float = tuned(12.0, "m", "Farther end points are not used in the window search.",
                                 "time of a search")
-    search_step: float = tuned(0.08, "m", "Step of the window search.", "geometry: within the narrow kernel")
     search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
                                   UNKNOWN)
     certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
                            "normal distribution: 99.7 %")
-    search_least: float = tuned(0.1, "m, rad", "A smaller window needs no search, because the match converges.",
-                                "geometry: two cells")
     search_most: Vector2 = tuned((0.8, 0.9), "m, rad", "Widest window of a search.", "time of a search")
     start_window: Vector2 = tuned((1.0, 0.5), "m, rad", "Window around the initial pose on a saved map.",
                                   "accuracy of a pose that is clicked in rviz")
@@ -125,12 +124,11 @@ class Tracking:
                               "geometry: a tenth of a cell")
     sector_change: float = tuned(0.15, "m", "Change of the mean range of a sector that odometry must explain.",
                                  "several times the noise of that mean")
-    changed_sectors: float = tuned(0.3, "1", "Share of changed sectors: the robot has moved without odometry.",
-                                   "geometry: more than people nearby hide, less than any rotation changes")
-    tilted_share: float = tuned(0.3, "1", "Share of end points too high or too low in a scan of a tilted laser.",
-                                UNKNOWN)
     missing_scan: float = tuned(1.5, "1", "Scans are missing in an interval longer than this, in usual ones.",
                                 "geometry: between no scan missing (1) and one (2)")
+    affected_share: float = tuned(0.3, "1", "Share of a scan that must differ: of the end points of a tilted laser, of "
+                                  "the sectors if the robot has moved without odometry.",
+                                  "geometry: more than people nearby hide, less than any rotation changes")
     tilted_distance: float = tuned(1.0, "m", "A driving robot that pitches is level again within this distance.",
                                    "geometry: a few lengths of the robot")
     steepest: float = tuned(0.2, "m/m", "A steeper slope is no ramp: the robot has tipped over.",
@@ -150,16 +148,12 @@ class Slips:
                               "normal distribution: 95 %")
     window: Vector2 = tuned((0.2, 0.3), "m, rad", "Half width of the search, without motion.", UNKNOWN)
     window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", UNKNOWN)
-    continues: float = tuned(0.05, "m, rad", "Difference from odometry that indicates a slip before this scan.",
-                             "geometry: a cell of the usual map")
     sectors: int = tuned(8, "1", "Sectors of directions that are searched if a scan contradicts older ones.",
                          "geometry: window and basin of a match overlap")
-    sector_window: float = tuned(0.6, "m", "Half width of that search.", UNKNOWN)
-    confirm_motion: Vector2 = tuned((0.15, 0.1), "m, rad", "A slip is accepted if it persists over this motion.",
-                                    "a pitching robot looks like a slip for a moment")
     confirm_scans: int = tuned(20, "1", "Or over this number of scans.", "a pitching robot, see above")
     tolerance: float = tuned(0.1, "m, rad", "And changes by at most this from scan to scan.", "geometry: two cells")
-    left: Vector3 = tuned((0.05, 0.05, 0.03), "m, m, rad", "Standard deviations of odometry after a slip.",
+    left: Vector3 = tuned((0.05, 0.05, 0.03), "m, m, rad", "Standard deviations of odometry after a slip; a larger "
+                          "difference is another one.",
                           "geometry: a cell of the usual map")
 
 
@@ -207,8 +201,6 @@ class Calibration:
                                UNKNOWN)
     outlier: float = tuned(21.1, "1", "Squared Mahalanobis distance of an outlier.",
                            "chi-squared with 3 degrees of freedom: 99.99 %")
-    least_shift: float = tuned(0.01, "m", "The maps are rebuilt if a recalibration moves a node by more.",
-                               "geometry: a fifth of a cell")
     told_yaw: float = tuned(0.3, "deg", "Smaller errors of the laser's yaw are not reported.",
                             "geometry: 1 cm in 2 m")
     told_offset: float = tuned(0.02, "m", "Smaller errors of the laser's position are not reported.",
@@ -220,8 +212,6 @@ class Particles:
     """Particle filter, and the map that is published."""
 
     drawn: float = tuned(0.3, "1", "Share of a draw from the proposal that is used.", UNKNOWN)
-    pose_floor: Vector3 = tuned((0.001, 0.001, 0.0005), "m, m, rad", "Least standard deviation of a proposal.",
-                                "geometry: a match is not more accurate")
     bin: Vector3 = tuned((0.1, 0.1, 0.05), "m, m, rad", "Bin of poses of KLD-sampling.",
                          "geometry: two cells; Fox 2003 uses larger ones for localization")
     kld_error: float = tuned(0.15, "1", "Bound of the Kullback-Leibler distance between sample and distribution.",
@@ -234,7 +224,7 @@ class Particles:
                              "geometry: accurate to a few millimetres")
     covariance_floor: Vector3 = tuned((0.01, 0.01, 0.005), "m, m, rad", "Least standard deviation of the published "
                                       "pose.", "geometry: resolution of a grid map")
-    same_cells: float = tuned(0.3, "cells", "A scan whose pose changes by less is not traced again.",
+    same_cells: float = tuned(0.3, "cells", "A map is not made again if a pose changes by less.",
                               "time of a map update")
     same_turn: float = tuned(0.002, "rad", "The same for its heading.", "time of a map update")
 

@@ -39,6 +39,7 @@ KEPT = {
     "filter/occupancy_kernels.py": {
         "FREE": "values of a map", "OCCUPIED": "", "UNKNOWN": "", "SHIFT": "layout of blocks", "MASK": "", "SIDE": "",
         "CELLS": ""},
+    "filter/particle_filter.py": {"LEAST_DEVIATION": "guard of a division"},
     "filter/tile_kernels.py": {
         "SHIFT": "layout of tiles", "MASK": "", "CELLS": "", "UNIT": "", "MOST_HITS": "", "TURNS_TOGETHER": "speed",
         "PLACES": "layout", "PLACE_SHIFT": ""},

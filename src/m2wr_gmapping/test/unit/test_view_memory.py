@@ -44,7 +44,7 @@ def test_carried_robot_is_noticed():
 @pytest.mark.parametrize("share, noticed", [(0.5, False), (1.5, True)])
 def test_people_nearby_are_no_motion(share, noticed):
     reading = room((0.0, 0.0, 0.0))
-    near = np.arange(reading.rays.shape[1]) < share * tuning.TRACKING.changed_sectors * reading.rays.shape[1]
+    near = np.arange(reading.rays.shape[1]) < share * tuning.TRACKING.affected_share * reading.rays.shape[1]
     reading.rays[:, near] *= 0.5
     assert changed(reading) == noticed
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     Matcher = Union[FastMatcher, HillClimbMatcher]
 
+LEAST_DEVIATION = 1e-6      # of a proposal, so that its inverse is finite [m, m, rad]
+
 
 def stream(seed: int, name: str) -> np.random.Generator:
     """Return a random generator of its own for one purpose; new purposes do not change the numbers of others.
@@ -129,7 +131,7 @@ class ParticleFilter:
             self.weight_sums += rows[:, mk.LOG_LIKELIHOOD]
             poses[:] = rows[:, :3]
         else:
-            kernels.draw(rows, np.maximum(sample, tuning.PARTICLES.pose_floor), self.normals(),
+            kernels.draw(rows, np.maximum(sample, LEAST_DEVIATION), self.normals(),
                          tuning.PARTICLES.drawn, tuning.MATCHING.dependent, self.weight_sums, poses)
         self.poses, self.weights = poses, np.empty(self.count)
         kernels.weigh(rows, mk.LOG_LIKELIHOOD, self._gain * self.count, self.log_weights, self.weights)

@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from m2wr_gmapping.workers import Workers
 
 NARROW = tuning.MATCHING.narrow
+SEARCH_STEP = math.sqrt(NARROW)         # of the window search [m]
+BASIN = np.array([tuning.MATCHING.basin, tuning.MATCHING.basin_turn])      # [m, rad]
 WINDOW_MOST = np.array(tuning.MATCHING.search_most)
-TURN_WINDOW = np.array([tuning.SLIPS.sector_window, math.pi / tuning.SLIPS.sectors])    # [m, rad]
+TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.sectors])    # [m, rad]
 NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
 
 
@@ -166,7 +168,7 @@ class FastMatcher:
         best, pull = tk.cost_of(row, expected, variances)
         if long:
             window = np.minimum(tuning.MATCHING.certain * np.sqrt([variances[:2].max(), variances[2]]), WINDOW_MOST)
-            if (window > tuning.MATCHING.search_least).any():
+            if (window > BASIN).any():
                 found = self.search(maps, particle, reading, expected, window)
                 other = self._fused(maps, particle, reading, found, expected, inverse)
                 cost, other_pull = tk.cost_of(other, expected, variances)
@@ -180,7 +182,7 @@ class FastMatcher:
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
         plain, wide = row[:3], np.square(window / tuning.SLIPS.deviations)[[0, 0, 1]]
         # a continuous slip has already moved the start pose
-        continues = np.abs(between(expected, start)).max() > tuning.SLIPS.continues
+        continues = np.abs(between(expected, start)).max() > tuning.SLIPS.left[0]
         for centre in (expected, start) if continues else (expected,):
             for begin in (plain, self.search(maps, particle, reading, centre, window)):
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
@@ -238,9 +240,9 @@ class FastMatcher:
         """
         beams = reading.beams
         reach = np.hypot(beams[mk.QX], beams[mk.QY])
-        turns = _outwards(window[1], tuning.MATCHING.search_step / max(float(reach.mean()), 1.0))
+        turns = _outwards(window[1], SEARCH_STEP / max(float(reach.mean()), 1.0))
         turns = np.stack([turns, tuning.MATCHING.search_penalty * np.square(turns / window[1])], -1)
-        squares = _squares(int(np.ceil(window[0] / tuning.MATCHING.search_step)))
+        squares = _squares(int(np.ceil(window[0] / SEARCH_STEP)))
         offsets = squares.copy()
         offsets[:, 2] = tuning.MATCHING.search_penalty * squares[:, 2] / window[0]**2
         farthest = float(offsets[-1, :2].max())
@@ -266,7 +268,7 @@ def _outwards(half_width: float, step: float) -> FloatArray:
 @functools.lru_cache(maxsize=16)
 def _squares(count: int) -> FloatArray:
     """Return x, y and squared length of the offsets within ``count`` steps, from the centre outwards; read only."""
-    steps = _outwards(count * tuning.MATCHING.search_step, tuning.MATCHING.search_step)
+    steps = _outwards(count * SEARCH_STEP, SEARCH_STEP)
     offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     squared = np.square(offsets).sum(axis=1)
     return np.column_stack([offsets, squared])[np.argsort(squared, kind="stable")]

@@ -64,7 +64,7 @@ class TiltDetector:
         is_tilted = False
         if (more_x or more_y) and points.shape[1]:
             lifted = np.abs(more_x * points[0] + more_y * points[1]) > self._lift
-            is_tilted = float(lifted.mean()) > tuning.TRACKING.tilted_share
+            is_tilted = float(lifted.mean()) > tuning.TRACKING.affected_share
         tipped = math.hypot(slope[0], slope[1]) > tuning.TRACKING.steepest
         self._tilted_distance = self._tilted_distance + distance if is_tilted and not tipped else 0.0
         self.is_rocking = is_tilted and self._tilted_distance < tuning.TRACKING.tilted_distance

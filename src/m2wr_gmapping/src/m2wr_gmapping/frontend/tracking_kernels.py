@@ -43,7 +43,8 @@ COST, INFORMATION = 6, 7
 STATIONARY = (tuning.TRACKING.stationary,) * 3
 LONG_STEP = tuning.MATCHING.basin, tuning.MATCHING.basin, tuning.MATCHING.basin_turn
 SLIP_FLOOR, SLIP_SHARE = tuning.SLIPS.window, tuning.SLIPS.window_share
-SLIP_DISTANCE, SLIP_OBSERVATIONS = tuning.SLIPS.confirm_motion, tuning.SLIPS.confirm_scans
+SLIP_DISTANCE = tuning.MATCHING.basin, tuning.MATCHING.basin_turn
+SLIP_OBSERVATIONS = tuning.SLIPS.confirm_scans
 SLIP_TOLERANCE = (tuning.SLIPS.tolerance,) * 3
 SLIP_LEFT = tuple(deviation**2 for deviation in tuning.SLIPS.left)      # [m^2, m^2, rad^2]
 

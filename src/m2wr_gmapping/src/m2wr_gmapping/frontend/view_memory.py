@@ -33,4 +33,4 @@ class ViewMemory:
         profile(reading.rays, self._now)
         changed = np.abs(self._now - self._seen) > tuning.TRACKING.sector_change
         present = (self._now > 0.0) | (self._seen > 0.0)
-        return bool(np.count_nonzero(changed) > tuning.TRACKING.changed_sectors * np.count_nonzero(present))
+        return bool(np.count_nonzero(changed) > tuning.TRACKING.affected_share * np.count_nonzero(present))
