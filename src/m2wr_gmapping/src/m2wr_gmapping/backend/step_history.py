@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
 STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # least variance of a step [m^2, m^2, rad^2]
-CARRIED = np.array([2.0, 2.0, 0.5])     # standard deviations of a step on which the robot was turned by hand [m, m, rad]
+CARRIED = np.array([2.0, 2.0, 0.5])     # standard deviations of a step on which the robot was carried [m, m, rad]
 #: Measured pose (3,) of a node from the one before, its information (3, 3), position variance [m^2], record.
 Step = Tuple["FloatArray", "FloatArray", float, "FloatArray"]
 SMOOTHING_FACTOR = 10.0     # the calibration changes less than the filter assumes, which has to follow at once

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Search for a turn of the robot that nothing has noticed: it was carried, and the place looks alike after a turn.
+"""Search for a turn of the robot that nothing has noticed: it was carried where the place looks alike after a turn.
 
-A corridor looks the same after half a turn, a square room after a quarter. If the robot is turned there while scans are
-missing, every later pose is rotated about that place, and places appear a second time, rotated. Only steps without scans
-on which odometry and laser did not agree are in doubt: a building with equal wings looks the same.
+A corridor looks the same after half a turn, a square room after a quarter. If the robot is turned there while scans
+are missing, every later pose is rotated about that place, and places appear a second time, rotated. Only steps without
+scans on which odometry and laser did not agree are in doubt: a building with equal wings looks the same.
 """
 from __future__ import annotations
 
@@ -243,5 +243,5 @@ def _near(middles: FloatArray, places: FloatArray, reach: float) -> Uint8Array:
 
 
 def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:
-    return find.node == found.node and bool((np.abs(between(compose(find.correction, newest), compose(found.correction, newest)))
-                 <= AGREEMENT).all())
+    apart = np.abs(between(compose(find.correction, newest), compose(found.correction, newest)))
+    return find.node == found.node and bool((apart <= AGREEMENT).all())

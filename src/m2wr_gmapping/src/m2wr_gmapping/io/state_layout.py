@@ -74,7 +74,8 @@ OCCUPANCY = Part({
 GIVEN_OCCUPANCY = Part(OCCUPANCY.stored, OCCUPANCY.made + ("_given",))
 HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
-    "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(NODE), "_checked_at": COUNT}, ("count",))
+    "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(NODE),
+    "_checked_at": COUNT}, ("count",))
 GRAPH = Part({"links": Many(LINK), "searches": COUNT, "closures": COUNT},
              ("_matcher", "_resolution", "_history", "_link_nodes"))
 EXTENSION = Part({
