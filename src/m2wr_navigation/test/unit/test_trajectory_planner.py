@@ -57,7 +57,7 @@ def test_older_names_stand_for_parameters():
 
 
 @pytest.mark.parametrize("dwa, fastest", [(True, 0.25), (False, 0.55)])
-def test_speeds_are_reachable_in_a_cycle_or_in_the_simulated_time(dwa, fastest):
+def test_speeds_are_reachable_in_a_cycle_or_the_simulated_time(dwa, fastest):
     command = controller(dwa=dwa).compute(situation(free(), straight((2.0, 0.0, 0.0))))
     assert command.velocity[0] == pytest.approx(fastest) and abs(command.velocity[2]) < 0.1
 

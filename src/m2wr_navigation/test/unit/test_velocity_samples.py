@@ -31,7 +31,7 @@ def test_slow_samples_must_turn():
     assert (np.abs(samples[slow, 2]) >= 0.4 - 1e-3).all() and slow.any()
 
 
-def test_a_direction_is_barred_after_it_flips_until_the_robot_moved():
+def test_a_barred_direction_opens_once_the_robot_has_moved():
     memory, pose = Oscillation(), np.zeros(3)
     memory.note(np.array([0.0, 0.0, 1.0]), pose, 0.1)
     assert not memory.barred.any()
