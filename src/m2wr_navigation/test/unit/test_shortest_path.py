@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from m2wr_navigation.optimum.shortest_path import NoPathError, shortest_path
+from m2wr_navigation.optimum.shortest_path import NoShortestPathError, shortest_path
 from m2wr_navigation.planners.visibility_kernels import shortest
 from m2wr_view.outlines import Outline, point_distances
 
@@ -59,14 +59,14 @@ def test_a_gap_is_open_only_to_a_robot_that_fits():
 
 def test_a_closed_room_has_no_path():
     room = [box(0.0, 2.0, 4.2, 0.2), box(0.0, -2.0, 4.2, 0.2), box(2.0, 0.0, 0.2, 4.2), box(-2.0, 0.0, 0.2, 4.2)]
-    with pytest.raises(NoPathError, match="no way through"):
+    with pytest.raises(NoShortestPathError, match="no way through"):
         shortest_path(room, 0.2, (0.0, 0.0), (5.0, 0.0))
 
 
 def test_an_end_in_an_obstacle_is_named():
-    with pytest.raises(NoPathError, match=r"the goal \(2.00, 0.00\) is 0.00 m from crate"):
+    with pytest.raises(NoShortestPathError, match=r"the goal \(2.00, 0.00\) is 0.00 m from crate"):
         shortest_path([box(2.0, 0.0, 1.0, 1.0, "crate")], 0.2, (0.0, 0.0), (2.0, 0.0))
-    with pytest.raises(NoPathError, match="the start .* is 0.10 m from crate; the robot's radius is 0.20 m"):
+    with pytest.raises(NoShortestPathError, match="the start .* is 0.10 m from crate; the robot's radius is 0.20 m"):
         shortest_path([box(2.0, 0.0, 1.0, 1.0, "crate")], 0.2, (1.4, 0.0), (5.0, 0.0))
 
 

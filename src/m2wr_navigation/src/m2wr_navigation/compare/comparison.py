@@ -102,7 +102,7 @@ class Comparison:
 
     Raises
     ------
-    NoPathError
+    NoShortestPathError
         If start or goal are in an obstacle, or nothing connects them.
     """
 

@@ -27,7 +27,7 @@ ARC_STEP = math.radians(3.0)        # between two points of an arc, only for dis
 Node = Tuple[int, float]
 
 
-class NoPathError(ValueError):
+class NoShortestPathError(ValueError):
     """There is no path; the message says why."""
 
 
@@ -61,7 +61,7 @@ def shortest_path(obstacles: Sequence[Outline], radius: float, start: Vector, go
 
     Raises
     ------
-    NoPathError
+    NoShortestPathError
         If an end is too near to an obstacle, or nothing connects them.
     ValueError
         If a number is not finite, the radius is not positive, or there are more than MOST_CORNERS corners.
@@ -85,8 +85,9 @@ def _check_end(obstacles: Sequence[Outline], radius: float, place: str, end: Flo
     for outline in obstacles:
         distance = float(point_distances(end[None], outline)[0])
         if distance < radius:
-            raise NoPathError("the {} ({:.2f}, {:.2f}) is {:.2f} m from {}; the robot's radius is {:.2f} m".format(
-                place, end[0], end[1], distance, outline.name or "an obstacle", radius))
+            raise NoShortestPathError("the {} ({:.2f}, {:.2f}) is {:.2f} m from {}; the robot's radius is "
+                                      "{:.2f} m".format(
+                                          place, end[0], end[1], distance, outline.name or "an obstacle", radius))
 
 
 def _inflated(obstacles: Sequence[Outline], radius: float) -> Tuple[FloatArray, IndexArray, FloatArray]:
@@ -161,7 +162,7 @@ def _search(graph: _Graph, circles: FloatArray) -> ShortestPath:
                 heapq.heappush(heap, (length + step, after))
     else:
         x, y = circles[-1, :2]
-        raise NoPathError("there is no way through to ({:.2f}, {:.2f})".format(x, y))
+        raise NoShortestPathError("there is no way through to ({:.2f}, {:.2f})".format(x, y))
     nodes = [node]
     while before[nodes[-1]] >= 0:
         nodes.append(before[nodes[-1]])
