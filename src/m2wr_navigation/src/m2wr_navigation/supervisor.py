@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
@@ -41,6 +42,7 @@ NO_CONTROL = "Failed to find a valid control. Even after executing recovery beha
 OSCILLATION = "Robot is oscillating. Even after executing recovery behaviors."
 REACHED = "Goal reached."
 PROGRESS_TURN = math.pi / 2     # rad: turning this far counts as progress, too
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
 SUCCEEDED, ABORTED = "succeeded", "aborted"
 
 
@@ -155,10 +157,11 @@ class Supervisor:
         return self._once("no plan: " + plan.reason)
 
     def _once(self, message: str) -> List[str]:
-        """Return a message unless it was the last one."""
-        if message == self._told:
+        """Return a message unless it was the last one, whatever its numbers."""
+        key = _NUMBER.sub("#", message)
+        if key == self._told:
             return []
-        self._told = message
+        self._told = key
         return [message]
 
     def _recover(self, trigger: str) -> None:

@@ -49,6 +49,13 @@ def test_parameters_beside_plugins_count_for_their_layers():
     assert layers["inflater_layer"].given == {"inflation_radius": 0.3, "cost_scaling_factor": 2.0}
 
 
+def test_a_source_beside_the_layer_counts_more_than_a_written_one():
+    """The node writes the values of each source below its layer, where the next start of the node finds them."""
+    layers, _ = by_name(dict(OLD, obstacle_layer={"scan": dict(SCAN, topic="before"), "enabled": False}))
+    assert layers["obstacle_layer"].given["scan"]["topic"] == "scan"
+    assert layers["obstacle_layer"].given["enabled"] is False
+
+
 def test_a_voxel_layer_works_as_an_obstacle_layer_and_says_so():
     layers, warnings = by_name(dict(OLD, map_type="voxel"))
     assert layers["obstacle_layer"].kind == "costmap_2d::ObstacleLayer" and "without heights" in warnings[0]

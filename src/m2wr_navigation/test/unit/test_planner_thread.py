@@ -69,3 +69,20 @@ def test_after_a_stop_nothing_is_planned(thread):
     thread.stop()
     thread.may.release()
     assert not thread.planned.acquire(timeout=0.2)
+
+
+def test_a_planner_that_fails_gives_the_reason_and_plans_again():
+    rospy.rostime.set_rostime_initialized(True)
+    faults = [KeyError("cells")]
+
+    def plan():
+        if faults:
+            raise faults.pop()
+        return Plan(np.zeros((1, 3)))
+    thread = PlannerThread(plan)
+    thread.ask(1)
+    (number, failed), = answers(thread)
+    assert number == 1 and not len(failed.poses) and failed.reason == "the planner failed: KeyError: 'cells'"
+    thread.ask(2)
+    assert [len(found.poses) for _, found in answers(thread)] == [1]
+    thread.close()

@@ -73,3 +73,9 @@ def test_added_costs_decide_between_equal_samples():
             samples, np.array(extra), np.zeros((3, 2)), np.zeros(3), np.zeros(3), np.full(3, np.inf), settings, costs,
             0.05, np.array([-2.0, -2.0]), np.array([[0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.1, -0.1]]), grids,
             np.empty(2), np.empty(2, np.int64), np.empty((2, 2)))
+
+
+@pytest.mark.parametrize("sample, steps", [
+    ([0.0, 0.0, 0.0], 1), ([0.5, 0.0, 0.0], 20), ([0.0, 0.0, 1.0], 10), ([1e300, 0.0, 0.0], 100)])
+def test_long_roll_outs_have_the_greatest_number_of_poses(sample, steps):
+    assert kernels.step_count(np.array(sample), 1.0, 0.025, 0.1, 100) == steps

@@ -215,6 +215,15 @@ def test_a_robot_that_cannot_see_stops_says_so_once_and_gives_up(how):
     assert drive.now - 100.0 == pytest.approx(5.3, abs=0.3)
 
 
+def test_a_sentence_whose_numbers_change_is_told_once():
+    drive = Drive()
+    drive.plan()
+    drive.cycle()
+    assert drive.cycle(late=["topic scan has been silent for 0.61 s"]).messages
+    assert not drive.cycle(late=["topic scan has been silent for 0.66 s"]).messages
+    assert drive.cycle(late=["topic odom has been silent for 0.7 s"]).messages
+
+
 def test_a_robot_that_sees_again_continues():
     drive = Drive()
     drive.plan()

@@ -92,6 +92,15 @@ def test_it_continues_to_back_until_it_has_moved_far_enough():
     assert planner.compute(situation(free(), plan, (-0.1, 0.0, 0.0))).velocity[0] > 0.0
 
 
+def test_it_drives_ahead_again_if_it_cannot_back_any_farther():
+    planner, plan = controller(), straight((2.0, 0.0, 0.0))
+    planner.compute(situation(boxed_in(), plan, BEFORE))
+    costmap = free()
+    for box in ((-0.6, 0.2, 0.6, 0.5), (-0.6, -0.5, 0.6, -0.2), (-0.4, -0.5, -0.2, 0.5)):
+        block(costmap, *box)
+    assert planner.compute(situation(costmap, plan, BEFORE)).velocity[0] > 0.0
+
+
 @pytest.mark.parametrize("holonomic", [True, False])
 def test_only_a_holonomic_robot_steps_to_the_side(holonomic):
     costmap = free()

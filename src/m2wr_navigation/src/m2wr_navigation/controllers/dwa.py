@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Int32Array
     from m2wr_navigation.controllers.controller import Situation
 
-INFINITE = float("inf")
-MOST_SAMPLES = 300          # along an axis
+GREATEST = 1e6              # of a parameter: samples, times and costs stay finite
+MOST_SAMPLES = 100          # along an axis: a million at most
 
 
 def _p(default: float, unit: str, low: float, meaning: str) -> Parameter:
-    return Parameter(default, unit, low, INFINITE, meaning)
+    return Parameter(default, unit, low, GREATEST, meaning)
 
 
 class Dwa(SamplingController):
@@ -37,10 +37,10 @@ class Dwa(SamplingController):
     PARAMETERS: ClassVar[Dict[str, Parameter]] = {
         "max_vel_trans": _p(0.55, "m/s", 0.0, "greatest speed in any direction; 0: no limit"),
         "min_vel_trans": _p(0.1, "m/s", 0.0, "slower samples must turn"),
-        "max_vel_x": _p(0.55, "m/s", -INFINITE, "greatest speed ahead"),
-        "min_vel_x": _p(0.0, "m/s", -INFINITE, "least speed ahead; negative: backwards"),
-        "max_vel_y": _p(0.1, "m/s", -INFINITE, "greatest speed to the left"),
-        "min_vel_y": _p(-0.1, "m/s", -INFINITE, "least speed to the left"),
+        "max_vel_x": _p(0.55, "m/s", -GREATEST, "greatest speed ahead"),
+        "min_vel_x": _p(0.0, "m/s", -GREATEST, "least speed ahead; negative: backwards"),
+        "max_vel_y": _p(0.1, "m/s", -GREATEST, "greatest speed to the left"),
+        "min_vel_y": _p(-0.1, "m/s", -GREATEST, "least speed to the left"),
         "max_vel_theta": _p(1.0, "rad/s", 0.0, "greatest rate of turning"),
         "min_vel_theta": _p(0.4, "rad/s", 0.0, "least rate of turning on the spot"),
         "acc_lim_x": _p(2.5, "m/s^2", 0.0, "greatest acceleration ahead"),
@@ -63,10 +63,10 @@ class Dwa(SamplingController):
         "stop_time_buffer": _p(0.2, "s", 0.0, "accepted, without effect as in the original"),
         "oscillation_reset_dist": _p(0.05, "m", 0.0, "way after which all directions are allowed again"),
         "oscillation_reset_angle": _p(0.2, "rad", 0.0, "turn after which all directions are allowed again"),
-        "forward_point_distance": _p(0.325, "m", -INFINITE, "the nose, which points along plan and goal"),
+        "forward_point_distance": _p(0.325, "m", -GREATEST, "the nose, which points along plan and goal"),
         "scaling_speed": _p(0.25, "m/s", 0.0, "above, the footprint grows"),
         "max_scaling_factor": _p(0.2, "", 0.0, "by how much at max_vel_trans"),
-        "cheat_factor": Parameter(1.0, "", 0.0, INFINITE, "how near to the goal the nose is ignored", False),
+        "cheat_factor": Parameter(1.0, "", 0.0, GREATEST, "how near to the goal the nose is ignored", False),
         "vx_samples": Parameter(3, "", 1, MOST_SAMPLES, "samples ahead"),
         "vy_samples": Parameter(10, "", 1, MOST_SAMPLES, "samples to the side"),
         "vth_samples": Parameter(20, "", 1, MOST_SAMPLES, "samples of turning"),

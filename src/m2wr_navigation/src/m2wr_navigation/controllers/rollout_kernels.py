@@ -146,7 +146,7 @@ def step_count(sample: FloatArray, duration: float, granularity: float, angular_
     """
     wanted = max(math.hypot(sample[0], sample[1]) * duration / granularity,
                  abs(sample[2]) * duration / angular_granularity)
-    return max(1, min(most, int(math.ceil(wanted))))
+    return max(1, int(math.ceil(min(wanted, float(most)))))
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

@@ -170,7 +170,7 @@ class SamplingController(Controller):
         count = escape_kernels.near_obstacles(costmap.costs, costmap.resolution, costmap.origin, situation.pose[0],
                                               situation.pose[1], radius, found)
         samples = self.reachable(situation)
-        best = escape_kernels.best_way_out(
+        best = -1 if count == len(found) else escape_kernels.best_way_out(
             samples, situation.pose, np.asarray(situation.velocity, float), AT_ONCE,
             np.array([values["sim_time"], values["sim_granularity"], values["angular_sim_granularity"],
                       float(MOST_POSES)]), found[:count], _HALF_DIAGONAL * costmap.resolution, footprint)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 HEADING_WEIGHT = 0.3        # of heading_scoring, per rad; base_local_planner, trajectory_planner.cpp
 DIAGONAL = 0.1              # m/s ahead and to the side: two more samples of a holonomic robot, from there too
+FASTEST = 20.0              # m/s to the side, of y_vels: faster than any robot
 STOPPED = 0.01, 0.01        # m/s, rad/s: below, the robot has stopped at the goal; from there too
 
 
@@ -201,8 +202,9 @@ class TrajectoryPlanner(SamplingController):
                 scale * values["path_distance_bias"], scale * values["goal_distance_bias"], values["occdist_scale"]))
 
         sample, reason = self._chosen(situation, used)
-        if sample is None and self._oscillation.barred.any():
-            self._oscillation.reset()       # a bar must not be the only reason
+        if sample is None and (self._oscillation.barred.any() or self._backs_since is not None):
+            self._oscillation.reset()       # neither a bar nor the backing must be the only reason
+            self._backs_since = None
             sample, reason = self._chosen(situation, used)
         if sample is None:
             return Command(None, reason, np.zeros((0, 3)), used, costs)
@@ -266,14 +268,14 @@ class TrajectoryPlanner(SamplingController):
 
 
 def _numbers(listed: str) -> List[float]:
-    """Return the finite numbers of a text that is separated by commas; at most 100."""
+    """Return the speeds in a text that is separated by commas; at most 100."""
     found = []
     for part in listed.split(",")[:100]:
         try:
             value = float(part)
         except ValueError:
             continue
-        if math.isfinite(value) and value != 0.0:
+        if 0.0 < abs(value) <= FASTEST:
             found.append(value)
     return sorted(set(found))
 

@@ -101,9 +101,9 @@ def layer_settings(given: Mapping[str, Any], place: str) -> Tuple[List[LayerSett
         short = registry.short_name(kind)
         own = given.get(name)
         merged = {key: given[key] for key in _OWNED.get(short, ()) if key in given}
-        if short in ("ObstacleLayer", "VoxelLayer"):
-            merged.update((source, given[source]) for source in _sources(given) if isinstance(given.get(source), dict))
         merged.update(own if isinstance(own, dict) else {})
+        if short in ("ObstacleLayer", "VoxelLayer"):        # what the start before has written must not win
+            merged.update((source, given[source]) for source in _sources(given) if isinstance(given.get(source), dict))
         if short == "VoxelLayer":
             warnings.append("layer {}/{}: a VoxelLayer works here as an ObstacleLayer, without heights".format(
                 place, name))

@@ -30,7 +30,7 @@ class Bug0(BoundaryMethod):
         x, y = self._hits[-1]
         visits = sum(math.hypot(x - one, y - two) < CLOSED for one, two in self._hits)
         if visits >= REPEATED:
-            return Decision(0.0, 0.0, UNREACHABLE, "hit the obstacle at ({:.2f}, {:.2f}) for the {}. time: Bug 0 would "
+            return Decision(0.0, 0.0, UNREACHABLE, "hit the obstacle at ({:.2f}, {:.2f}) {} times: Bug 0 would "
                             "repeat this for ever".format(x, y, visits))
         if self.circuit.length > LEAVE and self.is_goal_free(view, LEAVE):
             return self.leave(view, "the way towards the goal is free")

@@ -67,6 +67,8 @@ class Navfn(Planner):
             cells = self.cells(costmap, table, begin, target)
         if cells is None:
             target = reachable_goal(costmap, table, begin, target, tolerance)
+            if target == wanted:        # the same search again would fail again
+                raise PlanningError(self.not_found)
             cells = self.cells(costmap, table, begin, target)
         if cells is None:
             raise PlanningError(self.not_found)

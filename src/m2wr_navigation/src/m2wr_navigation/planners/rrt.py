@@ -29,7 +29,7 @@ class RRT(Navfn):
                                        False),
         "cost_factor": Parameter(0.8, "", 0.0, 5.0, "weight of a cell's cost against 50 for a free cell: how much "
                                  "longer a path may be to keep clear of obstacles", False),
-        "iterations": Parameter(5000, "", 1, 200000, "greatest number of samples", False),
+        "iterations": Parameter(5000, "", 1, 20000, "greatest number of samples", False),
         "step": Parameter(1.0, "m", 0.01, 1000.0, "greatest length of a branch", False),
         "goal_bias": Parameter(0.05, "", 0.0, 1.0, "share of the samples that are the goal", False),
         "shortcut": flag(True, "whether corners are left out where a straight line costs less", False),

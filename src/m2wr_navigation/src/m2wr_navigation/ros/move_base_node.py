@@ -25,7 +25,11 @@ from std_srvs.srv import Empty, EmptyResponse
 from m2wr_gmapping.se2 import compose, inverse
 from m2wr_navigation import registry
 from m2wr_navigation.controllers.controller import Situation
-from m2wr_navigation.kernel_warm_up import compile_kernels
+from m2wr_navigation.kernel_warm_up import (
+    compile_controller_kernels,
+    compile_costmap_kernels,
+    compile_planner_kernels,
+)
 from m2wr_navigation.parameters import read, unknown
 from m2wr_navigation.planners.planner import Plan
 from m2wr_navigation.ros.controller_server import ControllerServer
@@ -90,7 +94,9 @@ class MoveBase:
 
     def start(self) -> None:
         """Wait for transforms and maps, then offer services and the action."""
-        compile_kernels()
+        compile_controller_kernels()
+        compile_costmap_kernels()
+        compile_planner_kernels()
         for server in self.maps.values():
             server.start()
         if not self._wait_until_ready():
@@ -169,7 +175,15 @@ class MoveBase:
     # ---- one goal
 
     def _execute(self, goal: Any) -> None:
-        """Follow a goal, and those that replace it, until one ends. Runs on the action server's thread."""
+        """Run a goal on the action server's thread; if anything fails, the robot stops and the goal is aborted."""
+        try:
+            self._follow(goal)
+        except Exception:
+            self._finish()
+            raise
+
+    def _follow(self, goal: Any) -> None:
+        """Follow a goal, and those that replace it, until one ends."""
         if not self._begin(goal.target_pose):
             return
         last = -math.inf

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import TYPE_CHECKING, Any, Callable, Deque, List, Tuple
+from typing import Any, Callable, Deque, List, Tuple
 
 import rospy
 
-if TYPE_CHECKING:
-    from m2wr_navigation.planners.planner import Plan
+from m2wr_navigation.planners.planner import Plan
 
 LEAST_PAUSE = 0.1           # s between two plans that are asked for one after the other, in ROS time
 
@@ -95,6 +94,9 @@ class PlannerThread:
                 if rospy.core.is_shutdown_requested():      # topics close before is_shutdown() is true
                     return
                 raise
+            except Exception as error:      # of one plan; the thread continues, and the goal hears of it
+                rospy.logerr("the planner failed: %s: %s", type(error).__name__, error)
+                plan = Plan.none("the planner failed: %s: %s" % (type(error).__name__, error))
             with self._changed:
                 self._busy = False
                 self._answers.append((number, plan))
