@@ -1,13 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The Foxglove server: topics, services, parameters, publishing, time, files, and what it refuses."""
+import contextlib
 import io
 import json
 import os
+import socket
 import struct
 import sys
+import threading
 import unittest
 
+import rosgraph
 import rospkg
 import rospy
 import websockets.exceptions
@@ -51,6 +55,7 @@ class Foxglove(unittest.TestCase):
         self.addCleanup(made.socket.close)
         self.assertEqual(made.socket.subprotocol, PROTOCOL)
         self.info = made.wait_for("serverInfo")
+        self.assertEqual(self.info["metadata"], {"ROS_DISTRO": "noetic"})
         return made
 
     def advertised(self, client, operation, key, field, name):
@@ -101,6 +106,28 @@ class Foxglove(unittest.TestCase):
         self.assertEqual(client.wait_for("serviceCallFailure")["callId"], 9)
         client.socket.send(struct.pack("<BIII", 2, 99999, 10, 4) + b"ros1")
         self.assertEqual(client.wait_for("serviceCallFailure")["callId"], 10)
+
+    def test_a_service_whose_address_is_not_ros_is_left_out(self):
+        def hang_up():
+            with contextlib.suppress(OSError):      # the test has ended
+                while True:
+                    listening.accept()[0].close()
+
+        master, listening = rosgraph.Master(rospy.get_name()), socket.socket()
+        listening.bind(("127.0.0.1", 0))
+        listening.listen(5)
+        threading.Thread(target=hang_up, daemon=True).start()
+        address = "rosrpc://localhost:%d" % listening.getsockname()[1]
+        master.registerService("/odd", address, rospy.get_node_uri())
+        try:
+            self.running.wait_for_text("service /odd is left out")
+        finally:
+            master.unregisterService("/odd", address)
+            listening.shutdown(socket.SHUT_RDWR)
+            listening.close()
+        served = rospy.Service("/even", SetBool, lambda request: SetBoolResponse())
+        self.addCleanup(served.shutdown)
+        self.advertised(self.client(), "advertiseServices", "services", "name", "/even")
 
     def test_parameters_are_read_set_and_watched(self):
         rospy.set_param("/p/a", 1)

@@ -2,10 +2,14 @@
 """Answers about topics, services and nodes, from the master."""
 from __future__ import annotations
 
+import http.client
+import struct
+import xmlrpc.client
 from typing import Any, Callable, Dict, List, Tuple
 from urllib.parse import urlsplit
 
 import rosgraph
+import rosgraph.network
 import rosnode
 import rosservice
 
@@ -14,8 +18,10 @@ from m2wr_bridge.rosbridge.globs import Globs
 
 #: Topics of an action, below its name.
 _ACTION = ("goal", "cancel", "status", "feedback", "result")
-#: Errors of a master, node or service that does not answer.
-UNREACHABLE = (OSError, rosgraph.MasterException, rosnode.ROSNodeException, rosservice.ROSServiceException)
+#: Errors of a master, node or service that does not answer, or at whose address another program listens.
+UNREACHABLE = (OSError, rosgraph.MasterException, rosnode.ROSNodeException, rosservice.ROSServiceException,
+               rosgraph.network.ROSHandshakeException, struct.error, UnicodeError, http.client.HTTPException,
+               xmlrpc.client.Error)
 
 
 class Questions:

@@ -87,7 +87,8 @@ class FoxgloveSession(Session):
             wire.UnsubscribeParameters: self._unwatch, wire.SubscribeGraph: lambda _: self._want_graph(True),
             wire.UnsubscribeGraph: lambda _: self._want_graph(False), wire.FetchAsset: self._fetch,
             wire.ClientMessage: self._publish, wire.Call: self._call}
-        self._send({"op": "serverInfo", "name": "m2wr_bridge", "supportedEncodings": ["ros1"], "metadata": {},
+        self._send({"op": "serverInfo", "name": "m2wr_bridge", "supportedEncodings": ["ros1"],
+                    "metadata": {"ROS_DISTRO": "noetic"},       # else Foxglove's 3-D panel publishes no goals
                     "capabilities": CAPABILITIES + (["time"] if simulated else [])})
 
     def _send(self, fields: Dict[str, Any]) -> None:

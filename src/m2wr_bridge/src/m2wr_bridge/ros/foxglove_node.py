@@ -53,7 +53,7 @@ class FoxgloveNode:
         self._graph, self._catalogue = FoxgloveGraph(), Catalogue()
         self._lock = threading.Lock()               # of sessions and catalogue: a new client misses no change
         self._sessions: Set[_Tracked] = set()
-        self._types: Dict[str, Tuple[str, str]] = {}
+        self._types: Dict[str, str] = {}            # of the services that have answered
         self._complaints: Set[str] = set()
         self._values: Dict[str, Any] = {}
         self._shown: Dict[str, Any] = {}
@@ -84,6 +84,8 @@ class FoxgloveNode:
                 self._look()
             except (OSError, rosgraph.MasterException, BridgeError) as error:
                 self._complain("the master does not answer: %s" % error)
+            except Exception as error:      # of one look; the node and the next looks continue
+                self._complain("topics and services could not be read: %s: %s" % (type(error).__name__, error))
             self._stopping.wait(LOOK)
         server.stop()
 
@@ -148,11 +150,14 @@ class FoxgloveNode:
                 continue
             try:
                 if name not in self._types:
-                    self._types[name] = (rosservice.get_service_type(name) or "", "")
-                kind = self._graph.classes.service(self._types[name][0])
+                    answer = rosservice.get_service_type(name)
+                    if not answer:          # it has just ended
+                        continue
+                    self._types[name] = answer
+                kind = self._graph.classes.service(self._types[name])
                 found[name] = (kind._type, kind._request_class._full_text, kind._response_class._full_text)
-            except (BridgeError, rosservice.ROSServiceException, OSError) as error:
-                self._complain("service %s is left out: %s" % (name, error))
+            except Exception as error:      # of one service: what listens at its address may be anything
+                self._complain("service %s is left out: %s: %s" % (name, type(error).__name__, error))
         return found
 
     def _tell_graph(self, sessions: List["_Tracked"], graph: Dict[str, Any]) -> None:

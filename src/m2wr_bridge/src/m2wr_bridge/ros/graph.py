@@ -7,6 +7,7 @@ from typing import Any, Dict, Optional, Tuple
 
 import genpy
 import rosgraph
+import rosgraph.network
 import rospy
 import rosservice
 
@@ -77,7 +78,8 @@ class RosGraph:
         if type_name is None:
             try:
                 type_name = rosservice.get_service_type(service)
-            except (rosservice.ROSServiceException, OSError, rosgraph.MasterException) as error:
+            except (rosservice.ROSServiceException, OSError, rosgraph.MasterException,
+                    rosgraph.network.ROSHandshakeException) as error:
                 raise BridgeError("service %s: %s" % (service, error)) from error
         if type_name is None:
             raise BridgeError("service %s does not exist" % service)
