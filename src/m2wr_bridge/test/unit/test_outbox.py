@@ -75,3 +75,5 @@ def test_a_removed_stream_sends_nothing():
     box.offer(one, "1", 1)
     box.remove(one)
     assert take_all(box, 0.0) == []
+    box.offer(one, "2", 1)
+    assert take_all(box, 0.0) == []

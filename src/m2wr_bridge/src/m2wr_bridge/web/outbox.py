@@ -29,6 +29,7 @@ class Stream:
         self.encode, self.depth, self.period = encode, depth, period
         self.waiting: Deque[Tuple[Any, int]] = deque()
         self.due = 0.0
+        self.closed = False
 
 
 class Outbox:
@@ -70,6 +71,8 @@ class Outbox:
             Bytes it holds.
         """
         with self._lock:
+            if stream.closed:           # a message that was on its way when the stream was removed
+                return
             self._streams.setdefault(stream)
             stream.waiting.append((message, size))
             self._stream_bytes += size
@@ -80,8 +83,9 @@ class Outbox:
         self._wake()
 
     def remove(self, stream: Stream) -> None:
-        """Forget a stream and what waits in it."""
+        """Forget a stream and what waits in it; it takes no more messages."""
         with self._lock:
+            stream.closed = True
             self._stream_bytes -= sum(size for _, size in stream.waiting)
             stream.waiting.clear()
             self._streams.pop(stream, None)

@@ -27,7 +27,7 @@ _WORKERS = 16               # threads that do what clients ask
 _UNSENT = 1 << 18           # bytes that wait in the system's and the library's buffers of a client
 _UNREAD = 4                 # messages of a client that were read and are not done yet
 _PATIENCE = 10.0            # s to connect, and to close
-_POLICY, _TOO_MUCH = 1008, 1013     # codes of a close (RFC 6455, 7.4)
+_TOO_MUCH = 1013            # code of a close: try again later (registry of RFC 6455, 7.4)
 
 
 class Settings(NamedTuple):
@@ -61,8 +61,6 @@ class Client:
     def __init__(self, name: str, wake: Callable[[], None]) -> None:
         self.name = name
         self.outbox = Outbox(wake)
-        self.refused: Optional[str] = None
-        self._wake = wake
 
     def answer(self, frame: Frame) -> None:
         """Send a message that must not be lost."""
@@ -79,11 +77,6 @@ class Client:
             Bytes it holds.
         """
         self.outbox.offer(stream, message, size)
-
-    def refuse(self, reason: str) -> None:
-        """Close the connection."""
-        self.refused = reason
-        self._wake()
 
 
 class Session:
@@ -230,9 +223,6 @@ class WebSocketServer:
         with contextlib.suppress(websockets.exceptions.ConnectionClosed):
             while True:
                 event.clear()
-                if client.refused is not None:
-                    await connection.close(_POLICY, client.refused[:100])
-                    return
                 if client.outbox.overflowed:
                     await connection.close(_TOO_MUCH, "answers are not read")
                     return
@@ -244,6 +234,8 @@ class WebSocketServer:
                 if not frames and wait != 0.0:
                     with contextlib.suppress(asyncio.TimeoutError):
                         await asyncio.wait_for(event.wait(), wait)
+                else:
+                    await asyncio.sleep(0)      # a send that need not wait lets no other client run
 
     @staticmethod
     def _next(client: Client) -> Tuple[List[Frame], Optional[float]]:
