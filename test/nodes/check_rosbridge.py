@@ -274,7 +274,7 @@ class Rosbridge(unittest.TestCase):
                       "_port:=%d" % free_port()]) as node:
             node.wait_for_text(STARTED)
             wait_until(lambda: "token=" in node.text and node.text.endswith("\n"), "the link")
-            link = node.text.partition(STARTED)[2].split()[0].rstrip("\x1b[0m")
+            link = node.text.partition(STARTED)[2].split()[0].partition("\x1b")[0]
             with WebClient(link, origin="http://elsewhere.example") as page:
                 self.assertTrue(page.socket.ping().wait(60.0))
             with self.assertRaises(websockets.exceptions.InvalidStatus):
