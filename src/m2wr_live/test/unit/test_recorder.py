@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What pages are told where nothing can be recorded, and that a recording is bounded; without a master."""
 import os
+import subprocess
 import sys
 
 import pytest
@@ -59,6 +60,30 @@ def test_a_recording_is_ended_at_its_limits(made, monkeypatch, limit):
     monkeypatch.setattr(recorder, limit, 0)
     made.watch()
     assert made.seconds() is None and made.bag()
+
+
+def test_a_limit_does_not_end_the_next_recording(made, monkeypatch):
+    class Late:
+        """A lock that is got when the next recording has begun."""
+
+        def __enter__(self):
+            made._process = following
+
+        def __exit__(self, *_):
+            return None
+
+    made.start()
+    following = subprocess.Popen(["sleep", "60"])
+    first, lock = made._process, made._lock
+    try:
+        monkeypatch.setattr(recorder, "LONGEST", 0)
+        monkeypatch.setattr(made, "_lock", Late())
+        made.watch()
+        assert made._process is following and following.poll() is None
+    finally:
+        made._process, made._lock = first, lock
+        following.kill()
+        following.wait()
 
 
 def test_a_page_is_told_why_nothing_is_recorded(made, monkeypatch):

@@ -34,6 +34,7 @@ _LOOK = 2.0                 # s between two looks for new topics
 _MOST_COMPLAINTS = 20       # different errors that are logged
 _REST = 0.002               # s after a picture in which other threads run in any case
 _DRAGS = 0.05               # s between two moves of a dragged model
+_WATCH = 0.05               # s between two looks whether pages that drive are silent
 
 
 def find_mesh(uri: str) -> Optional[str]:
@@ -119,10 +120,11 @@ class Live:
     def run(self) -> None:
         """Draw until ROS ends."""
         rospy.on_shutdown(self._stopping.set)
-        threads = [threading.Thread(target=loop, daemon=True) for loop in (
-            lambda: self._repeat(_LOOK, self._look), lambda: self._repeat(_DRAGS, self._drag))]
-        for thread in threads:
-            thread.start()
+        loops = [(_LOOK, self._look), (_DRAGS, self._drag), (_WATCH, self._driver.watch)]
+        if self._actions is not None:
+            loops.append((_STATUS, self._actions.recorder.watch))
+        for loop in loops:      # a thread each: a robot must stop in time while a service or the recorder is waited for
+            threading.Thread(target=self._repeat, args=loop, daemon=True).start()
         measured, due = 0.0, time.monotonic()
         while not self._stopping.is_set():
             began = time.monotonic()
@@ -195,9 +197,6 @@ class Live:
             log.warning("parameter %s: %s", name, error)
 
     def _drag(self) -> None:
-        self._driver.watch()
-        if self._actions is not None:
-            self._actions.recorder.watch()
         for panel in self._pages.panels:
             panel.apply_drag()
 

@@ -55,6 +55,7 @@ class Recorder:
             self._folder = self._folder or tempfile.mkdtemp(prefix="m2wr_live_")
             for name in os.listdir(self._folder):
                 os.remove(os.path.join(self._folder, name))
+            self._began = time.monotonic()          # before there is a process: watch() may look at any time
             try:
                 recorder = find_recorder()
                 self._process = subprocess.Popen(
@@ -62,7 +63,6 @@ class Recorder:
                     stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
             except (RecordError, OSError) as error:
                 raise ViewError("the recording cannot begin: %s" % error) from error
-            self._began = time.monotonic()
             while not os.path.exists(self._bag + ".active"):
                 if self._process.poll() is not None or time.monotonic() - self._began > _STARTING:
                     self._end()
@@ -99,11 +99,17 @@ class Recorder:
 
     def watch(self) -> None:
         """End a recording that is too long or too large; called now and then."""
-        size = os.path.getsize(self._bag + ".active") if os.path.exists(self._bag + ".active") else 0
-        if self._process is not None and (
-                self._process.poll() is not None or (self.seconds() or 0.0) > LONGEST or size > LARGEST):
+        process = self._process
+        if process is None:
+            return
+        try:
+            size = os.path.getsize(self._bag + ".active")
+        except OSError:                     # it is not made yet, or has its last name already
+            size = 0
+        if process.poll() is not None or (self.seconds() or 0.0) > LONGEST or size > LARGEST:
             with self._lock:
-                self._end()
+                if self._process is process:        # and not the next recording
+                    self._end()
 
     def bag(self) -> bytes:
         """Return the newest bag.
