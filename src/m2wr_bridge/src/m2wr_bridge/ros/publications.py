@@ -36,21 +36,19 @@ class _Recent(rospy.SubscribeListener):
         message : genpy.Message
         publish : callable
         """
-        if time.monotonic() - self._began > _RECENT:
-            self._messages.clear()
-            publish(message)
-            return
         with self._lock:
-            self._messages.append((time.monotonic(), message))
+            if time.monotonic() - self._began > _RECENT:
+                self._messages.clear()
+            else:
+                self._messages.append((time.monotonic(), message))
             publish(message)
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        """Send a new subscriber what it has missed."""
+        """Send a new subscriber what it has missed; nothing else is published meanwhile, as rospy demands."""
         with self._lock:
-            missed = list(self._messages)
-        for at, message in missed:
-            if time.monotonic() - at <= _RECENT:
-                peer_publish(message)
+            for at, message in self._messages:
+                if time.monotonic() - at <= _RECENT:
+                    peer_publish(message)
 
 
 class _Publication:
@@ -108,7 +106,8 @@ class Publications:
             if found is None:
                 recent = _Recent()
                 try:
-                    publisher = rospy.Publisher(name, kind, recent, latch=latch, queue_size=depth, tcp_nodelay=True)
+                    publisher = rospy.Publisher(name, kind, None if latch else recent,   # rospy sends latched ones
+                                                latch=latch, queue_size=depth, tcp_nodelay=True)
                 except (rospy.ROSException, ValueError) as error:
                     raise BridgeError("topic %s: %s" % (topic, error)) from error
                 found = self._topics[name] = _Publication(publisher, kind, recent)
