@@ -24,11 +24,16 @@ from m2wr_bridge.web.server import Client
 FIND = roslib.message.get_message_class
 
 
+def received(text):
+    return Received(b"raw", "std_msgs/String", "", "", 1, 2, lambda _: String(text))
+
+
 class Graph:
     """Remembers what it is asked."""
 
     def __init__(self):
         self.listeners, self.published, self.messages, self.served = {}, {}, [], {}
+        self.latched = {}
         self.release = threading.Event()
         self.release.set()
 
@@ -36,6 +41,11 @@ class Graph:
         if type_name == "no/Type":
             raise BridgeError("no such type")
         self.listeners[topic] = listener
+        self.repeat_latched(topic, listener)
+
+    def repeat_latched(self, topic, listener):
+        for text in self.latched.get(topic, []):
+            listener(received(text))
 
     def unsubscribe(self, topic, listener):
         assert self.listeners.pop(topic) is listener
@@ -95,7 +105,7 @@ class Page:
             assert self.woken.wait(30.0), "no answer came"
 
     def deliver(self, topic, text):
-        self.graph.listeners[topic](Received(b"raw", "std_msgs/String", "", "", 1, 2, lambda _: String(text)))
+        self.graph.listeners[topic](received(text))
 
 
 BAD = [
@@ -215,6 +225,24 @@ def test_subscriptions_are_merged_until_the_last_ends():
     assert "/a" in page.graph.listeners
     page.ask(op="unsubscribe", topic="/a", id="2")
     assert page.graph.listeners == {}
+
+
+def test_each_subscription_gets_the_latched_messages():
+    page = Page()
+    page.graph.latched["/a"] = ["1", "2"]
+    for name in ("x", "y"):
+        page.ask(op="subscribe", topic="/a", id=name)
+        assert [page.answer()["msg"]["data"] for _ in range(2)] == ["1", "2"] and page.frames() == []
+
+
+def test_an_unforeseen_error_is_said_and_the_client_continues(monkeypatch):
+    page = Page()
+    monkeypatch.setattr(page.graph, "publish", lambda topic, values: {}["none"])
+    page.ask(op="publish", topic="/a", msg={}, id="7")
+    answer = page.answer()
+    assert answer["op"] == "status" and answer["id"] == "7" and "KeyError: 'none'" in answer["msg"]
+    page.ask(op="subscribe", topic="/a")
+    assert "/a" in page.graph.listeners
 
 
 def test_names_outside_the_globs_are_refused():

@@ -6,7 +6,7 @@ import logging
 import threading
 from typing import Any, Callable, Dict, List, Optional, Protocol, Set
 
-from m2wr_bridge.errors import BridgeError
+from m2wr_bridge.errors import BridgeError, unexpected
 from m2wr_bridge.foxglove import wire
 from m2wr_bridge.foxglove.catalogue import Catalogue, Changes
 from m2wr_bridge.messages.received import Received
@@ -134,6 +134,8 @@ class FoxgloveSession(Session):
             self._operations[type(request)](request)
         except BridgeError as error:
             self._complain(str(error))
+        except Exception as error:      # of one request; the client and its other requests continue
+            self._complain(unexpected(error), error)
 
     def close(self) -> None:
         """Release topics of the client."""
@@ -142,10 +144,10 @@ class FoxgloveSession(Session):
         for topic in set(self._published.values()):
             self._graph.unadvertise(topic, self)
 
-    def _complain(self, text: str) -> None:
+    def _complain(self, text: str, cause: Optional[Exception] = None) -> None:
         if text not in self._complaints and len(self._complaints) < _MOST_COMPLAINTS:
             self._complaints.add(text)
-            log.warning("client %s: %s (said once)", self._client.name, text)
+            log.warning("client %s: %s (said once)", self._client.name, text, exc_info=cause)
         self._send({"op": "status", "level": _ERROR, "message": text})
 
     # ---- topics ------------------------------------------------------------------------------------------------

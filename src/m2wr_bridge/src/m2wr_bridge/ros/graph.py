@@ -42,6 +42,7 @@ class RosGraph:
         self.subscriptions = Subscriptions(self.classes)
         self.publications = Publications(self.classes, patience)
         self.subscribe, self.unsubscribe = self.subscriptions.add, self.subscriptions.remove
+        self.repeat_latched = self.subscriptions.repeat
         self.advertise, self.unadvertise = self.publications.advertise, self.publications.unadvertise
         self._served: Dict[str, Any] = {}
         self._lock = threading.Lock()

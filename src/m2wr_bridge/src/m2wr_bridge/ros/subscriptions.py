@@ -109,9 +109,10 @@ class Subscriptions:
             source = self._sources.get(name)
             if source is None:
                 source = self._sources[name] = _Source()
-            with source.lock:
+            with source.lock:           # no newer message comes between
                 source.listeners.append(listener)
-                latched = list(source.latched.values())
+                for received in source.latched.values():
+                    listener(received)
             if source.subscriber is None:
                 try:
                     source.subscriber = rospy.Subscriber(name, raw_class(known or type_name), self._take, source,
@@ -119,8 +120,21 @@ class Subscriptions:
                 except (rospy.ROSException, ValueError) as error:
                     del self._sources[name]
                     raise BridgeError("topic %s: %s" % (topic, error)) from error
-        for received in latched:
-            listener(received)
+
+    def repeat(self, topic: str, listener: Listener) -> None:
+        """Call a listener with the latched messages of a topic again.
+
+        Parameters
+        ----------
+        topic : str
+        listener : callable
+        """
+        with self._lock:
+            source = self._sources.get(legal("topic", topic))
+        if source is not None:
+            with source.lock:
+                for received in source.latched.values():
+                    listener(received)
 
     def remove(self, topic: str, listener: Listener) -> None:
         """Stop calling a listener.
@@ -152,8 +166,12 @@ class Subscriptions:
         received = Received(raw, header.get("type", "*"), header.get("md5sum", "*"),
                             header.get("message_definition", ""), now.secs, now.nsecs, self.decode)
         with source.lock:
-            if header.get("latching") == "1" and len(source.latched) < MOST_LATCHED:
-                source.latched[header.get("callerid", "")] = received
+            if header.get("latching") == "1":
+                publisher = header.get("callerid", "")
+                source.latched.pop(publisher, None)         # the newest is the last
+                source.latched[publisher] = received
+                if len(source.latched) > MOST_LATCHED:
+                    del source.latched[next(iter(source.latched))]
             listeners = list(source.listeners)
         for listener in listeners:
             listener(received)

@@ -17,6 +17,9 @@ class Graph(Protocol):
     # Call ``listener`` with each message, and with the latched one.
     def subscribe(self, topic: str, type_name: Optional[str], listener: Listener) -> None: ...
 
+    # Call ``listener`` with the latched messages again.
+    def repeat_latched(self, topic: str, listener: Listener) -> None: ...
+
     # Stop calling ``listener``.
     def unsubscribe(self, topic: str, listener: Listener) -> None: ...
 

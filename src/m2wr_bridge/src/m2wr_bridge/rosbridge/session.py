@@ -6,7 +6,7 @@ import logging
 import threading
 from typing import Any, Callable, Dict, NamedTuple, Optional, Set
 
-from m2wr_bridge.errors import BridgeError
+from m2wr_bridge.errors import BridgeError, unexpected
 from m2wr_bridge.messages.received import Received
 from m2wr_bridge.rosbridge import requests
 from m2wr_bridge.rosbridge.encodings import COMPRESSIONS, cbor_bytes, json_text, png_text
@@ -78,10 +78,9 @@ class RosbridgeSession(Session):
             name = request.id
             self._operations[type(request)](request)
         except BridgeError as error:
-            if name is None:
-                found = requests.head(message).id
-                name = found if isinstance(found, (str, int)) else None
-            self._status("error", str(error), name)
+            self._status("error", str(error), _id_of(message) if name is None else name)
+        except Exception as error:      # of one request; the client and its other requests continue
+            self._status("error", unexpected(error), _id_of(message) if name is None else name, error)
 
     def close(self) -> None:
         """Release topics and services of the client."""
@@ -92,11 +91,11 @@ class RosbridgeSession(Session):
         for service in list(self._served):
             self._withdraw(service)
 
-    def _status(self, level: str, text: str, name: requests.Id = None) -> None:
+    def _status(self, level: str, text: str, name: requests.Id = None, cause: Optional[Exception] = None) -> None:
         log_text = "client %s: %s" % (self._client.name, text)
         if text not in self._complaints and len(self._complaints) < _MOST_COMPLAINTS:
             self._complaints.add(text)
-            (log.warning if level == "error" else log.info)("%s (said once)", log_text)
+            (log.warning if level == "error" else log.info)("%s (said once)", log_text, exc_info=cause)
         if LEVELS.index(level) <= self._level:
             fields: Dict[str, Any] = {"op": "status", "level": level, "msg": text}
             if name is not None:
@@ -146,6 +145,7 @@ class RosbridgeSession(Session):
         found = self._subscriptions.get(request.topic)
         if found is not None:
             found.want(request.id, options)
+            self._graph.repeat_latched(request.topic, found.listener)
             return
         made = Subscription(request.topic, self._readers, self._complain)
         made.want(request.id, options)
@@ -249,6 +249,12 @@ class RosbridgeSession(Session):
             if isinstance(whole, requests.Fragment):
                 raise BridgeError("fragment: the parts make another fragment; expected a message")
             self._operations[type(whole)](whole)
+
+
+def _id_of(message: Frame) -> requests.Id:
+    """Return the id of a message that is no request, as far as it can be read."""
+    found = requests.head(message).id
+    return found if isinstance(found, (str, int)) else None
 
 
 def _depth(wanted: Optional[int]) -> int:
