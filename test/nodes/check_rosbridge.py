@@ -269,6 +269,14 @@ class Rosbridge(unittest.TestCase):
                 other.close()
                 node.wait_for_text(STARTED)
 
+    def test_port_0_is_a_free_one_that_is_said(self):
+        with Running([program("rosbridge_server", "rosbridge_websocket"), "__name:=any_port", "_port:=0"]) as node:
+            node.wait_for_text(STARTED)
+            port = rospy.get_param("/any_port/actual_port")
+            node.wait_for_text("ws://localhost:%d" % port)
+            with WebClient("ws://localhost:%d" % port) as page:
+                self.assertTrue(page.socket.ping().wait(60.0))
+
     def test_another_address_needs_the_token(self):
         with Running([program("rosbridge_server", "rosbridge_websocket"), "__name:=open", "_address:=0.0.0.0",
                       "_port:=%d" % free_port()]) as node:

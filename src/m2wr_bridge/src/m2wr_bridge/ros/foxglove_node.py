@@ -69,11 +69,12 @@ class FoxgloveNode:
             If the address cannot be used.
         """
         host, port = settings.text("address", "127.0.0.1") or "0.0.0.0", settings.whole("port", PORT, 65535)
-        access = settings.access_of(host, port, settings.text("allowed_origins", ORIGINS).replace(",", " ").split())
+        origins = settings.text("allowed_origins", ORIGINS).replace(",", " ").split()
         tls = settings.tls_of()
         try:
-            server = WebSocketServer(Settings(host, free_port(host, port), subprotocols=[SUBPROTOCOL], tls=tls),
-                                     access, self._open)
+            port = free_port(host, port)        # before the link: 0 is a free one
+            access = settings.access_of(host, port, origins)
+            server = WebSocketServer(Settings(host, port, subprotocols=[SUBPROTOCOL], tls=tls), access, self._open)
         except (AddressError, OSError) as error:
             raise BridgeError(str(error)) from error
         if self._simulated:

@@ -38,13 +38,12 @@ def _warn_of_ignored() -> None:
             log.warning("parameter ~%s has no effect here (it is %r)", name, value)
 
 
-def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event) -> None:
-    """Return when an address is free; while it is not, say once who has it, and look again after ``pause`` s."""
+def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event) -> int:
+    """Return a port when it is free, for 0 any; while it is not, say once who has it, and look every ``pause`` s."""
     said = False
     while not stopping.is_set():
         try:
-            free_port(host, port)
-            return
+            return free_port(host, port)
         except AddressError as error:
             if not pause or "expected" in str(error):
                 raise BridgeError(str(error)) from error
@@ -52,6 +51,7 @@ def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event
                 log.warning("%s; looking again every %g s", error, pause)
             said = True
         stopping.wait(pause)
+    return port
 
 
 class RosbridgeNode:
@@ -94,18 +94,19 @@ class RosbridgeNode:
         origins: List[str] = settings.text("allowed_origins", "").replace(",", " ").split()
         if settings.flag("websocket_null_origin", False):
             origins.append(NULL_ORIGIN)
-        access = settings.access_of(host, port, origins)
         tls = settings.tls_of()
         ping = settings.amount("websocket_ping_interval", 0.0)
         wanted = Settings(
             host, port, largest=self._rules.largest, pause=settings.amount("delay_between_messages", 0.0, 60.0),
             ping=ping or None, ping_patience=settings.amount("websocket_ping_timeout", 30.0) or None,
             deflate=settings.flag("use_compression", False), tls=tls)
-        _wait_for_port(host, port, settings.amount("retry_startup_delay", 5.0), self._stopping)
+        port = _wait_for_port(host, port, settings.amount("retry_startup_delay", 5.0), self._stopping)
         if self._stopping.is_set():
             return
+        rospy.set_param("~actual_port", port)           # as rosbridge does, for programs that asked for port 0
+        access = settings.access_of(host, port, origins)
         try:
-            self._server = WebSocketServer(wanted, access, self._open, self._counted.publish)
+            self._server = WebSocketServer(wanted._replace(port=port), access, self._open, self._counted.publish)
         except OSError as error:
             raise BridgeError("address %s:%d cannot be used: %s" % (host, port, error)) from error
         log.info("Rosbridge WebSocket server started: %s",
