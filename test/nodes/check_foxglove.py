@@ -137,6 +137,10 @@ class Foxglove(unittest.TestCase):
         client.send(op="setParameters", parameters=[{"name": "/p/b", "value": [1.5, "x"]}], id="s")
         self.assertEqual(client.wait_for("parameterValues", id="s")["parameters"][0]["value"], [1.5, "x"])
         self.assertEqual(rospy.get_param("/p/b"), [1.5, "x"])
+        client.send(op="setParameters", parameters=[{"name": "/p/c", "value": 2, "type": "float64"}], id="f")
+        self.assertEqual(client.wait_for("parameterValues", id="f")["parameters"], [
+            {"name": "/p/c", "value": 2.0, "type": "float64"}])
+        self.assertIsInstance(rospy.get_param("/p/c"), float)
         client.send(op="subscribeParameterUpdates", parameterNames=["/p/a"])
         rospy.set_param("/p/a", 2)
         client.wait(lambda message: isinstance(message, dict) and message.get("parameters") == [

@@ -117,7 +117,7 @@ class FoxgloveSession(Session):
             Id of the request.
         """
         fields: Dict[str, Any] = {"op": "parameterValues", "parameters": [
-            {"name": key, "value": value} for key, value in values.items()]}
+            wire.parameter_fields(key, value) for key, value in values.items()]}
         if name is not None:
             fields["id"] = name
         self._send(fields)
@@ -242,7 +242,7 @@ class FoxgloveSession(Session):
 
     def _set_parameters(self, request: wire.SetParameters) -> None:
         for parameter in request.parameters:
-            self._graph.set_parameter(parameter.name, parameter.value)
+            self._graph.set_parameter(parameter.name, wire.parameter_value(parameter))
         if request.id is not None:
             self.tell_parameters(self._graph.parameters([one.name for one in request.parameters]), request.id)
 

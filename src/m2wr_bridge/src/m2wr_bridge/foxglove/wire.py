@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import struct
-from typing import Any, List, NamedTuple, Optional, Union
+from typing import Any, Dict, List, NamedTuple, Optional, Union
 
 import msgspec
 
 from m2wr_bridge.errors import BridgeError
 
 SUBPROTOCOL = "foxglove.websocket.v1"
+_REAL, _REALS = "float64", "float64_array"      # types of a parameter and of a list of them; else JSON says the type
 _MESSAGE = struct.Struct("<BIQ")
 _TIME = struct.Struct("<BQ")
 _CLOCK = struct.Struct("<II")     # secs, nsecs
@@ -74,6 +75,7 @@ class GetParameters(Request, tag="getParameters", rename="camel"):
 class Parameter(msgspec.Struct):
     name: str
     value: Any = None
+    type: Optional[str] = None
 
 
 class SetParameters(Request, tag="setParameters", rename="camel"):
@@ -136,6 +138,44 @@ def read(message: Union[str, bytes]) -> Any:
             return Call(service, call, message[_CALL.size:end].decode("utf-8", "replace"), message[end:])
     raise BridgeError("a binary message of %d bytes with operation %d; expected a message (1) or a call (2)" % (
         len(message), operation))
+
+
+def parameter_value(parameter: Parameter) -> Any:
+    """Return the value to set; JSON of a browser writes 1.0 as 1, and the type says what was meant.
+
+    Raises
+    ------
+    BridgeError
+        If a number is too large for its type.
+    """
+    def real(value: Any) -> Any:
+        return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+    try:
+        if parameter.type == _REAL:
+            return real(parameter.value)
+        if parameter.type == _REALS and isinstance(parameter.value, list):
+            return [real(one) for one in parameter.value]
+    except OverflowError as error:
+        raise BridgeError("parameter %s: %s; expected a number of the type %s" % (
+            parameter.name[:200], error, parameter.type)) from None
+    return parameter.value
+
+
+def parameter_fields(name: str, value: Any) -> Dict[str, Any]:
+    """Return what a client is told of a parameter.
+
+    Parameters
+    ----------
+    name : str
+    value : object
+    """
+    fields = {"name": name, "value": value}
+    if isinstance(value, float):
+        fields["type"] = _REAL
+    elif isinstance(value, list) and value and all(isinstance(one, float) for one in value):
+        fields["type"] = _REALS
+    return fields
 
 
 def message_data(subscription: int, nanoseconds: int, payload: bytes) -> bytes:
