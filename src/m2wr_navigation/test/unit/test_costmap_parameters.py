@@ -49,7 +49,7 @@ def test_parameters_beside_plugins_count_for_their_layers():
     assert layers["inflater_layer"].given == {"inflation_radius": 0.3, "cost_scaling_factor": 2.0}
 
 
-def test_a_source_beside_the_layer_counts_more_than_a_written_one():
+def test_a_source_beside_the_layer_beats_a_written_one():
     """The node writes the values of each source below its layer, where the next start of the node finds them."""
     layers, _ = by_name(dict(OLD, obstacle_layer={"scan": dict(SCAN, topic="before"), "enabled": False}))
     assert layers["obstacle_layer"].given["scan"]["topic"] == "scan"
