@@ -2,7 +2,10 @@
 """Covariance of the particles about the best one."""
 import numpy as np
 
-from m2wr_gmapping.filter.pose_covariance import FLOOR, covariance
+from m2wr_gmapping import tuning
+from m2wr_gmapping.filter.pose_covariance import covariance
+
+FLOOR = np.square(tuning.PARTICLES.covariance_floor)
 
 
 def test_equal_particles_give_the_minimum_covariance():
