@@ -179,6 +179,7 @@ LAUNCH_FILES = {
     "m2wr_sim/rviz.launch": None,               # needs a display; bug2.launch includes it
     "m2wr_view/rviz.launch": None,
     "m2wr_view/image_dump.launch": [],
+    "m2wr_view/live.launch": [],
     "m2wr_description/spawn.launch": [],
     "m2wr_description/rviz.launch": None,
     "m2wr_description/rvis.launch": None,
