@@ -89,7 +89,7 @@ class Page:
         self.session.handle(json.dumps(fields))
 
     def frames(self):
-        frames, _ = self.client.outbox.take(self.time)
+        frames, _ = self.client.take(self.time)
         return frames
 
     def answer(self):

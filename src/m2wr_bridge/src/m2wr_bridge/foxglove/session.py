@@ -183,7 +183,7 @@ class FoxgloveSession(Session):
     def _end(self, number: int) -> None:
         found = self._subscriptions.pop(number)
         self._graph.unsubscribe(found.topic, found.listener)
-        self._client.outbox.remove(found.stream)
+        self._client.remove(found.stream)
 
     def _advertise(self, request: wire.Advertise) -> None:
         for channel in request.channels:

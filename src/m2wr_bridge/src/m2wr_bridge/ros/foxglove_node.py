@@ -15,12 +15,10 @@ from m2wr_bridge.foxglove.catalogue import Catalogue
 from m2wr_bridge.foxglove.session import FoxgloveSession
 from m2wr_bridge.foxglove.wire import SUBPROTOCOL
 from m2wr_bridge.messages.received import Received
-from m2wr_bridge.ros import settings
+from m2wr_bridge.ros.bridge_node import BridgeNode, run_node
 from m2wr_bridge.ros.foxglove_graph import FoxgloveGraph, fits, patterns
-from m2wr_bridge.web.server import Client, Settings, WebSocketServer
+from m2wr_bridge.web.server import Client, Settings
 from m2wr_node.listening import AddressError, free_port
-from m2wr_node.ros.shutdown import at_shutdown
-from m2wr_node.ros.starting import start_node
 
 log = logging.getLogger("m2wr_bridge")
 
@@ -34,18 +32,11 @@ _WITHOUT_EFFECT = ("send_buffer_limit", "nodelet_manager", "num_threads", "capab
                    "service_type_retrieval_timeout_ms", "use_compression")
 
 
-class FoxgloveNode:
-    """Serves until ROS ends.
-
-    Raises
-    ------
-    BridgeError
-        If a parameter is wrong or the address cannot be used.
-    """
+class FoxgloveNode(BridgeNode):
+    """Serves clients of the Foxglove protocol."""
 
     def __init__(self) -> None:
-        self._stopping = threading.Event()
-        at_shutdown(self._stopping.set)
+        super().__init__(PORT, ORIGINS)
         for name in _WITHOUT_EFFECT:
             if rospy.has_param("~" + name):
                 log.warning("parameter ~%s has no effect here", name)
@@ -61,33 +52,22 @@ class FoxgloveNode:
         self._master = rosgraph.Master(rospy.get_name())
 
     def run(self) -> None:
-        """Serve until ROS ends.
-
-        Raises
-        ------
-        BridgeError
-            If the address cannot be used.
-        """
-        host, port = settings.text("address", "127.0.0.1") or "0.0.0.0", settings.whole("port", PORT, 65535)
-        origins = settings.text("allowed_origins", ORIGINS).replace(",", " ").split()
-        tls = settings.tls_of()
+        """Serve until ROS ends."""
         try:
-            port = free_port(host, port)        # before the link: 0 is a free one
-            access = settings.access_of(host, port, origins)
-            server = WebSocketServer(Settings(host, port, subprotocols=[SUBPROTOCOL], tls=tls), access, self._open)
-        except (AddressError, OSError) as error:
+            port = free_port(self.host, self.port)      # before the link: 0 is a free one
+        except AddressError as error:
             raise BridgeError(str(error)) from error
+        server = self.serve(Settings(self.host, port, subprotocols=[SUBPROTOCOL], tls=self.tls), self._open, "Foxglove")
         if self._simulated:
             self._graph.subscribe("/clock", "rosgraph_msgs/Clock", self._take_clock)
-        log.info("Foxglove server started: %s", settings.link("wss" if tls else "ws", host, port, access))
-        while not self._stopping.is_set():
+        while not self.stopping.is_set():
             try:
                 self._look()
             except (OSError, rosgraph.MasterException, BridgeError) as error:
                 self._complain("the master does not answer: %s" % error)
             except Exception as error:      # of one look; the node and the next looks continue
                 self._complain("topics and services could not be read: %s: %s" % (type(error).__name__, error))
-            self._stopping.wait(LOOK)
+            self.stopping.wait(LOOK)
         server.stop()
 
     def _open(self, client: Client) -> FoxgloveSession:
@@ -201,11 +181,4 @@ class _Tracked(FoxgloveSession):
 
 def main() -> int:
     """Entry point; returns the exit code."""
-    start_node("foxglove_bridge")
-    settings.log_through_ros()
-    try:
-        FoxgloveNode().run()
-    except BridgeError as error:
-        rospy.logfatal("foxglove_bridge: %s", error)
-        return 1
-    return 0
+    return run_node("foxglove_bridge", FoxgloveNode)

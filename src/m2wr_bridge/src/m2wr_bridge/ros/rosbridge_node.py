@@ -5,20 +5,18 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from typing import List, Optional
 
 import rospy
 from std_msgs.msg import Int32
 
 from m2wr_bridge.errors import BridgeError
 from m2wr_bridge.ros import settings
+from m2wr_bridge.ros.bridge_node import BridgeNode, run_node
 from m2wr_bridge.ros.graph import RosGraph
 from m2wr_bridge.rosbridge.globs import Globs
 from m2wr_bridge.rosbridge.session import RosbridgeSession, Rules
-from m2wr_bridge.web.server import Client, Settings, WebSocketServer
+from m2wr_bridge.web.server import Client, Settings
 from m2wr_node.listening import AddressError, free_port
-from m2wr_node.ros.shutdown import at_shutdown
-from m2wr_node.ros.starting import start_node
 
 log = logging.getLogger("m2wr_bridge")
 
@@ -54,18 +52,13 @@ def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event
     return port
 
 
-class RosbridgeNode:
-    """Serves until ROS ends.
-
-    Raises
-    ------
-    BridgeError
-        If a parameter is wrong or the address cannot be used.
-    """
+class RosbridgeNode(BridgeNode):
+    """Serves clients of rosbridge's protocol."""
 
     def __init__(self) -> None:
-        self._stopping = threading.Event()
-        at_shutdown(self._stopping.set)
+        super().__init__(PORT, "")
+        if settings.flag("websocket_null_origin", False):
+            self.origins.append(NULL_ORIGIN)
         if settings.flag("authenticate", False):
             raise BridgeError("authenticate is true, and rosauth is not supported; use the parameter ~token, "
                               "with links such as ws://HOST:9090/?token=WORD")
@@ -75,7 +68,6 @@ class RosbridgeNode:
             Globs(settings.text("services_glob", ""), "services_glob"),
             settings.amount("fragment_timeout", 600.0), settings.whole("max_message_size", LARGEST, 1 << 31))
         self._graph = RosGraph(settings.amount("unregister_timeout", 10.0))
-        self._server: Optional[WebSocketServer] = None
         self._counted = rospy.Publisher("client_count", Int32, latch=True, queue_size=10)
         self._counted.publish(0)
 
@@ -83,45 +75,22 @@ class RosbridgeNode:
         return RosbridgeSession(client, self._graph, self._rules, self._graph.readers, time.monotonic)
 
     def run(self) -> None:
-        """Serve until ROS ends.
-
-        Raises
-        ------
-        BridgeError
-            If the address cannot be used.
-        """
-        host, port = settings.text("address", "127.0.0.1") or "0.0.0.0", settings.whole("port", PORT, 65535)
-        origins: List[str] = settings.text("allowed_origins", "").replace(",", " ").split()
-        if settings.flag("websocket_null_origin", False):
-            origins.append(NULL_ORIGIN)
-        tls = settings.tls_of()
+        """Serve until ROS ends."""
         ping = settings.amount("websocket_ping_interval", 0.0)
         wanted = Settings(
-            host, port, largest=self._rules.largest, pause=settings.amount("delay_between_messages", 0.0, 60.0),
+            self.host, self.port, largest=self._rules.largest,
+            pause=settings.amount("delay_between_messages", 0.0, 60.0),
             ping=ping or None, ping_patience=settings.amount("websocket_ping_timeout", 30.0) or None,
-            deflate=settings.flag("use_compression", False), tls=tls)
-        port = _wait_for_port(host, port, settings.amount("retry_startup_delay", 5.0), self._stopping)
-        if self._stopping.is_set():
+            deflate=settings.flag("use_compression", False), tls=self.tls)
+        port = _wait_for_port(self.host, self.port, settings.amount("retry_startup_delay", 5.0), self.stopping)
+        if self.stopping.is_set():
             return
         rospy.set_param("~actual_port", port)           # as rosbridge does, for programs that asked for port 0
-        access = settings.access_of(host, port, origins)
-        try:
-            self._server = WebSocketServer(wanted._replace(port=port), access, self._open, self._counted.publish)
-        except OSError as error:
-            raise BridgeError("address %s:%d cannot be used: %s" % (host, port, error)) from error
-        log.info("Rosbridge WebSocket server started: %s",
-                 settings.link("wss" if tls else "ws", host, port, access))
-        self._stopping.wait()
-        self._server.stop()
+        server = self.serve(wanted._replace(port=port), self._open, "Rosbridge WebSocket", self._counted.publish)
+        self.stopping.wait()
+        server.stop()
 
 
 def main() -> int:
     """Entry point; returns the exit code."""
-    start_node("rosbridge_websocket")
-    settings.log_through_ros()
-    try:
-        RosbridgeNode().run()
-    except BridgeError as error:
-        rospy.logfatal("rosbridge_websocket: %s", error)
-        return 1
-    return 0
+    return run_node("rosbridge_websocket", RosbridgeNode)

@@ -165,7 +165,7 @@ class RosbridgeSession(Session):
     def _end(self, topic: str) -> None:
         found = self._subscriptions.pop(topic)
         self._graph.unsubscribe(topic, found.listener)
-        self._client.outbox.remove(found.stream)
+        self._client.remove(found.stream)
 
     # ---- services ----------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ import websockets.datastructures
 import websockets.exceptions
 import websockets.http11
 
-from m2wr_bridge.web.outbox import Frame, Outbox, Stream
+from m2wr_bridge.web.outbox import Frame, Outbox
 from m2wr_bridge.web.workers import Workers
 from m2wr_node.web_access import Access
 
@@ -49,8 +49,8 @@ class Settings(NamedTuple):
     tls: Optional[ssl.SSLContext] = None
 
 
-class Client:
-    """One connected client, as a session sees it; every method may be called in any thread.
+class Client(Outbox):
+    """One connected client, as a session sees it: what is put in is sent; any thread may put in.
 
     Attributes
     ----------
@@ -59,24 +59,8 @@ class Client:
     """
 
     def __init__(self, name: str, wake: Callable[[], None]) -> None:
+        super().__init__(wake)
         self.name = name
-        self.outbox = Outbox(wake)
-
-    def answer(self, frame: Frame) -> None:
-        """Send a message that must not be lost."""
-        self.outbox.answer(frame)
-
-    def offer(self, stream: Stream, message: Any, size: int) -> None:
-        """Send a message of a stream if the client reads fast enough.
-
-        Parameters
-        ----------
-        stream : Stream
-        message : object
-        size : int
-            Bytes it holds.
-        """
-        self.outbox.offer(stream, message, size)
 
 
 class Session:
@@ -214,16 +198,16 @@ class WebSocketServer:
         sent = connection.protocol.close_sent
         if sent is not None and sent.code not in (1000, 1001, 1005):
             log.warning("client %s: connection closed: %s %s", client.name, sent.code, sent.reason)
-        if client.outbox.dropped:
+        if client.dropped:
             log.info("client %s: %d messages were left out because it read slowly or asked for fewer", client.name,
-                     client.outbox.dropped)
+                     client.dropped)
 
     async def _send(self, connection: Any, client: Client, event: asyncio.Event) -> None:
         """Send what waits for a client, as fast as it reads."""
         with contextlib.suppress(websockets.exceptions.ConnectionClosed):
             while True:
                 event.clear()
-                if client.outbox.overflowed:
+                if client.overflowed:
                     await connection.close(_TOO_MUCH, "answers are not read")
                     return
                 frames, wait = self._next(client)
@@ -240,7 +224,7 @@ class WebSocketServer:
     @staticmethod
     def _next(client: Client) -> Tuple[List[Frame], Optional[float]]:
         try:
-            return client.outbox.take(time.monotonic())
+            return client.take(time.monotonic())
         except Exception as error:                      # of one message; the client and the others continue
             log.error("client %s: %s: %s", client.name, type(error).__name__, error, exc_info=error)
             return [], 0.0

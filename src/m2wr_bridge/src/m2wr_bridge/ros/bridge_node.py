@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the nodes of the bridges share: parameters of the connection, the server, start and end."""
+from __future__ import annotations
+
+import abc
+import logging
+import ssl
+import threading
+from typing import Callable, List, Optional
+
+import rospy
+
+from m2wr_bridge.errors import BridgeError
+from m2wr_bridge.ros import settings
+from m2wr_bridge.web.server import Client, Session, Settings, WebSocketServer
+from m2wr_node.ros.shutdown import at_shutdown
+from m2wr_node.ros.starting import start_node
+
+log = logging.getLogger("m2wr_bridge")
+
+
+class BridgeNode(abc.ABC):
+    """A node that serves websockets until ROS ends.
+
+    Parameters
+    ----------
+    port : int
+        At which it listens where ~port is not set.
+    origins : str
+        Pages of other sites that may connect where ~allowed_origins is not set.
+
+    Raises
+    ------
+    BridgeError
+        If a parameter is wrong.
+    """
+
+    def __init__(self, port: int, origins: str) -> None:
+        self.stopping = threading.Event()
+        at_shutdown(self.stopping.set)
+        self.host: str = settings.text("address", "127.0.0.1") or "0.0.0.0"
+        self.port: int = settings.whole("port", port, 65535)
+        self.origins: List[str] = settings.text("allowed_origins", origins).replace(",", " ").split()
+        self.tls: Optional[ssl.SSLContext] = settings.tls_of()
+
+    def serve(self, wanted: Settings, open_session: Callable[[Client], Session], title: str,
+              changed: Optional[Callable[[int], None]] = None) -> WebSocketServer:
+        """Return a server that is started; its address is logged.
+
+        Parameters
+        ----------
+        wanted : Settings
+            With a free port.
+        open_session : callable
+            Takes a Client, returns its Session.
+        title : str
+            Of the server, for the log.
+        changed : callable, optional
+            Called with the number of clients after one has come or left.
+
+        Raises
+        ------
+        BridgeError
+            If the address cannot be used.
+        """
+        access = settings.access_of(wanted.host, wanted.port, self.origins)
+        try:
+            server = WebSocketServer(wanted, access, open_session, changed)
+        except OSError as error:
+            raise BridgeError("address %s:%d cannot be used: %s" % (wanted.host, wanted.port, error)) from error
+        log.info("%s server started: %s", title,
+                 settings.link("wss" if wanted.tls else "ws", wanted.host, wanted.port, access))
+        return server
+
+    @abc.abstractmethod
+    def run(self) -> None:
+        """Serve until ROS ends.
+
+        Raises
+        ------
+        BridgeError
+            If the address cannot be used.
+        """
+
+
+def run_node(name: str, make: Callable[[], BridgeNode]) -> int:
+    """Run a node until ROS ends.
+
+    Parameters
+    ----------
+    name : str
+    make : callable
+        Returns the node.
+
+    Returns
+    -------
+    int
+        Exit code of the program.
+    """
+    start_node(name)
+    settings.log_through_ros()
+    try:
+        make().run()
+    except BridgeError as error:
+        rospy.logfatal("%s: %s", name, error)
+        return 1
+    return 0
