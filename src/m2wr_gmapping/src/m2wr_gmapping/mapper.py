@@ -16,7 +16,7 @@ from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
-from m2wr_gmapping.frontend.occlusion import conflict_share
+from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
@@ -287,9 +287,7 @@ class Mapper:
             nonlocal path
             if path is None:
                 path = self.particles.tree.path(self.particles.best)
-            distance = np.hypot(path[:, 0] - pose[0], path[:, 1] - pose[1])
-            near = np.argsort(distance, kind="stable")[:tuning.OCCLUSION.scans]
-            return conflict_share((pose, reading, path[node], self.readings[node]) for node in near)
+            return conflict_with_nearest(pose, reading, path, self.readings, tuning.OCCLUSION.scans)
         return conflict
 
     def _has_moved(self, rel: FloatArray) -> bool:

@@ -7,12 +7,13 @@ import sys
 import numpy as np
 import pytest
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "..", "src"))
+sys.path[:0] = [os.path.join(os.path.dirname(__file__), "..", "..", "src"), os.path.dirname(__file__)]
 
 from m2wr_gmapping.config import GmappingConfig  # noqa: E402
 from m2wr_gmapping.frontend.scan import LaserModel  # noqa: E402
 from m2wr_gmapping.mapper import Mapper  # noqa: E402
 from m2wr_gmapping.se2 import between, compose  # noqa: E402
+from wall_ranges import ranges  # noqa: E402
 
 
 class Corridor:
@@ -29,16 +30,7 @@ class Corridor:
 
     def ranges(self, pose, angles):
         """Distances (B,) to the nearest wall."""
-        directions = pose[2] + angles
-        dx, dy = np.cos(directions)[:, None], np.sin(directions)[:, None]
-        x0, y0, x1, y1 = (self.walls - np.array([pose[0], pose[1]] * 2)).T
-        ex, ey = x1 - x0, y1 - y0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cross = dx * ey - dy * ex
-            along = (x0 * ey - y0 * ex) / cross
-            part = (x0 * dy - y0 * dx) / cross
-        along = np.where((along > 0) & (part >= 0) & (part <= 1), along, np.inf)
-        return along.min(axis=1)
+        return ranges(self.walls, pose, angles)
 
 
 def drive(laps=1.3, step=0.25, half=6.5):
@@ -83,8 +75,8 @@ def mapped(ring, laser):
         values.update(parameters)
         mapper = Mapper(GmappingConfig.from_mapping(values), laser)
         for k, (pose, at) in enumerate(zip(truth, odom)):
-            ranges = ring.ranges(pose, laser.angles) + rng.normal(0.0, 0.01, len(laser.angles))
-            mapper.process(mapper.reading(ranges), at, 0.1 * k)
+            seen = ring.ranges(pose, laser.angles) + rng.normal(0.0, 0.01, len(laser.angles))
+            mapper.process(mapper.reading(seen), at, 0.1 * k)
         return mapper, truth, odom
     return run
 

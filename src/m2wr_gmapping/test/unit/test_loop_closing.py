@@ -17,6 +17,7 @@ from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.workers import Workers
+from wall_ranges import ranges
 
 STEP = 0.25
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 10.0)
@@ -72,16 +73,6 @@ def drive(way):
     return np.array(poses)
 
 
-def ranges(walls, pose):
-    dx, dy = np.cos(pose[2] + LASER.angles)[:, None], np.sin(pose[2] + LASER.angles)[:, None]
-    x0, y0, x1, y1 = (walls - np.tile(pose[:2], 2)).T
-    ex, ey = x1 - x0, y1 - y0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cross = dx * ey - dy * ex
-        along, part = (x0 * ey - y0 * ex) / cross, (x0 * dy - y0 * dx) / cross
-    return np.where((along > 0) & (part >= 0) & (part <= 1), along, np.inf).min(axis=1)
-
-
 def odometry(truth, rng, way, turn):
     """Odometry whose scale is wrong by ``way`` and whose heading wanders, by ``turn`` a square root of a metre."""
     poses, rate = [np.zeros(3)], 0.0
@@ -103,7 +94,8 @@ def mapped(world, seed, way=0.02, turn=0.1, finish=True, **parameters):
                   str=0.01, stt=0.02, xmin=-1.0, ymin=-1.0, xmax=1.0, ymax=1.0)
     mapper = Mapper(GmappingConfig.from_mapping(dict(values, **parameters)), LASER)
     for k, (pose, at) in enumerate(zip(truth, odom)):
-        mapper.process(mapper.reading(ranges(walls, pose) + rng.normal(0.0, 0.015, len(LASER.angles))), at, 0.1 * k)
+        seen = ranges(walls, pose, LASER.angles) + rng.normal(0.0, 0.015, len(LASER.angles))
+        mapper.process(mapper.reading(seen), at, 0.1 * k)
     if finish:
         mapper.finish()
     nodes = np.round(np.array(mapper.stamps) / 0.1).astype(int)
@@ -233,7 +225,7 @@ def test_ambiguous_candidates_need_more_support(finds, enough):
 def test_similar_place_is_accepted_if_the_current_is_excluded(
         monkeypatch, alike, beside, believed):
     walls = np.array(box(0.0, 0.0, 6.0, 4.0))
-    reading = LASER.reading(ranges(walls, np.array([0.0, 0.0, 0.0])))
+    reading = LASER.reading(ranges(walls, np.array([0.0, 0.0, 0.0]), LASER.angles))
     closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, StepHistory())
     path = np.array([[0.0, 0.0, 0.0], [0.0, beside, 0.0]])
     along, old = np.array([0.0, 40.0]), np.array([0])
@@ -273,8 +265,9 @@ def test_longer_segment_resolves_similar_places(passages):
     truth = np.zeros((61, 3))
     truth[:, 0] = np.arange(61) * 0.5
     rng = np.random.default_rng(5)
-    seen = [LASER.reading(np.minimum(ranges(corridor(passages), pose), 6.0) + rng.normal(0.0, 0.01, len(LASER.angles)))
-            for pose in truth]
+    walls = corridor(passages)
+    seen = [LASER.reading(np.minimum(ranges(walls, pose, LASER.angles), 6.0)
+                          + rng.normal(0.0, 0.01, len(LASER.angles))) for pose in truth]
     path = np.concatenate([truth, truth])
     path[61:] = compose([0.7, 1.5, 0.02], path[61:])
     along = np.concatenate([truth[:, 0], truth[:, 0] + 100.0])
@@ -305,8 +298,8 @@ def come_back(seed, first, last, beside, depth=0.25):
     rng, walls = np.random.default_rng(seed), passage(seed, depth=depth)
     truth = np.zeros((61 + int(round(2 * (last - first))) + 1, 3))
     truth[:61, 0], truth[61:, 0] = np.arange(61) * 0.5, np.arange(first, last + 0.1, 0.5)
-    seen = [LASER.reading(np.minimum(ranges(walls, pose), 6.0) + rng.normal(0.0, 0.01, len(LASER.angles)))
-            for pose in truth]
+    seen = [LASER.reading(np.minimum(ranges(walls, pose, LASER.angles), 6.0)
+                          + rng.normal(0.0, 0.01, len(LASER.angles))) for pose in truth]
     path, along = truth.copy(), np.concatenate([truth[:61, 0], truth[61:, 0] - first + 100.0])
     path[61:] = compose(beside, path[61:])
     shift = np.full(len(path), 6.0)
@@ -354,7 +347,7 @@ def test_fine_raster_resolves_shallow_niches():
 def test_scans_of_a_segment_are_merged():
     walls = np.array(box(0.0, 0.0, 8.0, 5.0))
     path = np.array([(0.1 * k, 0.05 * k, 0.2 * k) for k in range(10)])
-    readings = [LASER.reading(ranges(walls, pose)) for pose in path]
+    readings = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in path]
     scene = place_search.Scene(path, np.arange(10) * 0.2, readings, np.array([0]), np.zeros(10), np.zeros(10))
     beams = place_match.merged_scan(scene, 1.0).beams
     x, y = compose(path[-1], np.stack([beams[mk.QX], beams[mk.QY], np.zeros(beams.shape[1])], -1))[:, :2].T
@@ -374,7 +367,8 @@ def test_noise_along_a_plain_wall_gives_no_information(end, holds):
     walls = np.concatenate([walls, [(end, -1.0, end, 1.0)]])
     path = np.zeros((9, 3))
     path[:, 0] = np.arange(9) * 0.25
-    seen = [LASER.reading(np.minimum(ranges(walls, pose), 6.0) + rng.normal(0.0, 0.03, len(LASER.angles)))
+    seen = [LASER.reading(np.minimum(ranges(walls, pose, LASER.angles), 6.0)
+                          + rng.normal(0.0, 0.03, len(LASER.angles)))
             for pose in path]
     scene = place_search.Scene(path, distances_along(path), seen, np.arange(8), np.ones(9), np.ones(9))
     matcher = FastMatcher(GmappingConfig.from_mapping({}), Workers(1))
@@ -434,7 +428,7 @@ def test_narrowing_kernel_closes_a_large_loop():
 
 def test_occlusion_rejects_a_place():
     near, far = (np.array([(x, -5.0, x, 5.0)]) for x in (2.0, 5.0))
-    readings = [LASER.reading(np.minimum(ranges(wall, np.zeros(3)), 9.0)) for wall in (near, far, near)]
+    readings = [LASER.reading(np.minimum(ranges(wall, np.zeros(3), LASER.angles), 9.0)) for wall in (near, far, near)]
     path, along = np.zeros((3, 3)), np.array([0.0, 20.0, 40.0])
     scene = place_search.Scene(path, along, readings, np.array([0, 1]), np.zeros(3), np.zeros(3))
     pose = np.zeros(3)

@@ -12,6 +12,7 @@ from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.mapper import Mapper
 from m2wr_gmapping.se2 import between, compose
+from wall_ranges import ranges
 
 LASER = LaserModel.from_message(-math.pi / 2, math.pi / 2, math.pi / 120, 121, 0.05, 8.0)
 HALF, BEGIN, PLAIN, END = 1.1, -40.0, 16.0, 90.0        # half width of the corridor; it is plain from PLAIN to END [m]
@@ -30,16 +31,6 @@ def corridor(rng):
             at, x = end, end + rng.uniform(1.0, 5.0)
         walls.append((at, side, END, side))
     return np.array(walls)
-
-
-def ranges(walls, pose):
-    dx, dy = np.cos(pose[2] + LASER.angles)[:, None], np.sin(pose[2] + LASER.angles)[:, None]
-    x0, y0, x1, y1 = (walls - np.tile(pose[:2], 2)).T
-    ex, ey = x1 - x0, y1 - y0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cross = dx * ey - dy * ex
-        along, part = (x0 * ey - y0 * ex) / cross, (x0 * dy - y0 * dx) / cross
-    return np.where((along > 0) & (part >= 0) & (part <= 1), along, np.inf).min(axis=1)
 
 
 def drive(turn, askew):
@@ -63,7 +54,7 @@ def mapped(turn, askew, missing, seed=3):
     mapper = Mapper(GmappingConfig.from_mapping(dict(
         particles=4, threads=1, linearUpdate=0.5, angularUpdate=0.4, xmin=-1.0, ymin=-1.0, xmax=1.0, ymax=1.0)), LASER)
     for k, (pose, at) in enumerate(zip(truth, odom)):
-        seen = ranges(walls, pose) + rng.normal(0.0, 0.01, len(LASER.angles))
+        seen = ranges(walls, pose, LASER.angles) + rng.normal(0.0, 0.01, len(LASER.angles))
         mapper.process(mapper.reading(seen), at, 0.1 * (k + (missing if k >= turned else 0)))
     return mapper, truth[-1]
 
@@ -98,7 +89,7 @@ def test_path_through_walls_is_not_consistent():
     walls = corridor(rng)
     truth = np.zeros((41, 3))
     truth[:, 0] = START + 0.5 * np.arange(41)
-    seen = [LASER.reading(ranges(walls, pose)) for pose in truth]
+    seen = [LASER.reading(ranges(walls, pose, LASER.angles)) for pose in truth]
     path, placed = np.concatenate([truth, truth]), np.ones(82, bool)
     along = np.concatenate([distances_along(truth), 30.0 + distances_along(truth)])
     assert turned_path.is_consistent(path, along, seen + seen, 41, placed)

@@ -14,6 +14,7 @@ from m2wr_gmapping.backend.loop_graph import (
     CONFIDENT_CHANGE,
     MIN_CHANGE,
     NEAR,
+    WIDE_AGREEMENT,
     LoopGraph,
     change_of,
     distances_along,
@@ -22,7 +23,7 @@ from m2wr_gmapping.backend.loop_graph import (
 )
 from m2wr_gmapping.backend.occlusion import occlusion_conflict
 from m2wr_gmapping.backend.step_history import turned_step
-from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent
+from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
 from m2wr_gmapping.se2 import between, compose, inverse
@@ -38,7 +39,6 @@ SEARCH_EVERY = 1.0          # path between two near searches without a result [m
 LINK_EVERY = 2.0            # path between two loop closures in a known area [m]
 WIDE_EVERY, WIDE_AFTER_FIND = 1.0, 0.7  # path between two wide searches, and after one with a result [m]
 FEWEST_BEAMS = 30
-WIDE_AGREEMENT = np.array([0.5, 0.5, 0.08])     # as AGREEMENT, for wide searches
 WIDE_SUPPORT, WIDE_COUNT = 2.5, 3       # path [m] and number of wide searches that must agree
 CLEAR_SCORE, CLEAR_SUPPORT = 0.8, 1.0   # candidates with this score need less support [m]
 ALIKE_SUPPORT, ALIKE_COUNT = 6.0, 5     # candidates with a similar place need more support [m]
@@ -176,8 +176,7 @@ class LoopCloser:
         """Return the path without a turn that was not noticed; None, and no change, if its scans contradict that."""
         node, correction = found[-1].node, found[-1].correction
         self._history.corrected(path)       # has seen all nodes
-        path = path.copy()
-        path[node:] = compose(correction, path[node:])
+        path = turned_after(path, node, correction)
         before, links = self._history.step(node), self.graph.links
         self._history.replace_step(node, turned_step(before[0], correction[2]))
         self.graph.replace_links([link for link in links if link[0] >= node or link[1] < node]

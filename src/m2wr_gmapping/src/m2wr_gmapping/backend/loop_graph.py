@@ -31,6 +31,7 @@ LINK_FLOOR = np.square([0.02, 0.02, 0.008])     # least variance of a loop closu
 MIN_CHANGE = np.array([0.04, 0.04, 0.01])     # the maps are rebuilt if a node moves by more [m, m, rad]
 CONFIDENT_CHANGE = np.array([0.35, 0.35, 0.1])      # smaller corrections need no confirmation [m, m, rad]
 AGREEMENT = np.array([0.25, 0.25, 0.08])    # greatest difference of two corrections of one loop [m, m, rad]
+WIDE_AGREEMENT = np.array([0.5, 0.5, 0.08])     # the same for wide searches
 OUTLIER = 12.0              # squared residual that halves the weight of a loop closure [covariances]
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, "FloatArray", "FloatArray"]

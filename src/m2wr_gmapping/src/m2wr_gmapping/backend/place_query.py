@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.scan import ScanReading
 
 QUERY_REACH = 12.0          # farther end points are ignored, which limits the raster [m]
+WIDE_SPACING = 0.25         # cell with one point for the query of a wide search [m]
+WIDE_POINTS = 240           # of that query
 
 
 def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float,
@@ -42,6 +44,39 @@ def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanRea
     for node in range(len(path) - 1, first - 1, -1):
         count = ck.add_points(path[-1], path[node], readings[node].points, away, points, count)
     return points[:, :count]
+
+
+def wide_query(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float) -> FloatArray:
+    """Return the query of a wide search: few points, evenly distributed over the area that was seen.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    along : (K,) float64
+        Length of the path up to each node [m].
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    reach : float
+        Length of the path whose scans are used [m].
+
+    Returns
+    -------
+    (2, Q) float64
+    """
+    points = query_points(path, along, readings, reach, max(reach, QUERY_REACH))
+    return thinned(spread_out(points, WIDE_SPACING), WIDE_POINTS)
+
+
+def evenly(nodes: IndexArray, most: int) -> IndexArray:
+    """Return at most ``most`` of the nodes, evenly distributed.
+
+    Parameters
+    ----------
+    nodes : (C,) int64
+    most : int
+    """
+    return nodes[::max(1, -(-len(nodes) // most))]
 
 
 def placed(pose: Vector, points: FloatArray) -> Tuple[FloatArray, FloatArray]:

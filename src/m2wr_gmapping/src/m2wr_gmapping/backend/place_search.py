@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from m2wr_gmapping.backend.place_query import QUERY_REACH, query_points, spread_out, thinned
+from m2wr_gmapping.backend.place_query import QUERY_REACH, evenly, query_points, thinned, wide_query
 from m2wr_gmapping.frontend import correlative_kernels as ck
 
 if TYPE_CHECKING:
@@ -33,10 +33,9 @@ REFERENCE_NODES = 24        # old scans of a map, or of the raster of a near sea
 WIDE_NODES, LONG_NODES = 160, 320       # old scans of the raster of a wide search
 FEWEST_POINTS = 30          # of a query
 NEAR_PATH = 3.0             # path whose scans a near search uses [m]
-QUERY_POINTS, WIDE_POINTS = 160, 240
+QUERY_POINTS = 160          # of the query of a near search
 WIDE_PATH, LONG_PATH, SHORT_PATH = 10.0, 24.0, 3.0      # path whose scans a wide search uses [m]
 SHORT_SHIFT = 6.0           # the shortest segment is used only with less drift than this [m]
-WIDE_SPACING = 0.25         # cell with one point for the query of a wide search [m]
 
 
 @dataclass(frozen=True)
@@ -199,7 +198,7 @@ def best_place_around(pose: FloatArray, query: FloatArray, scene: Scene, old: In
     blocks = int(np.ceil(min(PUSHED, 2.0 * most) / raster_cell / ck.BLOCK))
     middles = np.arange(-blocks, blocks + 1) * (ck.BLOCK * raster_cell)
     x, y = np.meshgrid(*(pose[:2, None] + middles - path[-1, :2, None]))
-    allowed = _allowed(middles, path[old, :2] - pose[:2], np.zeros(len(old)), np.full(len(old), np.inf))
+    allowed = near_places(middles, path[old, :2] - pose[:2], ROOM)
     allowed *= np.hypot(x, y) <= most + APART
     allowed = allowed.repeat(ck.BLOCK, axis=0).repeat(ck.BLOCK, axis=1)
     rating, turn = _rated(pose, query, scene, reference, allowed, raster_cell)
@@ -268,7 +267,7 @@ def wide_search(scene: Scene, old: IndexArray) -> Optional[Place]:
     Place or None
     """
     shift = float(scene.shift[old].max())
-    reach, reference = WIDE_PATH, old[::max(1, -(-len(old) // WIDE_NODES))]
+    reach, reference = WIDE_PATH, evenly(old, WIDE_NODES)
     query, best, score = _search_segment(scene, old, reference, reach, WIDE_RASTER)
     raster_cell = WIDE_RASTER
     if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
@@ -314,13 +313,12 @@ def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach:
         Score of the first search.
     """
     path, readings, pose = scene.path, scene.readings, scene.path[-1]
-    query = query_points(path, scene.along, readings, reach, max(reach, QUERY_REACH))
-    query = thinned(spread_out(query, WIDE_SPACING), WIDE_POINTS)
+    query = wide_query(path, scene.along, readings, reach)
     if query.shape[1] < FEWEST_POINTS or not len(reference):
         return query, np.zeros(7), 0.0
     away, shifts, turn = path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
     best = coarse_search(pose, query, path, reference, readings, BEYOND * float(shifts.max()), turn, cell,
-                         lambda middles: _allowed(middles, away, np.zeros(len(away)), BEYOND * shifts))
+                         lambda middles: near_places(middles, away, ROOM, 0.0, BEYOND * shifts))
     score = float(best[3])
     if score >= RASTER_SCORE and best[4] <= RIVAL * score:
         best = coarse_search(best[:3], query, path, reference, readings, AGAIN, REFINED_TURN, NEAR_RASTER)
@@ -338,8 +336,7 @@ def _search_along_corridor(scene: Scene, old: IndexArray, query: FloatArray, ref
     def allowed(middles: FloatArray) -> Uint8Array:
         x, y = np.meshgrid(middles, middles)
         beside = np.abs(along[0] * y - along[1] * x) <= APART
-        near = _allowed(middles, away, np.zeros(len(away)), np.full(len(away), np.inf))
-        return near * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
+        return near_places(middles, away, ROOM) * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
 
     window = float(np.hypot(*moved)) + float(most.max())
     return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, REFINED_TURN, NEAR_RASTER,
@@ -354,7 +351,7 @@ def _older_nodes(scene: Scene, reach: float, distance: float, drift: float = 0.0
     """
     known = scene.old[(scene.distance[scene.old] < distance) & (scene.shift[scene.old] >= drift)
                       & (scene.along[scene.old] < scene.along[-1] - reach - ROOM)]
-    return known[::max(1, -(-len(known) // LONG_NODES))]
+    return evenly(known, LONG_NODES)
 
 
 def _score_without_shift(scene: Scene, query: FloatArray, reach: float) -> float:
@@ -362,8 +359,24 @@ def _score_without_shift(scene: Scene, query: FloatArray, reach: float) -> float
     reference = _older_nodes(scene, reach, QUERY_REACH + reach)
     if not len(reference):
         return 0.0
-    return coarse_search(scene.path[-1], query, scene.path, reference, scene.readings, BESIDE, LOCAL_TURN,
-                         WIDE_RASTER)[3]
+    return score_here(query, scene.path, reference, scene.readings)
+
+
+def score_here(query: FloatArray, path: FloatArray, reference: IndexArray, readings: Sequence[ScanReading]) -> float:
+    """Return the score of the query close to the present pose of the newest node.
+
+    Parameters
+    ----------
+    query : (2, Q) float64
+        Points of the query in the newest node's frame [m].
+    path : (K, 3) float64
+        Poses of the best particle at all processed scans [m, m, rad], in ``map``.
+    reference : (R,) int64
+        Nodes whose end points make the raster.
+    readings : sequence of K ScanReading
+        Scans of the path's nodes.
+    """
+    return float(coarse_search(path[-1], query, path, reference, readings, BESIDE, LOCAL_TURN, WIDE_RASTER)[3])
 
 
 def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexArray]:
@@ -371,10 +384,10 @@ def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexA
     path, known = scene.path, scene.old[scene.distance[scene.old] < ALIKE + ROOM]
     if not len(known):
         return np.zeros(7), known
-    reference = known[::max(1, -(-len(known) // WIDE_NODES))]
+    reference = evenly(known, WIDE_NODES)
     away, least = path[known, :2] - path[-1, :2], BEYOND * scene.shift[known] + APART
     best = coarse_search(path[-1], query, path, reference, scene.readings, ALIKE, ALIKE_TURN, WIDE_RASTER,
-                         lambda middles: _allowed(middles, away, least, np.full(len(away), ALIKE)))
+                         lambda middles: near_places(middles, away, ROOM, least, ALIKE))
     return best, reference
 
 
@@ -387,13 +400,28 @@ def _is_as_good(other: FloatArray, known: IndexArray, pose: FloatArray, referenc
     return bool(ratings[0] >= UNLIKE * ratings[1])
 
 
-def _allowed(middles: FloatArray, away: FloatArray, least: FloatArray, most: FloatArray) -> Uint8Array:
-    """Return (N, N) uint8: offsets near an old node whose length is allowed for that node.
+def near_places(middles: FloatArray, away: FloatArray, reach: float, least: Union[float, FloatArray] = 0.0,
+                most: Union[float, FloatArray] = np.inf) -> Uint8Array:
+    """Return the offsets of a search that are near a place.
 
-    Lengths ``least`` and ``most`` (C,) are in metres, ``middles`` (N,) are offsets along either axis [m], and ``away``
-    (C, 2) are the old nodes seen from the newest one, in the map's axes [m].
+    Parameters
+    ----------
+    middles : (N,) float64
+        Offsets along either axis [m].
+    away : (C, 2) float64
+        Places, as offsets in the map's axes [m].
+    reach : float
+        Greatest distance from a place [m].
+    least, most : float or (C,) float64
+        Least and greatest length of an offset for each place [m].
+
+    Returns
+    -------
+    (N, N) uint8
+        Rows along y.
     """
     near = np.zeros((len(middles), len(middles)), np.uint8)
     if len(middles) > 1:
-        ck.mark_near(middles, np.ascontiguousarray(away), least, most, ROOM, near)
+        least, most = (np.array(np.broadcast_to(limit, len(away)), float) for limit in (least, most))
+        ck.mark_near(middles, np.ascontiguousarray(away), least, most, reach, near)
     return near

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, List, Optional, Sequence
 import numpy as np
 
 from m2wr_gmapping.backend import place_search
-from m2wr_gmapping.backend.loop_graph import is_observed, link_of
+from m2wr_gmapping.backend.loop_graph import WIDE_AGREEMENT, is_observed, link_of
 from m2wr_gmapping.backend.occlusion import LOOKS, occlusion_conflict
-from m2wr_gmapping.backend.place_query import query_points, spread_out, thinned
-from m2wr_gmapping.backend.place_search import RASTER_SCORE, RIVAL, WIDE_PATH
-from m2wr_gmapping.frontend import correlative_kernels as ck
+from m2wr_gmapping.backend.place_query import evenly, wide_query
+from m2wr_gmapping.backend.place_search import RASTER_SCORE, RIVAL, WIDE_PATH, near_places
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, conflict_share
+from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, conflict_with_nearest
 from m2wr_gmapping.se2 import between, compose, inverse
 
 if TYPE_CHECKING:
@@ -35,7 +34,6 @@ FOLLOW_EVERY = 0.7          # path between two searches after a result [m]
 MEMORY = 50.0               # path after which a result is dropped [m]
 SUPPORT, COUNT = 5.0, 5     # path [m] and number of results that have to agree
 LOOK_EVERY = 3.0            # path between two scans of the check of the whole turned path [m]
-AGREEMENT = np.array([0.5, 0.5, 0.08])  # greatest difference of two results [m, m, rad]
 BREAK_REACH = 1.5           # greatest distance of the node after a turn from its centre: a step of the path [m]
 
 
@@ -123,8 +121,7 @@ class TurnedPath:
                 turn: float) -> Optional[FloatArray]:
         """Return the correction of the place that the newest scans fit best after a turn on the way to a node."""
         last = nodes[-1]
-        query = query_points(path, along, readings, WIDE_PATH, WIDE_PATH)
-        query = thinned(spread_out(query, place_search.WIDE_SPACING), place_search.WIDE_POINTS)
+        query = wide_query(path, along, readings, WIDE_PATH)
         if query.shape[1] < place_search.FEWEST_POINTS:
             return None
         old = path[:last, :2]
@@ -136,9 +133,10 @@ class TurnedPath:
         turned = centres + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1]], -1)
 
         def allowed(middles: FloatArray) -> Uint8Array:
-            return _near(middles, turned - centre, 2.0 * BREAK_REACH) * _near(middles, old - centre, place_search.ROOM)
+            return near_places(middles, turned - centre, 2.0 * BREAK_REACH) \
+                * near_places(middles, old - centre, place_search.ROOM)
 
-        reference = np.arange(last)[::max(1, -(-last // place_search.WIDE_NODES))]
+        reference = evenly(np.arange(last), place_search.WIDE_NODES)
         pose = np.array([centre[0], centre[1], path[-1, 2] + turn])
         best = place_search.coarse_search(pose, query, path, reference, readings, window, TURN_WINDOW,
                                           place_search.WIDE_RASTER, allowed)
@@ -152,8 +150,7 @@ class TurnedPath:
         node = turned_node(path, nodes, correction)
         if node is None:
             return None
-        turned = path.copy()
-        turned[node:] = compose(correction, path[node:])
+        turned = turned_after(path, node, correction)
         scene, near, far = self._graph.scene(turned, along, readings, len(path) - 1)
         old = np.concatenate([near, far])
         old = old[old < node]
@@ -174,16 +171,13 @@ class TurnedPath:
     def _is_explained(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                       score: float) -> bool:
         """Whether the newest scans fit the scans before the turn at their present pose as well."""
-        query = query_points(path, along, readings, WIDE_PATH, WIDE_PATH)
-        query = thinned(spread_out(query, place_search.WIDE_SPACING), place_search.WIDE_POINTS)
+        query = wide_query(path, along, readings, WIDE_PATH)
         distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
         reference = np.flatnonzero(distance < place_search.QUERY_REACH + WIDE_PATH)
         if not len(reference):
             return False
-        reference = reference[::max(1, -(-len(reference) // place_search.WIDE_NODES))]
-        best = place_search.coarse_search(path[-1], query, path, reference, readings, place_search.BESIDE,
-                                          place_search.LOCAL_TURN, place_search.WIDE_RASTER)
-        return bool(best[3] > RIVAL * score)
+        reference = evenly(reference, place_search.WIDE_NODES)
+        return place_search.score_here(query, path, reference, readings) > RIVAL * score
 
 
 def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
@@ -207,11 +201,26 @@ def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanRe
     for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], LOOK_EVERY))):
         if not placed[later]:
             continue
-        distance = np.hypot(path[:node, 0] - path[later, 0], path[:node, 1] - path[later, 1])
-        near = np.argsort(distance, kind="stable")[:LOOKS]
-        shares.append(conflict_share((path[later], readings[later], path[other], readings[other]) for other in near))
+        shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LOOKS))
     count = min(len(shares), int(WIDE_PATH / LOOK_EVERY) + 1)
     return not shares or bool(np.convolve(shares, np.full(count, 1.0 / count), "valid").max() <= MOST_CONFLICT)
+
+
+def turned_after(path: FloatArray, node: int, correction: FloatArray) -> FloatArray:
+    """Return a path whose poses from ``node`` on are moved.
+
+    Parameters
+    ----------
+    path : (K, 3) float64
+        Poses [m, m, rad], in ``map``.
+    node : int
+        First node that moves.
+    correction : (3,) float64
+        Transform of these poses, in the axes of the map.
+    """
+    turned = path.copy()
+    turned[node:] = compose(correction, path[node:])
+    return turned
 
 
 def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> Optional[int]:
@@ -233,15 +242,6 @@ def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> O
     return nodes[best] if distance[best] <= BREAK_REACH else None
 
 
-def _near(middles: FloatArray, places: FloatArray, reach: float) -> Uint8Array:
-    """Return (N, N) uint8: offsets within ``reach`` of one of the ``places`` (C, 2) [m]."""
-    near = np.zeros((len(middles), len(middles)), np.uint8)
-    if len(middles) > 1:
-        places = np.ascontiguousarray(places)
-        ck.mark_near(middles, places, np.zeros(len(places)), np.full(len(places), np.inf), reach, near)
-    return near
-
-
 def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:
     apart = np.abs(between(compose(find.correction, newest), compose(found.correction, newest)))
-    return find.node == found.node and bool((apart <= AGREEMENT).all())
+    return find.node == found.node and bool((apart <= WIDE_AGREEMENT).all())

@@ -2,7 +2,9 @@
 """Check of a pose by occlusion: rays of a scan must not end behind surfaces that other scans have seen."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Iterable, Tuple
+from typing import TYPE_CHECKING, Iterable, Sequence, Tuple
+
+import numpy as np
 
 from m2wr_gmapping import tuning
 from m2wr_gmapping.frontend.occlusion_kernels import passed_through
@@ -38,3 +40,24 @@ def conflict_share(pairs: Iterable[Tuple[FloatArray, ScanReading, FloatArray, Sc
                                   tuning.OCCLUSION.gap)
             through, total = through + a, total + b
     return through / max(1, total)
+
+
+def conflict_with_nearest(pose: FloatArray, reading: ScanReading, path: FloatArray, readings: Sequence[ScanReading],
+                          count: int) -> float:
+    """Return ``conflict_share`` of a scan at ``pose`` with the scans of the nearest nodes of a path.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        Assumed pose of the scan [m, m, rad].
+    reading : ScanReading
+    path : (K, 3) float64
+        Poses of other scans, in the same frame.
+    readings : sequence of ScanReading
+        The other scans; only the first K are used.
+    count : int
+        Number of nodes.
+    """
+    distance = np.hypot(path[:, 0] - pose[0], path[:, 1] - pose[1])
+    near = np.argsort(distance, kind="stable")[:count]
+    return conflict_share((pose, reading, path[node], readings[node]) for node in near)
