@@ -4,38 +4,13 @@ import math
 import numpy as np
 import pytest
 
+from local_situations import BOX, PERIOD, block, free, made, situation, straight
 from m2wr_navigation import registry
-from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.controllers.dwa import Dwa
-from m2wr_navigation.costmap.costmap import Costmap
-from m2wr_navigation.parameters import read
-
-BOX = np.array([[0.2, 0.15], [-0.2, 0.15], [-0.2, -0.15], [0.2, -0.15]])
-PERIOD = 0.1
 
 
 def controller(**values):
-    made, warnings = read(Dwa.PARAMETERS, dict({"max_vel_y": 0.0, "min_vel_y": 0.0}, **values), "~DWAPlannerROS")
-    assert not warnings
-    return Dwa(made)
-
-
-def free():
-    return Costmap.filled((120, 120), 0.05, (-3.0, -3.0), 0, "odom")
-
-
-def block(costmap, x0, y0, x1, y1):
-    low, high = costmap.cell(x0, y0), costmap.cell(x1, y1)
-    costmap.costs[low[0]:high[0], low[1]:high[1]] = 254
-
-
-def straight(end, start=(0.0, 0.0)):
-    line = np.linspace(start, end[:2], 60)
-    return np.column_stack([line, np.full(60, end[2])])
-
-
-def situation(costmap, plan, pose=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)):
-    return Situation(0.0, PERIOD, np.array(pose, float), np.array(velocity, float), plan, costmap, BOX)
+    return made(Dwa, **dict({"max_vel_y": 0.0, "min_vel_y": 0.0}, **values))
 
 
 def drive(dwa, costmap, plan, pose=(0.0, 0.0, 0.0), most=400):
@@ -161,3 +136,14 @@ def test_a_bar_that_leaves_no_velocity_is_lifted():
     assert dwa._oscillation.barred[2].tolist() == [0.0, 1.0]
     command = dwa.compute(situation(free(), plan, velocity=(0.0, 0.0, 0.8)))
     assert command.velocity is not None and command.velocity[2] > 0.6
+
+
+def test_a_robot_in_an_obstacle_does_not_back_into_a_far_one():
+    """Its front is in a wall; 0.3 m behind it there is another one."""
+    for distance, speed in ((2.0, -0.5), (0.3, 0.0)):
+        costmap = free()
+        block(costmap, 0.15, -1.0, 0.3, 1.0)
+        block(costmap, -0.4 - distance, -1.0, -0.2 - distance, 1.0)
+        dwa = controller(min_vel_x=-0.5, min_vel_trans=0.0, vx_samples=2, acc_lim_x=10.0, max_vel_theta=0.0)
+        command = dwa.compute(situation(costmap, straight((-1.0, 0.0, 0.0))))
+        assert (0.0 if command.velocity is None else command.velocity[0]) == speed

@@ -4,38 +4,15 @@ import math
 import numpy as np
 import pytest
 
+from local_situations import block, free, made, situation, straight
 from m2wr_navigation import registry
-from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.controllers.trajectory_planner import TrajectoryPlanner
-from m2wr_navigation.costmap.costmap import Costmap
-from m2wr_navigation.parameters import read
 
 BEFORE = (0.045, 0.0, 0.0)      # the front is 5 mm before a wall at x = 0.25
-BOX = np.array([[0.2, 0.15], [-0.2, 0.15], [-0.2, -0.15], [0.2, -0.15]])
 
 
 def controller(**values):
-    made, warnings = read(TrajectoryPlanner.PARAMETERS, dict({"holonomic_robot": False}, **values), "~")
-    assert not warnings
-    return TrajectoryPlanner(made)
-
-
-def free():
-    return Costmap.filled((120, 120), 0.05, (-3.0, -3.0), 0, "odom")
-
-
-def block(costmap, x0, y0, x1, y1):
-    low, high = costmap.cell(x0, y0), costmap.cell(x1, y1)
-    costmap.costs[low[0]:high[0], low[1]:high[1]] = 254
-
-
-def straight(end, start=(0.0, 0.0)):
-    line = np.linspace(start, end[:2], 60)
-    return np.column_stack([line, np.full(60, end[2])])
-
-
-def situation(costmap, plan, pose=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)):
-    return Situation(0.0, 0.1, np.array(pose, float), np.array(velocity, float), plan, costmap, BOX)
+    return made(TrajectoryPlanner, **dict({"holonomic_robot": False}, **values))
 
 
 def boxed_in():

@@ -14,16 +14,24 @@ from m2wr_navigation.costmap.cost_layout import LETHAL, NO_INFORMATION
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Uint8Array
 
-MOST_CELLS = 2000           # that are looked at; a robot that overlaps with more has no way out
+MOST_CELLS = 4000           # that are looked at; a robot that has more around it has no way out
 _SLOW = 1e-3                # s: of motions that lead out alike, the slower one; m of overlap per m/s
 _ROUNDING = 1e-6            # m
 _PROGRESS = 0.02            # share by which a motion has to lessen the overlap
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def near_obstacles(costs: Uint8Array, resolution: float, origin: FloatArray, x: float, y: float, radius: float,
-                   out: FloatArray) -> int:
-    """Write the centres of the lethal and unknown cells within a distance; return their number.
+def _blocked(costs: Uint8Array, row: int, column: int) -> bool:
+    """Return whether a cell is lethal, unknown, or outside of the grid."""
+    if not (0 <= row < costs.shape[0] and 0 <= column < costs.shape[1]):
+        return True
+    return costs[row, column] == LETHAL or costs[row, column] == NO_INFORMATION
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def obstacles_around(costs: Uint8Array, resolution: float, origin: FloatArray, x: float, y: float,
+                     radii: Tuple[float, float], out: FloatArray) -> int:
+    """Write the centres of the lethal and unknown cells around a robot; return their number.
 
     Parameters
     ----------
@@ -31,8 +39,9 @@ def near_obstacles(costs: Uint8Array, resolution: float, origin: FloatArray, x: 
         The local costmap.
     x, y : float
         [m]
-    radius : float
-        [m]
+    radii : (float, float)
+        All cells count within the first one, within the second one those with a free neighbour at a side: a robot
+        comes into the others only through these [m].
     out : (N, 2) float64
         Written; cells that find no place are left out [m].
 
@@ -41,16 +50,22 @@ def near_obstacles(costs: Uint8Array, resolution: float, origin: FloatArray, x: 
     int
     """
     count = 0
+    radius = radii[1]
     top = max(0, int((y - radius - origin[1]) / resolution))
     bottom = min(costs.shape[0], int((y + radius - origin[1]) / resolution) + 1)
     left = max(0, int((x - radius - origin[0]) / resolution))
     right = min(costs.shape[1], int((x + radius - origin[0]) / resolution) + 1)
     for row in range(top, bottom):
         for column in range(left, right):
-            if (costs[row, column] == LETHAL or costs[row, column] == NO_INFORMATION) and count < len(out):
-                out[count, 0] = origin[0] + (column + 0.5) * resolution
-                out[count, 1] = origin[1] + (row + 0.5) * resolution
-                count += 1
+            if not _blocked(costs, row, column) or count == len(out):
+                continue
+            across, along = origin[0] + (column + 0.5) * resolution, origin[1] + (row + 0.5) * resolution
+            far = math.hypot(across - x, along - y)
+            if far > radius or (far > radii[0] and _blocked(costs, row - 1, column) and _blocked(
+                    costs, row + 1, column) and _blocked(costs, row, column - 1) and _blocked(costs, row, column + 1)):
+                continue
+            out[count, 0], out[count, 1] = across, along
+            count += 1
     return count
 
 
@@ -71,8 +86,13 @@ def overlap(points: FloatArray, margin: float, footprint: FloatArray, x: float, 
         Of the base, in the frame of the points [m, m, rad].
     """
     cosine, sine = math.cos(yaw), math.sin(yaw)
-    total = deepest = 0.0
+    total = deepest = farthest = 0.0
+    for corner in range(len(footprint)):
+        farthest = max(farthest, math.hypot(footprint[corner, 0], footprint[corner, 1]))
+    farthest = (farthest + margin) ** 2
     for k in range(len(points)):
+        if (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2 >= farthest:
+            continue
         a = cosine * (points[k, 0] - x) + sine * (points[k, 1] - y)
         b = cosine * (points[k, 1] - y) - sine * (points[k, 0] - x)
         inside, nearest = False, math.inf

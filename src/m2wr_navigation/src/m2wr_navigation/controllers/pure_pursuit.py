@@ -9,6 +9,7 @@ import numpy as np
 
 from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_navigation.controllers.controller import Command, Controller
+from m2wr_navigation.controllers.plan_progress import PlanProgress
 from m2wr_navigation.costmap.cost_layout import LETHAL
 from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, outline_cost
 from m2wr_navigation.parameters import Parameter
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.controllers.controller import Situation
 
-SEARCHED = 2.0              # m: length of the plan in which the nearest pose is searched
 STOPPED = 0.02, 0.05        # m/s, rad/s: below, the robot has stopped
 SLOWER = (1.0, 0.5, 0.25)   # shares of the wanted speed that are tried before an obstacle
 _BRAKES = 0.5               # share of the acceleration that is used to stop at the goal, for the delay of the robot
@@ -45,10 +45,10 @@ class PurePursuit(Controller):
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__(values)
-        self._nearest, self._arrived = 0, False
+        self._progress, self._arrived = PlanProgress(), False
 
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:
-        self._nearest = 0
+        self._progress.reset()
         if new_goal:
             self._arrived = False
 
@@ -81,14 +81,12 @@ class PurePursuit(Controller):
         plan, pose = situation.plan, situation.pose
         steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
         along = np.concatenate([[0.0], np.cumsum(steps)])
-        first = min(self._nearest, len(plan) - 1)
-        last = int(np.searchsorted(along, along[first] + SEARCHED)) + 1
-        self._nearest = first + int(np.argmin(np.hypot(*(plan[first:last, :2] - pose[:2]).T)))
+        nearest = self._progress.advance(plan, pose, math.inf) or 0
         values = self.values
         distance = min(max(abs(situation.velocity[0]) * values["lookahead_time"], values["min_lookahead"]),
                        max(values["max_lookahead"], values["min_lookahead"]))
-        at = int(np.searchsorted(along, along[self._nearest] + distance))
-        return plan[min(at, len(plan) - 1)], float(along[-1] - along[self._nearest]), plan[self._nearest:]
+        at = int(np.searchsorted(along, along[nearest] + distance))
+        return plan[min(at, len(plan) - 1)], float(along[-1] - along[nearest]), plan[nearest:]
 
     def _drive(self, situation: Situation, curvature: float, rest: float, ahead: FloatArray) -> Command:
         """Return the fastest command on an arc that is free."""

@@ -13,6 +13,7 @@ from m2wr_gmapping.frontend.pose_kernels import wrapped
 from m2wr_navigation.controllers import escape_kernels, rollout_kernels
 from m2wr_navigation.controllers.arrival import Arrival
 from m2wr_navigation.controllers.controller import Command, Controller
+from m2wr_navigation.controllers.plan_progress import PlanProgress
 from m2wr_navigation.controllers.velocity_samples import Oscillation
 from m2wr_navigation.costmap.footprint_kernels import IN_COLLISION, IN_UNKNOWN, OUTSIDE, outline_cost
 
@@ -56,7 +57,7 @@ class SamplingController(Controller):
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         super().__init__(values)
-        self._oscillation, self._arrival = Oscillation(), Arrival()
+        self._oscillation, self._arrival, self._progress = Oscillation(), Arrival(), PlanProgress()
         self._turns = False         # whether the turn at the goal has begun
         self._grids: Int32Array = np.zeros((3, 0, 0), np.int32)
         self._queue: IndexArray = np.zeros(0, np.int64)
@@ -87,6 +88,7 @@ class SamplingController(Controller):
         return np.array([self.values["acc_lim_x"], self.values["acc_lim_y"], self.values["acc_lim_theta"]])
 
     def set_plan(self, plan: FloatArray, new_goal: bool) -> None:
+        self._progress.reset()
         if new_goal:
             self._oscillation.reset()
             self._arrival.reset()
@@ -148,11 +150,22 @@ class SamplingController(Controller):
         if self._is_near(situation):
             return self._stop_and_turn(situation)
         self._turns = False
-        used = _local_part(situation.plan, situation)
+        used = self._local_part(situation)
         if used is None:
             return Command(None, "the plan does not cross the local costmap, the robot is at ({:.2f}, {:.2f})".format(
                 *situation.pose[:2]), np.zeros((0, 3)), np.zeros((0, 3)))
         return self.drive(situation, used)
+
+    def _local_part(self, situation: Situation) -> Optional[FloatArray]:
+        """Return the part of the plan from the robot to where it leaves the local costmap."""
+        costmap, plan = situation.costmap, situation.plan
+        first = self._progress.advance(plan, situation.pose, 0.5 * costmap.resolution * max(costmap.costs.shape))
+        if first is None:
+            return None
+        cells = costmap.cells(plan[first:])
+        outside = np.flatnonzero((cells < 0).any(axis=1) | (cells >= costmap.costs.shape).any(axis=1))
+        last = first + int(outside[0]) if len(outside) else len(plan)
+        return plan[first:last] if last > first else None
 
     @staticmethod
     def _outline_at(situation: Situation, pose: FloatArray) -> int:
@@ -165,11 +178,12 @@ class SamplingController(Controller):
         costmap, values, footprint = situation.costmap, self.values, np.ascontiguousarray(situation.footprint)
         place = "the outline of the robot is in an obstacle or in unknown space at ({:.2f}, {:.2f})".format(
             *situation.pose[:2])
-        radius = float(np.hypot(*footprint.T).max()) + 2.0 * costmap.resolution
-        found = np.empty((escape_kernels.MOST_CELLS, 2))
-        count = escape_kernels.near_obstacles(costmap.costs, costmap.resolution, costmap.origin, situation.pose[0],
-                                              situation.pose[1], radius, found)
         samples = self.reachable(situation)
+        radius = float(np.hypot(*footprint.T).max()) + 2.0 * costmap.resolution
+        ahead = float(np.hypot(*samples[:, :2].T).max(initial=0.0)) * values["sim_time"]
+        found = np.empty((escape_kernels.MOST_CELLS, 2))
+        count = escape_kernels.obstacles_around(costmap.costs, costmap.resolution, costmap.origin, situation.pose[0],
+                                                situation.pose[1], (radius, radius + ahead), found)
         best = -1 if count == len(found) else escape_kernels.best_way_out(
             samples, situation.pose, np.asarray(situation.velocity, float), AT_ONCE,
             np.array([values["sim_time"], values["sim_granularity"], values["angular_sim_granularity"],
@@ -237,24 +251,6 @@ def cost_cloud(costmap: Costmap, grids: Int32Array, scales: Tuple[float, float, 
     parts = (scales[0] * path[rows, columns], scales[1] * goal[rows, columns], scales[2] * costmap.costs[rows, columns])
     return np.column_stack([costmap.origin[0] + (columns + 0.5) * cell, costmap.origin[1] + (rows + 0.5) * cell,
                             np.zeros(len(rows)), *parts, sum(parts)]).astype(np.float32)
-
-
-def _local_part(plan: FloatArray, situation: Situation) -> Optional[FloatArray]:
-    """Return the part of the plan from the pose nearest to the robot to where it leaves the local costmap."""
-    costmap = situation.costmap
-    reach = 0.5 * costmap.resolution * max(costmap.costs.shape)
-    away = np.hypot(plan[:, 0] - situation.pose[0], plan[:, 1] - situation.pose[1])
-    near = np.flatnonzero(away <= reach)
-    if not len(near):
-        return None
-    # the nearest one of the first stretch within reach: a plan may come back
-    gaps = np.flatnonzero(np.diff(near) > 1)
-    stretch = near[:gaps[0] + 1] if len(gaps) else near
-    first = int(stretch[np.argmin(away[stretch])])
-    cells = costmap.cells(plan[first:])
-    outside = np.flatnonzero((cells < 0).any(axis=1) | (cells >= costmap.costs.shape).any(axis=1))
-    last = first + int(outside[0]) if len(outside) else len(plan)
-    return plan[first:last] if last > first else None
 
 
 def _dense_cells(costmap: Costmap, points: FloatArray) -> IndexArray:
