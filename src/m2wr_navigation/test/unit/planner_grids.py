@@ -10,11 +10,11 @@ from m2wr_navigation.parameters import read
 RESOLUTION = 0.05
 
 
-def planner(name, random=None, **given):
+def planner(name, clock=None, **given):
     kind = registry.find(registry.PLANNERS, name)
     values, warnings = read(kind.PARAMETERS, given, "~" + name)
     assert not warnings and set(given) <= set(kind.PARAMETERS)
-    return kind(values, random)
+    return kind(values, clock)
 
 
 def blocks(size, count, seed, largest=12):

@@ -158,7 +158,7 @@ def maze(side=61):
 @pytest.mark.parametrize("name", SAMPLING)
 def test_too_few_samples_are_told(name):
     plan = planner(name, iterations=50).plan(grid(maze()), pose(1, 1), pose(59, 30))
-    assert plan.reason.startswith("no path with 50 samples although start and goal are connected")
+    assert plan.reason.startswith("no path with 50 of 50 samples although start and goal are connected")
 
 
 @pytest.mark.parametrize("name", SAMPLING)
@@ -168,6 +168,28 @@ def test_a_path_from_samples_depends_only_on_the_seed(name):
                            for seed in (1, 1, 2))
     assert (first.shape == again.shape) and (first == again).all() and len(first) > 2
     assert other.shape != first.shape or (other != first).any()
+
+
+@pytest.mark.parametrize("name", ["RRTStar", "InformedRRTStar"])
+def test_when_the_time_is_over_the_best_path_so_far_is_taken(name):
+    costs, reads = blocks(SIZE, 25, 2), []
+
+    def clock():
+        reads.append(None)
+        return 0.1 * len(reads)
+
+    ends = grid(costs), pose(1, 1), pose(88, 88)
+    short = planner(name, clock, iterations=20000, planning_time=0.55).plan(*ends)
+    assert len(reads) == 7                  # the begin, and six batches
+    same = planner(name, iterations=6 * 200).plan(*ends)
+    assert len(short.poses) > 2 and (short.poses == same.poses).all()
+    assert len(planner(name, clock, iterations=1200, planning_time=0.0).plan(*ends).poses) == len(same.poses)
+
+
+def test_a_search_without_time_says_so():
+    ticks = iter(range(100))
+    plan = planner("RRT", lambda: float(next(ticks)), planning_time=2.0).plan(grid(maze()), pose(1, 1), pose(59, 30))
+    assert plan.reason.startswith("no path with 400 of 5000 samples")
 
 
 def test_more_samples_give_rrt_star_shorter_paths():

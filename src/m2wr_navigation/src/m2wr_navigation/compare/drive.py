@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Callable, List, Tuple
 
 import numpy as np
 
-from m2wr_navigation.methods.method import REACHED, Decision, Method, Sensing
+from m2wr_navigation.methods.method import Decision, Method, Sensing
 from m2wr_sim.api import Sim
 
 if TYPE_CHECKING:
@@ -47,11 +47,6 @@ class Drive:
     time: float
     contacts: int
     cpu_ms: float
-
-    @property
-    def reached(self) -> bool:
-        """Whether the goal was reached without a contact."""
-        return self.outcome == REACHED and self.contacts == 0
 
     @property
     def length(self) -> float:

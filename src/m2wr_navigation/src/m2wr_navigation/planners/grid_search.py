@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional
 
 import numpy as np
 
@@ -31,8 +31,8 @@ class AStar(Navfn):
     }
     ANY_ANGLE = False
 
-    def __init__(self, values: Mapping[str, Any], random: Optional[np.random.Generator] = None) -> None:
-        super().__init__(values, random)
+    def __init__(self, values: Mapping[str, Any], clock: Optional[Callable[[], float]] = None) -> None:
+        super().__init__(values, clock)
         self._total: Float32Array = np.zeros((0, 0), np.float32)
         self._parent = np.zeros((0, 0), np.int32)
 

@@ -2,7 +2,7 @@
 """``navfn/NavfnROS``: the path down the gradient of the potential."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional
 
 import numpy as np
 
@@ -42,8 +42,8 @@ class Navfn(Planner):
         "visualize_potential": flag(False, "whether the potential is published", False),
     }
 
-    def __init__(self, values: Mapping[str, Any], random: Optional[np.random.Generator] = None) -> None:
-        super().__init__(values, random)
+    def __init__(self, values: Mapping[str, Any], clock: Optional[Callable[[], float]] = None) -> None:
+        super().__init__(values, clock)
         self.search_memory = PotentialSearch()
 
     def table(self) -> Float32Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -58,13 +58,14 @@ class Planner(Configurable, ABC):
     ----------
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
-    random : numpy.random.Generator, optional
-        For planners that sample.
+    clock : callable, optional
+        Returns a time [s]; for planners that have a limit of time. Without it they have none, and equal input gives
+        equal plans.
     """
 
-    def __init__(self, values: Mapping[str, Any], random: Optional[np.random.Generator] = None) -> None:
+    def __init__(self, values: Mapping[str, Any], clock: Optional[Callable[[], float]] = None) -> None:
         super().__init__(values)
-        self.random = np.random.default_rng(0) if random is None else random
+        self.clock = clock
 
     def plan(self, costmap: Costmap, start: FloatArray, goal: FloatArray, tolerance: float = 0.0) -> Plan:
         """Return a path, or why there is none.

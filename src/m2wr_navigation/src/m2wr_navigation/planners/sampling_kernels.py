@@ -166,9 +166,9 @@ def _improve(costs: Uint8Array, table: Float32Array, nodes: FloatArray, total: F
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def grow(costs: Uint8Array, table: Float32Array, ends: FloatArray, draws: FloatArray,
-         options: Tuple[float, float, float, bool]) -> Tuple[FloatArray, float]:
-    """Grow a tree from the start and return the best path in it.
+def grow(costs: Uint8Array, table: Float32Array, tree: Tuple[FloatArray, FloatArray, IndexArray], count: int,
+         draws: FloatArray, options: Tuple[float, float, float, bool]) -> int:
+    """Grow a tree by some samples; return its number of nodes.
 
     A sample draws the nearest node by at most one step (LaValle 1998). With rewiring, a new node gets the best parent
     in the radius min(gamma sqrt(ln n / n), step), and becomes the parent of others (Karaman, Frazzoli 2011). Without,
@@ -178,8 +178,10 @@ def grow(costs: Uint8Array, table: Float32Array, ends: FloatArray, draws: FloatA
     ----------
     costs, table
         As in :func:`line_cost`.
-    ends : (2, 2) float64
-        Start and goal: x, y [cells].
+    tree : ((N, 2) float64, (N,) float64, (4, N) int64)
+        Of :func:`sapling`, with room for all samples. Changed.
+    count : int
+        Its nodes.
     draws : (M, 3) float64
         Uniform random numbers from 0 to 1; M is the number of iterations.
     options : (float, float, float, bool)
@@ -188,19 +190,13 @@ def grow(costs: Uint8Array, table: Float32Array, ends: FloatArray, draws: FloatA
 
     Returns
     -------
-    path : (N, 2) float64
-        x, y from start to goal [cells]; N = 0: there is none.
-    cost : float
-        inf: there is none.
+    int
     """
     step, bias, gamma, informed = options
-    room = len(draws) + 2
-    nodes, total = np.empty((room, 2)), np.full(room, np.inf)
-    links = np.full((4, room), -1, np.int64)
-    nodes[START], nodes[GOAL] = ends[0], ends[1]
-    total[START] = 0.0
-    count = 2
+    nodes, total, links = tree
     for draw in draws:
+        if gamma == 0.0 and total[GOAL] < np.inf:
+            break
         best = total[GOAL] if informed else np.inf
         x, y = _sample(draw, bias, nodes, best, costs.shape)
         near = _nearest(nodes, total, count, x, y)
@@ -221,18 +217,33 @@ def grow(costs: Uint8Array, table: Float32Array, ends: FloatArray, draws: FloatA
         if gamma > 0.0:
             radius = min(gamma * math.sqrt(math.log(count) / count), step)
             _improve(costs, table, nodes, total, links, (new, count, radius))
-        elif total[GOAL] < np.inf:
-            break
+    return count
+
+
+def sapling(ends: FloatArray, room: int) -> Tuple[FloatArray, FloatArray, IndexArray]:
+    """Return a tree of its start: places (N, 2), costs from the start (N,), links (4, N).
+
+    Parameters
+    ----------
+    ends : (2, 2) float64
+        Start and goal: x, y [cells].
+    room : int
+        Greatest number of samples.
+    """
+    nodes, total = np.empty((room + 2, 2)), np.full(room + 2, np.inf)
+    nodes[:2], total[START] = ends, 0.0
+    return nodes, total, np.full((4, room + 2), -1, np.int64)
+
+
+def path_in(tree: Tuple[FloatArray, FloatArray, IndexArray]) -> FloatArray:
+    """Return the path (N, 2) from start to goal, x and y [cells]; N = 0: there is none."""
+    nodes, total, links = tree
     if total[GOAL] == np.inf:
-        return np.empty((0, 2)), np.inf
-    steps, node = 1, GOAL
-    while links[0, node] >= 0:
-        steps, node = steps + 1, links[0, node]
-    path, node = np.empty((steps, 2)), GOAL
-    for k in range(steps - 1, -1, -1):
-        path[k] = nodes[node]
-        node = links[0, node]
-    return path, total[GOAL]
+        return np.empty((0, 2))
+    chain = [GOAL]
+    while links[0, chain[-1]] >= 0:
+        chain.append(int(links[0, chain[-1]]))
+    return nodes[chain[::-1]]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

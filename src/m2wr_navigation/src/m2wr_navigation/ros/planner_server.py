@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import TYPE_CHECKING, Any, Callable, Dict, List
 
 import numpy as np
@@ -56,7 +57,7 @@ class PlannerServer:
         for sentence in warnings + unknown(
                 given, set(kind.PARAMETERS) | set(WITHOUT_EFFECT.get(self.name, ())), self._place):
             rospy.logwarn("%s", sentence)
-        self.planner = kind(values)
+        self.planner = kind(values, time.monotonic)
         self._path = rospy.Publisher(self._place + "/plan", Path, queue_size=1)
         self._potential = rospy.Publisher(
             self._place + "/potential", OccupancyGrid if kind is GlobalPlanner else PointCloud2, queue_size=1)
