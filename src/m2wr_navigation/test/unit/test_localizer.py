@@ -4,6 +4,7 @@ import pytest
 
 from localization_room import room, scan, settings
 from m2wr_gmapping.se2 import between, compose
+from m2wr_navigation.localization.confidence import doubt
 from m2wr_navigation.localization.localizer import Localizer
 
 START = np.array([0.7, 2.0, 0.0])
@@ -69,6 +70,15 @@ def test_a_scan_without_hits_changes_nothing_and_the_next_counts():
     blind = type(beams)(beams.ends, beams.polar, np.zeros(len(beams.hit), bool), beams.mount, beams.reach)
     assert not found.process("laser", blind, odom).updated
     assert found.process("laser", beams, odom).updated
+
+
+@pytest.mark.parametrize("matching", [True, False])
+def test_a_robot_that_was_carried_away_is_doubted(matching):
+    found = localizer(scan_matching=matching, recovery_alpha_slow=0.0)
+    _, outcomes = drive(found, steps=8)
+    assert [doubt(each.share, each.weight) for each in outcomes[1:]] == [""] * 7
+    outcome = found.process("laser", scan(np.array([3.6, 2.6, 2.2])), compose(ODOM, START))
+    assert "only " in doubt(outcome.share, outcome.weight)
 
 
 def test_global_localization_finds_the_robot():

@@ -9,7 +9,7 @@ import numpy as np
 
 from m2wr_gmapping.se2 import compose, inverse, wrap
 from m2wr_navigation.localization.particle_filter import Cluster, ParticleFilter
-from m2wr_navigation.localization.sensor_models import LEAST_SHARE, match
+from m2wr_navigation.localization.sensor_models import LEAST_SHARE, MATCH_ROUNDS, match
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -37,7 +37,10 @@ class Outcome:
     map_from_odom : (3,) float64 or None
         Pose of the odometry's frame on the map; None: not known yet.
     share : float
-        Of the beams that end near obstacles of the map, if the scan was matched; otherwise NaN.
+        Of the beams with a return that end near obstacles of the map, seen from the pose; NaN: there are none, or there
+        is no pose yet.
+    weight : float
+        Share of the particles' weight that agrees on the pose.
     """
 
     updated: bool
@@ -45,6 +48,7 @@ class Outcome:
     estimate: Optional[Cluster]
     map_from_odom: Optional[FloatArray]
     share: float
+    weight: float
 
 
 class Localizer:
@@ -75,7 +79,7 @@ class Localizer:
         self.last: Optional[Cluster] = None
         self._mean: Optional[FloatArray] = None         # of the heaviest cluster, relative to odometry
         self._covariance: FloatArray = np.eye(3)
-        self._sure = False
+        self._weight = 0.0                              # of the heaviest cluster
         self._odom: Optional[FloatArray] = None         # at the last update
         self._due: Dict[str, bool] = {}                 # by laser
         self._forced = self._fresh = False
@@ -104,7 +108,7 @@ class Localizer:
 
     def _restart(self, forced: bool) -> None:
         self._odom, self._updates, self._forced, self._fresh = None, 0, forced, True
-        self._sure = False
+        self._weight = 0.0
 
     def force_update(self) -> None:
         """Update the filter with the next scan of each laser, although the robot has not moved."""
@@ -162,14 +166,14 @@ class Localizer:
         resample = not self._updates % self.values["resample_interval"]
         injected = self.filter.resample(beams, self.grid) if resample else 0
         self._mean, self._covariance = between_odometry(cluster.pose, odom_pose), cluster.covariance
-        self._sure = cluster.weight >= ONE_PLACE
+        self._weight = cluster.weight
         share = self._locate(beams, odom_pose, cluster.pose)
         if not (resample or self._fresh):
-            return Outcome(True, injected, None, self.map_from_odom, share)
+            return Outcome(True, injected, None, self.map_from_odom, share, self._weight)
         self._fresh = False
         assert self.pose is not None
         self.last = Cluster(self.pose, cluster.covariance, cluster.weight)
-        return Outcome(True, injected, self.last, self.map_from_odom, share)
+        return Outcome(True, injected, self.last, self.map_from_odom, share, self._weight)
 
     def _moved(self, odom_pose: FloatArray) -> bool:
         assert self._odom is not None
@@ -181,16 +185,15 @@ class Localizer:
         share = float("nan")
         if self._mean is not None and not self._fresh:
             share = self._locate(beams, odom_pose, compose(self._mean, odom_pose))
-        return Outcome(False, 0, None, self.map_from_odom, share)
+        return Outcome(False, 0, None, self.map_from_odom, share, self._weight)
 
     def _locate(self, beams: Beams, odom_pose: FloatArray, pose: FloatArray) -> float:
         """Set ``map_from_odom`` from the filter's pose, or from that of a scan fitted around it."""
-        share = float("nan")
-        if self.values["scan_matching"] and self._sure:
-            covariance = self._covariance + np.diag(LEAST_DEVIATION ** 2)
-            better, share = match(pose, covariance, beams, self.grid, self.values)
-            if share >= LEAST_SHARE and np.isfinite(better).all():
-                pose = better
+        covariance = self._covariance + np.diag(LEAST_DEVIATION ** 2)
+        rounds = MATCH_ROUNDS if self.values["scan_matching"] and self._weight >= ONE_PLACE else 0
+        better, share = match(pose, covariance, beams, self.grid, self.values, rounds)
+        if rounds and share >= LEAST_SHARE and np.isfinite(better).all():
+            pose = better
         self.pose, self.map_from_odom = pose, between_odometry(pose, odom_pose)
         return share
 

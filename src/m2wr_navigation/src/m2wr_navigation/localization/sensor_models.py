@@ -125,7 +125,7 @@ def _explained(placed: FloatArray, rays: Float32Array, fields: Uint8Array, value
 
 
 def match(pose: FloatArray, covariance: FloatArray, beams: Beams, grid: LocalizationMap,
-          values: Mapping[str, Any]) -> Tuple[FloatArray, float]:
+          values: Mapping[str, Any], rounds: int = MATCH_ROUNDS) -> Tuple[FloatArray, float]:
     """Fit a scan to the map, near a pose.
 
     Parameters
@@ -137,16 +137,18 @@ def match(pose: FloatArray, covariance: FloatArray, beams: Beams, grid: Localiza
     beams : Beams
     grid : LocalizationMap
     values : mapping of str to object
+    rounds : int
+        Steps of the fit; 0: only look how the pose fits.
 
     Returns
     -------
     pose : (3,) float64
     share : float
-        Of the beams that end near obstacles of the map.
+        Of the beams with a return that end near obstacles of the map; NaN: there are none.
     """
     used: IndexArray = beams.spread(MATCH_BEAMS)
     if not len(used):
-        return pose, 0.0
+        return pose, float("nan")
     cell, turn = grid.resolution, grid.origin[2]
     to_cells = np.diag([1.0 / cell, 1.0 / cell, 1.0])
     cos, sin = np.cos(turn), np.sin(turn)
@@ -157,5 +159,5 @@ def match(pose: FloatArray, covariance: FloatArray, beams: Beams, grid: Localiza
     spread = MATCH_SPREAD * max(1.0, len(used) / INDEPENDENT) ** 0.5
     share = kernels.refine_pose(
         grid.to_grid(pose[None])[0], _rays(beams, used, cell), grid.fields(limit), limit / 255.0 / cell,
-        np.array([spread, min(MATCH_NEAR, limit)]) / cell, prior, MATCH_ROUNDS, out)
+        np.array([spread, min(MATCH_NEAR, limit)]) / cell, prior, rounds, out)
     return grid.from_grid(out[None])[0], share

@@ -14,6 +14,7 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped, TransformSta
 from tf2_msgs.msg import TFMessage
 
 from m2wr_gmapping.ros.message_conversion import covariance36, pose_message, poses_message
+from m2wr_navigation.localization.confidence import doubt
 
 if TYPE_CHECKING:
     import genpy
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 DIAGNOSTICS_PERIOD = 1.0    # [s], wall
 SILENCE = 15.0              # wall time without a scan after which a warning is due [s], amcl's
-BAD_SHARE = 0.5             # of the beams that fit the map, below which the pose is doubtful
 DOUBT = 30.0                # wall time between two warnings about it [s]
 TIMES_KEPT = 200
 
@@ -55,7 +55,7 @@ class Outputs:
         self._stored: Optional[FloatArray] = None
         self._times: Deque[float] = deque(maxlen=TIMES_KEPT)        # of the last scans [ms], wall
         self._count = self._particles = 0
-        self._share = math.nan
+        self._share, self._doubt = math.nan, ""
         self._saving = threading.Lock()
         threading.Thread(target=self._work, name="diagnostics", daemon=True).start()
 
@@ -84,12 +84,10 @@ class Outputs:
         if outcome.injected:
             rospy.loginfo_throttle(5.0, "the scans fit worse than before: %d of %d particles are random poses" % (
                 outcome.injected, self._particles))
-        if math.isfinite(outcome.share):
-            self._share = outcome.share
-            if outcome.share < BAD_SHARE:
-                rospy.logwarn_throttle(DOUBT, "only %.0f %% of the beams fit the map: the pose may be wrong, or the "
-                                       "map is old. Set the pose in rviz, or call global_localization and drive on" % (
-                                           100.0 * outcome.share))
+        self._share = outcome.share
+        self._doubt = doubt(outcome.share, outcome.weight) if outcome.map_from_odom is not None else ""
+        if self._doubt:
+            rospy.logwarn_throttle(DOUBT, self._doubt)
         if outcome.estimate is not None:
             self._send_pose(outcome.estimate, stamp)
         self._present = localizer.pose
@@ -168,6 +166,8 @@ class Outputs:
                 values += [("std_" + name, "%.4f" % deviation), ("std_warn_level_" + name, limit)]
                 if deviation > limit:
                     status.level, status.message = DiagnosticStatus.WARN, "Too large"
+        if self._doubt:
+            status.level, status.message = DiagnosticStatus.WARN, self._doubt
         status.values = [KeyValue(key, str(value)) for key, value in values]
         message = DiagnosticArray(status=[status])
         message.header.stamp = rospy.Time.now()
