@@ -3,76 +3,33 @@
 """move_base drives the robot to goals on a map of the world; bad goals end with their reason."""
 import math
 import os
-import shutil
 import sys
-import tempfile
-import unittest
 
-import actionlib
 import dynamic_reconfigure.client
 import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist
 from map_msgs.msg import OccupancyGridUpdate
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseGoal
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import Empty
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from m2wr_gmapping.io import map_file  # noqa: E402
-from m2wr_tools.map_comparison.agreement import OUTSIDE  # noqa: E402
-from m2wr_tools.map_comparison.command import read_truth  # noqa: E402
-from sim_probe import Recorder, Running, program, run_checks, wait_until  # noqa: E402
+from navigation_case import NavigationCase, pose  # noqa: E402
+from sim_probe import Recorder, run_checks, wait_until  # noqa: E402
 
-RESOLUTION, HALF = 0.05, 10.5       # m
-LASER = 0.21                        # m: height of the laser above the floor
-START = 120.0                       # s of wall time in which all nodes start, also on a busy machine
 DRIVE = 150.0                       # s of simulated time that a goal may take
 
 
-def save_map(folder):
-    """Write the true map of the world; return the YAML file."""
-    size = int(2 * HALF / RESOLUTION)
-    drawn = read_truth("world02.world", LASER).drawn((size, size), RESOLUTION, np.full(2, -HALF + 0.5 * RESOLUTION))
-    map_file.save(os.path.join(folder, "plan"), np.where(drawn == OUTSIDE, 0, 100).astype(np.int8), RESOLUTION,
-                  (-HALF, -HALF, 0.0))
-    return os.path.join(folder, "plan.yaml")
-
-
-def pose(x, y, yaw=0.0, frame="map"):
-    message = PoseStamped()
-    message.header.frame_id, message.header.stamp = frame, rospy.Time.now()
-    message.pose.position.x, message.pose.position.y = x, y
-    message.pose.orientation.z, message.pose.orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
-    return message
-
-
-class Navigation(unittest.TestCase):
-    """Checks share one run of the nodes; each begins where the one before has ended."""
+class Navigation(NavigationCase):
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp()
-        cls.map_server = Running([program("map_server", "map_server"), save_map(cls.folder)])
-        cls.map_server.__enter__()
+        super().setUpClass()
         cls.odometry = Recorder("odom", Odometry)
         cls.commands = Recorder("cmd_vel", Twist)
-        cls.client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
-        # in wall time: with simulated time, a busy machine would have less of it
-        wait_until(lambda: cls.client.wait_for_server(rospy.Duration(1.0)), "the action server", START)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.map_server.__exit__()
-        shutil.rmtree(cls.folder)
-
-    def drive(self, target, seconds=DRIVE):
-        """Send a goal and wait for its end; return its status and text."""
-        self.client.send_goal(MoveBaseGoal(target_pose=target))
-        self.assertTrue(self.client.wait_for_result(rospy.Duration(seconds)), "the goal is still active")
-        return self.client.get_state(), self.client.get_goal_status_text()
 
     def place(self):
         """Return x, y of the robot."""
@@ -81,7 +38,7 @@ class Navigation(unittest.TestCase):
 
     def test_1_a_goal_behind_walls_is_reached(self):
         plans = Recorder("/move_base/NavfnROS/plan", Path)
-        state, text = self.drive(pose(0.0, -4.0, 0.5))
+        state, text = self.drive(pose(0.0, -4.0, 0.5), DRIVE)
         self.assertEqual((state, text), (GoalStatus.SUCCEEDED, "Goal reached."))
         self.assertLess(np.hypot(*(self.place() - [0.0, -4.0])), 0.2)
         plans.wait(lambda messages: messages, "a plan")

@@ -3,41 +3,23 @@
 """move_base, started as other packages start it, drives to a goal; the layers of the old layout are made."""
 import math
 import os
-import shutil
 import signal
 import sys
-import tempfile
-import unittest
 
-import actionlib
 import rospy
 from actionlib_msgs.msg import GoalStatus
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import PointCloud2
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from check_navigation import START, pose, save_map  # noqa: E402
-from sim_probe import Recorder, Running, program, run_checks, wait_until  # noqa: E402
+from navigation_case import NavigationCase, pose  # noqa: E402
+from sim_probe import Recorder, Running, program, run_checks  # noqa: E402
 
 DRIVE = 60.0                # s of simulated time for 3 m
 GOAL = 3.0, 7.0             # m
 
 
-class NavigationLayout(unittest.TestCase):
-
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp()
-        cls.map_server = Running([program("map_server", "map_server"), save_map(cls.folder)])
-        cls.map_server.__enter__()
-        cls.client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
-        wait_until(lambda: cls.client.wait_for_server(rospy.Duration(1.0)), "the action server", START)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.map_server.__exit__()
-        shutil.rmtree(cls.folder)
+class NavigationLayout(NavigationCase):
 
     def test_1_a_goal_is_reached_and_the_controller_shows_its_work(self):
         own = "/move_base/DWAPlannerROS/"
@@ -45,9 +27,8 @@ class NavigationLayout(unittest.TestCase):
             ("global_plan", Path), ("local_plan", Path), ("cost_cloud", PointCloud2),
             ("trajectory_cloud", PointCloud2))]
         odometry = Recorder("odom", Odometry)
-        self.client.send_goal(MoveBaseGoal(target_pose=pose(*GOAL)))
-        self.assertTrue(self.client.wait_for_result(rospy.Duration(DRIVE)), "the goal is still active")
-        self.assertEqual(self.client.get_state(), GoalStatus.SUCCEEDED, self.client.get_goal_status_text())
+        state, text = self.drive(pose(*GOAL), DRIVE)
+        self.assertEqual(state, GoalStatus.SUCCEEDED, text)
         position = odometry.next()[-1].pose.pose.position
         self.assertLess(math.hypot(position.x - GOAL[0], position.y - GOAL[1]), 0.2)
         for recorder in shown:
