@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The comparison drives, measures and writes what it says."""
 import json
+import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,10 +69,40 @@ def test_the_command_writes_page_and_figures(tmp_path, capsys, made, monkeypatch
     assert "tangent_bug" in capsys.readouterr().out and "</html>" in out.read_text()
 
 
+def test_after_an_interruption_what_was_driven_is_written(tmp_path, monkeypatch, made):
+    comparison, entries = made
+
+    def interrupted(names):
+        yield entries["bug0"]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "Comparison", lambda *given: comparison)
+    monkeypatch.setattr(comparison, "entries", interrupted)
+    out, figures = tmp_path / "page.html", tmp_path / "figures.json"
+    assert command.main(["--out", str(out), "--json", str(figures)]) == 130
+    assert [entry["name"] for entry in json.loads(figures.read_text())["entries"]] == ["bug0"]
+    assert "</html>" in out.read_text()
+
+
+def test_a_clearance_without_obstacles_is_null_in_json(tmp_path, made):
+    entry = replace(made[1]["bug0"], clearance=math.inf)
+    assert entry.record()["clearance"] is None
+    json.dumps(entry.record(), allow_nan=False)
+
+
+def test_a_file_that_cannot_be_written_is_told_before_the_first_drive(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(command, "Comparison", lambda *given: pytest.fail("it drove"))
+    assert command.main(["--out", str(tmp_path / "no" / "page.html")]) == 1
+    assert "there is no such folder" in capsys.readouterr().err
+    assert command.main(["--out", str(tmp_path / "page.html"), "--json", str(tmp_path)]) == 1
+    assert "this is a folder" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("given, code, reason", [
     (["--methods", "bug9"], 2, "there is no 'bug9'; known are all, NavfnROS"), (["--start", "nan", "1"], 2, "--start"),
     (["--start", "1"], 2, "--start has 1 numbers"),
     (["--limit", "0"], 2, "expected no negative seed and a positive"),
+    (["--max-vel-x", "0"], 2, "expected positive numbers"), (["--robot", "no_such"], 1, "no_such"),
     (["--world", "no_such"], 1, "no_such"),
     (["--goal", "0", "4.73"], 1, "the goal (0.00, 4.73) is 0.00 m from barrier"),
 ])
@@ -85,14 +117,14 @@ def test_what_cannot_be_compared_is_told(tmp_path, capsys, given, code, reason):
 def test_the_true_costmap_has_the_obstacles_of_the_world():
     square = np.array([(-1.0, -1.0), (0.0, -1.0), (0.0, 0.0), (-1.0, 0.0)])
     shapes = [Outline(np.array([(2.0, 1.0)]), 0.5), Outline(square)]
-    costmap = costmap_of(shapes, np.array([(0.0, 3.0)]))
+    costmap = costmap_of(shapes, np.array([(0.0, 3.0)]), 0.45)
     rng = np.random.default_rng(0)
     for x, y in rng.uniform(-2.0, 3.5, (400, 2)):
         distance = min(point_distances(np.array([(x, y)]), shape)[0] for shape in shapes)
         if not 0.0 < distance < 0.1:
             assert (costmap.cost_at(x, y) == LETHAL) == (distance == 0.0), (x, y)
     with pytest.raises(ValueError, match="expected at most 200 m a side"):
-        costmap_of(shapes, np.array([(300.0, 0.0)]))
+        costmap_of(shapes, np.array([(300.0, 0.0)]), 0.45)
 
 
 def test_a_thinned_path_keeps_its_ends_and_its_shape():

@@ -8,7 +8,7 @@ passes through them. No planning here: only the store and its two queries.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Optional, Tuple
+from typing import TYPE_CHECKING, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -29,7 +29,7 @@ KEEP_RANGE = 2.5
 CELL = 0.04
 #: A beam must pass a point by this distance to clear it [m]: range noise, and the age of the pose.
 CLEAR_MARGIN = 0.10
-#: A reading within this distance of a wheel is the wheel [m]: four standard deviations of the noise.
+#: A reading within this distance of a part of the robot is that part [m]: four standard deviations of the noise.
 WHEEL_MARGIN = 0.04
 #: Jump of the pose between two scans that only a teleport can make [m].
 TELEPORT = 0.5
@@ -49,9 +49,22 @@ class Surroundings:
     ----------
     points : (N, 2) float64
         x, y [m] in the odometry frame.
+
+    Parameters
+    ----------
+    laser : (float, float), optional
+        Position of the laser in the frame of the pose [m].
+    own_parts : sequence of (float, float, float, float), optional
+        Parts of the robot that its laser sees, in the same frame: least and greatest x, least and greatest y without
+        its sign [m].
+    keep_range : float, optional
+        Readings beyond this are not stored [m].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, laser: Point = (LASER_X, 0.0), own_parts: Sequence[Sequence[float]] = FOOTPRINT_BOXES[1:2],
+                 keep_range: float = KEEP_RANGE) -> None:
+        self._laser, self._own_parts, self._keep_range = laser, own_parts, keep_range
+        self._forget_distance = keep_range + (FORGET_DISTANCE - KEEP_RANGE)
         self.points = np.empty((0, 2))
         self._pose: Optional[Pose] = None
         self._layout: Optional[Tuple[int, float, float]] = None
@@ -84,12 +97,13 @@ class Surroundings:
             self.points = np.empty((0, 2))
         self._pose = pose
         cos_yaw, sin_yaw = math.cos(pose[2]), math.sin(pose[2])
-        laser_x, laser_y = pose[0] + LASER_X * cos_yaw, pose[1] + LASER_X * sin_yaw
+        ahead, left = self._laser
+        laser_x, laser_y = pose[0] + ahead * cos_yaw - left * sin_yaw, pose[1] + ahead * sin_yaw + left * cos_yaw
         kept = self._unseen(readings, angle_min, angle_increment, laser_x, laser_y, pose[2])
-        near = (readings < KEEP_RANGE).nonzero()[0]
+        near = (readings < self._keep_range).nonzero()[0]
         distance = readings[near]
         local_x, local_y = distance * self._cos[near], distance * self._sin[near]
-        own = _own_wheels(LASER_X + local_x, np.abs(local_y))
+        own = _own_points(ahead + local_x, np.abs(left + local_y), self._own_parts)
         if own.any():
             foreign = ~own
             local_x, local_y = local_x[foreign], local_y[foreign]
@@ -196,7 +210,7 @@ class Surroundings:
         # the least of three beams: a thin post must not be cleared by the beam that passes beside it
         through = np.fmin(np.fmin(readings[before], readings[after]), readings[beam])
         seen = inside & (distance < through + CLEAR_MARGIN)
-        return self.points[~seen & (distance < FORGET_DISTANCE)]
+        return self.points[~seen & (distance < self._forget_distance)]
 
 
 def _first_in_cells(cells: IndexArray) -> IndexArray:
@@ -210,11 +224,13 @@ def _first_in_cells(cells: IndexArray) -> IndexArray:
     return order[new]
 
 
-def _own_wheels(x: FloatArray, y: FloatArray) -> BoolArray:
-    """Return which points (chassis frame, y without its sign) are wheels: they are higher than the laser, behind it."""
-    x_min, x_max, y_min, y_max = FOOTPRINT_BOXES[1]
-    return ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
-            & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
+def _own_points(x: FloatArray, y: FloatArray, parts: Sequence[Sequence[float]]) -> BoolArray:
+    """Return which points (robot's frame, y without its sign) are on parts of the robot, such as wheels."""
+    own = np.zeros(len(x), bool)
+    for x_min, x_max, y_min, y_max in parts:
+        own |= ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)
+                & (y > y_min - WHEEL_MARGIN) & (y < y_max + WHEEL_MARGIN))
+    return own
 
 
 def _travel(delta_x: FloatArray, delta_y: FloatArray, cos_dir: FloatArray, sin_dir: FloatArray,

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from typing import TYPE_CHECKING, List, Optional
 
 from m2wr_navigation.compare.comparison import NAMES, Comparison, order
+from m2wr_navigation.compare.drive import Robot
+from m2wr_navigation.compare.outputs import check_writable, write_json, write_text
 from m2wr_navigation.compare.page import page
 from m2wr_navigation.kernel_warm_up import compile_kernels
+from m2wr_navigation.robot_body import body_of
+from m2wr_node.interrupts import INTERRUPTED
+from m2wr_sim.api import read_robot
 from m2wr_sim.errors import SimError
 
 if TYPE_CHECKING:
@@ -38,13 +42,19 @@ def _finite(text: str) -> float:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="compare", description="Drive m2wr from start to goal by every planner and every method without a map, "
+        prog="compare", description="Drive a robot from start to goal by every planner and every method without a map, "
         "and compare the paths with the exact shortest one. No ROS master is needed.")
     parser.add_argument("--world", default="world02", help="name or file of the world (default world02)")
     parser.add_argument("--start", type=_finite, nargs="+", default=[0.0, 8.0], metavar="M",
                         help="x, y [m] and optionally yaw [rad] (default 0 8)")
     parser.add_argument("--goal", type=_finite, nargs=2, default=[0.0, -4.0], metavar="M",
                         help="x, y [m] (default 0 -4)")
+    parser.add_argument("--robot", default="m2wr", metavar="FILE", help="name of a robot, or its URDF, xacro or SDF "
+                        "file (default m2wr); it needs a differential drive and a laser")
+    parser.add_argument("--max-vel-x", type=_finite, default=0.5, metavar="M_S",
+                        help="greatest speed (default 0.5 m/s)")
+    parser.add_argument("--max-vel-theta", type=_finite, default=1.0, metavar="RAD_S",
+                        help="greatest rate of turning (default 1 rad/s)")
     parser.add_argument("--methods", type=_names, default=list(NAMES), metavar="NAMES",
                         help="all, or names with commas between: " + ", ".join(NAMES))
     parser.add_argument("--limit", type=_finite, default=600.0, help="longest simulated time of a drive [s]")
@@ -69,23 +79,45 @@ def main(argv: Optional[List[str]] = None) -> int:
     if options.seed < 0 or not options.limit > 0.0:
         parser.error("--seed {}, --limit {}; expected no negative seed and a positive limit".format(
             options.seed, options.limit))
-    compile_kernels()           # not measured
+    if not (options.max_vel_x > 0.0 and options.max_vel_theta > 0.0):
+        parser.error("--max-vel-x {}, --max-vel-theta {}; expected positive numbers".format(
+            options.max_vel_x, options.max_vel_theta))
     try:
-        comparison = Comparison(options.world, (options.start + [0.0])[:3], options.goal, options.limit, options.seed)
-        print(LINE % ("name", "kind", "result", "ratio", "length m", "time s", "clearance", "contacts", "CPU ms"))
-        entries = []
-        for entry in comparison.entries(options.methods):
-            entries.append(entry)
-            print(_line(entry), flush=True)
-        with open(options.out, "w", encoding="utf-8") as file:
-            file.write(page(comparison, entries))
-        if options.json:
-            with open(options.json, "w", encoding="utf-8") as file:
-                json.dump({"world": options.world, "start": comparison.start, "goal": comparison.goal,
-                           "seed": options.seed, "optimum_m": comparison.optimum.length,
-                           "entries": [entry.record() for entry in order(entries)]}, file, indent=1)
+        for path in (options.out, options.json):
+            if path:
+                check_writable(path)
+        compile_kernels()           # not measured
+        return _compare(options)
     except (SimError, ValueError, OSError) as error:
         print("compare: {}".format(error), file=sys.stderr)
         return 1
-    print("optimum {:.2f} m; page: {}".format(comparison.optimum.length, options.out))
-    return 0
+
+
+def _robot(options: argparse.Namespace) -> Robot:
+    model = read_robot(options.robot)
+    return Robot(model, body_of(model), {"max_vel_x": options.max_vel_x, "max_vel_theta": options.max_vel_theta})
+
+
+def _compare(options: argparse.Namespace) -> int:
+    """Drive in one world and write what was measured, also after Ctrl-C; return the exit code."""
+    comparison = Comparison(options.world, (options.start + [0.0])[:3], options.goal, options.limit, options.seed,
+                            _robot(options))
+    print(LINE % ("name", "kind", "result", "ratio", "length m", "time s", "clearance", "contacts", "CPU ms"))
+    entries: List[Entry] = []
+    code = 0
+    try:
+        for entry in comparison.entries(options.methods):
+            entries.append(entry)
+            print(_line(entry), flush=True)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    finally:
+        if entries:
+            write_text(options.out, page(comparison, entries))
+        if entries and options.json:
+            write_json(options.json, {"world": options.world, "start": comparison.start, "goal": comparison.goal,
+                                      "seed": options.seed, "optimum_m": comparison.optimum.length,
+                                      "entries": [entry.record() for entry in order(entries)]})
+    if entries:
+        print("optimum {:.2f} m; page: {}".format(comparison.optimum.length, options.out))
+    return code

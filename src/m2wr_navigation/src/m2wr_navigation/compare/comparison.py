@@ -2,13 +2,14 @@
 """Runs planners and methods in one world, and measures their paths against the exact shortest one."""
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Sequence
 
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.compare.drive import Drive, drive_method
+from m2wr_navigation.compare.drive import M2WR_ROBOT, Drive, Robot, drive_method
 from m2wr_navigation.compare.planned import costmap_of, drive_plan, plan_with
 from m2wr_navigation.methods.method import UNREACHABLE
 from m2wr_navigation.optimum.shortest_path import ShortestPath, shortest_path
@@ -16,14 +17,10 @@ from m2wr_navigation.parameters import read
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
 from m2wr_view.outlines import least_clearance
-from motion_plan.body import AXLE_X
-from motion_plan.surroundings import axle_of
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
 
-#: Radius of the greatest disc around the axle inside of m2wr [m]: no path without contacts is shorter than its optimum.
-INSCRIBED = 0.2
 _NO_COMPARISON = ("carrot_planner/CarrotPlanner",)      # ends before the first obstacle
 #: Names of all planners and methods that are compared.
 NAMES = [registry.short_name(name) for name in registry.PLANNERS if name not in _NO_COMPARISON] \
@@ -73,8 +70,9 @@ class Entry:
         return self.outcome == "reached" and self.contacts == 0
 
     def record(self) -> Dict[str, Any]:
-        """Return everything for JSON; the path is rounded to millimetres."""
-        found = {key: value for key, value in self.__dict__.items() if key != "path"}
+        """Return everything for JSON, which knows no infinity: a clearance without obstacles is None."""
+        found = {key: value if not isinstance(value, float) or math.isfinite(value) else None
+                 for key, value in self.__dict__.items() if key != "path"}
         return dict(found, success=self.success, path=np.round(self.path, 3).tolist())
 
 
@@ -86,19 +84,20 @@ class Comparison:
     world : str
         As :func:`m2wr_sim.api.read_world` takes it.
     start : (3,) float
-        Pose of link_chassis [m, m, rad].
+        Pose of the robot [m, m, rad].
     goal : (2,) float
         [m]
     limit : float
         Greatest simulated time of a drive [s].
     seed : int
         Of the noise of the sensors.
+    robot : Robot, optional
 
     Attributes
     ----------
     obstacles : list of Outline
     optimum : ShortestPath
-        Of the inscribed disc, from the axle at the start to the goal.
+        Of the disc inscribed in the robot around its axle, from there to the goal: no path without contacts is shorter.
 
     Raises
     ------
@@ -106,13 +105,15 @@ class Comparison:
         If start or goal are in an obstacle, or nothing connects them.
     """
 
-    def __init__(self, world: str, start: Vector, goal: Vector, limit: float = 600.0, seed: int = 0) -> None:
+    def __init__(self, world: str, start: Vector, goal: Vector, limit: float = 600.0, seed: int = 0,
+                 robot: Robot = M2WR_ROBOT) -> None:
         self._world, self._limit, self._seed = read_world(world), limit, seed
         self.name, self.start, self.goal = world, tuple(map(float, start)), tuple(map(float, goal))
         self.obstacles = obstacle_outlines(self._world)
-        self._axle = axle_of((self.start[0], self.start[1], self.start[2]))
-        self.optimum: ShortestPath = shortest_path(self.obstacles, INSCRIBED, self._axle, self.goal)
-        self._costmap = costmap_of(self.obstacles, np.array([self._axle, self.goal]))
+        self.robot, self.inscribed = robot, robot.body.inscribed_radius
+        self._axle = robot.body.axle(self.start)
+        self.optimum: ShortestPath = shortest_path(self.obstacles, self.inscribed, self._axle, self.goal)
+        self._costmap = costmap_of(self.obstacles, np.array([self._axle, self.goal]), robot.body.turning_radius)
 
     def entries(self, names: Sequence[str]) -> Iterator[Entry]:
         """Yield an entry for each name of NAMES, as soon as its drive has ended.
@@ -126,25 +127,24 @@ class Comparison:
 
     def _method(self, name: str) -> Entry:
         kind = registry.find(registry.METHODS, name)
-        made = kind(read(kind.PARAMETERS, {}, name)[0])
-        run = drive_method(self._world, self.start, self.goal, made, self._limit, self._seed)
+        made = kind(read(kind.PARAMETERS, self.robot.limits, name)[0], self.robot.body)
+        run = drive_method(self._world, self.start, self.goal, made, self._limit, self._seed, self.robot)
         return self._entry(name, "method", run, run.cpu_ms)
 
     def _planner(self, name: str) -> Entry:
-        plan, spent = plan_with(name, self._costmap, self.start, self.goal)
+        plan, spent = plan_with(name, self._costmap, self._axle + self.start[2:], self.goal)
         if not len(plan.poses):
             run = Drive(UNREACHABLE, plan.reason, np.array([self.start]), 0.0, 0, spent)
         else:
-            run = drive_plan(self._world, self.start, plan.poses, self._costmap, self._limit, self._seed)
+            run = drive_plan(self._world, self.start, plan.poses, self._costmap, self._limit, self._seed,
+                             self.robot)
         return self._entry(name, "planner", run, spent)
 
     def _entry(self, name: str, kind: str, run: Drive, spent: float) -> Entry:
-        yaw = run.poses[:, 2]
-        path = run.poses[:, :2] + AXLE_X * np.stack([np.cos(yaw), np.sin(yaw)], -1)
-        path = np.concatenate([[self._axle], path])
+        path = np.concatenate([[self._axle], self.robot.body.axles(run.poses)])
         left = float(np.hypot(*(path[-1] - self.goal)))
         length = float(np.sum(np.hypot(*np.diff(path, axis=0).T))) + left
-        clearance = least_clearance(run.poses, self.obstacles).distance
+        clearance = least_clearance(run.poses, self.obstacles, self.robot.body.footprint).distance
         return Entry(name, kind, run.outcome, run.reason, path, length, length / max(self.optimum.length, 1e-9),
                      run.time, clearance, run.contacts, spent)
 

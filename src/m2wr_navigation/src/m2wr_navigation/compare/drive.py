@@ -1,24 +1,48 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drives of m2wr in the simulator, in this process: by a method without a map, or along a planned path."""
+"""Drives of a robot in the simulator, in this process: by a method without a map, or along a planned path."""
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Callable, List, Tuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Callable, Dict, List, Tuple, Union
 
 import numpy as np
 
+from m2wr_navigation.methods.body import M2WR, Body
 from m2wr_navigation.methods.method import Decision, Method, Sensing
 from m2wr_sim.api import Sim
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_sim.api import StepResult
-    from m2wr_sim.model.types import World
+    from m2wr_sim.model.types import Model, World
 
 PERIOD = 0.05               # s: a command is given at 20 Hz
 TIME_OUT = "time out"
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The robot that drives.
+
+    Attributes
+    ----------
+    model : Model or str
+        As :func:`m2wr_sim.api.read_robot` takes it.
+    body : Body
+        Its measures.
+    limits : dict of str to float
+        Parameters of its speed, such as ``max_vel_x``, for methods and controllers that have them.
+    """
+
+    model: Union[Model, str]
+    body: Body
+    limits: Dict[str, float] = field(default_factory=dict)
+
+
+#: The robot of m2wr_description.
+M2WR_ROBOT = Robot("m2wr", M2WR)
 
 
 @dataclass(frozen=True)
@@ -32,7 +56,7 @@ class Drive:
     reason : str
         Of the method.
     poses : (N, 3) float64
-        True poses of link_chassis at each cycle [m, m, rad].
+        True poses of the robot at each cycle [m, m, rad].
     time : float
         Simulated time [s].
     contacts : int
@@ -55,25 +79,26 @@ class Drive:
 
 
 def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision], limit: float = 600.0,
-          seed: int = 0) -> Drive:
-    """Return the record of a drive of m2wr, until the decisions end.
+          seed: int = 0, robot: Robot = M2WR_ROBOT) -> Drive:
+    """Return the record of a drive, until the decisions end.
 
     Parameters
     ----------
     world : World
     start : (3,) float
-        Pose of link_chassis [m, m, rad].
+        Pose of the robot [m, m, rad].
     decide : callable
         Gives a decision for the result of each step.
     limit : float
         Simulated time after which the drive ends [s].
     seed : int
         Of the noise of the sensors.
+    robot : Robot, optional
     """
     poses: List[Tuple[float, float, float]] = []
     contacts, spent, cycles = 0, 0.0, 0
     decision = Decision(0.0, 0.0)
-    with Sim(world, "m2wr", (float(start[0]), float(start[1]), float(start[2])), seed=seed, sensing="now") as sim:
+    with Sim(world, robot.model, (float(start[0]), float(start[1]), float(start[2])), seed=seed, sensing="now") as sim:
         begun = sim.time
         while sim.time - begun < limit:
             result = sim.step((decision.linear, decision.angular), PERIOD)
@@ -99,7 +124,7 @@ def sensing_of(result: StepResult) -> Sensing:
 
 
 def drive_method(world: World, start: Vector, goal: Vector, method: Method, limit: float = 600.0,
-                 seed: int = 0) -> Drive:
+                 seed: int = 0, robot: Robot = M2WR_ROBOT) -> Drive:
     """Return the record of a drive by a method without a map.
 
     Parameters
@@ -113,9 +138,10 @@ def drive_method(world: World, start: Vector, goal: Vector, method: Method, limi
     limit : float
         [s]
     seed : int
+    robot : Robot, optional
     """
     method.begin(goal)
-    return drive(world, start, lambda result: method.step(sensing_of(result)), limit, seed)
+    return drive(world, start, lambda result: method.step(sensing_of(result)), limit, seed, robot)
 
 
 def final_distance(poses: FloatArray, goal: Vector) -> float:

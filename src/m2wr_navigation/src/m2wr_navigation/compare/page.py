@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, List, Sequence
 
 import numpy as np
 
-from m2wr_navigation.compare.comparison import INSCRIBED, order
+from m2wr_navigation.compare.comparison import order
 from m2wr_view.outlines import convex_hull
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _intro(comparison: Comparison) -> str:
             "optimum, {:.2f} m, is the exact shortest path of a disc of {:g} m, the greatest inside of the robot: no "
             "path without contacts is shorter. The length is that of the axle's path. Time is simulated. Clearance is "
             "the least distance of the robot's outline from an obstacle. CPU time is that of one plan, or of one cycle "
-            "of a method at 20 Hz.</p>").format(comparison.optimum.length, INSCRIBED)
+            "of a method at 20 Hz.</p>").format(comparison.optimum.length, comparison.inscribed)
 
 
 def _row(entry: Entry) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, List, Sequence, Tuple
+from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.compare.drive import PERIOD, Drive, drive
+from m2wr_navigation.compare.drive import M2WR_ROBOT, PERIOD, Drive, Robot, drive
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.controllers.pure_pursuit import PurePursuit
 from m2wr_navigation.costmap.cost_layout import LETHAL
@@ -17,9 +17,7 @@ from m2wr_navigation.costmap.costmap import Costmap
 from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
 from m2wr_navigation.methods.method import REACHED, RUNNING, STUCK, Decision
 from m2wr_navigation.parameters import read
-from m2wr_view.outlines import M2WR_FOOTPRINT, convex_hull, point_distances
-from motion_plan.body import AXLE_X, TURNING_RADIUS
-from motion_plan.surroundings import axle_of
+from m2wr_view.outlines import point_distances
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
@@ -36,14 +34,16 @@ ARRIVED = 0.2               # m, as for methods
 PATIENCE = 10.0             # s without a valid command, after which the robot is stuck
 
 
-def costmap_of(obstacles: Sequence[Outline], ends: FloatArray) -> Costmap:
-    """Return the true costmap of a world, in which the disc around the axle of m2wr is free at every heading.
+def costmap_of(obstacles: Sequence[Outline], ends: FloatArray, radius: float) -> Costmap:
+    """Return the true costmap of a world, in which a disc is free of obstacles.
 
     Parameters
     ----------
     obstacles : sequence of Outline
     ends : (N, 2) float64
         Places that have to be on it [m].
+    radius : float
+        Of the disc [m], such as the one in which the robot can turn.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def costmap_of(obstacles: Sequence[Outline], ends: FloatArray) -> Costmap:
         centres = low + (np.stack([column.ravel(), row.ravel()], -1) + 0.5) * RESOLUTION
         window[(point_distances(centres, outline) <= 0.5 * RESOLUTION).reshape(window.shape)] = LETHAL
     cells = int(math.ceil(INFLATION / RESOLUTION))
-    table = cost_table(cells, RESOLUTION, TURNING_RADIUS, SCALING)
+    table = cost_table(cells, RESOLUTION, radius, SCALING)
     inflate(costmap.costs, table, cells, 0, rows, 0, columns, False)
     return costmap
 
@@ -80,15 +80,14 @@ def plan_with(name: str, costmap: Costmap, start: Vector, goal: Vector) -> Tuple
         As in ``registry.PLANNERS``.
     costmap : Costmap
     start : (3,) float
-        Pose of link_chassis [m, m, rad].
+        Pose of the axle [m, m, rad].
     goal : (2,) float
         [m]
     """
     kind = registry.find(registry.PLANNERS, name)
     planner = kind(read(kind.PARAMETERS, {}, name)[0])
-    axle = axle_of((float(start[0]), float(start[1]), float(start[2])))
     begun = time.process_time()
-    plan = planner.plan(costmap, np.array([*axle, start[2]]), np.array([goal[0], goal[1], 0.0]))
+    plan = planner.plan(costmap, np.array(start[:3], float), np.array([goal[0], goal[1], 0.0]))
     return plan, 1e3 * (time.process_time() - begun)
 
 
@@ -100,23 +99,19 @@ class Follower:
     plan : (N, 3) float64
         Of the axle [m, m, rad].
     costmap : Costmap
+    robot : Robot
     """
 
-    def __init__(self, plan: FloatArray, costmap: Costmap) -> None:
-        self._controller = PurePursuit(read(PurePursuit.PARAMETERS, {}, "~PurePursuit")[0])
+    def __init__(self, plan: FloatArray, costmap: Costmap, robot: Robot) -> None:
+        self._controller = PurePursuit(read(PurePursuit.PARAMETERS, robot.limits, "~PurePursuit")[0])
         self._controller.set_plan(plan, True)
-        self._plan, self._costmap = plan, costmap
-        corners: List[Tuple[float, float]] = []
-        for part in M2WR_FOOTPRINT:
-            for x, y in part.vertices.tolist():
-                corners += [(x - AXLE_X + dx, y + dy) for dx in (-part.radius, part.radius)
-                            for dy in (-part.radius, part.radius)]
-        self._footprint, self._valid = convex_hull(corners), 0.0
+        self._plan, self._costmap, self._body = plan, costmap, robot.body
+        self._footprint, self._valid = self._body.hull - (self._body.axle_x, 0.0), 0.0
 
     def __call__(self, result: StepResult) -> Decision:
         odometry = result.odometry
         assert odometry is not None
-        x, y = axle_of(result.pose)
+        x, y = self._body.axle(result.pose)
         left = math.hypot(self._plan[-1, 0] - x, self._plan[-1, 1] - y)
         if left <= ARRIVED:
             return Decision(0.0, 0.0, REACHED, "{:.2f} m from the goal".format(left))
@@ -130,19 +125,21 @@ class Follower:
         return Decision(0.0, 0.0, STUCK if result.time - self._valid > PATIENCE else RUNNING, command.reason)
 
 
-def drive_plan(world: World, start: Vector, plan: FloatArray, costmap: Costmap, limit: float, seed: int) -> Drive:
+def drive_plan(world: World, start: Vector, plan: FloatArray, costmap: Costmap, limit: float, seed: int,
+               robot: Robot = M2WR_ROBOT) -> Drive:
     """Return the record of a drive along a plan.
 
     Parameters
     ----------
     world : World
     start : (3,) float
-        Pose of link_chassis [m, m, rad].
+        Pose of the robot [m, m, rad].
     plan : (N, 3) float64
         Of the axle [m, m, rad].
     costmap : Costmap
     limit : float
         [s]
     seed : int
+    robot : Robot, optional
     """
-    return drive(world, start, Follower(plan, costmap), limit, seed)
+    return drive(world, start, Follower(plan, costmap, robot), limit, seed, robot)

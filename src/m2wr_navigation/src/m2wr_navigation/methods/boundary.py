@@ -16,6 +16,7 @@ from m2wr_navigation.methods.method import STUCK, UNREACHABLE, Decision, Method,
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.methods.body import Body
 
 LOOK = 0.3                  # m: a direction is free if the disc can travel so far; the boundary is approached over it
 HIT = 0.15                  # m: the path to the goal is obstructed if the disc cannot travel so far
@@ -63,8 +64,8 @@ class BoundaryMethod(Method):
         While the boundary is followed.
     """
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        super().__init__(values)
+    def __init__(self, values: Mapping[str, Any], body: Optional[Body] = None) -> None:
+        super().__init__(values, body)
         self.restart()
 
     def restart(self) -> None:
@@ -127,7 +128,7 @@ class BoundaryMethod(Method):
         """
         toward = math.atan2(self._contact[1] - view.y, self._contact[0] - view.x)
         directions = toward + self._side * SWEEP
-        first, blocker = view.surroundings.first_free(view.x, view.y, directions, self.values["radius"], LOOK)
+        first, blocker = view.surroundings.first_free(view.x, view.y, directions, self.radius, LOOK)
         if first < 0:
             return Decision(0.0, 0.0, STUCK, "no direction is free at ({:.2f}, {:.2f})".format(view.x, view.y))
         if blocker >= 0:

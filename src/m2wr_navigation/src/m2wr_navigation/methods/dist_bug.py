@@ -11,7 +11,6 @@ from typing import Optional
 
 from m2wr_navigation.methods.boundary import HIT, BoundaryMethod, no_way
 from m2wr_navigation.methods.method import Decision, View
-from motion_plan.surroundings import KEEP_RANGE
 
 STEP = 0.3                  # m: progress that a new leave point has to make at least
 
@@ -29,7 +28,7 @@ class DistBug(BoundaryMethod):
     def follow(self, view: View, closed: bool) -> Optional[Decision]:
         assert self.circuit is not None
         free = self.travel(view, view.goal_direction)[0]
-        seen = min(free, KEEP_RANGE - self.values["radius"], view.goal_distance)
+        seen = min(free, self.values["sight"] - self.radius, view.goal_distance)
         if free >= min(HIT, view.goal_distance) and view.goal_distance - seen <= self._least - STEP \
                 or seen >= view.goal_distance:
             return self.leave(view, "the free way leads nearer to the goal than any place before")

@@ -33,13 +33,13 @@ class FollowTheGap(Method):
         gap, width = self._widest_gap(view)
         if width == 0:
             return Decision(0.0, math.copysign(0.5 * self.values["max_vel_theta"], goal), reason="no gap: it turns")
-        least = max(view.surroundings.nearest(view.x, view.y)[0] - self.values["radius"], _LEAST)
+        least = max(view.surroundings.nearest(view.x, view.y)[0] - self.radius, _LEAST)
         weight = self.values["alpha"] / least
         return self.steer(view, view.yaw + (weight * gap + goal) / (weight + 1.0), "to the gap")
 
     def _widest_gap(self, view: View) -> Tuple[float, int]:
         """Return the middle of the widest gap, from the heading [rad], and its width in directions; 0: none."""
-        lengths = view.surroundings.free_travel(view.x, view.y, view.yaw + FIELD, self.values["radius"])[0]
+        lengths = view.surroundings.free_travel(view.x, view.y, view.yaw + FIELD, self.radius)[0]
         best, begin, width = 0, 0, 0
         for k, is_open in enumerate((lengths >= self.values["gap_depth"]).tolist() + [False]):
             if is_open:

@@ -2,7 +2,8 @@
 """The interface of methods without a map, and what they share: nearby obstacles, steering, arrival, and giving up.
 
 A method sees one scan, the pose and the velocity in each cycle, and answers with a command. It knows no ROS and no map.
-The robot is m2wr: it turns about its axle, and a disc around the axle holds it at every heading.
+The robot turns about its axle, and a disc around the axle holds it at every heading; its measures are those of a
+:class:`~m2wr_navigation.methods.body.Body`, by default of m2wr.
 """
 from __future__ import annotations
 
@@ -13,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
+from m2wr_navigation.methods.body import M2WR, Body
 from m2wr_navigation.parameters import Configurable, Parameter
-from motion_plan.body import TURNING_RADIUS
-from motion_plan.surroundings import Surroundings, axle_of
+from motion_plan.surroundings import KEEP_RANGE, Surroundings
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
@@ -23,13 +24,16 @@ if TYPE_CHECKING:
 RUNNING, REACHED, UNREACHABLE, STUCK = "running", "reached", "unreachable", "stuck"
 TURN_ON_SPOT = 0.6          # rad: with a larger error of the heading the robot turns without driving
 _TURN_GAIN = 2.5            # 1/s
-_BRAKES = 0.5               # m/s^2: deceleration that is counted on before an obstacle
+RADIUS_MARGIN = 0.05        # m: around the robot, if the radius is not given
 
 #: Parameters of all methods.
 COMMON: Dict[str, Parameter] = {
     "max_vel_x": Parameter(0.5, "m/s", 0.05, 5.0, "greatest speed"),
     "max_vel_theta": Parameter(1.0, "rad/s", 0.1, 10.0, "greatest rate of turning"),
-    "radius": Parameter(TURNING_RADIUS + 0.05, "m", 0.05, 5.0, "of the disc around the axle that is kept free"),
+    "braking": Parameter(0.5, "m/s^2", 0.01, 50.0, "deceleration that is counted on before an obstacle"),
+    "radius": Parameter(0.0, "m", 0.0, 5.0, "of the disc around the axle that is kept free; 0: that in which the robot "
+                        "can turn, and {:g} m".format(RADIUS_MARGIN)),
+    "sight": Parameter(KEEP_RANGE, "m", 0.5, 30.0, "readings of the laser beyond are not used"),
     "goal_tolerance": Parameter(0.2, "m", 0.02, 5.0, "distance to the goal at which it is reached"),
     "patience": Parameter(120.0, "s", 1.0, 1e6, "the robot is stuck if it moved less than 1 m in this time"),
 }
@@ -116,16 +120,19 @@ class Method(Configurable, ABC):
     ----------
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
+    body : Body, optional
+        Of the robot; None: of m2wr.
     """
 
     PARAMETERS = COMMON
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Mapping[str, Any], body: Optional[Body] = None) -> None:
         super().__init__(values)
+        self.body = M2WR if body is None else body
         self.goal = np.zeros(2)
         self._end: Optional[Decision] = None
         self._anchor = (0.0, math.inf, math.inf)
-        self.surroundings = Surroundings()
+        self.surroundings = self._new_surroundings()
 
     def begin(self, goal: Vector) -> None:
         """Take a new goal and forget everything else.
@@ -144,11 +151,19 @@ class Method(Configurable, ABC):
             raise ValueError("goal {}; expected finite numbers".format(tuple(goal[:2])))
         self.goal = np.array(goal[:2], float)
         self._end, self._anchor = None, (0.0, math.inf, math.inf)
-        self.surroundings.clear()
+        self.surroundings = self._new_surroundings()
         self.restart()
 
     def restart(self) -> None:
         """Begin with a new goal; for methods with a state."""
+
+    def _new_surroundings(self) -> Surroundings:
+        return Surroundings(self.body.laser[:2], self.body.own_parts, self.values["sight"])
+
+    @property
+    def radius(self) -> float:
+        """Of the disc around the axle that is kept free [m]."""
+        return float(self.values["radius"]) or self.body.turning_radius + RADIUS_MARGIN
 
     def step(self, sensing: Sensing) -> Decision:
         """Return the command of a cycle.
@@ -162,8 +177,9 @@ class Method(Configurable, ABC):
         if len(sensing.ranges) == 0 or not np.isfinite(sensing.pose + sensing.velocity).all():
             return Decision(0.0, 0.0, RUNNING, "{} readings, pose {}; expected readings and finite numbers".format(
                 len(sensing.ranges), sensing.pose))
-        self.surroundings.update(sensing.ranges, sensing.angle_min, sensing.angle_increment, sensing.pose)
-        x, y = axle_of(sensing.pose)
+        self.surroundings.update(sensing.ranges, sensing.angle_min + self.body.laser[2], sensing.angle_increment,
+                                 sensing.pose)
+        x, y = self.body.axle(sensing.pose)
         across, up = self.goal[0] - x, self.goal[1] - y
         view = View(sensing.stamp, x, y, sensing.pose[2], sensing.velocity, math.hypot(across, up),
                     math.atan2(up, across), self.surroundings)
@@ -202,7 +218,7 @@ class Method(Configurable, ABC):
         direction : float
             In the odometry frame [rad].
         """
-        lengths, blockers = view.surroundings.free_travel(view.x, view.y, [direction], self.values["radius"])
+        lengths, blockers = view.surroundings.free_travel(view.x, view.y, [direction], self.radius)
         return float(lengths[0]), None if blockers[0] < 0 else view.surroundings.points[blockers[0]].copy()
 
     def is_goal_free(self, view: View, look: float) -> bool:
@@ -235,5 +251,6 @@ class Method(Configurable, ABC):
         if abs(error) > TURN_ON_SPOT:
             return Decision(0.0, angular, RUNNING, reason)
         free = self.travel(view, view.yaw)[0]
-        linear = min(self.values["max_vel_x"], speed, math.sqrt(2.0 * _BRAKES * free), view.goal_distance + 0.1)
+        before_obstacle = math.sqrt(2.0 * self.values["braking"] * free)
+        linear = min(self.values["max_vel_x"], speed, before_obstacle, view.goal_distance + 0.1)
         return Decision(linear * math.cos(error), angular, RUNNING, reason)

@@ -14,7 +14,6 @@ from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
 from m2wr_navigation.methods.method import COMMON, Decision, Method, View
 from m2wr_navigation.methods.mppi_kernels import costs_of, improve
 from m2wr_navigation.parameters import Parameter
-from motion_plan.body import TURNING_RADIUS
 
 CELLS, RESOLUTION = 120, 0.05           # the grid around the robot: 6 x 6 m
 INFLATION = 1.0                         # m
@@ -39,7 +38,7 @@ class Mppi(Method):
         self._random = np.random.default_rng(self.values["seed"])
         self._nominal = np.zeros((self.values["horizon"], 2))
         cells = int(math.ceil(INFLATION / RESOLUTION))
-        self._table = cost_table(cells, RESOLUTION, TURNING_RADIUS, SCALING)
+        self._table = cost_table(cells, RESOLUTION, self.body.turning_radius, SCALING)
 
     def decide(self, view: View) -> Decision:
         values = self.values
@@ -60,6 +59,6 @@ class Mppi(Method):
         np.clip(self._nominal, (0.0, -limits[1]), limits, out=self._nominal)
         linear, angular = self._nominal[0]
         self._nominal[:-1] = self._nominal[1:]
-        free = self.travel(view, view.yaw)[0] + values["radius"] - TURNING_RADIUS
+        free = self.travel(view, view.yaw)[0] + self.radius - self.body.turning_radius
         return Decision(min(float(linear), math.sqrt(max(free, 0.0))), float(angular),
                         reason="least cost {:.1f}".format(float(costs.min())))

@@ -15,6 +15,7 @@ from m2wr_navigation.parameters import Parameter
 
 SECTORS = 12
 _LEAST = 0.03               # m: least rho; the force is finite
+_INSIDE = 0.05              # m: rho counts from so far inside of the disc in which the robot can turn
 
 
 class PotentialField(Method):
@@ -25,7 +26,8 @@ class PotentialField(Method):
         "repulsion": Parameter(0.02, "m^3", 0.0, 1000.0, "eta of obstacles"),
         "influence": Parameter(0.8, "m", 0.05, 2.0, "rho0: distance from the robot's disc at which obstacles begin "
                                "to push"),
-        "body": Parameter(0.4, "m", 0.0, 5.0, "radius from which rho counts"),
+        "body": Parameter(0.0, "m", 0.0, 5.0, "radius from which rho counts; 0: where the robot can turn, less {:g} m"
+                          .format(_INSIDE)),
     })
 
     def decide(self, view: View) -> Decision:
@@ -35,12 +37,13 @@ class PotentialField(Method):
         far = np.hypot(offset[:, 0], offset[:, 1])
         sector = ((np.arctan2(offset[:, 1], offset[:, 0]) + math.pi) / (2.0 * math.pi) * SECTORS).astype(int) % SECTORS
         reach = self.values["influence"]
+        body = self.values["body"] or self.body.turning_radius - _INSIDE
         for one in range(SECTORS):
             inside = np.flatnonzero(sector == one)
             if not len(inside):
                 continue
             nearest = inside[int(np.argmin(far[inside]))]
-            gap = max(float(far[nearest]) - self.values["body"], _LEAST)
+            gap = max(float(far[nearest]) - body, _LEAST)
             if gap < reach:
                 push = self.values["repulsion"] * (1.0 / gap - 1.0 / reach) / gap ** 2
                 force -= push * offset[nearest] / max(far[nearest], 1e-6)

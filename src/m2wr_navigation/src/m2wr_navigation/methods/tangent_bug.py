@@ -14,7 +14,6 @@ import numpy as np
 
 from m2wr_navigation.methods.boundary import HIT, LOOK, SWEEP, BoundaryMethod, no_way
 from m2wr_navigation.methods.method import Decision, View
-from motion_plan.surroundings import KEEP_RANGE
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -36,7 +35,7 @@ class TangentBug(BoundaryMethod):
     def decide(self, view: View) -> Decision:
         if self.circuit is not None:
             return super().decide(view)
-        seen = KEEP_RANGE - self.values["radius"]
+        seen = self.values["sight"] - self.radius
         if self.is_goal_free(view, seen):
             self._least = min(self._least, view.goal_distance)
             return self.steer(view, view.goal_direction, "towards the goal")
@@ -49,7 +48,7 @@ class TangentBug(BoundaryMethod):
 
     def follow(self, view: View, closed: bool) -> Optional[Decision]:
         assert self.circuit is not None
-        seen = KEEP_RANGE - self.values["radius"]
+        seen = self.values["sight"] - self.radius
         lengths = np.minimum(self._lengths(view), min(seen, view.goal_distance))
         directions = view.goal_direction + SWEEP
         reached = np.hypot(view.x + lengths * np.cos(directions) - self.goal[0],
@@ -64,7 +63,7 @@ class TangentBug(BoundaryMethod):
 
     def _lengths(self, view: View) -> FloatArray:
         """Return how far the disc can travel in each direction of the sweep from the goal's (D,) [m]."""
-        return view.surroundings.free_travel(view.x, view.y, view.goal_direction + SWEEP, self.values["radius"])[0]
+        return view.surroundings.free_travel(view.x, view.y, view.goal_direction + SWEEP, self.radius)[0]
 
     def _best_edge(self, view: View, seen: float) -> Tuple[Optional[float], float]:
         """Return the direction of the best edge [rad], None: there is none, and the way to the goal by it [m]."""

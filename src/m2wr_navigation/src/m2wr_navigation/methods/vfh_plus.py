@@ -56,10 +56,10 @@ class VfhPlus(Method):
         points, window = view.surroundings.points, self.values["window"]
         across, up = points[:, 0] - view.x, points[:, 1] - view.y
         far = np.hypot(across, up)
-        near = far < min(window, view.goal_distance + self.values["radius"])
+        near = far < min(window, view.goal_distance + self.radius)
         far, bearing = far[near], np.arctan2(up[near], across[near])
         weight = 1.0 - (far / (1.1 * window)) ** 2
-        half = np.arcsin(np.minimum(self.values["radius"] / np.maximum(far, 1e-6), 1.0))
+        half = np.arcsin(np.minimum(self.radius / np.maximum(far, 1e-6), 1.0))
         centres = (np.arange(SECTORS) + 0.5) * WIDTH
         away = np.abs((centres[:, None] - bearing[None, :] + math.pi) % (2.0 * math.pi) - math.pi)
         return np.sum(np.where(away <= half[None, :], weight[None, :], 0.0), axis=1)
@@ -81,8 +81,8 @@ class VfhPlus(Method):
                 continue
             margin = 0.5 * WIDE * WIDTH
             found += [right + margin, left - margin]
-            if (goal - right) % (2.0 * math.pi) < left - right:
-                found.append(goal)
+            if (goal - right - margin) % (2.0 * math.pi) <= left - right - 2.0 * margin:
+                found.append(goal)      # between the candidates of both sides
         return found
 
 

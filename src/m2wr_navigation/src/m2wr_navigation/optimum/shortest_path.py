@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Vector
     from m2wr_view.outlines import Outline
 
-MOST_CORNERS = 4000         # the number of tangents grows with its square
+MOST_CORNERS = 1000         # of all obstacles: the tangents grow with its square, the work with its cube
 ARC_STEP = math.radians(3.0)        # between two points of an arc, only for display
 
 #: Node of the graph: index of its circle, and angle on it [rad].

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reads the body of a robot from its description: footprint, axle, laser."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_navigation.methods.body import Body, boxes_of
+from m2wr_sim.geometry import compose, yaw_of
+from m2wr_sim.model.outlines import outline_of
+from m2wr_view.outlines import Outline, convex_hull, point_distances
+
+if TYPE_CHECKING:
+    from m2wr_sim.geometry import Pose
+    from m2wr_sim.model.types import Model
+
+    Shape = Tuple[object, Pose]
+
+TALL = 1e3                  # m: higher than any robot
+THIN = 1e-3                 # m: half height of the slice that the laser sees
+DIGITS = 4                  # of a corner: the rim of a lying wheel becomes a rectangle
+_WHEELS = ("leftJoint", "rightJoint", "left_joint", "right_joint", "leftFrontJoint", "rightFrontJoint",
+           "leftRearJoint", "rightRearJoint")
+_LASERS = ("ray", "gpu_ray")
+
+
+def body_of(model: Model) -> Body:
+    """Return the body of a robot in the frame of its model.
+
+    The axle is the middle of the wheels that a plugin drives, and the model's origin without one. Meshes are not
+    part of the footprint.
+
+    Parameters
+    ----------
+    model : Model
+
+    Raises
+    ------
+    ValueError
+        If the robot has no laser, or no box, cylinder or sphere that collides.
+    """
+    shapes = [(collision.geometry, compose(link.pose, collision.pose))
+              for link in model.links for collision in link.collisions]
+    footprint = _slice(shapes, -TALL, TALL)
+    if not footprint:
+        raise ValueError("robot {} has no box, cylinder or sphere that collides; expected its body".format(model.name))
+    laser = _laser_pose(model)
+    if laser is None:
+        raise ValueError("robot {} has no sensor of type ray; expected a laser".format(model.name))
+    (x, y, height), orientation = laser
+    seen = [part for part in _slice(shapes, height - THIN, height + THIN)
+            if point_distances(np.array([(x, y)]), part)[0] > 0.0]         # a laser does not see its own housing
+    return Body(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen))
+
+
+def _slice(shapes: Sequence[Shape], low: float, high: float) -> List[Outline]:
+    """Return the outlines of the parts of shapes between two heights [m]."""
+    outlines = [outline_of(geometry, pose, low, high) for geometry, pose in shapes]
+    return [Outline(convex_hull(np.round(outline.vertices, DIGITS)), outline.radius)
+            for outline in outlines if outline is not None]
+
+
+def _laser_pose(model: Model) -> Optional[Pose]:
+    """Return the pose of the first laser in the model, or None."""
+    for link in model.links:
+        for sensor in link.sensors:
+            if sensor.kind in _LASERS:
+                return compose(link.pose, sensor.pose)
+    return None
+
+
+def _axle_x(model: Model) -> float:
+    """Return the mean x of the joints that plugins drive [m]."""
+    joints = {joint.name: joint for joint in model.joints}
+    poses: Dict[str, Pose] = {link.name: link.pose for link in model.links}
+    driven = {text for plugin in model.plugins for tag, text in plugin.parameters if tag in _WHEELS}
+    places = [compose(poses[joints[name].child], joints[name].pose)[0][0] for name in sorted(driven) if name in joints]
+    return float(np.mean(places)) if places else 0.0
