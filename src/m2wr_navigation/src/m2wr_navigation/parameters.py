@@ -172,6 +172,14 @@ def _expected(parameter: Parameter) -> str:
     return "{} from {:g} to {:g}{}".format(kind, parameter.low, parameter.high, unit)
 
 
+#: Names from older versions and other packages, with the present ones.
+RENAMED = {"max_vel_rot": "max_vel_theta", "min_vel_rot": "min_vel_theta", "max_rot_vel": "max_vel_theta",
+           "min_rot_vel": "min_vel_theta", "max_rotational_vel": "max_vel_theta",
+           "rot_stopped_vel": "theta_stopped_vel",
+           "max_trans_vel": "max_vel_trans", "min_trans_vel": "min_vel_trans", "acc_lim_th": "acc_lim_theta",
+           "acc_limit_trans": "acc_lim_trans"}
+
+
 def unknown(given: Iterable[str], known: Iterable[str], place: str) -> List[str]:
     """Return one sentence for each name without effect, with the most similar known name.
 
@@ -187,7 +195,7 @@ def unknown(given: Iterable[str], known: Iterable[str], place: str) -> List[str]
     names = sorted(known)
     sentences = []
     for name in sorted(set(given) - set(names)):
-        near = difflib.get_close_matches(name, names, 1, 0.6)
+        near = [RENAMED[name]] if RENAMED.get(name) in names else difflib.get_close_matches(name, names, 1, 0.6)
         sentences.append("parameter {}/{} has no effect{}".format(
             place, name, "; did you mean {}?".format(near[0]) if near else ""))
     return sentences

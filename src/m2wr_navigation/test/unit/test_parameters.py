@@ -40,3 +40,10 @@ def test_a_value_that_fits_gives_no_warning():
 def test_an_unknown_name_is_told_with_the_nearest_known_one():
     assert unknown(["rates", "rate", "qqq"], TABLE, "~x") == [
         "parameter ~x/qqq has no effect", "parameter ~x/rates has no effect; did you mean rate?"]
+
+
+def test_an_old_name_of_a_limit_is_told_with_the_new_one():
+    names = ["max_vel_theta", "max_vel_trans", "max_vel_x"]
+    for old, new in (("max_vel_rot", "max_vel_theta"), ("max_trans_vel", "max_vel_trans")):
+        assert unknown([old], names, "~DWAPlannerROS") == [
+            "parameter ~DWAPlannerROS/{} has no effect; did you mean {}?".format(old, new)]
