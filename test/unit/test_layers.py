@@ -55,6 +55,7 @@ RULES = (
     Rule("m2wr_tools/runs/bag_report.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_tools/bug2_runner.py", NUMERIC, False, True,
          ("m2wr_sim.ros", "motion_plan.ros*", "motion_plan.*_nodes")),
+    Rule("m2wr_tools/best_path_runner.py", NUMERIC, False, True, ("m2wr_sim.ros", "m2wr_navigation.ros")),
     Rule("m2wr_tools/*/*.py", ANYTHING, True, False, ()),                 # commands, nodes, measurements of time
     Rule("m2wr_tools/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_node/ros/*.py", ANYTHING, True, False, ("m2wr_[!n]*", "motion_plan")),
@@ -111,6 +112,9 @@ RULES = (
     Rule("m2wr_navigation/controllers/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.recoveries")),
     Rule("m2wr_navigation/recoveries/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
+    Rule("m2wr_navigation/criteria/*.py", NUMERIC, False, True,
+         ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.controllers")),
+    Rule("m2wr_navigation/best_path/*.py", NUMERIC, False, True, ("m2wr_navigation.ros", "m2wr_navigation.compare")),
     Rule("m2wr_navigation/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
     Rule("motion_plan/ros_*.py", ANYTHING, True, False, ()),
     Rule("motion_plan/*_nodes.py", ANYTHING, True, False, ()),

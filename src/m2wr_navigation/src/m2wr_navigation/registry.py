@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Table of planners, controllers, methods without a map, recovery behaviours and costmap layers, by their names.
+"""Table of planners, controllers, methods, criteria, recovery behaviours and costmap layers, by their names.
 
 A new one is one file and one line here.
 """
@@ -33,6 +33,13 @@ METHODS: Dict[str, str] = {
     "follow_the_gap": "m2wr_navigation.methods.follow_the_gap:FollowTheGap",
     "potential_field": "m2wr_navigation.methods.potential_field:PotentialField",
     "mppi": "m2wr_navigation.methods.mppi:Mppi",
+}
+CRITERIA: Dict[str, str] = {
+    "length": "m2wr_navigation.criteria.length:Length",
+    "time": "m2wr_navigation.criteria.time:Time",
+    "clearance": "m2wr_navigation.criteria.clearance:LeastClearance",
+    "turning": "m2wr_navigation.criteria.turning:Turning",
+    "energy": "m2wr_navigation.criteria.energy:Energy",
 }
 RECOVERIES: Dict[str, str] = {
     "clear_costmap_recovery/ClearCostmapRecovery": "m2wr_navigation.recoveries.clear_costmap:ClearCostmap",

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Map and experience survive: what is written is read again, what is damaged is named and kept."""
+import json
+import logging
+import os
+
+import numpy as np
+import pytest
+
+from m2wr_navigation.best_path.memory import MOST_RUNS, Memory, Run, load
+from m2wr_navigation.best_path.scoring import make_scorer
+from m2wr_navigation.best_path.survey import Survey
+from m2wr_navigation.best_path.track import ObstacleField, Track
+
+
+def run(length=5.0, outcome="reached", total=None):
+    poses = np.column_stack([np.linspace(0.0, length, 11), np.zeros(11), np.zeros(11)])
+    track = Track(0.5 * np.arange(11), poses, np.array([length, 0.0]))
+    return Run("Bug 2", outcome, "why", track, poses[::5], {"length": length}, length if total is None else total)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    memory = Memory(str(tmp_path / "deep" / "memory"), np.full((40, 50), -1, np.int8), 0.05, (-1.0, -1.0))
+    memory.cells[10, 10:20], memory.cells[5:8, 5:8] = 100, 0
+    memory.runs = [run(), run(4.0, "stuck")]
+    memory.save_map()
+    memory.save_runs()
+    return memory.folder
+
+
+def test_what_is_saved_is_loaded(folder):
+    found, made = load(folder), run()
+    assert found.cells[10, 15] == 100 and found.cells[6, 6] == 0 and found.cells[0, 0] == -1
+    assert found.resolution == pytest.approx(0.05) and found.origin == pytest.approx((-1.0, -1.0))
+    assert [one.outcome for one in found.runs] == ["reached", "stuck"] and found.runs[0].amounts == made.amounts
+    np.testing.assert_allclose(found.runs[0].track.poses, made.track.poses)
+    np.testing.assert_allclose(found.runs[0].plan, made.plan)
+
+
+def test_an_empty_folder_knows_nothing(tmp_path, caplog):
+    found = load(str(tmp_path / "none"))
+    assert found.cells is None and found.runs == [] and not caplog.records
+
+
+@pytest.mark.parametrize("change, reason", [
+    (lambda data: "{", "it is no JSON"), (lambda data: "[" * 100000, "it is no JSON"),
+    (lambda data: json.dumps(dict(data, version=2)), "its version is 2; expected 1"),
+    (lambda data: json.dumps(dict(data, format="else")), "its format is not"),
+    (lambda data: json.dumps(dict(data, runs={})), "runs is no list"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], track=[[0, 1, 2]])])), "track: expected rows"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], total=None)])), "run 1, amounts or total"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], track=[[1, 0, 0, 0]] * 2)])), "increasing times"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], goal=[float("nan"), 0.0])])), "run 1, goal")])
+def test_damaged_experience_is_named_and_kept(folder, change, reason, caplog):
+    path = os.path.join(folder, "experience.json")
+    with open(path, encoding="utf-8") as stream:
+        text = change(json.load(stream))
+    with open(path, "w", encoding="utf-8") as stream:
+        stream.write(text)
+    with caplog.at_level(logging.WARNING):
+        assert load(folder, keep_damaged=False).runs == [] and os.path.exists(path) and not caplog.records
+        found = load(folder)
+    assert found.runs == [] and found.cells is not None
+    assert reason in caplog.text and path in caplog.text
+    with open(path + ".damaged", encoding="utf-8") as stream:
+        assert stream.read() == text
+    assert not os.path.exists(path)
+
+
+def test_a_damaged_map_is_named_and_kept(folder, caplog):
+    path = os.path.join(folder, "map.yaml")
+    with open(path, "w", encoding="utf-8") as stream:
+        stream.write("image: map.pgm\nresolution: -1\n")
+    with caplog.at_level(logging.WARNING):
+        found = load(folder)
+    assert found.cells is None and len(found.runs) == 2 and "resolution" in caplog.text
+    assert os.path.exists(path + ".damaged")
+
+
+def test_the_best_run_is_one_that_reached_this_goal():
+    memory = Memory("", runs=[run(total=7.0), run(total=3.0, outcome="stuck"), run(total=6.0), run(9.0, total=1.0)])
+    number, found = memory.best((0.1, 0.0), (5.1, 0.0))
+    assert number == 3 and found.total == 6.0
+    assert memory.best((0.7, 0.0), (5.0, 0.0)) is None and memory.best((0.0, 0.0), (5.3, 0.0)) is None
+
+
+def test_of_too_many_runs_the_worst_are_dropped(tmp_path):
+    memory = Memory(str(tmp_path), runs=[run(total=float(200 - k)) for k in range(MOST_RUNS + 5)] + [run(total=999.0)])
+    memory.save_runs()
+    found = load(str(tmp_path)).runs
+    assert len(found) == MOST_RUNS and found[-1].total == 999.0 and max(one.total for one in found[:-1]) < 200.0
+
+
+def test_other_weights_score_old_runs_again():
+    memory = Memory("", runs=[run()])
+    survey = Survey(20.0, (0.0, 0.0))
+    memory.rescore(make_scorer({"length": {"weight": 2.0}, "time": {"weight": 0.0}, "energy": {"weight": 0.0}},
+                               "~")[0], ObstacleField(survey.costs))
+    assert memory.runs[0].total == pytest.approx(10.0) and memory.runs[0].amounts["time"] == pytest.approx(5.0)
