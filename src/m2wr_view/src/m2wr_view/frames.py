@@ -51,6 +51,21 @@ def matrix_of(position: Numbers, quaternion: Numbers) -> NDArray[np.float64]:
     return matrix
 
 
+def matrices_of(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the transforms (n, 4, 4) of many poses (n, 7): position [m] and quaternion x y z w, of any length."""
+    x, y, z, w = poses[:, 3:].T
+    square = x * x + y * y + z * z + w * w
+    s = np.divide(2.0, square, out=np.zeros_like(square), where=square > 0.0)       # of length 0: no rotation
+    matrices = np.zeros((len(poses), 4, 4))
+    matrices[:, 0, 0], matrices[:, 1, 1], matrices[:, 2, 2] = (
+        1.0 - s * (y * y + z * z), 1.0 - s * (x * x + z * z), 1.0 - s * (x * x + y * y))
+    matrices[:, 0, 1], matrices[:, 1, 0] = s * (x * y - z * w), s * (x * y + z * w)
+    matrices[:, 0, 2], matrices[:, 2, 0] = s * (x * z + y * w), s * (x * z - y * w)
+    matrices[:, 1, 2], matrices[:, 2, 1] = s * (y * z - x * w), s * (y * z + x * w)
+    matrices[:, :3, 3], matrices[:, 3, 3] = poses[:, :3], 1.0
+    return matrices
+
+
 def matrix_from_rpy(xyz: Numbers, rpy: Numbers) -> NDArray[np.float64]:
     """Return the transform of a URDF origin.
 
@@ -107,11 +122,15 @@ def compose(outer: Numbers, inner: Numbers) -> NDArray[np.float64]:
                      outer[2] + inner[2]))
 
 
+_NOT_KNOWN = np.full((4, 4), math.nan)     # the matrix of a transform that is not computed yet
+
+
 class Frames:
     """The newest transform of every frame to its parent."""
 
     def __init__(self) -> None:
         self._parents: Dict[str, Tuple[str, NDArray[np.float64]]] = {}
+        self._poses: Dict[str, Tuple[Numbers, Numbers]] = {}    # of frames whose matrix was not asked for yet
 
     def set(self, parent: str, child: str, matrix: NDArray[np.float64]) -> None:
         """Store a transform.
@@ -123,7 +142,25 @@ class Frames:
         matrix : (4, 4) float64
             ``parent_from_child``.
         """
-        self._parents[child.lstrip("/")] = (parent.lstrip("/"), matrix)
+        child = child.lstrip("/")
+        self._poses.pop(child, None)
+        self._parents[child] = (parent.lstrip("/"), matrix)
+
+    def set_pose(self, parent: str, child: str, position: Numbers, quaternion: Numbers) -> None:
+        """Store a transform; of many that follow each other, only the last is computed.
+
+        Parameters
+        ----------
+        parent, child : str
+            Names of frames; leading slashes are dropped.
+        position : (3,) floats
+            [m].
+        quaternion : (4,) floats
+            x y z w, of any length.
+        """
+        child = child.lstrip("/")
+        self._poses[child] = position, quaternion
+        self._parents[child] = (parent.lstrip("/"), _NOT_KNOWN)
 
     def names(self) -> List[str]:
         """Return the names of all frames that have a parent."""
@@ -137,8 +174,11 @@ class Frames:
             chain.append((frame, matrix))
             if frame not in self._parents:
                 break
-            frame, step = self._parents[frame]
-            matrix = step.dot(matrix)
+            parent, step = self._parents[frame]
+            if step is _NOT_KNOWN:
+                step = matrix_of(*self._poses.pop(frame))
+                self._parents[frame] = (parent, step)
+            frame, matrix = parent, step.dot(matrix)
         return chain
 
     def between(self, target: str, source: str) -> Optional[NDArray[np.float64]]:

@@ -30,6 +30,7 @@ log = logging.getLogger("m2wr_live")
 RATE = 30.0                 # pictures a second while a page is open
 IDLE_RATE = 5.0             # and while none is open, so that trails are complete
 _STATUS = 0.25              # s between two measurements for the status
+_IDLE_STATUS = 1.0          # and while no page is open, so that plots have the last minute
 _LOOK = 2.0                 # s between two looks for new topics
 _MOST_COMPLAINTS = 20       # different errors that are logged
 _REST = 0.002               # s after a picture in which other threads run in any case
@@ -129,15 +130,16 @@ class Live:
         while not self._stopping.is_set():
             began = time.monotonic()
             busy = self._pages.server.pages > 0
-            measure = began - measured > _STATUS
+            measure = began - measured > (_STATUS if busy else _IDLE_STATUS)
             measured = began if measure else measured
             try:
                 self._picture(began, busy, measure)
             except Exception as error:      # one picture fails; the node and the other pictures do not
                 self._complain(error)
             now = time.monotonic()
-            due = max(due + 1.0 / (RATE if busy else IDLE_RATE), now + _REST)   # on a grid, so that waits do not add up
-            self._stopping.wait(due - now)
+            period = 1.0 / (RATE if busy else IDLE_RATE)
+            due = max(due + period, now - period)       # on a grid: a late picture does not delay those after it
+            self._stopping.wait(max(_REST, due - now))
         self._pages.server.stop()
         if self._actions is not None:
             self._actions.recorder.close()

@@ -10,7 +10,7 @@ import numpy as np
 from m2wr_live.scene.annotations import Annotations
 from m2wr_live.scene.shapes import MarkerShapes
 from m2wr_view.errors import ViewError
-from m2wr_view.frames import Frames, matrix_of, planar
+from m2wr_view.frames import Frames, matrices_of, matrix_of, planar
 
 if TYPE_CHECKING:
     from m2wr_live.scene.robot_model import RobotModel
@@ -105,7 +105,7 @@ class LiveScene:
         self.markers, self.frames = MarkerShapes(), Frames()
         self.robots: Dict[str, Robot] = {}
         self.models: Dict[str, RobotModel] = {}
-        self.link_poses: Dict[str, FloatArray] = {}         # (7,) position and quaternion x y z w
+        self._link_poses: Dict[str, FloatArray] = {}        # (4, 4)
         self.beams: Dict[str, FloatArray] = {}
         self.paths: Dict[str, FloatArray] = {}
         self.particles: Dict[str, FloatArray] = {}
@@ -148,8 +148,11 @@ class LiveScene:
             Position [m] and quaternion x y z w, in the world.
         """
         if names is not self._names and list(names) != list(self._names):
-            self._names, self.link_poses = names, {}
-        self.link_poses.update(zip(names, poses))
+            self._names = names
+        with np.errstate(invalid="ignore", over="ignore"):
+            matrices = matrices_of(poses)
+        finite = np.isfinite(matrices).all(axis=(1, 2)).tolist()
+        self._link_poses = {name: matrix for name, matrix, known in zip(names, matrices, finite) if known}
 
     def take_description(self, source: str, model: RobotModel) -> None:
         """Take the looks of robots.
@@ -167,9 +170,9 @@ class LiveScene:
         """Take a tf2_msgs/TFMessage; transforms that are not finite are ignored."""
         for entry in message.transforms:
             move, turn = entry.transform.translation, entry.transform.rotation
-            matrix = matrix_of((move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w))
-            if np.all(np.isfinite(matrix)):
-                self.frames.set(entry.header.frame_id, entry.child_frame_id, matrix)
+            position, quaternion = (move.x, move.y, move.z), (turn.x, turn.y, turn.z, turn.w)
+            if all(map(math.isfinite, position)) and math.isfinite(sum(part * part for part in quaternion)):
+                self.frames.set_pose(entry.header.frame_id, entry.child_frame_id, position, quaternion)
 
     def take_scan(self, topic: str, message: Any) -> None:
         """Take a scan; its beams start where its frame is now.
@@ -337,13 +340,12 @@ class LiveScene:
         """Compute the link poses: the true ones, those of fixed joints, then those of tf, else joints are at 0."""
         model = robot.model
         for link in model.links:
-            known = self.link_poses.get(robot.name + "::" + link)
-            if known is None and link == model.root:
-                known = self.link_poses.get(robot.name)
+            pose = self._link_poses.get(robot.name + "::" + link)
+            if pose is None and link == model.root:
+                pose = self._link_poses.get(robot.name)
             mount = model.mounts.get(link)
-            pose: Optional[FloatArray] = None
-            if known is not None and np.all(np.isfinite(known)):
-                pose = matrix_of(known[:3], known[3:])
+            if pose is not None:
+                pass
             elif mount is None or not mount.fixed:
                 parent = None if mount is None else robot.poses.get(mount.parent)
                 pose = self.frames.between(self.frame, robot.prefix + link) if parent is None else None

@@ -10,6 +10,8 @@ from m2wr_live.scene.shapes import UNITS, Geometry, quaternions_of
 from m2wr_live.web.annotation_picture import AnnotationPicture, node_name
 from m2wr_live.web.batches import Batches
 from m2wr_live.web.map_pixels import pixels_of
+from m2wr_live.web.segments import Segments
+from m2wr_live.web.trail_picture import TrailPicture
 
 if TYPE_CHECKING:
     from m2wr_live.scene.live_scene import Grid, LiveScene, Robot
@@ -18,9 +20,24 @@ if TYPE_CHECKING:
 
 GROUND = 0.004              # m; height at which maps are drawn, above the grid
 ABOVE = 0.02                # m; height of lines on the floor, above maps
-CHUNK = 100                 # segments of a trail that are sent together
-BEAMS, TRAIL, PATH, LINE = (240, 150, 100), (0, 114, 178), (0, 158, 115), (204, 121, 167)
+SELDOM = 3                  # pictures from one drawing of beams, names and trails to the next
+BEAMS, PATH, LINE = (240, 150, 100), (0, 158, 115), (204, 121, 167)
 HIT, LEAVE, GOAL = (213, 43, 30), (0, 158, 115), (230, 159, 0)
+
+
+class _Held:
+    """An object that is compared by identity; it is held, so that no new object can have its address."""
+
+    __slots__ = ("_object",)
+
+    def __init__(self, held: object) -> None:
+        self._object = held
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held) and other._object is self._object
+
+    def __hash__(self) -> int:
+        return id(self._object)
 
 
 class Picture:
@@ -50,21 +67,25 @@ class Picture:
         self._offsets: FloatArray = np.zeros((0, 4, 4))
         self._drawn: Dict[str, object] = {}
         self._nodes: Dict[str, Any] = {}
-        self._trails: Dict[str, int] = {}
+        self._number = 0                    # of the picture
+        self._beams, self._trails = Segments(scene, "/beams/all", BEAMS, 0.8), TrailPicture(scene, source)
         self._annotations = AnnotationPicture(scene, source)
 
     def draw(self) -> None:
         """Send what has changed since the last call."""
         self._draw_world()
         self._draw_robots()
-        self._draw_lines("beams", self.source.beams, BEAMS)
         self._draw_paths()
         self._draw_particles()
         self._draw_marks()
-        self._draw_trails()
         self._annotations.draw()
+        if self._number % SELDOM == 0:
+            self._draw_beams()
+            self._place_names()
+            self._trails.draw()
+        self._number += 1
         for number, (topic, grid) in enumerate(sorted(self.source.grids.items())):
-            if self._changed("map " + topic, id(grid.cells), grid.pose.tobytes(), number):
+            if self._changed("map " + topic, _Held(grid.cells), grid.pose.tobytes(), number):
                 self._draw_map(topic, grid, GROUND * (1 + number))
 
     def _changed(self, name: str, *content: object) -> bool:
@@ -108,14 +129,16 @@ class Picture:
 
     def _draw_robots(self) -> None:
         robots = list(self.source.robots.values())
-        if self._changed("robots", tuple(id(robot) for robot in robots)):
+        if self._changed("robots", *map(_Held, robots)):
             self.robot_shapes = [(robot, shape) for robot in robots for shape in robot.model.shapes]
             self._offsets = np.array([shape.pose for _, shape in self.robot_shapes]).reshape(-1, 4, 4)
             self._robots.set_shapes([shape for _, shape in self.robot_shapes], self.geometries, self.robot_poses())
             self._draw_names(robots)
         elif robots:
             self._robots.move(self.robot_poses())
-        for robot in robots:
+
+    def _place_names(self) -> None:
+        for robot in self.source.robots.values():
             label = self._nodes.get("name " + robot.name)
             if label is not None and robot.pose is not None:
                 label.position = robot.pose[:3, 3] + (0.0, 0.0, 0.45)
@@ -129,27 +152,15 @@ class Picture:
 
     # ---- lines -------------------------------------------------------------------------------------------------
 
-    def _draw_lines(self, layer: str, lines: Dict[str, FloatArray], colour: Tuple[int, int, int]) -> None:
-        """Draw line segments (n, 2, 3) by topic."""
-        for topic in [name for name in self._drawn if name.startswith(layer + " ") and name[len(layer) + 1:] not in
-                      lines]:
-            del self._drawn[topic]
-            self._forget(topic)
-        for topic, segments in list(lines.items()):
-            name = "%s %s" % (layer, topic)
-            if not self._changed(name, id(segments)):
-                continue
-            points, node = segments.astype(np.float32), self._nodes.get(name)
-            if node is not None and node.points.shape == points.shape:
-                node.points = points
-            elif len(points):
-                self._nodes[name] = self._scene.add_line_segments(
-                    "/%s/%s" % (layer, node_name(topic)), points, colour, thickness=0.8, thickness_units="screen")
+    def _draw_beams(self) -> None:
+        beams = list(self.source.beams.values())
+        if self._changed("beams", *map(_Held, beams)):
+            self._beams.set(np.concatenate(beams) if beams else np.zeros((0, 2, 3)))
 
     def _draw_paths(self) -> None:
         for topic, points in list(self.source.paths.items()):
             name = "paths " + topic
-            if not self._changed(name, id(points)):
+            if not self._changed(name, _Held(points)):
                 continue
             self._forget(name)
             if len(points) >= 2:
@@ -162,7 +173,7 @@ class Picture:
     def _draw_particles(self) -> None:
         for topic, points in list(self.source.particles.items()):
             name = "particles " + topic
-            if not self._changed(name, id(points)):
+            if not self._changed(name, _Held(points)):
                 continue
             self._forget(name)
             if len(points):
@@ -187,33 +198,6 @@ class Picture:
             self._nodes["mark " + label] = self._scene.add_cylinder(
                 "/marks/" + label, radius=0.12, height=0.03, color=colour, position=(x, y, ABOVE))
             self._scene.add_label("/marks/%s/label" % label, label, position=(0.0, 0.0, 0.3))
-
-    def _draw_trails(self) -> None:
-        """Draw the trails in chunks, of which only the newest is sent again."""
-        if self._changed("run", self.source.run):
-            self._trails = {}
-        for number, robot in enumerate(self.source.robots.values()):
-            trail = robot.trail
-            first, last = robot.first // CHUNK, (robot.first + len(trail)) // CHUNK
-            for chunk in range(max(first, self._trails.get(robot.name, 0)), last + 1):
-                begin = max(0, chunk * CHUNK - robot.first)
-                part = trail[begin:begin + CHUNK + 1]
-                name = "trail %d %d" % (number, chunk)
-                if self._changed(name, robot.name, len(part), part[:1], self.source.run):
-                    self._draw_chunk(name, "/trails/%d/%d" % (number, chunk), part)
-            self._trails[robot.name] = last
-            for name in [name for name in self._nodes if name.startswith("trail %d " % number)]:
-                if not first <= int(name.split()[2]) <= last:
-                    self._forget(name)
-                    self._drawn.pop(name, None)
-
-    def _draw_chunk(self, name: str, path: str, part: List[Tuple[float, float, bool]]) -> None:
-        segments = np.array([((one[0], one[1], ABOVE), (two[0], two[1], ABOVE))
-                             for one, two in zip(part, part[1:]) if two[2]], dtype=np.float32)
-        self._forget(name)
-        if len(segments):
-            self._nodes[name] = self._scene.add_line_segments(path, segments, TRAIL, thickness=4.0,
-                                                              thickness_units="screen")
 
     # ---- maps --------------------------------------------------------------------------------------------------
 

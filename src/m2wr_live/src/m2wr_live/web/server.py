@@ -26,6 +26,7 @@ import websockets.exceptions
 import websockets.http11
 
 from m2wr_live.web.requests import Drive, read_drive
+from m2wr_live.web.windows import send_windows
 from m2wr_node.web_access import Access
 from m2wr_view.errors import ViewError
 
@@ -65,6 +66,7 @@ class SafeBuffer(viser.infra._infra.AsyncMessageBuffer):     # type: ignore[misc
 
 
 viser.infra._infra.AsyncMessageBuffer = SafeBuffer      # of the server and of each page
+viser.infra._infra._message_producer = send_windows
 
 
 class _Guarded(viser.infra.WebsockServer):
