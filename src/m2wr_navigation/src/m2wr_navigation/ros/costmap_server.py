@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from m2wr_navigation.costmap.costmap import Costmap
 
 LOOK = 0.05                 # s of wall time between two looks at the clock while it stands
+PATIENCE = 5.0              # s of wall time between two messages about what the start waits for
 OVERRUNS = 5                # updates one after the other that take too long, before a warning
 OVERRUN_PERIOD = 60.0       # s between two warnings that updates take too long
 
@@ -56,7 +57,7 @@ class CostmapServer:
     Parameters
     ----------
     name : str
-        ``global_costmap`` or ``local_costmap``: its namespace below that of the node.
+        Its namespace below that of the node: ``global_costmap`` or ``local_costmap`` of move_base.
     transforms : Transforms
     """
 
@@ -316,3 +317,31 @@ def _searched_footprint(name: str) -> Optional[Any]:
             return rospy.get_param(place)
     found = rospy.search_param("footprint")
     return rospy.get_param(found) if found else None
+
+
+def wait_until_ready(servers: List[CostmapServer], what: str) -> bool:
+    """Return when all costmaps have been updated, and say meanwhile what is missing; False at shutdown.
+
+    Parameters
+    ----------
+    servers : list of CostmapServer
+        Started ones.
+    what : str
+        Who waits, for messages.
+
+    Returns
+    -------
+    bool
+    """
+    told = time.monotonic()
+    while not rospy.is_shutdown():
+        waits = ["{}: {}".format(server.name, "no map on {}".format(server.waits_for_map)
+                                 if server.waits_for_map else server.fault)
+                 for server in servers if server.waits_for_map or not server.costmap.is_updated]
+        if not waits:
+            return True
+        if time.monotonic() - told > PATIENCE:
+            told = time.monotonic()
+            rospy.logwarn("%s waits: %s", what, "; ".join(waits))
+        time.sleep(LOOK)
+    return False

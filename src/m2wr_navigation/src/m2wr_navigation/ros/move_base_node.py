@@ -33,7 +33,7 @@ from m2wr_navigation.kernel_warm_up import (
 from m2wr_navigation.parameters import read, unknown
 from m2wr_navigation.planners.planner import Plan
 from m2wr_navigation.ros.controller_server import ControllerServer
-from m2wr_navigation.ros.costmap_server import CostmapError, CostmapServer
+from m2wr_navigation.ros.costmap_server import CostmapError, CostmapServer, wait_until_ready
 from m2wr_navigation.ros.plan_service import PlanService
 from m2wr_navigation.ros.planner_server import PlannerServer
 from m2wr_navigation.ros.planner_thread import PlannerThread
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from m2wr_navigation.supervisor import Outcome
 
 LOOK = 0.02                 # s of wall time between two looks at the clock
-PATIENCE = 5.0              # s of wall time between two messages about what the start waits for
 BESIDE = {"global_costmap", "local_costmap", "recovery_behaviors", "clearing_radius", "latch_xy_goal_tolerance",
           "footprint", "footprint_padding", "restore_defaults", "groups"}
 KILLED = "Aborting on the goal because the node has been killed"
@@ -99,7 +98,7 @@ class MoveBase:
         compile_planner_kernels()
         for server in self.maps.values():
             server.start()
-        if not self._wait_until_ready():
+        if not wait_until_ready(list(self.maps.values()), "move_base"):
             return
         self._keep += [rospy.Service("~make_plan", self._service.kind, self._service.answer),
                        rospy.Service("~clear_costmaps", Empty, self._clear_costmaps),
@@ -110,22 +109,6 @@ class MoveBase:
         at_shutdown(self.close)
         rospy.loginfo("move_base is ready: planner %s, controller %s", self._values["base_global_planner"],
                       self._values["base_local_planner"])
-
-    def _wait_until_ready(self) -> bool:
-        """Return when both costmaps have been updated; False at shutdown."""
-        told = time.monotonic()
-        while not rospy.is_shutdown():
-            waits = ["{}: {}".format(server.name, "no map on {}".format(server.waits_for_map)
-                                     if server.waits_for_map else server.fault)
-                     for server in self.maps.values()
-                     if server.waits_for_map or not server.costmap.is_updated]
-            if not waits:
-                return True
-            if time.monotonic() - told > PATIENCE:
-                told = time.monotonic()
-                rospy.logwarn("move_base waits: %s", "; ".join(waits))
-            time.sleep(LOOK)
-        return False
 
     @property
     def adds_goal(self) -> bool:

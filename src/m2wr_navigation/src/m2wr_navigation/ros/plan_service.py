@@ -2,7 +2,7 @@
 """The service ``make_plan``: a plan on a copy of the costmap, at any time, without side effects."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Dict, Protocol
 
 import numpy as np
 import rospy
@@ -15,9 +15,31 @@ from m2wr_navigation.ros.poses import GoalError, goal_pose
 from m2wr_navigation.ros.transforms import TransformError
 
 if TYPE_CHECKING:
-    from m2wr_navigation.ros.move_base_node import MoveBase
+    from m2wr_navigation.ros.costmap_server import CostmapServer
+    from m2wr_navigation.ros.planner_server import PlannerServer
+    from m2wr_navigation.ros.transforms import Transforms
 
 WIDEST = 100.0              # m: greatest tolerance of a request
+
+
+class PlanningNode(Protocol):
+    """A node with a global costmap and a planner.
+
+    Attributes
+    ----------
+    maps : dict of str to CostmapServer
+        One of them is ``global``.
+    planner : PlannerServer
+    transforms : Transforms
+    """
+
+    maps: Dict[str, CostmapServer]
+    planner: PlannerServer
+    transforms: Transforms
+
+    @property
+    def adds_goal(self) -> bool:
+        """Whether a goal that cannot be reached is appended to the plan to a place near it."""
 
 
 class PlanService:
@@ -25,12 +47,12 @@ class PlanService:
 
     Parameters
     ----------
-    node : MoveBase
+    node : PlanningNode
     """
 
     kind = GetPlan
 
-    def __init__(self, node: MoveBase) -> None:
+    def __init__(self, node: PlanningNode) -> None:
         self._node = node
 
     def answer(self, request: Any) -> GetPlanResponse:

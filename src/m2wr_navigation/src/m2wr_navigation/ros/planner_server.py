@@ -41,21 +41,23 @@ class PlannerServer:
         As in ``base_global_planner``.
     answer : callable
         Handles a request of ``~PLANNER/make_plan``.
+    place : str, optional
+        Its namespace below that of the node; the last part of its name by default.
 
     Raises
     ------
     UnknownPluginError
     """
 
-    def __init__(self, name: str, answer: Callable[[Any], Any]) -> None:
+    def __init__(self, name: str, answer: Callable[[Any], Any], place: str = "") -> None:
         kind = registry.find(registry.PLANNERS, name)
-        self.name, self._lock = registry.short_name(name), threading.Lock()
+        self.name, self._lock = place or registry.short_name(name), threading.Lock()
         self._place = "~" + self.name
         given = rospy.get_param(self._place, {})
         given = given if isinstance(given, dict) else {}
         values, warnings = read(kind.PARAMETERS, given, self._place)
         for sentence in warnings + unknown(
-                given, set(kind.PARAMETERS) | set(WITHOUT_EFFECT.get(self.name, ())), self._place):
+                given, set(kind.PARAMETERS) | set(WITHOUT_EFFECT.get(registry.short_name(name), ())), self._place):
             rospy.logwarn("%s", sentence)
         self.planner = kind(values, time.monotonic)
         self._path = rospy.Publisher(self._place + "/plan", Path, queue_size=1)
