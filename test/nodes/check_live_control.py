@@ -1,46 +1,29 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The live view as Gazebo's window in a real browser: drag a box, load a world, record; and input that is invalid."""
+import math
 import os
 import socket
 import sys
 import tempfile
-import unittest
 
 import numpy as np
 import rospy
 from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import LaserScan
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from check_live import CRATE, address_of, green, live, status_of  # noqa: E402
-from live_browser import Page  # noqa: E402
-from sim_probe import Recorder, Simulation, run_checks, wait_until, xyz  # noqa: E402
+from live_pages import CRATE, LiveCase, RawPage, address_of, green, live, status_of  # noqa: E402
+from sim_probe import Recorder, Running, program, run_checks, wait_until  # noqa: E402
 
+THIN = 20                   # of 255; the green axis of the gizmo has it, see green()
 MARKUP = "<img src=x onerror=\"window.broken=1\"><b>cart</b>"
 CART = """<robot name="cart"><link name="base"><visual><geometry><mesh filename="file://%s"/></geometry></visual>
 </link></robot>"""
 
 
-class LiveControl(unittest.TestCase):
-    """One simulation of an empty world with m2wr at the origin, and a live view."""
-
-    @classmethod
-    def setUpClass(cls):
-        cls.simulation = Simulation()
-        cls.simulation.wait_for_model("m2wr")
-        cls.running = live("__name:=pages")
-        cls.running.__enter__()
-        cls.address = address_of(cls.running)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.running.__exit__()
-
-    def setUp(self):
-        self.simulation.call("reset_world")
-
-    def place_of(self, name):
-        return np.array(xyz(self.simulation.call("get_model_state", name, "").pose.position))
+class LiveControl(LiveCase):
+    """What pages change in the simulation."""
 
     def upgrade(self):
         """Return a socket that has asked for a websocket."""
@@ -51,29 +34,28 @@ class LiveControl(unittest.TestCase):
             "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n" % (host, port)).encode())
         return connection
 
-    def advances(self):
-        before = self.simulation.time()
-        wait_until(lambda: self.simulation.time() > before, "simulated time that advances")
-
-    def seen_from_above(self, page):
-        """Return the box of a new obstacle (name, place of its middle [pixels]) and pixels per metre."""
+    def box_from_above(self, page, x, y):
+        """Return a new box at a place [m]: its name, the place of its middle [pixels], and pixels per metre."""
         goals = Recorder("/move_base_simple/goal", PoseStamped)
-        page.choose("top", present="free")
+        self.addCleanup(goals.close)
+        page.choose("free")
+        page.choose("top")
         page.choose("send a goal")
         places = []
         for pixel in ((200, 300), (300, 300)):
-            count = len(places)
             page.click(*pixel)
-            found = goals.wait(lambda messages, count=count: messages[count:] and messages[-1], "a goal")
-            places.append(found.pose.position.x)
-        page.choose("place a box", present="send a goal")
+            found = goals.wait(lambda messages: messages[len(places):] and messages[-1], "a goal").pose.position
+            places.append((found.x, found.y))
+        metre = 100.0 / (places[1][0] - places[0][0])
+        pixel = (200 + metre * (x - places[0][0]), 300 - metre * (y - places[0][1]))
+        page.choose("place a box")
         before = set(self.simulation.models())
-        page.click(300, 200)
+        page.click(*pixel)
         wait_until(lambda: set(self.simulation.models()) - before, "a box")
         name, = set(self.simulation.models()) - before
         self.addCleanup(self.simulation.call, "delete_model", name)
-        page.choose("select and drag", present="place a box")
-        return name, (300, 200), 100.0 / (places[1] - places[0])
+        page.choose("select and drag")
+        return name, pixel, metre
 
     def selected(self, page, name, pixel):
         """Click on a model until the panel shows its name."""
@@ -82,68 +64,92 @@ class LiveControl(unittest.TestCase):
             return page.elements("input", name, "value")
         wait_until(click, "the name of the selected model")
 
-    def test_a_box_is_dragged_and_a_page_may_close_meanwhile(self):
-        with Page(self.address) as page:
-            name, (x, y), metre = self.seen_from_above(page)
-            begin, handle = self.place_of(name), (x + 1.0 * metre, y)
-            wait_until(lambda: green(page.scene()) < 20, "a scene without the gizmo")
-            self.selected(page, name, (x, y))
-            wait_until(lambda: green(page.scene()) > 20, "the gizmo, whose y axis is green")
-            page.drag(handle, (handle[0] + 2.0 * metre, y))
-            wait_until(lambda: self.place_of(name)[0] > begin[0] + 1.0, "a box that was dragged along x")
-            moved = self.place_of(name)
-            self.assertAlmostEqual(moved[1], begin[1], delta=0.1)
-            self.assertEqual(page.errors(), [])
-            handle = (x + (moved[0] - begin[0] + 1.0) * metre, y)
-            page.drag(handle, (handle[0] - 1.5 * metre, y), release=False)
+    def test_the_robot_avoids_a_box_dragged_in_its_way(self):
+        page, ahead = self.page, 1.6
+        scans = Recorder("/m2wr/laser/scan", LaserScan)
+        self.addCleanup(scans.close)
+        scans.wait(lambda messages: np.all(np.isinf(messages[-1].ranges)), "a scan without an obstacle")
+        name, (x, y), metre = self.box_from_above(page, ahead, 3.0)
+        wait_until(lambda: green(page.scene(), THIN) < 20, "a scene without the gizmo")
+        self.selected(page, name, (x, y))
+        wait_until(lambda: green(page.scene(), THIN) > 20, "the gizmo, whose y axis is green")
+        handle = (x, y - metre)
+        page.drag(handle, (x, handle[1] + 3.0 * metre))
+        wait_until(lambda: abs(self.place_of(name)[1]) < 0.2, "a box that was dragged to y = 0")
+        self.assertAlmostEqual(self.place_of(name)[0], ahead, delta=0.1)
+        nearest = ahead - 0.25 - 0.15       # half the box; the laser is 0.15 m before the robot's middle
+        scans.wait(lambda messages: abs(min(messages[-1].ranges) - nearest) < 0.15, "a scan that shows the box")
+        with Running([program("motion_plan", "obstacle_avoidance.py")]):
+            wait_until(lambda: abs(self.place_of("m2wr")[1]) > 0.3, "a robot that turns away from the box")
+        self.assertEqual(page.value("contacts"), "0")
+
+    def test_a_page_may_close_while_a_box_is_dragged(self):
+        page = self.page
+        name, (x, y), metre = self.box_from_above(page, -2.0, 0.0)
+        self.selected(page, name, (x, y))
+        begin = self.place_of(name)
+        wait_until(lambda: green(page.scene(), THIN) > 20, "the gizmo")
+        page.drag((x + metre, y), (x, y), release=False)
+        wait_until(lambda: self.place_of(name)[0] < begin[0] - 0.5, "a box that is dragged along x")
+        page.driver.get("about:blank")
         self.advances()
-        with Page(self.address) as page:
-            self.assertEqual(page.errors(), [])
+        page.open()
 
     def test_another_world_replaces_the_models_but_no_robot(self):
-        with Page(self.address) as page:
-            page.choose("shapes", present="as it is")
-            wait_until(lambda: {"m2wr", "ground_plane"} < set(self.simulation.models()), "the models of another world")
-            shapes = set(self.simulation.models())
-            page.choose("empty", present="shapes")
-            wait_until(lambda: set(self.simulation.models()) == {"m2wr", "ground_plane"}, "an empty world")
-            self.assertGreaterEqual(len(shapes), 4)
-            self.assertEqual(page.errors(), [])
+        page = self.page
+        page.choose("shapes")
+        wait_until(lambda: {"m2wr", "ground_plane"} < set(self.simulation.models())
+                   and len(self.simulation.models()) >= 4, "the models of another world")
+        page.choose("empty")
+        wait_until(lambda: set(self.simulation.models()) == {"m2wr", "ground_plane"}, "an empty world")
 
-    def test_a_recording_is_made_and_downloaded(self):
-        with Page(self.address) as page, tempfile.TemporaryDirectory() as folder:
-            page.driver.execute_cdp_cmd("Page.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
+    def downloaded(self, folder, kind):
+        """Press the button for a file, "bag" or "film"; return its content."""
+        page, name = self.page, "run." + {"bag": "bag", "film": "gif"}[kind]
+        path = os.path.join(folder, name)
+        if os.path.exists(path):
+            os.remove(path)
+        page.press_button(kind)
+        page.save(name)
+        wait_until(lambda: os.path.exists(path), "the file " + name)
+        with open(path, "rb") as stream:
+            return stream.read()
+
+    def test_a_recording_is_made_downloaded_and_replayed(self):
+        page = self.page
+        with tempfile.TemporaryDirectory() as folder:
+            page.driver.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": folder})
             page.unfold("Recording")
             page.press_button("record")
             wait_until(lambda: int((page.value("recording") or "0 s").split()[0]) >= 3, "three seconds of recording")
             page.press_button("stop")
             wait_until(lambda: page.value("recording") is None, "the end of the recording")
-            for kind, first in (("bag", b"#ROSBAG V2.0"), ("film", b"GIF8")):
-                page.press_button(kind)
-                name = "run." + {"bag": "bag", "film": "gif"}[kind]
-                page.save(name)
-                path = os.path.join(folder, name)
-                wait_until(lambda path=path: os.path.exists(path), "the file " + name)
-                with open(path, "rb") as stream:
-                    self.assertEqual(stream.read(len(first)), first)
+            bag = self.downloaded(folder, "bag")
+            self.assertEqual(bag[:13], b"#ROSBAG V2.0\n")
+            self.assertEqual(self.downloaded(folder, "film")[:4], b"GIF8")
+            kept = os.path.join(folder, "kept.bag")
+            with open(kept, "wb") as stream:
+                stream.write(bag)
+            with live("--bag", kept) as replay, page.elsewhere(address_of(replay)):
+                wait_until(lambda: float(page.value("time").split()[0]) > 0.5, "a recorded run that is shown")
+                self.assertEqual(self.downloaded(folder, "bag"), bag)
 
     def test_a_name_with_markup_is_shown_as_text(self):
         self.simulation.spawn(MARKUP, CRATE, (2.0, 0.0, 0.5, 0.0), kind="sdf")
         self.addCleanup(self.simulation.call, "delete_model", MARKUP)
-        with Page(self.address) as page:
-            page.choose("top", present="free")
-            wait_until(lambda: page.elements("input", MARKUP, "value") or any(
-                page.click(x, 278) for x in range(440, 560, 15)), "the name in the panel")
-            self.assertEqual(page.driver.execute_script(
-                "return [window.broken === undefined, document.querySelectorAll('img[src=x]').length]"), [True, 0])
+        page = self.page
+        page.choose("top")
+        wait_until(lambda: page.elements("input", MARKUP, "value") or any(
+            page.click(x, 278) for x in range(440, 560, 15)), "the name in the panel")
+        self.assertEqual(page.driver.execute_script(
+            "return [window.broken === undefined, document.querySelectorAll('img[src=x]').length]"), [True, 0])
 
     def test_a_mesh_that_is_too_large_is_said_on_the_page(self):
         with tempfile.NamedTemporaryFile(suffix=".stl") as mesh:
             os.truncate(mesh.name, 1 << 30)
             rospy.set_param("/big/robot_description", CART % mesh.name)
             self.addCleanup(rospy.delete_param, "/big/robot_description")
-            with Page(self.address) as page:
-                wait_until(lambda: "1073741824 bytes; expected at most" in page.status(), "the reason on the page")
+            wait_until(lambda: "1073741824 bytes; expected at most" in self.page.status(), "the reason on the page")
             self.advances()
 
     def test_two_hundred_connections_stop_nothing(self):
@@ -155,8 +161,20 @@ class LiveControl(unittest.TestCase):
         self.assertEqual(status_of(self.address), 200)
         for connection in held:
             connection.close()
-        with Page(self.address) as page:
-            self.assertEqual(page.errors(), [])
+        self.page.open()
+
+    def test_a_goal_that_is_no_number_is_refused_with_why(self):
+        goals = Recorder("/move_base_simple/goal", PoseStamped)
+        self.addCleanup(goals.close)
+        with RawPage(self.address) as page:
+            page.choose("send a goal")
+            for bad in (math.nan, math.inf):
+                page.click((bad, 0.0, 5.0), (0.0, 0.0, -1.0))
+                self.assertIn("not on the ground", page.complaint())
+            page.click((1.0, 2.0, 5.0), (0.0, 0.0, -1.0))
+            goal = goals.wait(lambda messages: messages[-1], "a goal").pose.position
+        self.assertEqual((goal.x, goal.y, len(goals.messages)), (1.0, 2.0, 1))
+        self.advances()
 
     def test_without_a_port_the_next_free_one_is_taken(self):
         with live("__name:=second") as node:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A page of the live view in a headless Chromium, and what can be read from it."""
+import contextlib
 import io
 
 import numpy as np
@@ -13,7 +14,12 @@ from sim_probe import wait_until
 
 #: Software rendering, as there is no GPU; without a sandbox, as tests may run as root.
 _FLAGS = ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-          "--disable-dev-shm-usage", "--no-first-run")
+          "--disable-dev-shm-usage", "--no-first-run", "--force-device-scale-factor=0.5")
+_SCALE = 2                  # pixels of the page, along each side, for a pixel that is drawn: a quarter of the work
+_DRAWN = 180.0              # s in which a film is drawn, with low priority
+#: Lists of the panel: their options, as far as tests choose them.
+_LISTS = (("free", "follow", "top"), ("as it is", "empty", "shapes"),
+          ("select and drag", "send a goal", "place a box", "place a cylinder"))
 _START = 60.0               # s of wall time in which a page is drawn by software
 
 
@@ -44,7 +50,21 @@ class Page:
         """Load the page and wait until it shows the scene and the status."""
         self.driver.get(self.address)
         wait_until(lambda: "time" in self.status(), "the status on the page", _START)
-        wait_until(lambda: len(np.unique(self.scene().reshape(-1, 3), axis=0)) > 50, "a scene on the page", _START)
+        wait_until(lambda: len(np.unique(self.scene().astype(np.uint32) @ (1, 256, 65536))) > 50, "a scene on the page",
+                   _START)
+
+    @contextlib.contextmanager
+    def elsewhere(self, address):
+        """Show another live view in a second tab, which this page is meanwhile."""
+        first = self.driver.current_window_handle
+        self.driver.switch_to.new_window("tab")
+        try:
+            self.driver.get(address)
+            wait_until(lambda: "time" in self.status(), "the status on the page", _START)
+            yield
+        finally:
+            self.driver.close()
+            self.driver.switch_to.window(first)
 
     def status(self):
         """Return the text of the status."""
@@ -66,7 +86,7 @@ class Page:
     def scene(self):
         """Return the pixels (rows, columns, 3) of the left part of the page, without panel, joystick and status."""
         with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as picture:
-            pixels = np.asarray(picture.convert("RGB"))
+            pixels = np.asarray(picture.convert("RGB")).repeat(_SCALE, axis=0).repeat(_SCALE, axis=1)
         rows, columns = pixels.shape[:2]
         return pixels[:int(0.7 * rows), :int(0.6 * columns)]
 
@@ -105,8 +125,13 @@ class Page:
         """Click on the button with a text."""
         self._click_on("button", text)
 
-    def choose(self, option, present="select and drag"):
-        """Choose an option of the list that shows ``present``."""
+    def choose(self, option):
+        """Choose an option of the list that has it."""
+        options = next(options for options in _LISTS if option in options)
+        if self.elements("input", option, "value"):
+            return
+        present, = wait_until(lambda: [other for other in options if self.elements("input", other, "value")],
+                              "the list with " + option, _START)
         self._click_on("input", present, "value")
         self._click_on("[role=option]", option)
         wait_until(lambda: self.elements("input", option, "value"), "the choice of " + option, _START)
@@ -122,10 +147,10 @@ class Page:
         wait_until(click, "the folder " + title, _START)
 
     def save(self, name):
-        """Press the link with which the page offers a file."""
-        self._click_on("a", name, "download")
+        """Press the link with which the page offers a file, which may have to be drawn first."""
+        self._click_on("a", name, "download", _DRAWN)
 
-    def _click_on(self, kind, content, attribute="textContent"):
+    def _click_on(self, kind, content, attribute="textContent", patience=_START):
         """Click on an element as soon as it is there; the page may replace it meanwhile."""
         def click():
             try:
@@ -135,7 +160,7 @@ class Page:
                 return found
             except (StaleElementReferenceException, ElementNotInteractableException):
                 return None
-        wait_until(click, "%s with %s" % (kind, content), _START)
+        wait_until(click, "%s with %s" % (kind, content), patience)
 
     def errors(self):
         """Return the errors in the console of the browser."""

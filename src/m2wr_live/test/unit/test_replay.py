@@ -112,3 +112,16 @@ def test_a_bag_without_anything_to_show_is_refused(tmp_path):
         Recording(name)
     with pytest.raises(ViewError, match="No such file|expected"):
         Recording(str(tmp_path / "missing.bag"))
+
+
+def test_pages_get_the_bag_and_a_film_of_it(player, path):
+    with open(path, "rb") as stream:
+        assert player.bag() == stream.read()
+    film = player.film()
+    assert film[:4] == b"GIF8" and player.film() is film
+
+
+def test_a_bag_that_is_too_large_for_a_page_is_said(player, path, monkeypatch):
+    monkeypatch.setattr("m2wr_live.ros.replay.LARGEST", 1 << 10)
+    with pytest.raises(ViewError, match=r"pages get at most 0 MB"):
+        player.bag()

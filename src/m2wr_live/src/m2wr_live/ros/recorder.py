@@ -24,6 +24,35 @@ _FILMING = 180.0            # s for drawing a film
 _MOST_PICTURES = 400        # of a film
 
 
+def draw_film(bag: str, path: str) -> None:
+    """Draw a film of a bag, seen from above.
+
+    Parameters
+    ----------
+    bag : str
+        Its path.
+    path : str
+        Of the film, which ends in ``.gif``.
+
+    Raises
+    ------
+    ViewError
+        If it cannot be drawn.
+    """
+    program: List[str] = roslib.packages.find_node("m2wr_view", "image_dump")
+    if not program:
+        raise ViewError("there is no command \"image_dump\" in m2wr_view; make build makes it")
+    try:
+        done = subprocess.run(
+            ["nice", program[0], "--bag", bag, "--out", path, "--max-pictures", str(_MOST_PICTURES)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=_FILMING, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ViewError("the film cannot be drawn: %s" % error) from error
+    if done.returncode or not os.path.exists(path):
+        last = done.stdout.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no message"]
+        raise ViewError("the film cannot be drawn: %s" % last[0][:200])
+
+
 class Recorder:
     """One recording at a time, in a folder of its own that :meth:`close` deletes."""
 
@@ -134,23 +163,8 @@ class Recorder:
             self._read(self._bag)
             path = os.path.join(self._folder or "", "run.gif")
             if not os.path.exists(path):
-                self._draw(path)
+                draw_film(self._bag, path)
             return self._read(path)
-
-    def _draw(self, path: str) -> None:
-        program: List[str] = roslib.packages.find_node("m2wr_view", "image_dump")
-        if not program:
-            raise ViewError("there is no command \"image_dump\" in m2wr_view; make build makes it")
-        try:
-            done = subprocess.run(
-                ["nice", program[0], "--bag", self._bag, "--out", path, "--max-pictures", str(_MOST_PICTURES)],
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=_FILMING,
-                check=False)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise ViewError("the film cannot be drawn: %s" % error) from error
-        if done.returncode or not os.path.exists(path):
-            last = done.stdout.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no message"]
-            raise ViewError("the film cannot be drawn: %s" % last[0][:200])
 
     def _read(self, path: str) -> bytes:
         if self._process is not None or not os.path.exists(path):

@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import bisect
 import logging
+import os
+import tempfile
+import threading
 import time
 from typing import Any, Dict, List, Tuple
 
 from m2wr_live.ros.inbox import Inbox, kind_of
+from m2wr_live.ros.recorder import LARGEST, draw_film
 from m2wr_live.scene.live_scene import LiveScene
 from m2wr_view.bag_file import messages_of, open_bag, topic_types
 from m2wr_view.errors import ViewError
@@ -34,6 +38,7 @@ class Recording:
 
     Attributes
     ----------
+    path : str
     messages : list of (float, str, object)
         Time since the bag's beginning [s], topic, message.
     kinds : dict of str to str
@@ -41,6 +46,7 @@ class Recording:
     """
 
     def __init__(self, path: str) -> None:
+        self.path = path
         with open_bag(path) as bag:
             self.kinds = {topic: kind for topic, kind in topic_types(bag).items()
                           if kind_of(topic, kind) and topic != "/clock"}
@@ -112,6 +118,7 @@ class Player:
 
     def __init__(self, recording: Recording, options: argparse.Namespace) -> None:
         from m2wr_live.ros.node import find_mesh, make_pages
+        from m2wr_live.web.panel import add_downloads
         self._recording, self._find_mesh = recording, find_mesh
         self._scene = LiveScene()
         self._pages = make_pages(options.host, options.port, options.token, self._scene, None, None)
@@ -122,7 +129,9 @@ class Player:
                                           initial_value=0.0)
             self._playing = gui.add_checkbox("Play", True)
             self._speed = gui.add_dropdown("Speed", ("0.25", "0.5", "1", "2", "5", "10"), initial_value="1")
+            add_downloads(gui, self.bag, self.film)
         self._now, self._shown = 0.0, -1.0
+        self._film, self._filming = b"", threading.Lock()
 
     def _new_inbox(self) -> Inbox:
         inbox = Inbox(self._scene, self._pages.solids, self._find_mesh)
@@ -145,6 +154,41 @@ class Player:
                 time.sleep(max(0.002, 1.0 / RATE - (time.monotonic() - wall)))
         finally:
             self._pages.server.stop()
+
+    def bag(self) -> bytes:
+        """Return the bag.
+
+        Raises
+        ------
+        ViewError
+            If it is too large for a page, or not there any more.
+        """
+        path = self._recording.path
+        try:
+            size = os.path.getsize(path)
+            if size > LARGEST:
+                raise ViewError("bag %s has %d MB; pages get at most %d MB" % (path, size >> 20, LARGEST >> 20))
+            with open(path, "rb") as stream:
+                return stream.read()
+        except OSError as error:
+            raise ViewError("bag %s: %s" % (path, error.strerror or error)) from error
+
+    def film(self) -> bytes:
+        """Return a film of the bag, a GIF; drawn at the first call.
+
+        Raises
+        ------
+        ViewError
+            If it cannot be drawn.
+        """
+        with self._filming:
+            if not self._film:
+                with tempfile.TemporaryDirectory(prefix="m2wr_live_") as folder:
+                    path = os.path.join(folder, "run.gif")
+                    draw_film(self._recording.path, path)
+                    with open(path, "rb") as stream:
+                        self._film = stream.read()
+            return self._film
 
     def advance(self, elapsed: float) -> None:
         """Bring the scene to the slider's time, or forward by wall time [s]."""

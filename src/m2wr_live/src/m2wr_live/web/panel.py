@@ -29,6 +29,39 @@ _START = np.array((-5.0, -5.0, 4.5))        # m from what the page looks at firs
 _JUMP = 2.0                 # m in one picture; the camera follows at once
 
 
+def attempt(client: Any, action: Callable[[], Any]) -> None:
+    """Run an action of the user; tell the user of this page if it fails.
+
+    Parameters
+    ----------
+    client : viser.ClientHandle
+    action : callable
+        Raises ViewError if it fails.
+    """
+    try:
+        action()
+    except ViewError as error:
+        log.warning("%s", error)
+        client.add_notification("That did not work", str(error), color="red", auto_close_seconds=8.0)
+
+
+def add_downloads(gui: Any, bag: Callable[[], bytes], film: Callable[[], bytes]) -> None:
+    """Add buttons with which a page gets the files of a recording.
+
+    Parameters
+    ----------
+    gui : viser.GuiApi
+    bag, film : callable
+        Return the content of the files, or raise ViewError.
+    """
+    download = gui.add_button_group("Download", ("bag", "film"))
+
+    @download.on_click
+    def _(event: Any) -> None:
+        name, content = ("run.gif", film) if download.value == "film" else ("run.bag", bag)
+        attempt(event.client, lambda: event.client.send_file_download(name, content()))
+
+
 class Panel:
     """The panel, the selection and the camera of one page.
 
@@ -86,20 +119,14 @@ class Panel:
                 self.attempt(lambda: actions.load_world(str(world.value)))
 
     def _make_recording(self, actions: Actions) -> None:
-        gui, client = self._client.gui, self._client
+        gui = self._client.gui
         with gui.add_folder("Recording", order=4, expand_by_default=False):
             record = gui.add_button_group("Topics", ("record", "stop"))
-            download = gui.add_button_group("Download", ("bag", "film"))
+            add_downloads(gui, actions.bag, actions.film)
 
         @record.on_click
         def _(_event: Any) -> None:
             self.attempt(actions.record if record.value == "record" else actions.stop_recording)
-
-        @download.on_click
-        def _(_event: Any) -> None:
-            film = download.value == "film"
-            self.attempt(lambda: client.send_file_download("run.gif" if film else "run.bag",
-                                                           actions.film() if film else actions.bag()))
 
     def _make_clicks(self) -> None:
         gui, client = self._client.gui, self._client
@@ -147,11 +174,7 @@ class Panel:
 
     def attempt(self, action: Callable[[], Any]) -> None:
         """Run an action of the user; tell the user of this page if it fails."""
-        try:
-            action()
-        except ViewError as error:
-            log.warning("%s", error)
-            self._client.add_notification("That did not work", str(error), color="red", auto_close_seconds=8.0)
+        attempt(self._client, action)
 
     # ---- clicks ------------------------------------------------------------------------------------------------
 

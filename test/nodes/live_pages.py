@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of the live view share: the node, one page for all tests of a class, and what is expected of it."""
+import re
+import time
+import unittest
+import urllib.error
+import urllib.request
+
+import msgspec
+import numpy as np
+import viser
+import zstandard
+from websockets.sync.client import connect
+
+from live_browser import Page
+from sim_probe import PATIENCE, Running, Simulation, program, wait_until, xyz
+
+CRATE = """<sdf version="1.6"><model name="crate"><static>1</static><link name="link"><collision name="c"><geometry>
+<box><size>1 1 1</size></box></geometry></collision><visual name="v"><geometry><box><size>1 1 1</size></box></geometry>
+<material><diffuse>0 0.8 0 1</diffuse></material></visual></link></model></sdf>"""
+ADDRESS = re.compile(r"live view: (http://\S+)")
+
+
+def live(*words):
+    """Start the node; returns the program, to be used as a context manager."""
+    return Running([program("m2wr_view", "live")] + list(words))
+
+
+def address_of(running):
+    running.wait_for_text("live view: http")
+    return ADDRESS.search(running.text).group(1)
+
+
+def green(pixels, least=60):
+    """Return how many pixels have ``least`` more green than red and blue; thin lines are blended with what is below."""
+    red, other, blue = (pixels[..., channel].astype(int) for channel in range(3))
+    return int(((other > red + least) & (other > blue + least)).sum())
+
+
+def status_of(address, **headers):
+    """Return the HTTP status of an address."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10) as answer:
+            return answer.status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+class RawPage:
+    """A program that speaks viser's protocol as a page does, for messages that no browser sends."""
+
+    def __init__(self, address):
+        self._socket = connect(address.replace("http", "ws", 1), subprotocols=["viser-v" + viser.__version__],
+                               max_size=None)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._socket.close()
+
+    def _next(self, condition, what):
+        """Return the first message that fits."""
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            data = self._socket.recv(max(0.0, deadline - time.monotonic()))
+            size = int.from_bytes(data[8:16], "little")
+            text = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16:16 + size]))
+            for message in text["messages"]:
+                if condition(message):
+                    return message
+            if time.monotonic() > deadline:
+                raise AssertionError("waited for " + what)
+
+    def _send(self, kind, **fields):
+        self._socket.send(msgspec.msgpack.encode(dict(fields, type=kind)))
+
+    def choose(self, option):
+        """Choose an option of a list of the panel."""
+        self._send("ViewerCameraMessage", wxyz=[1, 0, 0, 0], position=[0, 0, 5], fov=1.0, near=0.1, far=100.0,
+                   image_height=700, image_width=900, look_at=[0, 0, 0], up_direction=[0, 0, 1])
+        found = self._next(lambda message: message["type"] == "GuiDropdownMessage"
+                           and option in message["props"]["options"], "the list with " + option)
+        self._send("GuiUpdateMessage", uuid=found["uuid"], updates={"value": option})
+
+    def click(self, origin, direction):
+        """Click along a ray [m]."""
+        self._send("ScenePointerMessage", event_type="click", ray_origin=origin, ray_direction=direction,
+                   screen_pos=[[0.5, 0.5]], modifier=None)
+
+    def complaint(self):
+        """Return the text that tells the user what is wrong."""
+        return self._next(lambda message: message["type"] == "NotificationShowMessage",
+                          "a complaint")["props"]["body"]
+
+
+class LiveCase(unittest.TestCase):
+    """One simulation of an empty world with m2wr at the origin, a live view, and a page of it."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.simulation = Simulation()
+        cls.simulation.wait_for_model("m2wr")
+        cls.running = live("__name:=pages")
+        cls.running.__enter__()
+        cls.addClassCleanup(cls.running.__exit__)
+        cls.address = address_of(cls.running)
+        cls.page = Page(cls.address)
+        cls.page.__enter__()
+        cls.addClassCleanup(cls.page.__exit__)
+
+    def setUp(self):
+        self.simulation.call("unpause_physics")
+        self.simulation.call("reset_world")
+
+    def tearDown(self):
+        self.assertEqual(self.page.errors(), [])
+
+    def place_of(self, name):
+        return np.array(xyz(self.simulation.call("get_model_state", name, "").pose.position))
+
+    def advances(self):
+        before = self.simulation.time()
+        wait_until(lambda: self.simulation.time() > before, "simulated time that advances")
