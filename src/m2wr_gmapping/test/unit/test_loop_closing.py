@@ -207,34 +207,41 @@ def test_old_places_are_searched_again(open_ring):
         assert math.hypot(error[0], error[1]) < 0.3
 
 
-def find(along, correction=0.0, clear=False, alike=False, drift=10.0):
-    link = (0, 1, None, None)
-    return loop_closing.Candidate(along, link, np.zeros(3), np.full(3, correction), False, clear, alike, drift, False)
+@pytest.fixture
+def searched(monkeypatch):
+    """Function: results of wide searches one metre apart, as (rival, correction); returns which were accepted."""
+    def run(results):
+        closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, StepHistory())
+        poses = np.array([[float(k), 0.0, 0.0] for k in range(len(results) + 1)])
+        accepted = []
+        for k, (rival, correction) in enumerate(results, 1):
+            move = np.array([0.0, correction, 0.0])
+            found = loop_closing.Candidate(40.0 + k, (0, k, None, None), compose(move, poses[k]), move, False,
+                                           1.0 - rival)
+            monkeypatch.setattr(closer, "_wide_candidate", lambda *_, found=found: found)
+            scene = place_search.Scene(poses[:k + 1], 40.0 + np.arange(k + 1.0), [], np.array([0]), None, None)
+            accepted.append(closer._search_wide(scene, scene.old))
+        return accepted, closer
+    return run
 
 
-@pytest.mark.parametrize("finds, enough", [
-    ([find(0.0)], False), ([find(0.0), find(3.0)], False), ([find(0.0), find(1.5), find(3.0)], True),
-    ([find(0.0, clear=True), find(0.5, clear=True)], False), ([find(0.0, clear=True), find(1.2, clear=True)], True),
-    ([find(0.0), find(1.2, drift=3.0)], True), ([find(0.0), find(1.0), find(2.0)], False),
-    ([find(1.0 * k, alike=k == 0) for k in range(4)], False), ([find(1.0 * k, alike=k == 0) for k in range(7)], True)])
-def test_ambiguous_candidates_need_more_support(finds, enough):
-    assert loop_closing._enough(finds) == enough
+@pytest.mark.parametrize("rivals, accepted_at", [
+    ([0.4], 1), ([0.7, 0.7], 2), ([0.8, 0.8, 0.8], 3), ([0.89] * 5, 5), ([0.7, 0.9], None), ([0.91] * 5, None)])
+def test_similar_places_need_more_candidates(searched, rivals, accepted_at):
+    accepted, closer = searched([(rival, 2.0) for rival in rivals])
+    assert accepted == [k == accepted_at for k in range(1, len(rivals) + 1)]
+    assert closer.links == (accepted_at or 0)
 
 
-@pytest.mark.parametrize("alike, beside, believed", [(False, 0.0, True), (True, 0.0, False), (True, 1.2, True)])
-def test_similar_place_is_accepted_if_the_current_is_excluded(
-        monkeypatch, alike, beside, believed):
-    walls = np.array(box(0.0, 0.0, 6.0, 4.0))
-    reading = LASER.reading(ranges(walls, np.array([0.0, 0.0, 0.0]), LASER.angles))
-    closer = loop_closing.LoopCloser(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, StepHistory())
-    path = np.array([[0.0, 0.0, 0.0], [0.0, beside, 0.0]])
-    along, old = np.array([0.0, 40.0]), np.array([0])
-    scene = place_search.Scene(path, along, [reading, reading], old, np.full(2, 5.0), np.ones(2))
-    monkeypatch.setattr(place_search, "wide_search", lambda *_: place_search.Place(np.zeros(3), 0.9, 10.0, alike))
-    found = closer._wide_candidate(scene, old)
-    assert (found is not None) == believed
-    if believed:
-        assert np.abs(found.pose).max() < 0.02 and found.correction[1] == pytest.approx(-beside, abs=0.02)
+def test_only_candidates_that_agree_add_up(searched):
+    accepted, closer = searched([(0.7, 2.0), (0.7, 5.0), (0.7, -3.0), (0.7, 5.2)])
+    assert accepted == [False, False, False, True]
+    assert [link[1] for link in closer.graph.links] == [2, 4]
+
+
+def test_place_that_agrees_with_the_path_needs_no_other(searched):
+    accepted, closer = searched([(0.91, 0.2)])
+    assert accepted == [True] and closer.links == 1
 
 
 def test_frontiers_drop_corrections_that_the_path_contains():

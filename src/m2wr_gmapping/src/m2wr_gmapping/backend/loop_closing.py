@@ -39,10 +39,7 @@ SEARCH_EVERY = 1.0          # path between two near searches without a result [m
 LINK_EVERY = 2.0            # path between two loop closures in a known area [m]
 WIDE_EVERY, WIDE_AFTER_FIND = 1.0, 0.7  # path between two wide searches, and after one with a result [m]
 FEWEST_BEAMS = 30
-WIDE_SUPPORT, WIDE_COUNT = 2.5, 3       # path [m] and number of wide searches that must agree
-CLEAR_SCORE, CLEAR_SUPPORT = 0.8, 1.0   # candidates with this score need less support [m]
-ALIKE_SUPPORT, ALIKE_COUNT = 6.0, 5     # candidates with a similar place need more support [m]
-LITTLE = 6.0                # with less drift than this a candidate counts as clear [m]
+EVIDENCE = 0.5              # of candidates that agree, from which on they are accepted
 WIDE_MEMORY = 12.0          # path after which a candidate is dropped [m]
 SEARCHES_PER_SCAN = 4           # searches of the extension per scan
 CONCLUSIONS = 3             # optimisations at the end of a run
@@ -62,14 +59,8 @@ class Candidate:
         Pose of the newest node, and the correction of the path.
     slides : bool
         Whether the match is degenerate in one direction.
-    clear : bool
-        Whether the scans of a short segment fit very well and no other place is similar.
-    alike : bool
-        Whether another place is similar.
-    drift : float
-        Greatest drift of the path [m].
-    long : bool
-        Whether only the scans of a long segment distinguish it from other places.
+    evidence : float
+        Difference from the most similar other place: 0 if that fits as well, 1 if nothing of it fits.
     """
 
     along: float
@@ -77,10 +68,7 @@ class Candidate:
     pose: FloatArray
     correction: FloatArray
     slides: bool
-    clear: bool
-    alike: bool
-    drift: float
-    long: bool
+    evidence: float
 
 
 class LoopCloser:
@@ -219,7 +207,8 @@ class LoopCloser:
         """Search within the drift of the newest node; return whether loop closures were found that move the path.
 
         A wrong loop closure is worse than a missing one. The place must be unique, the match must observe both
-        directions, no scan may look through a wall that another one saw, and later searches must agree.
+        directions, and no scan may look through a wall that another one saw. If the place does not agree with the path,
+        it is a candidate. Candidates that agree with each other are accepted together once they have enough evidence.
         """
         path, here = scene.path, scene.along[-1]
         self._wide_at = here
@@ -227,7 +216,7 @@ class LoopCloser:
         if found is None:
             return False
         change = change_of(path, found.pose)
-        if (change <= CONFIDENT_CHANGE).all() and (found.slides or not found.long):
+        if (change <= CONFIDENT_CHANGE).all():
             self._accept_links([found.link], here)
             self._candidates = []
             return bool((change > MIN_CHANGE).any())
@@ -236,7 +225,7 @@ class LoopCloser:
         self._candidates = [find for find in self._candidates if here - find.along < WIDE_MEMORY] + [found]
         agree = [find for find in self._candidates
                  if (np.abs(between(compose(find.correction, path[-1]), found.pose)) <= WIDE_AGREEMENT).all()]
-        if not _enough(agree):
+        if sum(find.evidence for find in agree) < EVIDENCE:
             return False
         self._accept_links([find.link for find in agree], here)
         self._candidates = []
@@ -253,17 +242,13 @@ class LoopCloser:
         node, row, around, supported = found
         if occlusion_conflict(scene, row[:3], around) > MOST_CONFLICT:
             return None
-        # with several similar places the robot may be at one that it has not seen before; then its present pose has no
-        # occlusion conflict
-        if place.alike and occlusion_conflict(scene, path[-1], around) <= MOST_CONFLICT:
-            return None
         slides, pose = not is_observed(row), row[:3].copy()
         row[mk.INFORMATION:] = supported
         return Candidate(here, link_of(path, node, row, slides), pose, compose(pose, inverse(path[-1])), slides,
-                         _is_clear(place), place.alike, float(scene.shift[old].max()), _is_long(place))
+                         1.0 - place.rival)
 
     def conclude(self, path: FloatArray, readings: Sequence[ScanReading]) -> Optional[FloatArray]:
-        """Accept the newest candidate if it is clear and close, then optimise the path; call after the last scan.
+        """Optimise the path; call after the last scan.
 
         Parameters
         ----------
@@ -278,13 +263,7 @@ class LoopCloser:
             As ``search``.
         """
         along = distances_along(path)
-        last = self._candidates[-1] if self._candidates else None
-        opened = (last is not None and along[-1] - last.along < WIDE_EVERY and last.clear
-                  and last.drift <= LITTLE)
-        if opened and last is not None:
-            self._accept_links([last.link], last.along)
-            self._candidates = []
-        moved, result = True, None
+        opened, moved, result = False, True, None
         for _ in range(CONCLUSIONS if self.links else 0):
             bent = self._solve(path, opened)
             if bent is not None:
@@ -304,21 +283,3 @@ class LoopCloser:
     def _solve(self, path: FloatArray, opened: bool) -> Optional[FloatArray]:
         self._extension.mark_solved()
         return self.graph.solve(path, opened)
-
-
-def _is_clear(place: place_search.Place) -> bool:
-    """Whether a place needs less support: the newest scans alone distinguish it from others."""
-    return place.score > CLEAR_SCORE and not place.alike and not _is_long(place)
-
-
-def _is_long(place: place_search.Place) -> bool:
-    return place.reach == place_search.LONG_PATH
-
-
-def _enough(finds: List[Candidate]) -> bool:
-    """Whether candidates that agree, the newest last, have enough support."""
-    support = finds[-1].along - finds[0].along
-    if any(find.alike for find in finds):
-        return len(finds) >= ALIKE_COUNT and support >= ALIKE_SUPPORT
-    clear = len(finds) if finds[-1].drift <= LITTLE else sum(find.clear for find in finds)
-    return (clear >= 2 and support >= CLEAR_SUPPORT) or (len(finds) >= WIDE_COUNT and support >= WIDE_SUPPORT)

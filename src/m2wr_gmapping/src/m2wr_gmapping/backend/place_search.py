@@ -28,7 +28,6 @@ UNLIKE = 0.9                # as RIVAL, for ratings
 AS_GOOD_CELLS = 9           # width of the area in which a place is rated [cells of the finer raster]
 PUSHED = 10.0               # greatest false shift of a segment into the known area [m]
 ALIKE, ALIKE_TURN = 15.0, 0.1           # radius of the search for similar places [m, rad]
-ALIKE_SHARE, ALIKE_LONG = 0.8, 0.7      # share of the score that makes a place similar, and that for a long segment
 REFERENCE_NODES = 24        # old scans of a map, or of the raster of a near search
 WIDE_NODES, LONG_NODES = 160, 320       # old scans of the raster of a wide search
 FEWEST_POINTS = 30          # of a query
@@ -49,14 +48,15 @@ class Place:
     score : float
     reach : float
         Length of the path whose scans fit there [m].
-    alike : bool
-        Whether a place outside the drift is similar, or the present pose is, if it is far from here.
+    rival : float
+        Score of the most similar place outside the drift, or of the present pose if that is far from here, as a share
+        of this place's score.
     """
 
     pose: FloatArray
     score: float
     reach: float
-    alike: bool
+    rival: float
 
 
 @dataclass(frozen=True)
@@ -296,8 +296,7 @@ def wide_search(scene: Scene, old: IndexArray) -> Optional[Place]:
     unmoved = _score_without_shift(scene, query, reach) if np.hypot(*moved) > ROOM else 0.0
     if unmoved > RIVAL * score:
         return None
-    alike = max(other[3], unmoved)
-    return Place(best[:3], best[3], reach, alike > (ALIKE_LONG if reach == LONG_PATH else ALIKE_SHARE) * score)
+    return Place(best[:3], best[3], reach, max(float(other[3]), unmoved) / score)
 
 
 def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach: float,

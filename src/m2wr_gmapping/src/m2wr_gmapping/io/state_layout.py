@@ -39,8 +39,8 @@ READING = ListedRecord(_reading, {
     "beams": Array("float64", "%d M" % mk.BEAM_ROWS, -EXTENT, EXTENT),
     "rays": Array("float32", "2 S", -2 * FARTHEST, 2 * FARTHEST), "ray_hits": Array("bool", "S")})
 CANDIDATE = ListedRecord(lambda values: Candidate(**values), {
-    "along": REAL, "link": LINK, "pose": POSE, "correction": POSE, "slides": YES, "clear": YES, "alike": YES,
-    "drift": REAL, "long": YES})
+    "along": REAL, "link": LINK, "pose": POSE, "correction": POSE, "slides": YES,
+    "evidence": REAL})
 TURNED_FIND = ListedRecord(lambda values: TurnedFind(**values), {
     "along": REAL, "node": NODE, "link": LINK, "correction": POSE})
 LASER = Record(lambda values: LaserModel(**values), {
