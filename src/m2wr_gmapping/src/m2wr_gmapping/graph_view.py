@@ -66,7 +66,7 @@ def graph_of(mapper: Mapper) -> GraphView:
     """Return the pose graph of a mapper that has used a scan; without loop closing it has no edges.
 
     A mapper with a method ``graph_view`` says itself what its graph is.  Otherwise it is the best particle's path with
-    the loop closures of the back end; those candidates of wide searches that wait for others are not accepted.
+    the loop closures of the back end, those that it has rejected, and the candidates that wait for others.
     """
     own: Optional[Callable[[], GraphView]] = getattr(mapper, "graph_view", None)
     if own is not None:
@@ -74,8 +74,8 @@ def graph_of(mapper: Mapper) -> GraphView:
     nodes = mapper.base_poses(mapper.particles.tree.path(mapper.particles.best))
     loops = mapper._loops
     links = [] if loops is None else list(loops.graph.links)
-    waiting = [] if loops is None else [candidate.link for candidate in loops._candidates]
-    pairs = np.array([link[:2] for link in links + waiting], np.int64).reshape(-1, 2)
+    others = [] if loops is None else loops.graph.rejected + [candidate.link[:2] for candidate in loops._candidates]
+    pairs = np.array([link[:2] for link in links] + others, np.int64).reshape(-1, 2)
     return GraphView(nodes, pairs, np.arange(len(pairs)) < len(links))
 
 

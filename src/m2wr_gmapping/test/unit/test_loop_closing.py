@@ -236,7 +236,7 @@ def test_similar_places_need_more_candidates(searched, rivals, accepted_at):
 def test_only_candidates_that_agree_add_up(searched):
     accepted, closer = searched([(0.7, 2.0), (0.7, 5.0), (0.7, -3.0), (0.7, 5.2)])
     assert accepted == [False, False, False, True]
-    assert [link[1] for link in closer.graph.links] == [2, 4]
+    assert [link[1] for link in closer.graph.links] == [2, 4] and closer.graph.rejected == [(0, 1), (0, 3)]
 
 
 def test_place_that_agrees_with_the_path_needs_no_other(searched):

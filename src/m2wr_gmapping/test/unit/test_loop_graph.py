@@ -39,3 +39,20 @@ def test_loop_closure_uses_the_smoothed_calibration():
     bent = graph.solve(path)
     assert bent[60, 0] == pytest.approx(30.0, abs=0.1)      # 30.9 without
     assert bent[100, 0] == pytest.approx(50.0, abs=0.1)
+
+
+def test_contradicted_loop_closure_is_removed():
+    history, row, path = StepHistory(), np.zeros(mk.RESULT_SIZE), np.zeros((41, 3))
+    row[mk.INFORMATION:] = np.eye(3)[np.triu_indices(3)] * 1e5
+    path[:, 0] = np.arange(41) * 0.5
+    for _ in range(40):
+        tr.record_of(history.next_record())
+        history.set_information(row, np.full(3, 0.01**2))
+    graph = loop_graph.LoopGraph(FastMatcher(GmappingConfig.from_mapping({}), Workers(1)), 0.05, history)
+    right = [(k, 40 - k, np.array([20.0 - k, 0.2, 0.0]), np.diag([1e3, 1e3, 1e4])) for k in range(3)]
+    graph.links = right + [(4, 38, np.array([12.0, 5.0, 0.5]), np.diag([1e3, 1e3, 1e4]))]
+    solved = graph.solve(path, True)
+    assert solved[40, 1] == pytest.approx(0.2, abs=0.1)
+    assert graph.links == right and graph.rejected == [(4, 38)]
+    graph.reject([(4, 38, None, None)])
+    assert graph.rejected == [(4, 38)]

@@ -165,7 +165,7 @@ class LoopCloser:
         node, correction = found[-1].node, found[-1].correction
         self._history.corrected(path)       # has seen all nodes
         path = turned_after(path, node, correction)
-        before, links = self._history.step(node), self.graph.links
+        before, links, rejected = self._history.step(node), self.graph.links, list(self.graph.rejected)
         self._history.replace_step(node, turned_step(before[0], correction[2]))
         self.graph.replace_links([link for link in links if link[0] >= node or link[1] < node]
                                  + [find.link for find in found])
@@ -175,7 +175,9 @@ class LoopCloser:
         if not is_consistent(path, along, readings, node, placed):
             self._history.replace_step(node, before)
             self.graph.replace_links(links)
+            self.graph.rejected = rejected
             return None
+        self.graph.reject([link for link in links if link[1] >= node > link[0]])
         self._history.doubtful.remove(node)
         self._pending, self._candidates, self._linked_at = None, [], along[-1]
         self._extension = LoopExtension(self.graph)
@@ -222,12 +224,14 @@ class LoopCloser:
             return bool((change > MIN_CHANGE).any())
         if found.slides:
             return False
+        self.graph.reject([find.link for find in self._candidates if here - find.along >= WIDE_MEMORY])
         self._candidates = [find for find in self._candidates if here - find.along < WIDE_MEMORY] + [found]
         agree = [find for find in self._candidates
                  if (np.abs(between(compose(find.correction, path[-1]), found.pose)) <= WIDE_AGREEMENT).all()]
         if sum(find.evidence for find in agree) < EVIDENCE:
             return False
         self._accept_links([find.link for find in agree], here)
+        self.graph.reject([find.link for find in self._candidates if not any(find is other for other in agree)])
         self._candidates = []
         return bool((change > MIN_CHANGE).any())
 

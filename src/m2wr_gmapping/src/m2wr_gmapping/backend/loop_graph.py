@@ -33,6 +33,7 @@ CONFIDENT_CHANGE = np.array([0.35, 0.35, 0.1])      # smaller corrections need n
 AGREEMENT = np.array([0.25, 0.25, 0.08])    # greatest difference of two corrections of one loop [m, m, rad]
 WIDE_AGREEMENT = np.array([0.5, 0.5, 0.08])     # the same for wide searches
 OUTLIER = 12.0              # squared residual that halves the weight of a loop closure [covariances]
+LEAST_WEIGHT = 0.1          # a loop closure with less weight after an optimisation is removed
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, "FloatArray", "FloatArray"]
 
@@ -131,14 +132,17 @@ class LoopGraph:
     Attributes
     ----------
     links : list of Link
+    rejected : list of (int, int)
+        Older and newer node of links that optimisations contradicted, and of candidates that were not accepted.
     searches, closures : int
         Number of near searches, and of optimisations that moved the path.
     """
 
     def __init__(self, matcher: FastMatcher, resolution: float, history: StepHistory) -> None:
         self._matcher, self._resolution, self._history = matcher, resolution, history
-        self._link_nodes = np.zeros((0, 2), np.int64)   # of ``links``, which only grow
+        self._link_nodes = np.zeros((0, 2), np.int64)   # of ``links``
         self.links: List[Link] = []
+        self.rejected: List[Tuple[int, int]] = []
         self.searches = self.closures = 0
 
     def scene(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
@@ -248,7 +252,7 @@ class LoopGraph:
         return place_match.fine_match(self._matcher, self._resolution, scene, old, pose, reach)
 
     def solve(self, path: FloatArray, opened: bool = False) -> Optional[FloatArray]:
-        """Optimise the graph.
+        """Optimise the graph, then remove the loop closures that the others contradict.
 
         Parameters
         ----------
@@ -271,13 +275,21 @@ class LoopGraph:
         information = np.concatenate([self._history.information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1
-        bent, _ = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
+        bent, weights = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
+        contradicted = weights[count - 1:] < LEAST_WEIGHT
+        if contradicted.any():
+            self.reject([link for link, wrong in zip(self.links, contradicted) if wrong])
+            self.replace_links([link for link, wrong in zip(self.links, contradicted) if not wrong])
         shift = np.abs(bent - path)
         shift[:, 2] = np.abs(wrap(bent[:, 2] - path[:, 2]))
         if (shift <= MIN_CHANGE).all():
             return None
         self.closures += 1
         return bent
+
+    def reject(self, links: Sequence[Link]) -> None:
+        """Remember loop closures that are not used, for pictures of the graph."""
+        self.rejected += [link[:2] for link in links if link[:2] not in self.rejected]
 
     def replace_links(self, links: List[Link]) -> None:
         """Replace all loop closures."""
@@ -288,7 +300,7 @@ class LoopGraph:
 
     def compact(self) -> Dict[str, object]:
         """Return the attributes that are stored."""
-        return dict(links=self.links, searches=self.searches, closures=self.closures)
+        return dict(links=self.links, rejected=self.rejected, searches=self.searches, closures=self.closures)
 
     def restore(self, stored: Dict[str, Any]) -> None:
         """Restore what ``compact`` returned; raises ValueError if a loop closure does not lead to a newer node."""

@@ -76,7 +76,7 @@ HISTORY = Part({
     "_records": Array("float64", "S %d" % tr.RECORD_SIZE), "_information": Array("float64", "S 3 3"),
     "_variances": Array("float64", "S"), "_measured": Many(POSE), "doubtful": Many(NODE),
     "_checked_at": COUNT}, ("count",))
-GRAPH = Part({"links": Many(LINK), "searches": COUNT, "closures": COUNT},
+GRAPH = Part({"links": Many(LINK), "rejected": Many(Group(NODE, NODE)), "searches": COUNT, "closures": COUNT},
              ("_matcher", "_resolution", "_history", "_link_nodes"))
 EXTENSION = Part({
     "_frontiers": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "has_moved": YES,
