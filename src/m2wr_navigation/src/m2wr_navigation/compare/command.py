@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
-from typing import TYPE_CHECKING, List, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Optional
 
 from m2wr_navigation.compare.comparison import NAMES, Comparison, order
 from m2wr_navigation.compare.drive import Robot
 from m2wr_navigation.compare.outputs import check_writable, write_json, write_text
 from m2wr_navigation.compare.page import page
+from m2wr_navigation.compare.scenes import generated, given
+from m2wr_navigation.compare.survey import Job, drive_all, ranked
+from m2wr_navigation.compare.survey_page import survey_page
 from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_navigation.robot_body import body_of
 from m2wr_node.interrupts import INTERRUPTED
@@ -19,7 +23,9 @@ from m2wr_sim.errors import SimError
 
 if TYPE_CHECKING:
     from m2wr_navigation.compare.comparison import Entry
+    from m2wr_navigation.compare.scenes import Scene
 
+MOST_WORLDS = 1000
 LINE = "%-16s %-8s %-12s %8s %9s %8s %10s %9s %9s"
 
 
@@ -57,8 +63,13 @@ def _parser() -> argparse.ArgumentParser:
                         help="greatest rate of turning (default 1 rad/s)")
     parser.add_argument("--methods", type=_names, default=list(NAMES), metavar="NAMES",
                         help="all, or names with commas between: " + ", ".join(NAMES))
+    parser.add_argument("--worlds", nargs="+", default=[], metavar="N|FILE", help="many worlds instead: how many "
+                        "generated ones, and names or files of others; start and goal are drawn")
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),
+                        help="processes for many worlds (default: the cores)")
     parser.add_argument("--limit", type=_finite, default=600.0, help="longest simulated time of a drive [s]")
-    parser.add_argument("--seed", type=int, default=0, help="of the noise of the sensors (default 0)")
+    parser.add_argument("--seed", type=int, default=0,
+                        help="of generated worlds and the noise of the sensors (default 0)")
     parser.add_argument("--out", default="compare.html", metavar="FILE", help="page (default compare.html)")
     parser.add_argument("--json", default="", metavar="FILE", help="also write figures and paths to this file")
     return parser
@@ -76,6 +87,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = parser.parse_args(argv)
     if len(options.start) not in (2, 3):
         parser.error("--start has {} numbers; expected x, y and optionally yaw".format(len(options.start)))
+    if options.workers < 1:
+        parser.error("--workers {}; expected at least 1".format(options.workers))
     if options.seed < 0 or not options.limit > 0.0:
         parser.error("--seed {}, --limit {}; expected no negative seed and a positive limit".format(
             options.seed, options.limit))
@@ -87,7 +100,7 @@ def main(argv: Optional[List[str]] = None) -> int:
             if path:
                 check_writable(path)
         compile_kernels()           # not measured
-        return _compare(options)
+        return _survey(options) if options.worlds else _compare(options)
     except (SimError, ValueError, OSError) as error:
         print("compare: {}".format(error), file=sys.stderr)
         return 1
@@ -120,4 +133,46 @@ def _compare(options: argparse.Namespace) -> int:
                                       "entries": [entry.record() for entry in order(entries)]})
     if entries:
         print("optimum {:.2f} m; page: {}".format(comparison.optimum.length, options.out))
+    return code
+
+
+def _scenes(options: argparse.Namespace, radius: float) -> List[Scene]:
+    """Return the scenes that ``--worlds`` names."""
+    scenes: List[Scene] = []
+    for word in options.worlds:
+        if word.isdigit():
+            if not 0 < int(word) <= MOST_WORLDS:
+                raise ValueError("--worlds {}; expected a number from 1 to {}".format(word, MOST_WORLDS))
+            scenes += generated(int(word), options.seed, radius)
+        else:
+            scenes.append(given(word, options.seed, radius))
+    return scenes
+
+
+def _survey(options: argparse.Namespace) -> int:
+    """Drive in many worlds and write what was measured, also after Ctrl-C; return the exit code."""
+    robot = _robot(options)
+    scenes = _scenes(options, robot.body.turning_radius)
+    jobs = [Job(scene, name, robot, options.limit, options.seed) for scene in scenes for name in options.methods]
+    kept = os.path.splitext(options.out)[0] + ".runs.jsonl"
+    records: List[Dict[str, Any]] = []
+    code = 0
+    try:
+        for record, is_new in drive_all(jobs, kept, options.workers):
+            records.append(record)
+            if is_new:
+                print("{:4d} of {}  {:16s} {:16s} {}".format(
+                    len(records), len(jobs), record["scene"], record["name"], record["outcome"]), flush=True)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    finally:
+        if records:
+            write_text(options.out, survey_page(scenes, records, robot))
+        if records and options.json:
+            write_json(options.json, {"seed": options.seed, "worlds": [vars(scene) for scene in scenes],
+                                      "methods": ranked(records), "runs": records})
+    for row in ranked(records):
+        ratio = "" if row["ratio"][0] is None else "  ratio %.3f" % row["ratio"][0]
+        print("%-16s %3d of %-3d%s" % (row["name"], row["successes"], row["worlds"], ratio))
+    print("page: {}; the drives are kept in {}".format(options.out, kept))
     return code

@@ -2,23 +2,18 @@
 """The page of a comparison: one file of HTML with a table and a picture of each path. It needs no network."""
 from __future__ import annotations
 
-import math
 from html import escape
-from typing import TYPE_CHECKING, List, Sequence
+from typing import TYPE_CHECKING, Sequence
 
 import numpy as np
 
 from m2wr_navigation.compare.comparison import order
-from m2wr_view.outlines import convex_hull
+from m2wr_navigation.compare.drawing import dot, polyline, shape, thinned
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import FloatArray
     from m2wr_navigation.compare.comparison import Comparison, Entry
-    from m2wr_view.outlines import Outline
 
 MARGIN = 0.5                # m
-RIM_POINTS = 32
-APART = 0.03                # m between two points of a drawn path
 
 STYLE = """
 body { font: 15px/1.5 sans-serif; margin: 2em auto; max-width: 1150px; padding: 0 1em; color: #222; }
@@ -48,8 +43,8 @@ def page(comparison: Comparison, entries: Sequence[Entry]) -> str:
              "<th class=n>time s</th><th class=n>clearance m</th><th class=n>contacts</th><th class=n>CPU ms</th></tr>"]
     parts += [_row(entry) for entry in ordered]
     parts += ["</table><h2>Paths</h2><svg style=\"position:absolute;width:0;height:0;border:0\"><defs><g id=\"world\">",
-              "".join(_shape(outline) for outline in comparison.obstacles), _line(comparison.optimum.points, "best"),
-              _dot(comparison.optimum.points[0], "start"), _dot(comparison.optimum.points[-1], "goal"),
+              "".join(shape(outline) for outline in comparison.obstacles), polyline(comparison.optimum.points, "best"),
+              dot(comparison.optimum.points[0], "start"), dot(comparison.optimum.points[-1], "goal"),
               "</g></defs></svg><div class=grid>"]
     view = _view(comparison, ordered)
     parts += [_picture(entry, view) for entry in ordered]
@@ -84,37 +79,4 @@ def _view(comparison: Comparison, entries: Sequence[Entry]) -> str:
 def _picture(entry: Entry, view: str) -> str:
     text = "{:.3f} × optimum, {:.0f} s".format(entry.ratio, entry.time) if entry.success else entry.outcome
     return ("<figure><svg viewBox=\"{}\"><use href=\"#world\"/>{}</svg><figcaption><b>{}</b>: {}</figcaption></figure>"
-            .format(view, _line(thinned(entry.path), "way"), escape(entry.name), escape(text)))
-
-
-def thinned(path: FloatArray) -> FloatArray:
-    """Return the points (M, 2) of a path (N, 2) [m] that are at least APART, and its last one."""
-    kept: List[int] = [0]
-    for k in range(1, len(path)):
-        if math.hypot(*(path[k] - path[kept[-1]])) >= APART:
-            kept.append(k)
-    return path[kept + ([len(path) - 1] if kept[-1] != len(path) - 1 else [])]
-
-
-def _pairs(points: FloatArray) -> str:
-    return " ".join("{:.2f},{:.2f}".format(x, -y) for x, y in points.tolist())
-
-
-def _line(points: FloatArray, name: str) -> str:
-    return "<polyline class={} stroke-width=.1 points=\"{}\"/>".format(name, _pairs(points))
-
-
-def _dot(point: FloatArray, name: str) -> str:
-    return "<circle class={} cx={:.2f} cy={:.2f} r=.22 />".format(name, point[0], -point[1])
-
-
-def _shape(outline: Outline) -> str:
-    if len(outline.vertices) == 1:
-        (x, y), = outline.vertices.tolist()
-        return "<circle class=wall cx={:.3f} cy={:.3f} r={:.3f} />".format(x, -y, outline.radius)
-    corners = outline.vertices
-    if outline.radius > 0.0:
-        turns = np.linspace(0.0, 2.0 * math.pi, RIM_POINTS, endpoint=False)
-        rim = outline.radius * np.stack([np.cos(turns), np.sin(turns)], -1)
-        corners = convex_hull((corners[:, None] + rim).reshape(-1, 2))
-    return "<polygon class=wall points=\"{}\"/>".format(_pairs(corners))
+            .format(view, polyline(thinned(entry.path), "way"), escape(entry.name), escape(text)))
