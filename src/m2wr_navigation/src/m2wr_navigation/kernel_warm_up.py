@@ -87,11 +87,12 @@ def compile_controller_kernels() -> None:
 
 
 def compile_method_kernels() -> None:
-    """Let the method that samples take one decision."""
-    kind = registry.find(registry.METHODS, "mppi")
-    method = kind(read(kind.PARAMETERS, {"samples": 10}, "mppi")[0])
-    method.begin((1.0, 0.0))
-    method.step(Sensing(0.0, (0.0, 0.0, 0.0), (0.0, 0.0), np.full(10, 2.0, np.float32), -1.0, 0.2))
+    """Let the methods with kernels take one decision."""
+    for name in ("mppi", "dwa"):
+        kind = registry.find(registry.METHODS, name)
+        method = kind(read(kind.PARAMETERS, {"samples": 10}, name)[0])
+        method.begin((1.0, 0.0))
+        method.step(Sensing(0.0, (0.0, 0.0, 0.0), (0.0, 0.0), np.full(10, 2.0, np.float32), -1.0, 0.2))
 
 
 def compile_kernels() -> None:

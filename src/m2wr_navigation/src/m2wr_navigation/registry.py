@@ -32,6 +32,7 @@ METHODS: Dict[str, str] = {
     "vfh_plus": "m2wr_navigation.methods.vfh_plus:VfhPlus",
     "follow_the_gap": "m2wr_navigation.methods.follow_the_gap:FollowTheGap",
     "potential_field": "m2wr_navigation.methods.potential_field:PotentialField",
+    "dwa": "m2wr_navigation.methods.dynamic_window:DynamicWindow",
     "mppi": "m2wr_navigation.methods.mppi:Mppi",
 }
 CRITERIA: Dict[str, str] = {

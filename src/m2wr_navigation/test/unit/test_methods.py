@@ -2,6 +2,7 @@
 """Methods without a map drive the simulated robot to goals, end where theory says, and never hit anything."""
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ RATIOS = {("world02", "bug0"): 1.3, ("world02", "bug1"): 5.5, ("world02", "bug2"
           ("world02", "tangent_bug"): 1.8, ("world02", "vfh_plus"): 2.0, ("world02", "follow_the_gap"): 2.0,
           ("world03", "bug1"): 6.0, ("world03", "bug2"): 4.7, ("world03", "dist_bug"): 4.2,
           ("world03", "tangent_bug"): 1.1, ("world03", "vfh_plus"): 1.15, ("world03", "follow_the_gap"): 1.15,
-          ("world03", "potential_field"): 1.15}
+          ("world03", "potential_field"): 1.15, ("world03", "dwa"): 1.15}
 
 
 @pytest.mark.parametrize("world, name", sorted(RATIOS))
@@ -80,8 +81,10 @@ def test_mppi_drives_straight_and_around_a_wall():
 def test_without_obstacles_a_method_drives_towards_its_goal(name):
     made = method(name)
     made.begin((5.0, 0.0))
-    for cycle in range(40):         # MPPI improves its commands from cycle to cycle
-        decision = made.step(sensing(np.full(101, np.inf), stamp=0.05 * cycle))
+    velocity = (0.0, 0.0)
+    for cycle in range(40):         # MPPI improves its commands from cycle to cycle, DWA accelerates
+        decision = made.step(replace(sensing(np.full(101, np.inf), stamp=0.05 * cycle), velocity=velocity))
+        velocity = decision.linear, decision.angular
     assert decision.outcome == RUNNING and decision.linear > 0.3 and abs(decision.angular) < 0.3
 
 

@@ -10,13 +10,11 @@ import math
 
 import numpy as np
 
-from m2wr_navigation.costmap.inflation_kernels import cost_table, inflate
+from m2wr_navigation.methods.local_grid import local_grid
 from m2wr_navigation.methods.method import COMMON, Decision, Method, View
 from m2wr_navigation.methods.mppi_kernels import costs_of, improve
 from m2wr_navigation.parameters import Parameter
 
-CELLS, RESOLUTION = 120, 0.05           # the grid around the robot: 6 x 6 m
-INFLATION = 1.0                         # m
 SCALING = 5.0                           # 1/m: decay of the costs
 
 
@@ -37,23 +35,17 @@ class Mppi(Method):
     def restart(self) -> None:
         self._random = np.random.default_rng(self.values["seed"])
         self._nominal = np.zeros((self.values["horizon"], 2))
-        cells = int(math.ceil(INFLATION / RESOLUTION))
-        self._table = cost_table(cells, RESOLUTION, self.body.turning_radius, SCALING)
 
     def decide(self, view: View) -> Decision:
         values = self.values
-        corner = (view.x - 0.5 * CELLS * RESOLUTION, view.y - 0.5 * CELLS * RESOLUTION, RESOLUTION)
-        grid = np.zeros((CELLS, CELLS), np.uint8)
-        cells = ((view.surroundings.points[:, ::-1] - (corner[1], corner[0])) / RESOLUTION).astype(np.int64)
-        inside = ((cells >= 0) & (cells < CELLS)).all(axis=1)
-        grid[cells[inside, 0], cells[inside, 1]] = 254
-        inflate(grid, self._table, int(math.ceil(INFLATION / RESOLUTION)), 0, CELLS, 0, CELLS, False)
+        costmap = local_grid(view, self.body.turning_radius, SCALING)
+        corner = (float(costmap.origin[0]), float(costmap.origin[1]), costmap.resolution)
         if len(self._nominal) != values["horizon"]:
             self._nominal = np.zeros((values["horizon"], 2))
         noise = self._random.standard_normal((values["samples"], values["horizon"], 2), np.float32)
         limits = (values["max_vel_x"], values["max_vel_theta"])
         deviations = (values["deviation_x"], values["deviation_theta"])
-        costs = costs_of(grid, corner, (view.x, view.y, view.yaw), (float(self.goal[0]), float(self.goal[1])),
+        costs = costs_of(costmap.costs, corner, (view.x, view.y, view.yaw), (float(self.goal[0]), float(self.goal[1])),
                          self._nominal, noise, (values["step"],) + deviations + limits + (values["gamma"],))
         improve(self._nominal, noise, costs, deviations + (values["temperature"],))
         np.clip(self._nominal, (0.0, -limits[1]), limits, out=self._nominal)
