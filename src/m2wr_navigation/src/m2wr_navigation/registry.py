@@ -14,6 +14,7 @@ PLANNERS: Dict[str, str] = {
     "carrot_planner/CarrotPlanner": "m2wr_navigation.planners.carrot:Carrot",
     "m2wr_navigation/AStar": "m2wr_navigation.planners.grid_search:AStar",
     "m2wr_navigation/ThetaStar": "m2wr_navigation.planners.grid_search:ThetaStar",
+    "m2wr_navigation/HybridAStar": "m2wr_navigation.planners.hybrid:HybridAStar",
     "m2wr_navigation/RRT": "m2wr_navigation.planners.rrt:RRT",
     "m2wr_navigation/RRTStar": "m2wr_navigation.planners.rrt:RRTStar",
     "m2wr_navigation/InformedRRTStar": "m2wr_navigation.planners.rrt:InformedRRTStar",

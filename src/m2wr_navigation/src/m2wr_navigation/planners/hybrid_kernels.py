@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Hybrid A* on a costmap, with Dubins paths (Dolgov, Thrun, Montemerlo, Diebel 2008; Dubins 1957).
+
+All lengths are in cells; x counts columns, y rows, from the corner of cell (0, 0). A node is a bin of one cell and one
+of HEADINGS headings, and keeps the exact pose with which the bin was reached.
+"""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Tuple
+
+import numpy as np
+from numba import njit
+
+from m2wr_navigation.planners.heap_kernels import pop, push
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import Float32Array, FloatArray, IndexArray, Int32Array, Uint8Array
+
+HEADINGS = 72               # bins of 5 degrees
+STEP = 1.5                  # cells of an arc: more than the diagonal of a cell, so that each leads to another bin
+CHECK = 0.5                 # cells between two places of a path that are looked up
+SHOTS = 12                  # headings at the goal that are tried if it has none
+ROUNDING = 1e-12            # of the square of a length in radii
+_FULL = 2.0 * math.pi
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _turn(angle: float) -> float:
+    """Return an angle from 0 to 2 pi; one that is 0 but for rounding is 0."""
+    angle = angle % _FULL
+    return 0.0 if _FULL - angle < 1e-9 else angle
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def dubins(start: Tuple[float, float, float], goal: Tuple[float, float, float],
+           radius: float) -> Tuple[float, int, float, float, float]:
+    """Return the shortest path of a vehicle that drives ahead with a least turning radius.
+
+    Parameters
+    ----------
+    start, goal : (float, float, float)
+        x, y, heading [rad].
+    radius : float
+
+    Returns
+    -------
+    length : float
+    word : int
+        0 LSL, 1 RSR, 2 LSR, 3 RSL, 4 RLR, 5 LRL.
+    first, middle, last : float
+        Of its three parts, in radii.
+    """
+    across, up = goal[0] - start[0], goal[1] - start[1]
+    far, direction = math.hypot(across, up) / radius, math.atan2(up, across)
+    alpha, beta = (start[2] - direction) % _FULL, (goal[2] - direction) % _FULL
+    sa, sb, ca, cb, between = math.sin(alpha), math.sin(beta), math.cos(alpha), math.cos(beta), math.cos(alpha - beta)
+    best, kind, one, two, three = np.inf, -1, 0.0, 0.0, 0.0
+    for word in range(6):
+        t = p = q = -1.0
+        if word == 0 or word == 1:
+            side = 1.0 if word == 0 else -1.0
+            square = 2.0 + far * far - 2.0 * between + side * 2.0 * far * (sa - sb)
+            if square < -ROUNDING:
+                continue
+            if square < ROUNDING:           # one arc leads there
+                t, p, q = _turn(side * (beta - alpha)), 0.0, 0.0
+            else:
+                middle = math.atan2(side * (cb - ca), far + side * (sa - sb))
+                t, p, q = _turn(side * (middle - alpha)), math.sqrt(square), _turn(side * (beta - middle))
+        elif word == 2 or word == 3:
+            side = 1.0 if word == 2 else -1.0
+            square = far * far - 2.0 + 2.0 * between + side * 2.0 * far * (sa + sb)
+            if square < 0.0:
+                continue
+            p = math.sqrt(square)
+            middle = math.atan2(-side * (ca + cb), far + side * (sa + sb)) - math.atan2(-side * 2.0, p)
+            t, q = _turn(side * (middle - alpha)), _turn(side * (middle - beta))
+        else:
+            side = 1.0 if word == 4 else -1.0
+            cosine = (6.0 - far * far + 2.0 * between + side * 2.0 * far * (sa - sb)) / 8.0
+            if abs(cosine) > 1.0:
+                continue
+            p = _FULL - math.acos(cosine)
+            t = _turn(side * (alpha - math.atan2(ca - cb, far - side * (sa - sb))) + 0.5 * p) if word == 4 \
+                else _turn(-alpha + math.atan2(-(ca - cb), far + sa - sb) + 0.5 * p)
+            q = _turn(alpha - beta - t + p) if word == 4 else _turn(beta - alpha - t + p)
+        if t + p + q < best:
+            best, kind, one, two, three = t + p + q, word, t, p, q
+    return best * radius, kind, one, two, three
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def arc(pose: Tuple[float, float, float], length: float, curvature: float) -> Tuple[float, float, float]:
+    """Return the pose at the end of an arc.
+
+    Parameters
+    ----------
+    pose : (float, float, float)
+    length : float
+        Negative: backwards.
+    curvature : float
+        1 / radius, positive to the left; 0: straight.
+    """
+    x, y, yaw = pose
+    if curvature == 0.0:
+        return x + length * math.cos(yaw), y + length * math.sin(yaw), yaw
+    after = yaw + length * curvature
+    return (x + (math.sin(after) - math.sin(yaw)) / curvature, y - (math.cos(after) - math.cos(yaw)) / curvature, after)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def cost_along(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, float], length: float,
+               curvature: float) -> float:
+    """Return the cost of an arc: its length times the mean cost of its cells; inf: a cell is blocked or outside.
+
+    Parameters
+    ----------
+    costs : (H, W) uint8
+    table : (256,) float32
+    pose : (float, float, float)
+    length, curvature : float
+    """
+    count = max(1, math.ceil(abs(length) / CHECK))
+    total = 0.0
+    for k in range(1, count + 1):
+        x, y, _ = arc(pose, length * k / count, curvature)
+        if not (0.0 <= x < costs.shape[1] and 0.0 <= y < costs.shape[0]):
+            return np.inf
+        total += table[costs[int(y), int(x)]]
+    return abs(length) * total / count
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _curvatures(word: int, radius: float) -> Tuple[float, float, float]:
+    left = 1.0 / radius
+    if word == 0:
+        return left, 0.0, left
+    if word == 1:
+        return -left, 0.0, -left
+    if word == 2:
+        return left, 0.0, -left
+    if word == 3:
+        return -left, 0.0, left
+    if word == 4:
+        return -left, left, -left
+    return left, -left, left
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def shot_cost(costs: Uint8Array, table: Float32Array, pose: Tuple[float, float, float],
+              goal: Tuple[float, float, float], radius: float) -> float:
+    """Return the cost of the Dubins path to a goal, inf: it is blocked.
+
+    Parameters
+    ----------
+    costs : (H, W) uint8
+    table : (256,) float32
+    pose, goal : (float, float, float)
+    radius : float
+    """
+    _, word, one, two, three = dubins(pose, goal, radius)
+    bends = _curvatures(word, radius)
+    total, place = 0.0, pose
+    for k in range(3):
+        length = radius * (one if k == 0 else two if k == 1 else three)
+        if length > 0.0:
+            total += cost_along(costs, table, place, length, bends[k])
+            if total == np.inf:
+                return total
+            place = arc(place, length, bends[k])
+    return total
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def shot_poses(pose: Tuple[float, float, float], goal: Tuple[float, float, float], radius: float) -> FloatArray:
+    """Return poses (N, 3) along the Dubins path, without its start.
+
+    Parameters
+    ----------
+    pose, goal : (float, float, float)
+    radius : float
+    """
+    length, word, one, two, three = dubins(pose, goal, radius)
+    bends = _curvatures(word, radius)
+    out, count, place = np.empty((int(length / CHECK) + 6, 3)), 0, pose
+    for k in range(3):
+        part = radius * (one if k == 0 else two if k == 1 else three)
+        if part <= 1e-9:
+            continue
+        steps = max(1, math.ceil(part / CHECK))
+        for j in range(1, steps + 1):
+            at = arc(place, part * j / steps, bends[k])
+            out[count, 0], out[count, 1], out[count, 2] = at
+            count += 1
+        place = arc(place, part, bends[k])
+    return out[:count].copy()
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _slot(keys: IndexArray, key: int) -> int:
+    """Return where a key is in a hash table, or the empty slot (-1) where it belongs."""
+    mask = len(keys) - 1
+    at = (key * 0x9E3779B1) & mask
+    while keys[at] != -1 and keys[at] != key:
+        at = (at + 1) & mask
+    return at
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _key(pose: Tuple[float, float, float], columns: int) -> int:
+    heading = int((pose[2] % _FULL) / _FULL * HEADINGS) % HEADINGS
+    return (int(pose[1]) * columns + int(pose[0])) * HEADINGS + heading
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def hybrid_search(costs: Uint8Array, table: Float32Array, distance: Float32Array, start: Tuple[float, float, float],
+                  goal: Tuple[float, float, float], options: Tuple[float, float, float, float],
+                  memory: Tuple[FloatArray, Float32Array, Int32Array, IndexArray, Int32Array, Float32Array,
+                                Int32Array]) -> Tuple[int, int, float]:
+    """Search from a start until the Dubins path to the goal is the best that is left.
+
+    Parameters
+    ----------
+    costs : (H, W) uint8
+    table : (256,) float32
+        Cost of a cell of each value, inf: blocked.
+    distance : (H, W) float32
+        Cost from each cell to the goal, by cells.
+    start, goal : (float, float, float)
+    options : four floats
+        Turning radius; factor of the cost backwards, 0: never; added cost of a change of direction, in cells; 1: any
+        heading at the goal.
+    memory : seven arrays
+        Poses of nodes (N, 3), their costs, their parents and signs of their arcs (N, 2), hash keys (a power of 2) and
+        their nodes, keys and items of the heap (4 N).
+
+    Returns
+    -------
+    node : int
+        From which the last Dubins path begins; -1: none was found.
+    count : int
+        Nodes.
+    heading : float
+        At the goal [rad].
+    """
+    radius, backwards, change, any_heading = options
+    poses, total, links, keys, values, heap_keys, heap_items = memory
+    columns = costs.shape[1]
+    poses[0, 0], poses[0, 1], poses[0, 2] = start
+    total[0], links[0, 0], links[0, 1] = 0.0, -1, 1
+    slot = _slot(keys, _key(start, columns))
+    keys[slot], values[slot] = _key(start, columns), 0
+    count, waiting, expanded = 1, push(heap_keys, heap_items, 0, distance[int(start[1]), int(start[0])], 0), 0
+    best, best_node, best_heading = np.inf, -1, goal[2]
+    while waiting > 0:
+        node, key = heap_items[0], heap_keys[0]
+        waiting = pop(heap_keys, heap_items, waiting)
+        if key >= best:
+            break               # no path that is left is better
+        here = (poses[node, 0], poses[node, 1], poses[node, 2])
+        ahead = distance[int(here[1]), int(here[0])]
+        if values[_slot(keys, _key(here, columns))] != node:
+            continue            # its bin was reached with less cost since
+        expanded += 1
+        # the nearer the goal, the more often
+        if expanded % max(1, int(ahead / (4.0 * radius + 1.0))) == 0:
+            for k in range(SHOTS if any_heading > 0.0 else 1):
+                heading = goal[2] if any_heading == 0.0 else k * _FULL / SHOTS
+                end = (goal[0], goal[1], heading)
+                if total[node] + dubins(here, end, radius)[0] < best:
+                    found = total[node] + shot_cost(costs, table, here, end, radius)
+                    if found < best:
+                        best, best_node, best_heading = found, node, heading
+        for k in range(6 if backwards > 0.0 else 3):
+            sign = 1 if k < 3 else -1
+            bend = (k % 3 - 1) / radius
+            spent = cost_along(costs, table, here, sign * STEP, bend)
+            if spent == np.inf:
+                continue
+            spent = total[node] + spent * (1.0 if sign > 0 else backwards) + (change if sign != links[node, 1] else 0.0)
+            there = arc(here, sign * STEP, bend)
+            left = distance[int(there[1]), int(there[0])]
+            if any_heading == 0.0 and backwards == 0.0:
+                left = max(left, dubins(there, goal, radius)[0])
+            if not spent + left < best:
+                continue
+            key_there = _key(there, columns)
+            slot = _slot(keys, key_there)
+            at = values[slot] if keys[slot] == key_there else -1
+            if at >= 0 and total[at] <= spent:
+                continue
+            if count == len(total) or waiting == len(heap_keys):
+                return best_node, count, best_heading       # out of memory
+            # a new node, so that the poses of those that came from the old one stay true
+            keys[slot], values[slot] = key_there, count
+            poses[count, 0], poses[count, 1], poses[count, 2] = there
+            total[count], links[count, 0], links[count, 1] = spent, node, sign
+            waiting = push(heap_keys, heap_items, waiting, spent + left, count)
+            count += 1
+    return best_node, count, best_heading
