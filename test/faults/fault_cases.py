@@ -170,6 +170,7 @@ CASES = (
 LAUNCH_FILES = {
     "m2wr_sim/bug2.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/mapping.launch": ["gui:=false", "particles:=5", "record:=run.bag", "map:=plan"],
+    "m2wr_sim/best_path.launch": ["gui:=false", "record:=run.bag", "memory:=memory"],
     "m2wr_sim/sim.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/robots.launch": ["gui:=false", "record:=run.bag"],
     "m2wr_sim/record.launch": [],

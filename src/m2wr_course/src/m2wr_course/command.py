@@ -19,6 +19,7 @@ EXERCISES = {
     4: ("Python file with the function nearest", "programs", "nearest"),
     5: ("world in which Bug 2 meets two walls (.world)", "worlds", "two_walls"),
     6: ("map of world02, of all of it (.yaml)", "maps", "whole_map"),
+    7: ("weights with which the robot keeps its distance (.yaml)", "paths", "safe_path"),
 }
 
 

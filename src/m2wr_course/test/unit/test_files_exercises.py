@@ -198,3 +198,24 @@ def test_what_is_no_map_is_told(tmp_path, capsys):
     (tmp_path / "plan.yaml").write_text("image: plan.pgm\n")
     code, said = check(6, tmp_path / "plan.yaml", capsys)
     assert code == 2 and "expected the .yaml file that map_saver writes" in said.err
+
+
+def weights(path, **given):
+    path.write_text("criteria:\n" + "".join("  %s: {%s}\n" % entry for entry in given.items()))
+    return path
+
+
+def test_weights_that_keep_the_distance_are_done(tmp_path, capsys):
+    code, said = check(7, weights(tmp_path / "w.yaml", clearance="weight: 20.0, wanted: 0.7"), capsys)
+    assert code == 0, said.out
+
+
+def test_the_weights_as_they_are_give_the_narrow_path(tmp_path, capsys):
+    shutil.copy(str(Path(package_folder("m2wr_sim")) / "config" / "best_path.yaml"), str(tmp_path / "w.yaml"))
+    code, said = check(7, tmp_path / "w.yaml", capsys)
+    assert code == 1 and "1 of 3 not yet" in said.out and "short" in said.out.split("not yet")[1]
+
+
+def test_a_weight_that_is_spelt_wrong_is_named(tmp_path, capsys):
+    code, said = check(7, weights(tmp_path / "w.yaml", clearance="wieght: 20.0"), capsys)
+    assert code == 1 and "did you mean weight?" in said.out

@@ -95,7 +95,7 @@ def record_of(worse_by):
     return 1, Run("before", "reached", "", track, np.zeros((0, 3)), score.amounts, score.total + worse_by)
 
 
-def test_without_any_knowledge_the_goal_is_reached_round_a_dead_end():
+def test_without_knowledge_a_dead_end_is_left_again():
     robot = Robot(world(*WALL, *DEAD_END), SETTINGS, Survey(SIDE, (0.5 * SIDE, 0.5 * SIDE)))
     decision, track, _ = robot.drive()
     assert decision.outcome == "reached" and robot.driver.plans > 1 and track.length > 12.0

@@ -21,7 +21,7 @@ def test_every_argument_has_a_default_and_a_description(path):
         assert arg.get("default") is not None and arg.get("doc") or arg.get("value") is not None, arg.get("name")
 
 
-@pytest.mark.parametrize("name", ["sim.launch", "bug2.launch"])
+@pytest.mark.parametrize("name", ["sim.launch", "bug2.launch", "best_path.launch"])
 def test_every_node_of_a_launch_file_exists(name):
     nodes, _ = load(name)
     for node in nodes.values():
@@ -41,6 +41,16 @@ def test_bug2_runs_the_reports_experiment_by_default():
     assert ends_the_run == {"bug2", "gazebo", "go_to_point", "wall_follower"}
     # which another of its name may replace, but not where time waits for it
     assert load("bug2.launch", "lockstep:=true")[0]["robot_state_publisher"].required
+
+
+def test_best_path_starts_the_reports_nodes_and_the_chooser():
+    nodes, params = load("best_path.launch", "world:=w.world", "memory:=here", "map:=plan.yaml", "seed:=7")
+    assert {"best_path", "bug2", "gazebo", "go_to_point", "wall_follower", "map_to_odom"} <= set(nodes)
+    assert (nodes["bug2"].type, nodes["best_path"].required, nodes["bug2"].required) == ("explore", True, False)
+    assert nodes["bug2"].args.split()[-2:] == ["motion_plan", "bug2.py"] and "--memory='here'" in nodes["bug2"].args
+    assert [params["/best_path/" + name] for name in ("world", "memory", "map")] == ["w.world", "here", "plan.yaml"]
+    assert params["/best_path/criteria/time/weight"] == 0.2 and params["/gazebo/seed"] == 7
+    assert not params["/gazebo/lockstep"] and load("best_path.launch", "real_time_factor:=0")[1]["/gazebo/lockstep"]
 
 
 def test_arguments_reach_the_nodes():
@@ -139,7 +149,7 @@ def test_rviz_comes_with_a_display_or_when_asked_for(monkeypatch):
     assert "rviz" not in load("bug2.launch", "gui:=false")[0]
 
 
-@pytest.mark.parametrize("name", ["bug2.launch", "mapping.launch", "sim.launch", "robots.launch"])
+@pytest.mark.parametrize("name", ["best_path.launch", "bug2.launch", "mapping.launch", "sim.launch", "robots.launch"])
 def test_rviz_on_a_virtual_display_is_one_argument(name):
     nodes, params = load(name, "virtual_display:=true", "screenshots:=/p", "screenshot_period:=3")
     assert "rviz" not in nodes and nodes["virtual_display"].package == "m2wr_view"
@@ -149,7 +159,8 @@ def test_rviz_on_a_virtual_display_is_one_argument(name):
     assert "virtual_display" not in load(name)[0]
 
 
-@pytest.mark.parametrize("name, model, frame", [("bug2.launch", "m2wr", "odom"), ("mapping.launch", "m2wr", "odom"),
+@pytest.mark.parametrize("name, model, frame", [("best_path.launch", "m2wr", "odom"), ("bug2.launch", "m2wr", "odom"),
+                                                ("mapping.launch", "m2wr", "odom"),
                                                 ("robots.launch", "robot1", "world")])
 def test_where_rviz_is_a_robot_can_be_placed(name, model, frame):
     assert not {"place_robot", "click_obstacles"} & set(load(name, "gui:=false")[0])

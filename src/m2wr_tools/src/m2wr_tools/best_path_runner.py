@@ -62,6 +62,7 @@ class _Eyes:
 
     def _on_odometry(self, odometry: Odometry) -> None:
         self._history.add(odometry.time, odometry.pose)
+        self._survey.incline(odometry.orientation)
         self.speed = (odometry.linear_x, odometry.angular_z)
 
     def _on_scan(self, scan: Optional[Scan]) -> None:

@@ -31,7 +31,8 @@ _NAMED = {"/clock": "rosgraph_msgs/Clock", "/tf": "tf2_msgs/TFMessage", "/tf_sta
           "/gazebo/world_markers": "visualization_msgs/MarkerArray", "/robot_description": "std_msgs/String",
           "/gazebo/link_states": "gazebo_msgs/LinkStates", "/gazebo/robot_states": "gazebo_msgs/ModelStates",
           "/bug2/state": "std_msgs/String", "/bug2/hit_point": "geometry_msgs/PointStamped",
-          "/bug2/leave_point": "geometry_msgs/PointStamped", "/diagnostics": "diagnostic_msgs/DiagnosticArray"}
+          "/bug2/leave_point": "geometry_msgs/PointStamped", "/diagnostics": "diagnostic_msgs/DiagnosticArray",
+          "/best_path/scores": "diagnostic_msgs/DiagnosticArray", "/best_path/state": "std_msgs/String"}
 #: Topics of which every message counts.
 _ALL = ("/tf", "/tf_static", "/bug2/hit_point", "/bug2/leave_point", "/diagnostics", "map_msgs/OccupancyGridUpdate",
         "visualization_msgs/MarkerArray")
@@ -41,6 +42,7 @@ SHOWN = {"sensor_msgs/LaserScan": 10.0, "nav_msgs/Path": 2.0, "nav_msgs/Occupanc
          "geometry_msgs/PoseArray": 2.0, "map_msgs/OccupancyGridUpdate": 2.0, _MARKERS: 5.0}
 #: Topics whose content the scene has from elsewhere.
 _LEFT_OUT = ("/bug2/markers",)
+_PARTS_LEFT_OUT = ("/best_path/plans/",)        # the candidates, which are markers too
 _RATES = {"/gazebo/world_markers": 10.0}
 #: Types and topics with a message for each period of simulated time: publishers are asked for as many as are drawn.
 _PACED = {"/clock": 30.0, "/gazebo/link_states": 30.0, "sensor_msgs/LaserScan": 10.0}
@@ -54,7 +56,8 @@ def kind_of(topic: str, kind: str) -> bool:
     topic, kind : str
         Name of the topic and type of its messages.
     """
-    return _NAMED.get(topic) == kind or kind in SHOWN and topic not in _LEFT_OUT
+    return _NAMED.get(topic) == kind or (
+        kind in SHOWN and topic not in _LEFT_OUT and not topic.startswith(_PARTS_LEFT_OUT))
 
 
 def read_states(data: bytes) -> Tuple[List[str], Any]:
@@ -112,7 +115,8 @@ class Inbox:
             "/bug2/state": lambda _, message: setattr(scene, "state", message.data[:100]),
             "/bug2/hit_point": lambda _, message: scene.take_mark(False, message.point),
             "/bug2/leave_point": lambda _, message: scene.take_mark(True, message.point),
-            "/diagnostics": self._take_diagnostics,
+            "/diagnostics": self._take_diagnostics, "/best_path/scores": scene.take_table,
+            "/best_path/state": lambda _, message: setattr(scene, "state", message.data[:100]),
             "sensor_msgs/LaserScan": scene.take_scan, "nav_msgs/OccupancyGrid": scene.take_map,
             "nav_msgs/Path": functools.partial(self._take_points, False),
             "geometry_msgs/PoseArray": functools.partial(self._take_points, True),

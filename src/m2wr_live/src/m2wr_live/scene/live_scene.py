@@ -9,6 +9,7 @@ import numpy as np
 
 from m2wr_live.scene.annotations import Annotations
 from m2wr_live.scene.shapes import MarkerShapes
+from m2wr_live.scene.tables import Row, read_table
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import Frames, matrices_of, matrix_of, planar
 
@@ -90,6 +91,8 @@ class LiveScene:
     grids : dict of str to Grid
     annotations : dict of str to Annotations
         Markers for viewers, such as frontiers, by topic.
+    tables : dict of str to list of Row
+        Tables by topic, such as the scores of paths.
     state : str
         Of Bug 2.
     hits, leaves : list of (float, float)
@@ -111,6 +114,7 @@ class LiveScene:
         self.particles: Dict[str, FloatArray] = {}
         self.grids: Dict[str, Grid] = {}
         self.annotations: Dict[str, Annotations] = {}
+        self.tables: Dict[str, List[Row]] = {}
         self.state = ""
         self.hits: List[Tuple[float, float]] = []
         self.leaves: List[Tuple[float, float]] = []
@@ -284,6 +288,16 @@ class LiveScene:
         """
         self.annotations.setdefault(topic, Annotations()).update(
             message.markers, self.now, lambda frame: self.pose_of(frame, topic))
+
+    def take_table(self, topic: str, message: Any) -> None:
+        """Take a table.
+
+        Parameters
+        ----------
+        topic : str
+        message : diagnostic_msgs.msg.DiagnosticArray
+        """
+        self.tables[topic] = read_table(message)
 
     def take_mark(self, left: bool, point: Any) -> None:
         """Take a hit or leave point of Bug 2.

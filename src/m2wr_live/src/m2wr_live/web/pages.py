@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional
 import numpy as np
 
 from m2wr_live.scene.series import RealTimeFactor, Series, contacts_of
+from m2wr_live.scene.tables import html_of
 from m2wr_live.web.panel import Panel
 from m2wr_live.web.picture import Picture, look_of
 from m2wr_view.frames import planar
@@ -49,6 +50,7 @@ class Pages:
         self._panels: Dict[int, Panel] = {}
         self._lock = threading.Lock()
         self._plots: List[Any] = []
+        self._shown_tables: List[Any] = []
         self._error = ""
         self.problems: List[str] = []       # what is not shown, and why
         self.viser.gui.configure_theme(show_logo=False, show_share_button=False)
@@ -65,6 +67,9 @@ class Pages:
                 self._plots.append(gui.add_uplot(
                     (empty, empty), ({"label": "t [s]"}, {"label": title, "stroke": colour, "width": 2}), title=title,
                     scales={"x": {"time": False}}, height=130, legend={"show": False}))
+        self._table_folder = gui.add_folder("Paths to choose from", order=5, visible=False)
+        with self._table_folder:
+            self._table = gui.add_html("")
         with gui.add_folder("Show, on all pages", order=20, expand_by_default=False):
             for label, name in _LAYERS:
                 self._make_layer(gui.add_checkbox(label, True), self.picture.layers[name])
@@ -136,6 +141,7 @@ class Pages:
                 known = np.isfinite(columns[row])           # the plot shows nothing if one value is not a number
                 if known.any():
                     plot.data = (columns[0][known], columns[row][known])
+        self._show_table()
         clearance = self._series.clearance
         contacts = contacts_of(source.values)
         lines = ["time  %.1f s%s" % (source.now, "   paused" if paused else ""),
@@ -154,3 +160,11 @@ class Pages:
         if source.markers.left_out:
             lines.append("%d shapes are not shown" % source.markers.left_out)
         self.server.status = {"lines": lines, "drive": topics, "error_text": self._error}
+
+    def _show_table(self) -> None:
+        """Show the tables of the scene, if they have changed."""
+        tables = [rows for _, rows in sorted(self.source.tables.items())]
+        if tables != self._shown_tables:
+            self._shown_tables = tables
+            self._table.content = "".join(map(html_of, tables))
+            self._table_folder.visible = bool(tables)

@@ -118,7 +118,7 @@ class BestPath:
     # ---- choosing ----------------------------------------------------------------------------------------------
 
     def _task(self, pose: FloatArray) -> Task:
-        return Task(self._survey.inflated(), ObstacleField(self._survey.costs), self._settings.scorer,
+        return Task(self._survey.inflated(), ObstacleField(self._survey.snapshot()), self._settings.scorer,
                     self._settings.make, np.array(pose, float), self.goal)
 
     def _choose(self, now: float, pose: FloatArray) -> Decision:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What runs leave for the next one: a map, and the experience of all drives, in a folder.
 
-``map.yaml`` and ``map.pgm`` are files of map_saver; ``experience.json`` has the drives. Each is replaced as a whole. A
-file that cannot be used is named, with the reason, and renamed to ``NAME.damaged``: nothing that was driven is lost.
+``map.yaml`` and ``map.pgm`` are files of map_saver; ``experience.json`` has the drives, and ``run_N.txt`` the track of
+each one with lines 'stamp x y z qx qy qz qw'. Each is replaced as a whole. A file that cannot be used is named with
+the reason, and renamed to ``NAME.damaged``: nothing that was driven is lost.
 """
 from __future__ import annotations
 
@@ -148,7 +149,16 @@ class Memory:
             self.runs = [self.runs[k] for k in sorted(set(kept) | {len(self.runs) - 1})]
         text = json.dumps({"format": FORMAT, "version": VERSION, "runs": [run.record() for run in self.runs]},
                           allow_nan=False, indent=None)
-        write_atomically((os.path.join(self.folder, EXPERIENCE), [text.encode()]))
+        files = [(os.path.join(self.folder, EXPERIENCE), [text.encode()])]
+        if self.runs:       # for plot_map, and other programs that read the format of the TUM data sets
+            files.append((os.path.join(self.folder, "run_{}.txt".format(len(self.runs))), [_tum(self.runs[-1].track)]))
+        write_atomically(*files)
+
+
+def _tum(track: Track) -> bytes:
+    lines = ["{:.3f} {:.4f} {:.4f} 0 0 0 {:.6f} {:.6f}".format(stamp, x, y, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+             for stamp, (x, y, yaw) in zip(track.stamps, track.poses)]
+    return ("\n".join(lines) + "\n").encode()
 
 
 def load(folder: str, keep_damaged: bool = True) -> Memory:

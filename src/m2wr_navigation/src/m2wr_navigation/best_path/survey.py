@@ -6,7 +6,9 @@ The odometry of the simulated robot is exact, and so are the poses.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Optional, Tuple
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Any, Deque, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 RESOLUTION = 0.05           # m
 INFLATION, SCALING = 1.2, 3.0           # m, 1/m: of the costs around obstacles
 MOVED, TURNED, WAITED = 0.1, 0.1, 0.5   # m, rad, s: a scan is added after this much has changed
+TILTED = 0.01               # rad: the laser of a robot that pitches more sees the floor, or over walls: 0.1 m in 10 m
+RECENT = 3                  # inclinations before a scan that count
 MOST_CELLS = 4000           # along a side
 _VALUES = read(SOURCE_PARAMETERS, {"obstacle_range": 9.9, "raytrace_range": 10.0}, "")[0]
 
@@ -56,6 +60,8 @@ class Survey:
         corner = np.floor(np.array([middle[0], middle[1]]) / RESOLUTION - 0.5 * cells) * RESOLUTION
         self.costs = Costmap.filled((cells, cells), RESOLUTION, corner, NO_INFORMATION, frame)
         self.version = 0
+        self._lock = threading.Lock()       # a scan clears cells before it marks them: no thread may read in between
+        self._tilts: Deque[float] = deque(maxlen=RECENT)
         self._last: Optional[Tuple[float, float, float, float]] = None
 
     def seed(self, cells: Int8Array, resolution: float, origin: Vector) -> None:
@@ -84,13 +90,24 @@ class Survey:
         """Return the grid (H, W) as int8: -1 unknown, 0 free, 100 occupied."""
         table = np.zeros(256, np.int8)
         table[LETHAL], table[NO_INFORMATION] = 100, -1
-        found: Int8Array = table[self.costs.costs]
+        found: Int8Array = table[self.snapshot().costs]
         return found
 
     @property
     def known_area(self) -> float:
         """Area of the free and occupied cells [m^2]."""
         return float(np.count_nonzero(self.costs.costs != NO_INFORMATION)) * self.costs.resolution ** 2
+
+    def incline(self, orientation: Sequence[float]) -> None:
+        """Take note of the robot's inclination: scans of a robot that pitches are not added.
+
+        Parameters
+        ----------
+        orientation : (4,) sequence of float
+            Of link_chassis: quaternion x, y, z, w.
+        """
+        x, y = float(orientation[0]), float(orientation[1])
+        self._tilts.append(math.acos(min(1.0, max(-1.0, 1.0 - 2.0 * (x * x + y * y)))))
 
     def add(self, now: float, pose: Vector, scan: Any) -> bool:
         """Take a scan, if the robot has moved or some time has passed; return whether it was taken.
@@ -114,7 +131,7 @@ class Survey:
             If the scan's geometry cannot be used.
         """
         x, y, yaw = float(pose[0]), float(pose[1]), float(pose[2])
-        if not all(map(math.isfinite, (x, y, yaw))):
+        if not all(map(math.isfinite, (x, y, yaw))) or max(self._tilts, default=0.0) > TILTED:
             return False
         if self._last is not None:
             since, old_x, old_y, old_yaw = self._last
@@ -127,16 +144,20 @@ class Survey:
         cosine, sine = math.cos(yaw), math.sin(yaw)
         rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         sensor = np.array([x + LASER_X * cosine, y + LASER_X * sine, 0.0])
-        grid, bounds = self.costs, no_bounds()
         points, free = points.dot(rotation.T) + sensor, free.dot(rotation.T) + sensor
+        with self._lock:
+            self._draw(points, free, sensor)
+            self._free_below(np.array([x + AXLE_X * cosine, y + AXLE_X * sine, yaw]))
+            self.version += 1
+        return True
+
+    def _draw(self, points: FloatArray, free: FloatArray, sensor: FloatArray) -> None:
+        grid, bounds = self.costs, no_bounds()
         for ends in (points, free):
             obstacle_kernels.clear(grid.costs, grid.resolution, grid.origin, ends, sensor, _VALUES["raytrace_range"],
                                    bounds)
         obstacle_kernels.mark(grid.costs, grid.resolution, grid.origin, points, sensor, _VALUES["obstacle_range"],
                               -1.0, 1.0, bounds)
-        self._free_below(np.array([x + AXLE_X * cosine, y + AXLE_X * sine, yaw]))
-        self.version += 1
-        return True
 
     def _free_below(self, axle: FloatArray) -> None:
         """Take the unknown cells below the robot as free: it is there."""
@@ -145,9 +166,14 @@ class Survey:
         footprint_kernels.fill_polygon(under, grid.resolution, grid.origin, footprint.placed(OUTLINE, axle), 1)
         grid.costs[(under == 1) & (grid.costs == NO_INFORMATION)] = FREE
 
+    def snapshot(self) -> Costmap:
+        """Return a copy of the grid, between two scans."""
+        with self._lock:
+            return self.costs.copy()
+
     def inflated(self) -> Costmap:
         """Return a costmap in which the disc around the axle is free at every heading; unknown cells stay unknown."""
-        costmap = self.costs.copy()
+        costmap = self.snapshot()
         cells = int(math.ceil(INFLATION / costmap.resolution))
         table = cost_table(cells, costmap.resolution, TURNING_RADIUS, SCALING)
         inflate(costmap.costs, table, cells, 0, costmap.rows, 0, costmap.columns, False)
