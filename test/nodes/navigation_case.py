@@ -18,7 +18,7 @@ from m2wr_tools.map_comparison.command import read_truth
 from sim_probe import Running, program, wait_until
 
 RESOLUTION, HALF = 0.05, 10.5       # m
-LASER = 0.21                        # m: height of the laser above the floor
+LASER = 0.15                        # m: height of the laser above the floor
 START = 120.0                       # s of wall time in which all nodes start, also on a busy machine
 
 

@@ -48,6 +48,24 @@ def test_driving_backwards_is_no_turn():
     np.testing.assert_allclose(backwards, np.tile([-1.0, 0.0, 0.0], (COUNT, 1)), atol=1e-9)
 
 
+@pytest.mark.parametrize("corrected", [True, False])
+def test_a_turn_about_an_axle_beside_the_frame_is_one_turn(corrected):
+    """Its axle is 0.05 m behind the frame: the noise is that of a turn on the spot, and no way is added."""
+    turn = 0.6
+    step = 0.05 * (math.cos(turn) - 1.0), 0.05 * math.sin(turn), turn
+    beside = cloud(move_differential, 0.0, step, corrected)
+    on_it = cloud(move_differential, 0.0, (0.0, 0.0, turn), corrected)
+    np.testing.assert_allclose(beside.mean(axis=0), step, atol=2e-3)
+    np.testing.assert_allclose(beside.std(axis=0)[2], on_it.std(axis=0)[2], rtol=0.02)
+    assert np.hypot(*beside.std(axis=0)[:2]) < 1.1 * np.hypot(*on_it.std(axis=0)[:2]) + 0.02
+
+
+def test_a_real_way_to_the_side_has_the_noise_of_two_turns():
+    """90 degrees, 1 m, 90 degrees back: no turn of the base explains it."""
+    poses = cloud(move_differential, 0.0, (0.0, 1.0, 0.0), True, alphas=np.array([0.1, 0.0, 0.0, 0.0, 0.0]))
+    assert np.std(poses[:, 2]) == pytest.approx(math.sqrt(2.0 * 0.1) * math.pi / 2, rel=0.3)
+
+
 @pytest.mark.parametrize("corrected, along, across, turning", [
     (True, math.sqrt(0.05), math.sqrt(0.07), math.sqrt(0.02)), (False, 0.05, 0.07, 0.02)])
 def test_omnidirectional_noise_of_a_straight_way(corrected, along, across, turning):

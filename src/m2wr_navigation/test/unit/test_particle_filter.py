@@ -88,3 +88,16 @@ def test_equal_seeds_give_equal_particles():
         particles.sense(scan(TRUE), room())
         particles.resample(scan(TRUE), room())
     np.testing.assert_array_equal(one.poses, other.poses)
+
+
+def test_few_particles_do_not_move_the_mean_by_chance():
+    """Neither motion nor draws: along a wall nothing would bring it back."""
+    particles, grid = started(max_particles=60, min_particles=60), room()
+    before = particles.poses.mean(axis=0)
+    particles.move(np.zeros(3), np.zeros(3))
+    np.testing.assert_allclose(particles.poses.mean(axis=0)[:2], before[:2], atol=1e-9)
+    particles.weights = np.random.default_rng(1).random(60)
+    particles.weights /= particles.weights.sum()
+    before = (particles.weights[:, None] * particles.poses).sum(0)
+    particles.resample(scan(TRUE), grid)
+    np.testing.assert_allclose(particles.poses.mean(axis=0)[:2], before[:2], atol=1e-9)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 STILL = 0.01            # a shorter way has no direction [m]
+OFFSET = 0.3            # m: a base frame so far from the wheels' axle moves sideways when the robot turns on the spot
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -45,13 +46,18 @@ def move_differential(poses: FloatArray, heading: float, step: FloatArray, alpha
 
     Notes
     -----
-    S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, 2005, table 5.6.
+    S. Thrun, W. Burgard, D. Fox, Probabilistic Robotics, 2005, table 5.6. The book's robot turns about its base frame.
+    Another one turns on the spot, and its frame moves sideways: by the table, that is a turn by 90 degrees, a short
+    way, and 90 degrees back, with the noise of both. So a sideways motion that a turn explains is no turn of its own.
     """
     way = math.hypot(step[0], step[1])
     first = 0.0 if way < STILL else wrapped(math.atan2(step[1], step[0]) - heading)
     second = wrapped(step[2] - first)
     folded_first, folded_second = _folded(first), _folded(second)
     first2, second2, way2 = folded_first * folded_first, folded_second * folded_second, way * way
+    off = wrapped(first - 0.5 * step[2])            # of the way from the direction of an arc
+    if abs(way * math.sin(off)) <= 2.0 * OFFSET * abs(math.sin(0.5 * step[2])):
+        first2, second2, way2 = 0.0, step[2] * step[2], (way * math.cos(off)) ** 2
     spread_first = alphas[0] * first2 + alphas[1] * way2
     spread_way = alphas[2] * way2 + alphas[3] * (first2 + second2)
     spread_second = alphas[0] * second2 + alphas[1] * way2

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 CONVERGED = 0.5             # all particles are this near to their mean, along x and y [m]; amcl's
 CANDIDATES = 40             # poses that are tried for each particle, when the robot may be anywhere
+LEAST_CENTRED = 20          # numbers from which their mean is removed: the deviation hardly suffers
 CERTAIN = 0.95              # share of the weight from which one cluster is the only place
 #: Deviations by which copies of a particle differ: half a cell of 5 cm, and what that is at 2 m [m, m, rad].
 ROUGHNESS = np.array([0.02, 0.02, 0.01])
@@ -110,7 +111,12 @@ class ParticleFilter:
         model = values["odom_model_type"]
         kernel = move_omnidirectional if model.startswith("omni") else move_differential
         kernel(self.poses, float(before[2]), step, alphas, model.endswith("corrected"),
-               self._rng.standard_normal(self.poses.shape))
+               self._centred_noise(len(self.poses)))
+
+    def _centred_noise(self, count: int) -> FloatArray:
+        """Return normal numbers (count, 3) with mean 0: that of few numbers would move the pose without a reason."""
+        noise = self._rng.standard_normal((count, 3))
+        return noise - noise.mean(axis=0) if count >= LEAST_CENTRED else noise
 
     def sense(self, beams: Beams, grid: LocalizationMap) -> Optional[Fit]:
         """Weigh the particles by a scan.
@@ -201,7 +207,10 @@ class ParticleFilter:
         injected = int(random[:count].sum())
         drawn = np.empty(count - injected, np.int64)
         kernels.draw_systematically(self.weights, rng.random(), drawn)
-        copies = self.poses[drawn] + ROUGHNESS * rng.standard_normal((len(drawn), 3))
+        copies = self.poses[drawn] + ROUGHNESS * self._centred_noise(len(drawn))
+        if self.certain and not injected and count >= LEAST_CENTRED:
+            # the draw must not move the mean: along a single wall nothing would bring it back
+            copies[:, :2] += (self.weights[:, None] * self.poses[:, :2]).sum(0) - copies[:, :2].mean(axis=0)
         self.poses = np.concatenate([copies, newly_drawn[:injected]])
         self.weights = np.full(count, 1.0 / count)
         if injected:
