@@ -106,6 +106,7 @@ RULES = (
           "m2wr_navigation.recoveries")),
     Rule("m2wr_navigation/methods/*.py", NUMERIC, False, True,
          ("m2wr_navigation.ros", "m2wr_navigation.compare", "m2wr_navigation.planners", "motion_plan.ros*")),
+    Rule("m2wr_navigation/accuracy/*.py", NUMERIC | {"yaml"}, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/compare/*.py", NUMERIC, False, False, ("m2wr_navigation.ros",)),       # measures time
     Rule("m2wr_navigation/optimum/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/planners/*.py", NUMERIC, False, True,

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Small forms of what ``accuracy`` measures."""
+import json
+import os
+
+import numpy as np
+import pytest
+
+from m2wr_navigation.accuracy import command, scenes
+from m2wr_navigation.accuracy.runs import NoisyOdometry, random_goals, search
+
+CONFIG = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "config", "m2wr.yaml")
+
+
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_goals_are_inside_of_the_world(name):
+    place = scenes.scene(name)
+    assert {-1, 0, 100} == set(np.unique(place.cells))
+    assert place.cells[0, 0] == -1 and place.cells[-1, -1] == -1
+    goals = random_goals(place, 200, 3)
+    cells = np.floor((goals[:, :2] - place.origin) / place.map.resolution).astype(int)
+    assert (place.cells[cells[:, 1], cells[:, 0]] == 0).all()
+
+
+def test_odometry_drifts_with_the_way():
+    ends = []
+    for seed in range(40):
+        odometry = NoisyOdometry(np.random.default_rng(seed))
+        for x in np.arange(0.0, 10.01, 0.05):
+            pose = odometry.add(np.array([x, 0.0, 0.0]))
+        ends.append(pose)
+    mean, spread = np.mean(ends, axis=0), np.std(ends, axis=0)
+    assert mean[0] == pytest.approx(10.2, abs=0.1) and mean[2] == pytest.approx(0.1, abs=0.03)
+    assert 0.02 < spread[2] < 0.06
+
+
+def test_the_command_reaches_goals_and_writes_the_figures(tmp_path, capsys):
+    out = tmp_path / "figures.json"
+    assert command.main(["--worlds", "pillars", "--goals", "4", "--searches", "0", "--config", CONFIG, "--json",
+                         str(out)]) == 0
+    figures, = json.loads(out.read_text())
+    assert (figures["reached"], figures["contacts"], figures["failed"]) == (4, 0, [])
+    assert figures["distance_m"]["95"] < 0.1 and figures["angle_deg"]["95"] < 2.0
+    assert "pillars       4 of 4" in capsys.readouterr().out
+
+
+def test_a_robot_that_may_be_anywhere_is_found():
+    assert search(scenes.scene("house"), 3, {}, 40.0).found
+
+
+def test_what_cannot_be_used_is_told_before_the_first_drive(tmp_path, capsys):
+    for arguments, words in ((["--worlds", "nowhere"], "there is no such file"),
+                             (["--json", str(tmp_path / "no" / "x")], "No such file"),
+                             (["--config", str(tmp_path / "none")], "No such file")):
+        assert command.main(arguments) == 1
+        assert words in capsys.readouterr().err
