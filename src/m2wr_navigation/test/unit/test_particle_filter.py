@@ -101,3 +101,16 @@ def test_few_particles_do_not_move_the_mean_by_chance():
     before = (particles.weights[:, None] * particles.poses).sum(0)
     particles.resample(scan(TRUE), grid)
     np.testing.assert_allclose(particles.poses.mean(axis=0)[:2], before[:2], atol=1e-9)
+
+
+def test_particles_in_several_places_are_no_measure_of_a_good_fit():
+    """After a search of the whole map, the average begins when one place is left: else it stays low for minutes."""
+    particles, grid = ParticleFilter(settings(), np.random.default_rng(1)), room()
+    particles.start_anywhere(grid)
+    particles.sense(scan(TRUE), grid)
+    assert particles.slow == 0.0
+    for _ in range(12):
+        particles.resample(scan(TRUE), grid)
+        particles.sense(scan(TRUE), grid)
+        particles.best_cluster()
+    assert particles.certain and particles.slow == pytest.approx(particles.fast, rel=0.1) and particles.slow > 0.6

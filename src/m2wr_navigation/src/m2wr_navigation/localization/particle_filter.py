@@ -60,7 +60,7 @@ class ParticleFilter:
     weights : (N,) float64
         With sum 1.
     slow, fast : float
-        Averages of the weight before normalisation; 0: none yet.
+        Averages of the weight before normalisation, while nearly all of it is in one place; 0: none yet.
     """
 
     def __init__(self, values: Mapping[str, Any], rng: np.random.Generator) -> None:
@@ -68,12 +68,13 @@ class ParticleFilter:
         self.poses: FloatArray = np.zeros((1, 3))
         self.weights: FloatArray = np.ones(1)
         self.slow = self.fast = 0.0
+        self._averaged = 0              # number of values in both
         self.anywhere = False           # the next scan chooses among many poses
         self.certain = True             # nearly all the weight is in one cluster
 
     def _start(self, poses: FloatArray) -> None:
         self.poses, self.weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
-        self.slow = self.fast = 0.0
+        self.slow, self.fast, self._averaged = 0.0, 0.0, 0
         self.anywhere, self.certain = False, True
 
     def start_at(self, mean: FloatArray, covariance: FloatArray) -> None:
@@ -142,13 +143,15 @@ class ParticleFilter:
         total = weights.sum()
         average = float((self.weights * fit.goodness).sum())
         self.weights = weights / total if total > 0.0 else np.full(len(weights), 1.0 / len(weights))
-        self.slow = self._averaged(self.slow, average, self.values["recovery_alpha_slow"])
-        self.fast = self._averaged(self.fast, average, self.values["recovery_alpha_fast"])
+        if self.certain:        # of particles that are in several places, most do not fit
+            self._averaged += 1
+            self.slow = self._average(self.slow, average, self.values["recovery_alpha_slow"])
+            self.fast = self._average(self.fast, average, self.values["recovery_alpha_fast"])
         return fit
 
-    @staticmethod
-    def _averaged(mean: float, value: float, rate: float) -> float:
-        return value if mean == 0.0 else mean + rate * (value - mean)
+    def _average(self, mean: float, value: float, rate: float) -> float:
+        """Return an average with one value more: of all values, until the rate is the greater weight of the new one."""
+        return mean + max(rate, 1.0 / self._averaged) * (value - mean) if rate > 0.0 else 0.0
 
     def _likely_poses(self, count: int, beams: Beams, grid: LocalizationMap) -> FloatArray:
         """Return poses (count, 3) of the whole free space, drawn by how well a scan fits from them."""
@@ -193,7 +196,7 @@ class ParticleFilter:
         if (self.values["selective_resampling"] or not self.certain) and self.effective > 0.5 * len(self.weights):
             return 0
         most, rng = self.values["max_particles"], self._rng
-        share = max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0.0 else 0.0
+        share = max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0.0 and self.certain else 0.0
         if not (self.values["recovery_alpha_slow"] and self.values["recovery_alpha_fast"]):
             share = 0.0
         random = rng.random(most) < share
@@ -213,8 +216,6 @@ class ParticleFilter:
             copies[:, :2] += (self.weights[:, None] * self.poses[:, :2]).sum(0) - copies[:, :2].mean(axis=0)
         self.poses = np.concatenate([copies, newly_drawn[:injected]])
         self.weights = np.full(count, 1.0 / count)
-        if injected:
-            self.slow = self.fast = 0.0
         return injected
 
     def best_cluster(self) -> Cluster:
