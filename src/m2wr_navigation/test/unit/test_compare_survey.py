@@ -52,7 +52,7 @@ def test_figures_are_over_the_successes():
     assert second["ratio"][0] == 2.0 and second["success_interval"] == pytest.approx([0.2077, 0.9385], abs=1e-3)
 
 
-def test_the_page_names_failures_and_cannot_be_written_to_by_names():
+def test_the_page_names_failures_and_escapes_names():
     scene = next(generated(1, 0, 0.45))
     text = survey_page([scene], [record("<b>", scene.name), record("bug0", scene.name, success=False, outcome="stuck")],
                        M2WR_ROBOT)

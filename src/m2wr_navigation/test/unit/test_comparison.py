@@ -90,7 +90,7 @@ def test_a_clearance_without_obstacles_is_null_in_json(tmp_path, made):
     json.dumps(entry.record(), allow_nan=False)
 
 
-def test_a_file_that_cannot_be_written_is_told_before_the_first_drive(tmp_path, capsys, monkeypatch):
+def test_a_file_that_cannot_be_written_is_told_first(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(command, "Comparison", lambda *given: pytest.fail("it drove"))
     assert command.main(["--out", str(tmp_path / "no" / "page.html")]) == 1
     assert "there is no such folder" in capsys.readouterr().err

@@ -50,7 +50,7 @@ def test_a_path_bends_no_more_than_the_robot_can(start_yaw, goal_yaw):
     assert all(costmap.cost_at(x, y) == 0 for x, y in plan.poses[:, :2])
 
 
-def test_driving_backwards_makes_a_turn_in_a_narrow_place_shorter():
+def test_backing_makes_a_turn_in_a_narrow_place_shorter():
     costmap = Costmap.filled((60, 100), 0.05, (0.0, 0.0), 254)
     costmap.costs[20:40, 5:95] = 0              # a corridor 1 m wide, too narrow to turn round ahead
     assert "no path with a turning radius of 0.5 m" in planned(costmap, (1.0, 1.5, 0.0), (4.0, 1.5, math.pi)).reason

@@ -103,7 +103,7 @@ def test_few_particles_do_not_move_the_mean_by_chance():
     np.testing.assert_allclose(particles.poses.mean(axis=0)[:2], before[:2], atol=1e-9)
 
 
-def test_particles_in_several_places_are_no_measure_of_a_good_fit():
+def test_a_spread_cloud_is_no_measure_of_a_good_fit():
     """After a search of the whole map, the average begins when one place is left: else it stays low for minutes."""
     particles, grid = ParticleFilter(settings(), np.random.default_rng(1)), room()
     particles.start_anywhere(grid)
