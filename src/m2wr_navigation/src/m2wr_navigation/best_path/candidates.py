@@ -144,7 +144,8 @@ def planned(task: Task, label: str, planner: str, given: Dict[str, object], unkn
         Whether the path may lead through unknown cells.
     """
     kind = registry.find(registry.PLANNERS, planner)
-    values = read(kind.PARAMETERS, dict(given, allow_unknown=unknown), planner)[0]
+    # the goal is a position; planners without a heading at the goal ignore this
+    values = read(kind.PARAMETERS, dict(given, allow_unknown=unknown, any_goal_heading=True), planner)[0]
     plan = kind(values).plan(task.costmap, task.pose, np.append(task.goal, 0.0))
     if not len(plan.poses):
         return Candidate(label + UNKNOWN if unknown else label, plan.poses, reason=plan.reason, known=not unknown)
