@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_navigation.methods.body import Body, boxes_of
+from m2wr_navigation.methods.body import RobotBody, boxes_of
 from m2wr_sim.geometry import compose, yaw_of
 from m2wr_sim.model.outlines import outline_of
 from m2wr_view.outlines import Outline, convex_hull, point_distances
@@ -25,7 +25,7 @@ _WHEELS = ("leftJoint", "rightJoint", "left_joint", "right_joint", "leftFrontJoi
 _LASERS = ("ray", "gpu_ray")
 
 
-def body_of(model: Model) -> Body:
+def body_of(model: Model) -> RobotBody:
     """Return the body of a robot in the frame of its model.
 
     The axle is the middle of the wheels that a plugin drives, and the model's origin without one. Meshes are not
@@ -51,7 +51,7 @@ def body_of(model: Model) -> Body:
     (x, y, height), orientation = laser
     seen = [part for part in _slice(shapes, height - THIN, height + THIN)
             if point_distances(np.array([(x, y)]), part)[0] > 0.0]         # a laser does not see its own housing
-    return Body(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen))
+    return RobotBody(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen))
 
 
 def _slice(shapes: Sequence[Shape], low: float, high: float) -> List[Outline]:

@@ -31,6 +31,8 @@ CELL = 0.04
 CLEAR_MARGIN = 0.10
 #: A reading within this distance of a part of the robot is that part [m]: four standard deviations of the noise.
 WHEEL_MARGIN = 0.04
+#: Parts of m2wr that its laser sees: the wheels.
+WHEELS = FOOTPRINT_BOXES[1:2]
 #: Jump of the pose between two scans that only a teleport can make [m].
 TELEPORT = 0.5
 #: Directions that are checked in one batch.
@@ -61,7 +63,7 @@ class Surroundings:
         Readings beyond this are not stored [m].
     """
 
-    def __init__(self, laser: Point = (LASER_X, 0.0), own_parts: Sequence[Sequence[float]] = FOOTPRINT_BOXES[1:2],
+    def __init__(self, laser: Point = (LASER_X, 0.0), own_parts: Sequence[Sequence[float]] = WHEELS,
                  keep_range: float = KEEP_RANGE) -> None:
         self._laser, self._own_parts, self._keep_range = laser, own_parts, keep_range
         self._forget_distance = keep_range + (FORGET_DISTANCE - KEEP_RANGE)

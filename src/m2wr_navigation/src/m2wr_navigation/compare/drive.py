@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Callable, Dict, List, Tuple, Union
 
 import numpy as np
 
-from m2wr_navigation.methods.body import M2WR, Body
+from m2wr_navigation.methods.body import M2WR, RobotBody
 from m2wr_navigation.methods.method import Decision, Method, Sensing
 from m2wr_sim.api import Sim
 
@@ -30,14 +30,14 @@ class Robot:
     ----------
     model : Model or str
         As :func:`m2wr_sim.api.read_robot` takes it.
-    body : Body
+    body : RobotBody
         Its measures.
     limits : dict of str to float
         Parameters of its speed, such as ``max_vel_x``, for methods and controllers that have them.
     """
 
     model: Union[Model, str]
-    body: Body
+    body: RobotBody
     limits: Dict[str, float] = field(default_factory=dict)
 
 

@@ -19,7 +19,7 @@ ROUND = np.linspace(0.0, 2.0 * math.pi, 64, endpoint=False)     # of a rounded c
 
 
 @dataclass(frozen=True)
-class Body:
+class RobotBody:
     """A robot with a differential drive, from above, in the frame of its pose.
 
     Attributes
@@ -91,4 +91,4 @@ def boxes_of(parts: Sequence[Outline]) -> Tuple[Tuple[float, ...], ...]:
 
 
 #: The robot of m2wr_description.
-M2WR = Body(M2WR_FOOTPRINT, m2wr.AXLE_X, (m2wr.LASER_X, 0.0, 0.0), m2wr.FOOTPRINT_BOXES[1:2])
+M2WR = RobotBody(M2WR_FOOTPRINT, m2wr.AXLE_X, (m2wr.LASER_X, 0.0, 0.0), m2wr.FOOTPRINT_BOXES[1:2])

@@ -16,7 +16,7 @@ from m2wr_navigation.methods.method import STUCK, UNREACHABLE, Decision, Method,
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
-    from m2wr_navigation.methods.body import Body
+    from m2wr_navigation.methods.body import RobotBody
 
 LOOK = 0.3                  # m: a direction is free if the disc can travel so far; the boundary is approached over it
 HIT = 0.15                  # m: the path to the goal is obstructed if the disc cannot travel so far
@@ -64,7 +64,7 @@ class BoundaryMethod(Method):
         While the boundary is followed.
     """
 
-    def __init__(self, values: Mapping[str, Any], body: Optional[Body] = None) -> None:
+    def __init__(self, values: Mapping[str, Any], body: Optional[RobotBody] = None) -> None:
         super().__init__(values, body)
         self.restart()
 

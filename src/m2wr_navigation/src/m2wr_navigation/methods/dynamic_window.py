@@ -18,7 +18,7 @@ from m2wr_navigation.methods.method import COMMON, Decision, Method, View
 from m2wr_navigation.parameters import Parameter
 
 if TYPE_CHECKING:
-    from m2wr_navigation.methods.body import Body
+    from m2wr_navigation.methods.body import RobotBody
 
 _NO_SIDEWAYS = {"vy_samples": 1, "min_vel_y": 0.0, "max_vel_y": 0.0}    # a differential drive
 _AHEAD = 0.5 * SIDE - 0.2               # m: the plan ends inside of the window
@@ -39,7 +39,7 @@ class DynamicWindow(Method):
         "scaling": Parameter(4.0, "1/m", 0.0, 100.0, "decay of the costs around obstacles"),
     })
 
-    def __init__(self, values: Mapping[str, Any], body: Optional[Body] = None) -> None:
+    def __init__(self, values: Mapping[str, Any], body: Optional[RobotBody] = None) -> None:
         super().__init__(values, body)
         self.restart()
 

@@ -3,7 +3,7 @@
 
 A method sees one scan, the pose and the velocity in each cycle, and answers with a command. It knows no ROS and no map.
 The robot turns about its axle, and a disc around the axle holds it at every heading; its measures are those of a
-:class:`~m2wr_navigation.methods.body.Body`, by default of m2wr.
+:class:`~m2wr_navigation.methods.body.RobotBody`, by default of m2wr.
 """
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
-from m2wr_navigation.methods.body import M2WR, Body
+from m2wr_navigation.methods.body import M2WR, RobotBody
 from m2wr_navigation.parameters import Configurable, Parameter
 from motion_plan.surroundings import KEEP_RANGE, Surroundings
 
@@ -120,13 +120,13 @@ class Method(Configurable, ABC):
     ----------
     values : mapping of str to object
         Value of every parameter of :attr:`PARAMETERS`, converted and clipped.
-    body : Body, optional
+    body : RobotBody, optional
         Of the robot; None: of m2wr.
     """
 
     PARAMETERS = COMMON
 
-    def __init__(self, values: Mapping[str, Any], body: Optional[Body] = None) -> None:
+    def __init__(self, values: Mapping[str, Any], body: Optional[RobotBody] = None) -> None:
         super().__init__(values)
         self.body = M2WR if body is None else body
         self.goal = np.zeros(2)

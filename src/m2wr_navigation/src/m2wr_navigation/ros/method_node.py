@@ -13,7 +13,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 
 from m2wr_navigation import registry
-from m2wr_navigation.methods.body import M2WR, Body
+from m2wr_navigation.methods.body import M2WR, RobotBody
 from m2wr_navigation.methods.method import REACHED, RUNNING, Decision, Sensing
 from m2wr_navigation.parameters import Parameter, flag, read, text, unknown
 from m2wr_navigation.robot_body import body_of
@@ -54,7 +54,7 @@ def beams_fault(message: LaserScan) -> str:
     return ""
 
 
-def robot_body() -> Body:
+def robot_body() -> RobotBody:
     """Return the body of the robot in the parameter ``robot_description``, and of m2wr without one."""
     description = rospy.get_param("robot_description", "")
     if not isinstance(description, str) or not description:
