@@ -4,8 +4,8 @@
 A constant is here if another value would give another map and if data or taste decide about it. Indices, layouts,
 buffer sizes, file formats and limits of input stay where they are used. Users' parameters are in ``config``.
 
-Modules read ``tuning.MATCHING.narrow``. Compiled kernels need plain numbers, so a module of kernels assigns the values
-that it uses to names of its own when it is imported.
+Modules read ``tuning.MATCHING.narrow``, or import the group. Compiled kernels need plain numbers, so a module of
+kernels assigns the values that it uses to names of its own when it is imported.
 """
 from __future__ import annotations
 
@@ -229,15 +229,140 @@ class Particles:
     same_turn: float = tuned(0.002, "rad", "The same for its heading.", "time of a map update")
 
 
-# The back end has its group here as soon as its constants are moved.
+@dataclass(frozen=True)
+class Drift:
+    """Drift of the path between two visits of a place, which bounds the search for it."""
+
+    old_after: float = tuned(12.0, "m", "Path after which a place is old, and after which a candidate of a loop "
+                             "closure is dropped.",
+                             "geometry: the reach of a search; closer scans are matched by the front end")
+    heading: float = tuned(4e-5, "rad^2/m", "Variance of the heading per distance of scan matching.",
+                           "measured without loop closing on 26 generated logs")
+    deviations: float = tuned(2.5, "1", "Half width of a search, in standard deviations of the drift.",
+                              "normal distribution: 98.8 %")
+    least: Vector2 = tuned((0.5, 0.1), "m, rad", "Least half width of a search. Corrections by wide searches that "
+                           "differ by less agree.", "geometry: several cells of the raster of a wide search")
+    most: Vector2 = tuned((30.0, 0.6), "m, rad", "Greatest half width of a search.", "time and memory of a search")
+    near: float = tuned(2.0, "m", "With less drift only the newest scans are searched.",
+                        "geometry: the width of a corridor")
+    beside: float = tuned(2.0, "m", "Old places farther away than the drift and this are not searched.",
+                          "geometry: the width of a corridor")
+    room: float = tuned(2.5, "m", "Greatest distance of a result from the old path.",
+                        "geometry: half of a room")
+    step: Vector3 = tuned((0.01, 0.01, 0.004), "m, m, rad", "Least standard deviation of a step of the path.",
+                          "geometry: a fifth of a cell")
+    carried: Vector3 = tuned((2.0, 2.0, 0.5), "m, m, rad", "Standard deviations of a step on which the robot was "
+                             "carried.", "geometry: a person who lifts it puts it down nearby")
+    calibration: float = tuned(10.0, "1", "The calibration changes more slowly than the filter assumes, by this "
+                               "factor.",
+                               "the filter has to follow at once, the smoother knows the whole run")
+
+
+@dataclass(frozen=True)
+class Search:
+    """Search for an old place."""
+
+    cells: Vector2 = tuned((0.1, 0.2), "m, m", "Cells of the raster of a near and of a wide search.",
+                           "time of a search; twice and four times the usual map")
+    local: Vector2 = tuned((0.3, 0.08), "m, rad", "A correction up to this needs no other one; corrections by near "
+                           "searches that differ by less agree.", "geometry: three cells of the raster, at 4 m")
+    least_score: float = tuned(0.6, "1", "Least score, as a share of the best possible one.", UNKNOWN)
+    apart: Vector2 = tuned((0.6, 0.3), "m, rad", "Least distance of another place.",
+                           "geometry: twice the width of a correct peak")
+    rival: float = tuned(0.9, "1", "Another place with this share of the best score, or of the best rating by points "
+                         "in free space, makes the result ambiguous.",
+                         "development logs: with 0.92 equal aisles are closed wrongly")
+    beyond: float = tuned(1.3, "1", "Other places are searched within the drift times this factor.",
+                          "normal distribution: with the drift's deviations 99.9 %")
+    against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", UNKNOWN)
+    alike: float = tuned(15.0, "m", "Radius of the search for similar places outside the drift.", "time of a search")
+    near_path: float = tuned(3.0, "m", "Path whose scans a near search uses, and a wide one after a short return.",
+                             "geometry: a room")
+    path: float = tuned(10.0, "m", "Path whose scans a wide search uses. Such a segment is shifted by at most its "
+                        "length, and an extension ends after such a gap.", "geometry: a corridor with its doors")
+    long_path: float = tuned(24.0, "m", "The same if several places fit.", "geometry: a long corridor")
+    short_drift: float = tuned(6.0, "m", "Greatest drift of a search after a short return.", UNKNOWN)
+    points: int = tuned(240, "1", "Points of a query.", "time of a search")
+    spacing: float = tuned(0.25, "m", "Cell with one point of the query of a wide search.",
+                           "geometry: one cell of its raster")
+    reach: float = tuned(12.0, "m", "Farther end points are not used.", "time and memory of a search")
+    nodes: Tuple[int, int, int] = tuned((24, 160, 320), "1, 1, 1", "Old scans of a near search, of a wide one, and of "
+                                        "one with a long segment.", "time of a search")
+    fewest: int = tuned(30, "1", "Least number of points of a query, and of beams of a scan that is searched.",
+                        "geometry: fewer give no shape")
+
+
+@dataclass(frozen=True)
+class Links:
+    """Fine match of a loop closure, and its covariance."""
+
+    reach: float = tuned(5.0, "m", "Old scans within this distance make the map.", "geometry: a room")
+    nodes: float = tuned(4.0, "1/m", "Additional old scans per distance of a segment that is matched together.",
+                         "time of a match")
+    shares: Vector2 = tuned((0.5, 0.6), "1, 1", "Least score, and least number of beams with a partner, as shares of "
+                            "the beams.", UNKNOWN)
+    prior: Vector3 = tuned((0.3, 0.3, 0.15), "m, m, rad", "Standard deviations of the result of the search.",
+                           "geometry: cell of the raster of a wide search")
+    weight: float = tuned(0.375, "1", "Robust weight of an end point where observability is tested.",
+                          "the kernel of the match, on average over that distance")
+    spacing: float = tuned(0.1, "m", "Cell with one beam of a match of several scans.",
+                           "geometry: two cells of the usual map")
+    beams: int = tuned(400, "1", "Beams of such a match.", "time of a match")
+    looks: int = tuned(3, "1", "Scans of a segment that are checked by occlusion; of the old ones four times as many.",
+                       "time of a check")
+    floor: Vector3 = tuned((0.02, 0.02, 0.008), "m, m, rad", "Standard deviation that is added to that of a match.",
+                           "geometry: half a cell of the usual map")
+    unheld: Vector3 = tuned((10.0, 10.0, 1.0), "m, m, rad", "Standard deviations in directions that the scans do not "
+                            "fix.",
+                            "geometry: far more than any drift")
+
+
+@dataclass(frozen=True)
+class Loops:
+    """When loop closures are searched and accepted, and the pose graph."""
+
+    every: float = tuned(1.0, "m", "Path between two searches.", "time of a search")
+    every_found: float = tuned(0.7, "m", "Path between two searches after a result.", "time until a loop is closed")
+    spacing: float = tuned(2.0, "m", "Path between two loop closures in a known area.", "size of the graph")
+    linked: float = tuned(1.5, "m", "A node this close to a loop closure needs no other one.", "size of the graph")
+    review: float = tuned(4.0, "m", "Path between two nodes of a review of the whole path.", "time of a review")
+    evidence: float = tuned(0.5, "1", "Evidence of candidates that agree, from which on they are accepted.",
+                            "development logs: all wrong candidates had at most 0.22 each, 0.4 together")
+    outlier: float = tuned(12.0, "1", "Squared residual that halves the weight of a loop closure.",
+                           "chi-squared with 3 degrees of freedom: 99.3 %")
+    least_weight: float = tuned(0.1, "1", "A loop closure with less weight after an optimisation is removed.",
+                                "nine times the squared residual of half weight")
+    narrowing: float = tuned(8.0, "1", "Factor of the robust kernel from one iteration to the next.",
+                             "number of iterations")
+    least_change: Vector2 = tuned((0.04, 0.01), "m, rad", "The maps are made again if a pose moves by more.",
+                                  "geometry: a cell of the usual map, at 4 m")
+    searches: int = tuned(4, "1", "Searches of an extension per scan.", "longest time of a scan")
+    conclusions: int = tuned(3, "1", "Optimisations at the end of a run.", "time of the end")
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Turns of the path that were not noticed."""
+
+    window: float = tuned(0.2, "rad", "Half width of the search around a right angle.", UNKNOWN)
+    memory: float = tuned(50.0, "m", "Path after which a result is dropped.", "geometry: a loop of a building")
+    support: float = tuned(5.0, "m", "Least path with results that agree.", "geometry: half of a segment")
+    count: int = tuned(5, "1", "Least number of results that agree.", "a false turn is worse than a missed one")
+    look_every: float = tuned(3.0, "m", "Path between two scans of the check of the whole turned path.",
+                              "a segment has four")
+    reach: float = tuned(1.5, "m", "Greatest distance of a turn's centre from the step.",
+                         "geometry: a step of the path")
+
 
 SCANS, MATCHING, TRACKING, SLIPS, OCCLUSION = Scans(), Matching(), Tracking(), Slips(), Occlusion()
 ODOMETRY, CALIBRATION, PARTICLES = Odometry(), Calibration(), Particles()
+DRIFT, SEARCH, LINKS, LOOPS, TURNS = Drift(), Search(), Links(), Loops(), Turns()
 #: Names of the groups, in the order of the tables.
-GROUPS = ("SCANS", "MATCHING", "TRACKING", "SLIPS", "OCCLUSION", "ODOMETRY", "CALIBRATION", "PARTICLES")
+GROUPS = ("SCANS", "MATCHING", "TRACKING", "SLIPS", "OCCLUSION", "ODOMETRY", "CALIBRATION", "PARTICLES", "DRIFT",
+          "SEARCH", "LINKS", "LOOPS", "TURNS")
 #: Ends of the names of modules whose values are frozen in compiled kernels.
 KERNEL_MODULES = ("kernels.py", "track.py")
-_READ = re.compile(r"\btuning\.([A-Z_]+)\.([a-z_0-9]+)")
+_READ = re.compile(r"\b({})\.([a-z_0-9]+)".format("|".join(GROUPS)))
 
 
 def constants() -> Iterator[Constant]:
@@ -250,5 +375,4 @@ def constants() -> Iterator[Constant]:
 
 def read_by(source: str) -> Dict[str, Any]:
     """Return the values of the constants that a module's source text reads, such as {"MATCHING.narrow": 0.01}."""
-    return {"{}.{}".format(group, name): getattr(globals()[group], name) for group, name in _READ.findall(source)
-            if group in GROUPS}
+    return {"{}.{}".format(group, name): getattr(globals()[group], name) for group, name in _READ.findall(source)}

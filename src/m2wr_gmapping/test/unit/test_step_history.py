@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from m2wr_gmapping.backend.step_history import CHECK_EVERY, FIRST_STEPS, STEP_FLOOR, StepHistory, path_of
+from m2wr_gmapping import tuning
+from m2wr_gmapping.backend.step_history import CHECK_EVERY, FIRST_STEPS, StepHistory, path_of
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import track as tr
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT
@@ -74,7 +75,7 @@ def test_step_information_is_the_inverse_covariance():
     history.next_record()
     history.set_information(row, variances)
     covariance = np.linalg.inv(history.information[1])
-    wanted = np.linalg.inv(seen / DEPENDENT + np.diag(1.0 / variances)) + np.diag(STEP_FLOOR)
+    wanted = np.linalg.inv(seen / DEPENDENT + np.diag(1.0 / variances)) + np.diag(np.square(tuning.DRIFT.step))
     assert covariance == pytest.approx(wanted, rel=0.1, abs=1e-6)
     assert history.variances[1] == pytest.approx(covariance[0, 0] + covariance[1, 1])
 
@@ -84,7 +85,7 @@ def test_plain_wall_leaves_the_variance_of_odometry():
     row[mk.INFORMATION:] = np.diag([850.0, 1e4, 1e4])[np.triu_indices(3)]
     history.next_record()
     history.set_information(row, variances)
-    assert np.linalg.inv(history.information[1])[0, 0] == pytest.approx(variances[0] + STEP_FLOOR[0])
+    assert np.linalg.inv(history.information[1])[0, 0] == pytest.approx(variances[0] + np.square(tuning.DRIFT.step)[0])
 
 
 def test_checks_become_rare():

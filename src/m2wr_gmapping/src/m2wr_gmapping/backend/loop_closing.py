@@ -5,28 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, List, Optional, Sequence, Tuple
 
-import numpy as np
-
 from m2wr_gmapping.backend import place_search
 from m2wr_gmapping.backend.loop_extension import LoopExtension
 from m2wr_gmapping.backend.loop_graph import (
-    AGREEMENT,
-    CONFIDENT_CHANGE,
-    MIN_CHANGE,
-    NEAR,
-    WIDE_AGREEMENT,
     LoopGraph,
     change_of,
     distances_along,
     is_observed,
+    is_within,
     link_of,
 )
 from m2wr_gmapping.backend.occlusion import occlusion_conflict
 from m2wr_gmapping.backend.step_history import turned_step
 from m2wr_gmapping.backend.turned_path import TurnedFind, TurnedPath, is_consistent, turned_after
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
 from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_gmapping.tuning import DRIFT, LOOPS, OCCLUSION, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -34,15 +28,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.backend.step_history import StepHistory
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
-
-SEARCH_EVERY = 1.0          # path between two near searches without a result [m]
-LINK_EVERY = 2.0            # path between two loop closures in a known area [m]
-WIDE_EVERY, WIDE_AFTER_FIND = 1.0, 0.7  # path between two wide searches, and after one with a result [m]
-FEWEST_BEAMS = 30
-EVIDENCE = 0.5              # of candidates that agree, from which on they are accepted
-WIDE_MEMORY = 12.0          # path after which a candidate is dropped [m]
-SEARCHES_PER_SCAN = 4           # searches of the extension per scan
-CONCLUSIONS = 3             # optimisations at the end of a run
 
 
 @dataclass(frozen=True)
@@ -139,18 +124,18 @@ class LoopCloser:
         """
         along = distances_along(path)
         here = along[-1]
-        close = here - self._searched_at >= SEARCH_EVERY and here - self._linked_at >= LINK_EVERY
+        close = here - self._searched_at >= LOOPS.every and here - self._linked_at >= LOOPS.spacing
         found_last = bool(self._candidates) and self._candidates[-1].along == self._wide_at
-        wide = here - self._wide_at >= (WIDE_AFTER_FIND if found_last else WIDE_EVERY)
+        wide = here - self._wide_at >= (LOOPS.every_found if found_last else LOOPS.every)
         has_moved = leads_far = False
-        if (close or wide) and readings[-1].beams.shape[1] >= FEWEST_BEAMS:
+        if (close or wide) and readings[-1].beams.shape[1] >= SEARCH.fewest:
             scene, near, far = self.graph.scene(path, along, readings, len(path) - 1)
             has_moved = close and len(near) > 0 and self._search_near(scene, near)
             leads_far = wide and len(far) > 0 and self._search_wide(scene, far)
         if leads_far:
             self._extension.schedule_review(along)
         elif not has_moved:
-            self._extension.advance(path, along, readings, SEARCHES_PER_SCAN)
+            self._extension.advance(path, along, readings, LOOPS.searches)
             has_moved, leads_far = self._extension.has_moved, self._extension.has_large_shift
             if self._extension.frontiers:     # the maps are rebuilt once, when all frontiers have ended
                 return None
@@ -171,7 +156,7 @@ class LoopCloser:
                                  + [find.link for find in found])
         solved = self.graph.solve(path, True)
         path = path if solved is None else solved
-        placed = self.graph.drift(path, len(path) - 1)[0] <= NEAR
+        placed = self.graph.drift(path, len(path) - 1)[0] <= DRIFT.near
         if not is_consistent(path, along, readings, node, placed):
             self._history.replace_step(node, before)
             self.graph.replace_links(links)
@@ -194,16 +179,16 @@ class LoopCloser:
             self._pending = None
             return False
         links, change = [link], change_of(path, pose)
-        if (change > CONFIDENT_CHANGE).any():
+        if not is_within(change, SEARCH.local):
             if slides:
                 return False
             correction = compose(pose, inverse(path[-1]))
             first, self._pending = self._pending, (link, correction)
-            if first is None or (np.abs(between(compose(first[1], path[-1]), pose)) > AGREEMENT).any():
+            if first is None or not is_within(between(compose(first[1], path[-1]), pose), SEARCH.local):
                 return False
             links = [first[0], link]
         self._accept_links(links, here)
-        return bool((change > MIN_CHANGE).any())
+        return not is_within(change, LOOPS.least_change)
 
     def _search_wide(self, scene: place_search.Scene, old: IndexArray) -> bool:
         """Search within the drift of the newest node; return whether loop closures were found that move the path.
@@ -218,22 +203,22 @@ class LoopCloser:
         if found is None:
             return False
         change = change_of(path, found.pose)
-        if (change <= CONFIDENT_CHANGE).all():
+        if is_within(change, SEARCH.local):
             self._accept_links([found.link], here)
             self._candidates = []
-            return bool((change > MIN_CHANGE).any())
+            return not is_within(change, LOOPS.least_change)
         if found.slides:
             return False
-        self.graph.reject([find.link for find in self._candidates if here - find.along >= WIDE_MEMORY])
-        self._candidates = [find for find in self._candidates if here - find.along < WIDE_MEMORY] + [found]
+        self.graph.reject([find.link for find in self._candidates if here - find.along >= DRIFT.old_after])
+        self._candidates = [find for find in self._candidates if here - find.along < DRIFT.old_after] + [found]
         agree = [find for find in self._candidates
-                 if (np.abs(between(compose(find.correction, path[-1]), found.pose)) <= WIDE_AGREEMENT).all()]
-        if sum(find.evidence for find in agree) < EVIDENCE:
+                 if is_within(between(compose(find.correction, path[-1]), found.pose), DRIFT.least)]
+        if sum(find.evidence for find in agree) < LOOPS.evidence:
             return False
         self._accept_links([find.link for find in agree], here)
         self.graph.reject([find.link for find in self._candidates if not any(find is other for other in agree)])
         self._candidates = []
-        return bool((change > MIN_CHANGE).any())
+        return not is_within(change, LOOPS.least_change)
 
     def _wide_candidate(self, scene: place_search.Scene, old: IndexArray) -> Optional[Candidate]:
         """Return the result of a wide search."""
@@ -244,7 +229,7 @@ class LoopCloser:
         if found is None or place is None:
             return None
         node, row, around, supported = found
-        if occlusion_conflict(scene, row[:3], around) > MOST_CONFLICT:
+        if occlusion_conflict(scene, row[:3], around) > OCCLUSION.most_conflict:
             return None
         slides, pose = not is_observed(row), row[:3].copy()
         row[mk.INFORMATION:] = supported
@@ -268,7 +253,7 @@ class LoopCloser:
         """
         along = distances_along(path)
         opened, moved, result = False, True, None
-        for _ in range(CONCLUSIONS if self.links else 0):
+        for _ in range(LOOPS.conclusions if self.links else 0):
             bent = self._solve(path, opened)
             if bent is not None:
                 path = result = bent

@@ -6,19 +6,14 @@ from typing import TYPE_CHECKING, Any, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_gmapping.backend.loop_graph import AGREEMENT, CONFIDENT_CHANGE, MIN_CHANGE, OLD, change_of
-from m2wr_gmapping.backend.place_search import NEAR_PATH
+from m2wr_gmapping.backend.loop_graph import change_of, is_within
 from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
     from m2wr_gmapping.frontend.scan import ScanReading
-
-APART = 2.0                 # path between two loop closures [m]
-LINKED = 1.5                # nodes this close to a loop closure need no other one [m]
-MAX_GAP = 10.0                  # path without a loop closure after which a frontier ends [m]
-REVIEW_EVERY = 4.0          # path between two nodes of a review [m]
 
 
 class LoopExtension:
@@ -55,7 +50,7 @@ class LoopExtension:
 
     def schedule_review(self, along: FloatArray) -> None:
         """Schedule a search at nodes of the whole path, oldest first."""
-        self._review = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], REVIEW_EVERY))).tolist()[::-1]
+        self._review = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], LOOPS.review))).tolist()[::-1]
 
     def mark_solved(self) -> None:
         """Tell that the graph was optimised: the path contains the corrections of the frontiers now."""
@@ -87,14 +82,14 @@ class LoopExtension:
     def _step(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading]) -> None:
         """Move one frontier one step along the path."""
         node, direction, gap, correction = self._frontiers.pop(0)
-        node, gap = node_at_distance(along, node, direction), gap + APART
-        if gap > MAX_GAP or not self._is_searchable(along, node):
+        node, gap = node_at_distance(along, node, direction), gap + LOOPS.spacing
+        if gap > SEARCH.path or not self._is_searchable(along, node):
             return
         link, pose, slides = self._search(path, along, readings, node, correction)
-        if link is not None and (_deviation(compose(correction, path[node]), pose) <= CONFIDENT_CHANGE).all():
+        if link is not None and is_within(between(compose(correction, path[node]), pose), SEARCH.local):
             self._accept(path, node, link, pose)
             # a degenerate match gives no correction along the degenerate direction
-            gap, correction = (gap - APART, correction) if slides else (0.0, compose(pose, inverse(path[node])))
+            gap, correction = (gap - LOOPS.spacing, correction) if slides else (0.0, compose(pose, inverse(path[node])))
         self._frontiers.append((node, direction, gap, correction))
 
     def _review_node(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int) -> None:
@@ -105,7 +100,7 @@ class LoopExtension:
         if link is None:
             return
         correction = compose(pose, inverse(path[node]))
-        if (change_of(path[:node + 1], pose) > CONFIDENT_CHANGE).any():
+        if not is_within(change_of(path[:node + 1], pose), SEARCH.local):
             if slides or not any(
                     self._is_confirmed(path, along, readings, node_at_distance(along, node, direction), correction)
                     for direction in (-1, 1)):
@@ -117,31 +112,31 @@ class LoopExtension:
     def _is_confirmed(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                       correction: FloatArray) -> bool:
         """Whether a search finds a node where the correction of its neighbour predicts it."""
-        if not OLD < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
+        if not DRIFT.old_after < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
             return False
         link, pose, slides = self._search(path, along, readings, node, correction)
-        return link is not None and not slides and bool(
-            (_deviation(compose(correction, path[node]), pose) <= AGREEMENT).all())
+        return link is not None and not slides and is_within(between(compose(correction, path[node]), pose),
+                                                             SEARCH.local)
 
     def _search(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                 correction: Optional[FloatArray] = None) -> Tuple[Optional[Link], Any, bool]:
         """Return ``near_link`` at a node; no link if there is no near node."""
         scene, near, _ = self._graph.scene(path, along, readings, node, correction)
-        return self._graph.near_link(scene, near, NEAR_PATH) if len(near) else (None, None, False)
+        return self._graph.near_link(scene, near, SEARCH.near_path) if len(near) else (None, None, False)
 
     def _accept(self, path: FloatArray, node: int, link: Link, pose: FloatArray) -> None:
         self._graph.links.append(link)
-        self.has_moved |= bool((change_of(path[:node + 1], pose) > MIN_CHANGE).any())
+        self.has_moved |= not is_within(change_of(path[:node + 1], pose), LOOPS.least_change)
 
     def _is_searchable(self, along: FloatArray, node: int) -> bool:
         """Whether the node exists, is old enough and has no loop closure close by."""
-        if not 0 < node < len(along) or along[node] <= OLD:
+        if not 0 < node < len(along) or along[node] <= DRIFT.old_after:
             return False
-        return all(abs(along[link[1]] - along[node]) >= LINKED for link in self._graph.links)
+        return all(abs(along[link[1]] - along[node]) >= LOOPS.linked for link in self._graph.links)
 
 
 def node_at_distance(along: FloatArray, node: int, direction: int) -> int:
-    """Return the node that is ``APART`` metres further along the path.
+    """Return the node that is ``LOOPS.spacing`` metres further along the path.
 
     Parameters
     ----------
@@ -156,10 +151,5 @@ def node_at_distance(along: FloatArray, node: int, direction: int) -> int:
     int
         Number of the node; -1 or K beyond the ends of the path.
     """
-    wanted = along[node] + direction * APART
+    wanted = along[node] + direction * LOOPS.spacing
     return int(np.searchsorted(along, wanted) if direction > 0 else np.searchsorted(along, wanted, "right") - 1)
-
-
-def _deviation(expected: FloatArray, pose: FloatArray) -> FloatArray:
-    """Absolute difference (3,) between two poses."""
-    return np.abs(between(expected, pose))

@@ -11,6 +11,7 @@ from m2wr_gmapping.backend.pose_graph import optimise
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, weak_axis
 from m2wr_gmapping.se2 import between, compose, wrap
+from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -18,22 +19,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
 
-OLD = 12.0                  # path after which a node is old [m]
-SHIFT_FLOOR, TURN_FLOOR = 0.5, 0.1      # least half width of a search [m], [rad]
-#: Variance of the heading per distance of scan matching, measured without loop closing [rad^2/m].
-HEADING_DRIFT = 4e-5
-DEVIATIONS = 2.5            # half width of the search, in standard deviations of the drift
-NEAR = 2.0                  # with less drift than this only the newest scans are searched [m]
-SHIFT_MOST, TURN_MOST = 30.0, 0.6       # widest search [m], [rad]
-BESIDE = 2.0                # distance from the path within which old nodes are candidates [m]
-UNHELD = np.array([10.0, 10.0, 1.0])    # standard deviations in unobserved directions [m, m, rad]
-LINK_FLOOR = np.square([0.02, 0.02, 0.008])     # least variance of a loop closure [m^2, m^2, rad^2]
-MIN_CHANGE = np.array([0.04, 0.04, 0.01])     # the maps are rebuilt if a node moves by more [m, m, rad]
-CONFIDENT_CHANGE = np.array([0.35, 0.35, 0.1])      # smaller corrections need no confirmation [m, m, rad]
-AGREEMENT = np.array([0.25, 0.25, 0.08])    # greatest difference of two corrections of one loop [m, m, rad]
-WIDE_AGREEMENT = np.array([0.5, 0.5, 0.08])     # the same for wide searches
-OUTLIER = 12.0              # squared residual that halves the weight of a loop closure [covariances]
-LEAST_WEIGHT = 0.1          # a loop closure with less weight after an optimisation is removed
 #: Old node, newer node, (3,) pose of the newer one seen from the old one, its (3, 3) information.
 Link = Tuple[int, int, "FloatArray", "FloatArray"]
 
@@ -80,10 +65,10 @@ def link_of(path: FloatArray, node: int, row: FloatArray, slides: bool = False) 
     slides : bool
         Whether the match is degenerate.
     """
-    found = covariance(row[mk.INFORMATION:], UNHELD if slides else place_match.FINE_PRIOR, LINK_FLOOR)
+    found = covariance(row[mk.INFORMATION:], np.array(LINKS.unheld if slides else LINKS.prior), np.square(LINKS.floor))
     if slides:
         _, axes = np.linalg.eigh(found[:2, :2])
-        found[:2, :2] += UNHELD[0]**2 * np.outer(axes[:, 1], axes[:, 1])
+        found[:2, :2] += LINKS.unheld[0]**2 * np.outer(axes[:, 1], axes[:, 1])
     return node, len(path) - 1, between(path[node], row[:3]), inverse_symmetric(found)
 
 
@@ -109,6 +94,19 @@ def change_of(path: FloatArray, pose: FloatArray) -> FloatArray:
     change = np.abs(pose - path[-1])
     change[2] = abs(wrap(pose[2] - path[-1, 2]))
     return change
+
+
+def is_within(difference: FloatArray, limits: Tuple[float, float]) -> bool:
+    """Return whether neither the shift along an axis nor the rotation of a difference of poses is too large.
+
+    Parameters
+    ----------
+    difference : (3,) float64
+        [m, m, rad]
+    limits : (float, float)
+        Greatest shift [m] and rotation [rad].
+    """
+    return bool((np.abs(difference) <= (limits[0], limits[0], limits[1])).all())
 
 
 def distances_along(path: FloatArray) -> FloatArray:
@@ -168,7 +166,7 @@ class LoopGraph:
         near, far : (C,) int64
             Old nodes with little drift, and with more drift, against the node.
         """
-        count = drift_kernels.old_nodes(along, node, OLD)
+        count = drift_kernels.old_nodes(along, node, DRIFT.old_after)
         shift, turn = self.drift(path, node)
         if node < len(path) - 1 or correction is not None:
             path, along, readings = path[:node + 1].copy(), along[:node + 1], readings[:node + 1]
@@ -176,7 +174,7 @@ class LoopGraph:
         if correction is not None:
             path[count:] = compose(correction, path[count:])
         numbers = np.empty((2, count), np.int64)
-        near, far = drift_kernels.loop_candidates(path, shift, count, place_search.BEYOND, BESIDE, NEAR, numbers)
+        near, far = drift_kernels.loop_candidates(path, shift, count, SEARCH.beyond, DRIFT.beside, DRIFT.near, numbers)
         scene = place_search.Scene(path, along, readings, np.arange(count), shift, turn)
         return scene, numbers[0, :near], numbers[1, :far]
 
@@ -193,8 +191,7 @@ class LoopGraph:
         if len(self._link_nodes) < len(self.links):
             self._link_nodes = np.array([link[:2] for link in self.links], np.int64)
         drift_kernels.drift(path, self._history.variances[:len(path)], self._link_nodes, node, out)
-        drift_kernels.widths(out, DEVIATIONS, HEADING_DRIFT, (SHIFT_FLOOR, SHIFT_MOST), (TURN_FLOOR, TURN_MOST), shift,
-                             turn)
+        drift_kernels.widths(out, DRIFT.deviations, DRIFT.heading, *zip(DRIFT.least, DRIFT.most), shift, turn)
         return shift, turn
 
     def near_link(self, scene: place_search.Scene, near: IndexArray,
@@ -225,7 +222,7 @@ class LoopGraph:
             return None, None, False
         node, row, _, supported = found
         # along a plain wall the scan fits best where old scans saw all of the wall, and a second search agrees
-        moved = bool((change_of(scene.path, row[:3])[:2] > place_search.BESIDE).any())
+        moved = bool((change_of(scene.path, row[:3])[:2] > SEARCH.local[0]).any())
         slides = slides or ((reach > 0.0 or moved) and not is_observed(row))
         row[mk.INFORMATION:] = supported
         return link_of(scene.path, node, row, slides), row[:3].copy(), slides
@@ -264,7 +261,7 @@ class LoopGraph:
         Returns
         -------
         (K, 3) float64 or None
-            Optimised path; None if no node moves by more than MIN_CHANGE.
+            Optimised path; None if no node moves by more than ``least_change``.
         """
         if not self.links:
             return None
@@ -275,14 +272,14 @@ class LoopGraph:
         information = np.concatenate([self._history.information[1:count],
                                       np.array([link[3] for link in self.links])])
         robust = np.arange(len(pairs)) >= count - 1
-        bent, weights = optimise(path, pairs, measured, information, robust, OUTLIER, opened)
-        contradicted = weights[count - 1:] < LEAST_WEIGHT
+        bent, weights = optimise(path, pairs, measured, information, robust, LOOPS.outlier, opened)
+        contradicted = weights[count - 1:] < LOOPS.least_weight
         if contradicted.any():
             self.reject([link for link, wrong in zip(self.links, contradicted) if wrong])
             self.replace_links([link for link, wrong in zip(self.links, contradicted) if not wrong])
         shift = np.abs(bent - path)
         shift[:, 2] = np.abs(wrap(bent[:, 2] - path[:, 2]))
-        if (shift <= MIN_CHANGE).all():
+        if is_within(shift.max(axis=0), LOOPS.least_change):
             return None
         self.closures += 1
         return bent

@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from m2wr_gmapping.backend.place_search import WIDE_PATH
 from m2wr_gmapping.frontend.occlusion import conflict_share
 from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.tuning import LINKS, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
     from m2wr_gmapping.backend.place_search import Scene
-
-LOOKS = 3                   # scans of the query that are compared; of the old ones four times as many
 
 
 def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> float:
@@ -34,8 +32,8 @@ def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> fl
     float
     """
     path, readings = scene.path, scene.readings
-    wanted = scene.along[-1] - np.linspace(0.0, WIDE_PATH, LOOKS)
+    wanted = scene.along[-1] - np.linspace(0.0, SEARCH.path, LINKS.looks)
     nodes = np.unique(np.clip(np.searchsorted(scene.along, wanted), 0, len(path) - 1))
     moved = compose(pose, between(path[-1], path[nodes]))
     return conflict_share((here, readings[node], path[other], readings[other])
-                          for here, node in zip(moved, nodes) for other in around[:4 * LOOKS:4])
+                          for here, node in zip(moved, nodes) for other in around[:4 * LINKS.looks:4])

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Optional, Tuple, Union
 
 import numpy as np
 
-from m2wr_gmapping.backend.place_query import QUERY_REACH, placed, spread_first, thinned
-from m2wr_gmapping.backend.place_search import REFERENCE_NODES
+from m2wr_gmapping.backend.place_query import placed, spread_first, thinned
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
 from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend.matcher import NARROW
 from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.tuning import LINKS, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray
@@ -21,15 +21,9 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.matcher import FastMatcher
     from m2wr_gmapping.frontend.scan import ScanReading
 
-FINE_REACH = 5.0            # old nodes within this distance make the map of the fine match [m]
-MERGED_NODES = 4.0          # additional nodes per metre of a segment that is matched together [1/m]
-FINE_SHARE, FINE_FOUND = 0.5, 0.6       # least score and matched beams of the fine match, as shares of the beams
-FINE_PRIOR = np.array([0.3, 0.3, 0.15])  # standard deviations of the coarse match [m, m, rad]
 PROBE_STEP = math.sqrt(NARROW)          # shift by which a match is tested for observability [m]
-WEIGHT_THERE = 0.375        # robust weight of an end point at this distance
-RISE = 0.25 * NARROW * (1.0 - WEIGHT_THERE)     # expected rise of the cost there per unit of information, times 1/2
+RISE = 0.25 * NARROW * (1.0 - LINKS.weight)     # expected rise of the cost there per unit of information, times 1/2
 PINNED = 1e12               # information that fixes a pose
-MERGED_SPACING, MERGED_BEAMS = 0.1, 400     # cell with one beam for a match of several scans [m]; number of beams
 
 
 #: Nearest old node, result row (13,), old nodes (A,) of the map, supported information (6,).
@@ -64,9 +58,9 @@ def merged_scan(scene: Scene, reach: float) -> MergedScan:
         beams, pose = scene.readings[node].beams.copy(), between(path[-1], path[node])
         beams[[mk.QX, mk.QY]] = placed(pose, beams[[mk.QX, mk.QY]])
         beams[[mk.NX, mk.NY]] = placed([0.0, 0.0, pose[2]], beams[[mk.NX, mk.NY]])
-        parts.append(beams[:, np.square(beams[[mk.QX, mk.QY]]).sum(axis=0) < QUERY_REACH**2])
+        parts.append(beams[:, np.square(beams[[mk.QX, mk.QY]]).sum(axis=0) < SEARCH.reach**2])
     beams = np.concatenate(parts, axis=1)
-    beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], MERGED_SPACING)], MERGED_BEAMS)
+    beams = thinned(beams[:, spread_first(beams[[mk.QX, mk.QY]], LINKS.spacing)], LINKS.beams)
     qx, qy, nx, ny = beams[[mk.QX, mk.QY, mk.NX, mk.NY]]
     beams[mk.ARM_N], beams[mk.ARM_T] = ny * qx - nx * qy, nx * qx + ny * qy
     return MergedScan(beams)
@@ -99,16 +93,16 @@ def fine_match(matcher: FastMatcher, resolution: float, scene: Scene, old: Index
     path, readings = scene.path, scene.readings
     distance = np.hypot(path[old, 0] - pose[0], path[old, 1] - pose[1])
     order = np.argsort(distance, kind="stable")
-    further = min(reach, QUERY_REACH)
-    around = old[order][distance[order] < FINE_REACH + further][:REFERENCE_NODES + int(MERGED_NODES * further)]
+    further = min(reach, SEARCH.reach)
+    around = old[order][distance[order] < LINKS.reach + further][:SEARCH.nodes[0] + int(LINKS.nodes * further)]
     reading = merged_scan(scene, reach) if reach else readings[-1]
     beams = reading.beams.shape[1]
     if not len(around) or not beams:
         return None
     maps = TileMaps(1, resolution, NEVER)
     maps.register_path(0, path[around], [readings[node] for node in around])
-    row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(FINE_PRIOR))
-    if row[mk.SCORE] < FINE_SHARE * beams or row[mk.FOUND] < FINE_FOUND * beams:
+    row = matcher.match_one(maps, 0, reading, pose, pose, 1.0 / np.square(LINKS.prior))
+    if row[mk.SCORE] < LINKS.shares[0] * beams or row[mk.FOUND] < LINKS.shares[1] * beams:
         return None
     return int(around[0]), row, around, _supported_information(matcher, maps, reading, row)
 

@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING, Sequence, Tuple
 import numpy as np
 
 from m2wr_gmapping.frontend import correlative_kernels as ck
+from m2wr_gmapping.tuning import SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Vector
     from m2wr_gmapping.frontend.scan import ScanReading
 
-QUERY_REACH = 12.0          # farther end points are ignored, which limits the raster [m]
-WIDE_SPACING = 0.25         # cell with one point for the query of a wide search [m]
-WIDE_POINTS = 240           # of that query
 
-
-def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], reach: float,
-                 away: float = QUERY_REACH) -> FloatArray:
+def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading],
+                 reach: float) -> FloatArray:
     """Return end points of the scans on the last ``reach`` metres of the path, in the newest node's frame.
+
+    Points far beyond the path are left out, which limits the raster of a search.
 
     Parameters
     ----------
@@ -31,8 +30,6 @@ def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanRea
         Scans of the path's nodes.
     reach : float
         Length of the path whose scans are used [m].
-    away : float
-        Farther points are left out [m].
 
     Returns
     -------
@@ -40,7 +37,7 @@ def query_points(path: FloatArray, along: FloatArray, readings: Sequence[ScanRea
     """
     first = int(np.searchsorted(along, along[-1] - reach))
     points = np.empty((2, sum(readings[node].points.shape[1] for node in range(first, len(path)))))
-    count = 0
+    away, count = max(reach, SEARCH.reach), 0
     for node in range(len(path) - 1, first - 1, -1):
         count = ck.add_points(path[-1], path[node], readings[node].points, away, points, count)
     return points[:, :count]
@@ -64,8 +61,8 @@ def wide_query(path: FloatArray, along: FloatArray, readings: Sequence[ScanReadi
     -------
     (2, Q) float64
     """
-    points = query_points(path, along, readings, reach, max(reach, QUERY_REACH))
-    return thinned(spread_out(points, WIDE_SPACING), WIDE_POINTS)
+    points = query_points(path, along, readings, reach)
+    return thinned(spread_out(points, SEARCH.spacing), SEARCH.points)
 
 
 def evenly(nodes: IndexArray, most: int) -> IndexArray:

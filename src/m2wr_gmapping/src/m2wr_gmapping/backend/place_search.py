@@ -7,34 +7,16 @@ from typing import TYPE_CHECKING, Callable, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from m2wr_gmapping.backend.place_query import QUERY_REACH, evenly, query_points, thinned, wide_query
+from m2wr_gmapping.backend.place_query import evenly, query_points, thinned, wide_query
 from m2wr_gmapping.frontend import correlative_kernels as ck
+from m2wr_gmapping.tuning import DRIFT, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, IndexArray, Uint8Array
     from m2wr_gmapping.frontend.scan import ScanReading
 
-NEAR_RASTER, WIDE_RASTER = 0.1, 0.2     # cell of the search raster [m]
+NEAR_CELL, WIDE_CELL = SEARCH.cells
 MARGIN = 1.0                # of the raster around what can be hit [m]
-RASTER_SCORE = 0.6          # least score, as a share of the best possible one
-APART, RIVAL_TURN = 0.6, 0.3            # least distance of a rival from the best pose [m, rad]
-RIVAL = 0.92                # a rival with this share of the best score makes the place ambiguous
-AGAIN, REFINED_TURN = 0.5, 0.08           # window of the refined search in the finer raster [m, rad]
-BESIDE, LOCAL_TURN = 0.3, 0.06         # window of the local search of an ambiguous place [m, rad]
-ROOM = 2.5                  # greatest distance of a result of a wide search from an old node [m]
-BEYOND = 1.3                # rivals are searched within the drift times this factor
-AGAINST = 3                 # weight of a point in free space against a point on a wall
-UNLIKE = 0.9                # as RIVAL, for ratings
-AS_GOOD_CELLS = 9           # width of the area in which a place is rated [cells of the finer raster]
-PUSHED = 10.0               # greatest false shift of a segment into the known area [m]
-ALIKE, ALIKE_TURN = 15.0, 0.1           # radius of the search for similar places [m, rad]
-REFERENCE_NODES = 24        # old scans of a map, or of the raster of a near search
-WIDE_NODES, LONG_NODES = 160, 320       # old scans of the raster of a wide search
-FEWEST_POINTS = 30          # of a query
-NEAR_PATH = 3.0             # path whose scans a near search uses [m]
-QUERY_POINTS = 160          # of the query of a near search
-WIDE_PATH, LONG_PATH, SHORT_PATH = 10.0, 24.0, 3.0      # path whose scans a wide search uses [m]
-SHORT_SHIFT = 6.0           # the shortest segment is used only with less drift than this [m]
 
 
 @dataclass(frozen=True)
@@ -144,8 +126,8 @@ def coarse_search(pose: FloatArray, query: FloatArray, path: FloatArray, referen
         middles = np.arange(-blocks, blocks + 1) * ck.BLOCK * raster_cell
         mask[:] = allowed(middles)
     best = np.empty(7)
-    ck.search(pose, query, turns, mask, corner, 1.0 / raster_cell, raster, coarse, int(round(APART / raster_cell)),
-              RIVAL_TURN, RIVAL, best)
+    ck.search(pose, query, turns, mask, corner, 1.0 / raster_cell, raster, coarse,
+              int(round(SEARCH.apart[0] / raster_cell)), SEARCH.apart[1], SEARCH.rival, best)
     return best
 
 
@@ -162,7 +144,8 @@ def _rated(pose: FloatArray, query: FloatArray, scene: Scene, reference: IndexAr
         ck.mark_seen(scene.path[node], scene.readings[node].rays, corner, 1.0 / raster_cell, seen)
     turns = np.arange(-2, 3) * (0.5 * raster_cell / max(1.0, float(np.hypot(query[0], query[1]).mean())))
     rating, turn = np.empty((2, *allowed.shape))
-    ck.survey(pose, query, turns, allowed, corner, 1.0 / raster_cell, raster, seen, AGAINST, UNLIKE, rating, turn)
+    ck.survey(pose, query, turns, allowed, corner, 1.0 / raster_cell, raster, seen, SEARCH.against, SEARCH.rival,
+              rating, turn)
     return rating, turns[turn.astype(np.int64)]
 
 
@@ -195,18 +178,18 @@ def best_place_around(pose: FloatArray, query: FloatArray, scene: Scene, old: In
     (3,) float64 or None
     """
     path = scene.path
-    blocks = int(np.ceil(min(PUSHED, 2.0 * most) / raster_cell / ck.BLOCK))
+    blocks = int(np.ceil(min(SEARCH.path, 2.0 * most) / raster_cell / ck.BLOCK))
     middles = np.arange(-blocks, blocks + 1) * (ck.BLOCK * raster_cell)
     x, y = np.meshgrid(*(pose[:2, None] + middles - path[-1, :2, None]))
-    allowed = near_places(middles, path[old, :2] - pose[:2], ROOM)
-    allowed *= np.hypot(x, y) <= most + APART
+    allowed = near_places(middles, path[old, :2] - pose[:2], DRIFT.room)
+    allowed *= np.hypot(x, y) <= most + SEARCH.apart[0]
     allowed = allowed.repeat(ck.BLOCK, axis=0).repeat(ck.BLOCK, axis=1)
     rating, turn = _rated(pose, query, scene, reference, allowed, raster_cell)
-    half, room = len(allowed) // 2, int(round(APART / raster_cell))
+    half, room = len(allowed) // 2, int(round(SEARCH.apart[0] / raster_cell))
     row, column = (int(index) for index in np.unravel_index(int(np.argmax(rating)), rating.shape))
     others = rating.copy()
     others[max(0, row - room):row + room + 1, max(0, column - room):column + room + 1] = 0.0
-    if others.max() >= UNLIKE * rating[row, column]:
+    if others.max() >= SEARCH.rival * rating[row, column]:
         return None
     if max(abs(row - half), abs(column - half)) <= room:
         return pose
@@ -230,21 +213,21 @@ def near_search(scene: Scene, old: IndexArray) -> Tuple[Optional[FloatArray], bo
         Whether other places fit as well; ``pose`` is then the best one close to the present pose.
     """
     path, readings = scene.path, scene.readings
-    near = old[np.argsort(scene.distance[old], kind="stable")][:4 * REFERENCE_NODES]
-    reference = near[::max(1, len(near) // REFERENCE_NODES)]
-    query = thinned(query_points(path, scene.along, readings, NEAR_PATH), QUERY_POINTS)
-    if query.shape[1] < FEWEST_POINTS:
+    near = old[np.argsort(scene.distance[old], kind="stable")][:4 * SEARCH.nodes[0]]
+    reference = near[::max(1, len(near) // SEARCH.nodes[0])]
+    query = thinned(query_points(path, scene.along, readings, SEARCH.near_path), SEARCH.points)
+    if query.shape[1] < SEARCH.fewest:
         return None, False
     window, turn = scene.shift[old].max(), scene.turn[old].max()
-    best = coarse_search(path[-1], query, path, reference, readings, window, turn, NEAR_RASTER)
-    if best[3] < RASTER_SCORE:
+    best = coarse_search(path[-1], query, path, reference, readings, window, turn, NEAR_CELL)
+    if best[3] < SEARCH.least_score:
         return None, False
-    if best[4] <= RIVAL * best[3]:
-        pose = best_place_around(best[:3], query, scene, old, reference, window, NEAR_RASTER)
+    if not _has_rival(best):
+        pose = best_place_around(best[:3], query, scene, old, reference, window, NEAR_CELL)
         if pose is not None and (pose == best[:3]).all():
             return pose, False
-    least = RIVAL * best[3]
-    best = coarse_search(path[-1], query, path, reference, readings, BESIDE, LOCAL_TURN, NEAR_RASTER)
+    least = SEARCH.rival * best[3]
+    best = coarse_search(path[-1], query, path, reference, readings, *SEARCH.local, NEAR_CELL)
     return (best[:3] if best[3] >= least else None), True
 
 
@@ -267,36 +250,45 @@ def wide_search(scene: Scene, old: IndexArray) -> Optional[Place]:
     Place or None
     """
     shift = float(scene.shift[old].max())
-    reach, reference = WIDE_PATH, evenly(old, WIDE_NODES)
-    query, best, score = _search_segment(scene, old, reference, reach, WIDE_RASTER)
-    raster_cell = WIDE_RASTER
-    if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
+    reach, reference = SEARCH.path, evenly(old, SEARCH.nodes[1])
+    query, best, score = _search_segment(scene, old, reference, reach, WIDE_CELL)
+    raster_cell = WIDE_CELL
+    if score >= SEARCH.least_score and _has_rival(best):
         closer = _search_along_corridor(scene, old, query, reference, best)
-        if closer[3] >= RASTER_SCORE and closer[4] <= RIVAL * closer[3]:
-            best, raster_cell = closer, NEAR_RASTER
-    if score >= RASTER_SCORE and best[4] > RIVAL * best[3]:
-        reach = LONG_PATH
-        reference = _older_nodes(scene, reach, BEYOND * shift + reach, float(scene.shift[old].min()))
-        query, best, score = _search_segment(scene, old, reference, reach, WIDE_RASTER)
-    elif best[3] < RASTER_SCORE and query.shape[1] >= FEWEST_POINTS and shift <= SHORT_SHIFT:
-        reach = SHORT_PATH
-        query, best, score = _search_segment(scene, old, reference, reach, NEAR_RASTER)
-    if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
+        if is_unique(closer):
+            best, raster_cell = closer, NEAR_CELL
+    if score >= SEARCH.least_score and _has_rival(best):
+        reach = SEARCH.long_path
+        reference = _older_nodes(scene, reach, SEARCH.beyond * shift + reach, float(scene.shift[old].min()))
+        query, best, score = _search_segment(scene, old, reference, reach, WIDE_CELL)
+    elif best[3] < SEARCH.least_score and query.shape[1] >= SEARCH.fewest and shift <= SEARCH.short_drift:
+        reach = SEARCH.near_path
+        query, best, score = _search_segment(scene, old, reference, reach, NEAR_CELL)
+    if not is_unique(best):
         return None
-    pose = best_place_around(best[:3], query, scene, old, reference, BEYOND * shift, raster_cell)
+    pose = best_place_around(best[:3], query, scene, old, reference, SEARCH.beyond * shift, raster_cell)
     if pose is None:
         return None
     best[:3] = pose
     away, moved = scene.path[old, :2] - scene.path[-1, :2], best[:2] - scene.path[-1, :2]
-    if not ((np.hypot(*(away - moved).T) < ROOM) & (np.hypot(*moved) <= scene.shift[old])).any():
+    if not ((np.hypot(*(away - moved).T) < DRIFT.room) & (np.hypot(*moved) <= scene.shift[old])).any():
         return None
     other, known = _excluded_place(scene, query)
-    if other[3] > RIVAL * score and _is_as_good(other[:3], known, best[:3], reference, query, scene):
+    if other[3] > SEARCH.rival * score and _is_as_good(other[:3], known, best[:3], reference, query, scene):
         return None
-    unmoved = _score_without_shift(scene, query, reach) if np.hypot(*moved) > ROOM else 0.0
-    if unmoved > RIVAL * score:
+    unmoved = _score_without_shift(scene, query, reach) if np.hypot(*moved) > DRIFT.room else 0.0
+    if unmoved > SEARCH.rival * score:
         return None
     return Place(best[:3], best[3], reach, max(float(other[3]), unmoved) / score)
+
+
+def is_unique(best: FloatArray) -> bool:
+    """Whether the result (7,) of a search fits, and no other place fits as well."""
+    return bool(best[3] >= SEARCH.least_score) and not _has_rival(best)
+
+
+def _has_rival(best: FloatArray) -> bool:
+    return bool(best[4] > SEARCH.rival * best[3])
 
 
 def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach: float,
@@ -313,49 +305,49 @@ def _search_segment(scene: Scene, old: IndexArray, reference: IndexArray, reach:
     """
     path, readings, pose = scene.path, scene.readings, scene.path[-1]
     query = wide_query(path, scene.along, readings, reach)
-    if query.shape[1] < FEWEST_POINTS or not len(reference):
+    if query.shape[1] < SEARCH.fewest or not len(reference):
         return query, np.zeros(7), 0.0
     away, shifts, turn = path[old, :2] - pose[:2], scene.shift[old], float(scene.turn[old].max())
-    best = coarse_search(pose, query, path, reference, readings, BEYOND * float(shifts.max()), turn, cell,
-                         lambda middles: near_places(middles, away, ROOM, 0.0, BEYOND * shifts))
+    best = coarse_search(pose, query, path, reference, readings, SEARCH.beyond * float(shifts.max()), turn, cell,
+                         lambda middles: near_places(middles, away, DRIFT.room, 0.0, SEARCH.beyond * shifts))
     score = float(best[3])
-    if score >= RASTER_SCORE and best[4] <= RIVAL * score:
-        best = coarse_search(best[:3], query, path, reference, readings, AGAIN, REFINED_TURN, NEAR_RASTER)
+    if is_unique(best):
+        best = coarse_search(best[:3], query, path, reference, readings, *DRIFT.least, NEAR_CELL)
     return query, best, score
 
 
 def _search_along_corridor(scene: Scene, old: IndexArray, query: FloatArray, reference: IndexArray,
                            best: FloatArray) -> FloatArray:
     """Search again in a finer raster on the line through the best place and its rival, which is often a corridor."""
-    away, most = scene.path[old, :2] - best[:2], BEYOND * scene.shift[old]
+    away, most = scene.path[old, :2] - best[:2], SEARCH.beyond * scene.shift[old]
     moved = best[:2] - scene.path[-1, :2]
     along = best[5:7] - best[:2]
     along = along / max(float(np.hypot(*along)), 1e-9)      # the rival may have the same position
 
     def allowed(middles: FloatArray) -> Uint8Array:
         x, y = np.meshgrid(middles, middles)
-        beside = np.abs(along[0] * y - along[1] * x) <= APART
-        return near_places(middles, away, ROOM) * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
+        beside = np.abs(along[0] * y - along[1] * x) <= SEARCH.apart[0]
+        return near_places(middles, away, DRIFT.room) * beside * (np.hypot(x + moved[0], y + moved[1]) <= most.max())
 
     window = float(np.hypot(*moved)) + float(most.max())
-    return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, REFINED_TURN, NEAR_RASTER,
+    return coarse_search(best[:3], query, scene.path, reference, scene.readings, window, DRIFT.least[1], NEAR_CELL,
                          allowed)
 
 
 def _older_nodes(scene: Scene, reach: float, distance: float, drift: float = 0.0) -> IndexArray:
-    """Return at most LONG_NODES old nodes within ``distance`` [m], without the last ``reach`` metres of path.
+    """Return at most ``nodes[2]`` old nodes within ``distance`` [m], without the last ``reach`` metres of path.
 
     The drift against each is at least ``drift`` [m]. Nodes with the same drift as the newest one fit at its present
     pose, whether this is right or not.
     """
     known = scene.old[(scene.distance[scene.old] < distance) & (scene.shift[scene.old] >= drift)
-                      & (scene.along[scene.old] < scene.along[-1] - reach - ROOM)]
-    return evenly(known, LONG_NODES)
+                      & (scene.along[scene.old] < scene.along[-1] - reach - DRIFT.room)]
+    return evenly(known, SEARCH.nodes[2])
 
 
 def _score_without_shift(scene: Scene, query: FloatArray, reach: float) -> float:
     """Return the score of the query at its present pose. If it fits there, no correction is needed."""
-    reference = _older_nodes(scene, reach, QUERY_REACH + reach)
+    reference = _older_nodes(scene, reach, SEARCH.reach + reach)
     if not len(reference):
         return 0.0
     return score_here(query, scene.path, reference, scene.readings)
@@ -375,28 +367,29 @@ def score_here(query: FloatArray, path: FloatArray, reference: IndexArray, readi
     readings : sequence of K ScanReading
         Scans of the path's nodes.
     """
-    return float(coarse_search(path[-1], query, path, reference, readings, BESIDE, LOCAL_TURN, WIDE_RASTER)[3])
+    return float(coarse_search(path[-1], query, path, reference, readings, *SEARCH.local, WIDE_CELL)[3])
 
 
 def _excluded_place(scene: Scene, query: FloatArray) -> Tuple[FloatArray, IndexArray]:
     """Return the best place outside the drift, and the nodes there. If the query fits there, the area is ambiguous."""
-    path, known = scene.path, scene.old[scene.distance[scene.old] < ALIKE + ROOM]
+    path, known = scene.path, scene.old[scene.distance[scene.old] < SEARCH.alike + DRIFT.room]
     if not len(known):
         return np.zeros(7), known
-    reference = evenly(known, WIDE_NODES)
-    away, least = path[known, :2] - path[-1, :2], BEYOND * scene.shift[known] + APART
-    best = coarse_search(path[-1], query, path, reference, scene.readings, ALIKE, ALIKE_TURN, WIDE_RASTER,
-                         lambda middles: near_places(middles, away, ROOM, least, ALIKE))
+    reference = evenly(known, SEARCH.nodes[1])
+    away, least = path[known, :2] - path[-1, :2], SEARCH.beyond * scene.shift[known] + SEARCH.apart[0]
+    best = coarse_search(path[-1], query, path, reference, scene.readings, SEARCH.alike, DRIFT.least[1], WIDE_CELL,
+                         lambda middles: near_places(middles, away, DRIFT.room, least, SEARCH.alike))
     return best, reference
 
 
 def _is_as_good(other: FloatArray, known: IndexArray, pose: FloatArray, reference: IndexArray, query: FloatArray,
                 scene: Scene) -> bool:
     """Whether a place, seen among the nodes ``known``, is rated as well as ``pose`` among ``reference``."""
-    allowed = np.ones((AS_GOOD_CELLS, AS_GOOD_CELLS), np.uint8)
-    ratings = [_rated(place, query, scene, nodes, allowed, NEAR_RASTER)[0].max()
+    width = 2 * int(round(SEARCH.local[0] / NEAR_CELL)) + 1
+    allowed = np.ones((width, width), np.uint8)
+    ratings = [_rated(place, query, scene, nodes, allowed, NEAR_CELL)[0].max()
                for place, nodes in ((other, known), (pose, reference))]
-    return bool(ratings[0] >= UNLIKE * ratings[1])
+    return bool(ratings[0] >= SEARCH.rival * ratings[1])
 
 
 def near_places(middles: FloatArray, away: FloatArray, reach: float, least: Union[float, FloatArray] = 0.0,

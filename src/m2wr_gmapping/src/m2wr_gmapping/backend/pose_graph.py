@@ -9,12 +9,12 @@ import numpy as np
 
 from m2wr_gmapping.backend import pose_graph_kernels as kernels
 from m2wr_gmapping.se2 import wrap
+from m2wr_gmapping.tuning import LOOPS
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray
 
 ITERATIONS, MOST_ITERATIONS = 6, 16     # with the final kernel, and together with those in which it narrows
-NARROWING = 8.0         # factor of the kernel from one iteration to the next
 CONVERGED = 1e-4
 
 
@@ -68,7 +68,7 @@ def optimise(poses: Any, pairs: Any, measured: Any, information: Any, robust: Bo
     widening = math.inf if opened else 1.0
     for k in range(MOST_ITERATIONS):
         kernels.residuals(poses, pairs, measured, information, residual, squared)
-        widening = max(1.0, min(squared[robust].max(initial=0.0) / kernel, widening / NARROWING))
+        widening = max(1.0, min(squared[robust].max(initial=0.0) / kernel, widening / LOOPS.narrowing))
         weights = np.where(robust, 1.0 / (1.0 + squared / (kernel * widening)), 1.0)
         kernels.assemble(poses, pairs, measured, information, weights, residual, columns, slots, diagonal, blocks, step)
         if not kernels.factorise(order, starts, columns, targets, diagonal, blocks):

@@ -14,17 +14,15 @@ from m2wr_gmapping.frontend.calibration_kernels import changed_steps, symmetric_
 from m2wr_gmapping.frontend.information_kernels import DEPENDENT, scan_information
 from m2wr_gmapping.frontend.track import CALIBRATION_CHANGE, CALIBRATION_PRIOR, RECORD_SIZE
 from m2wr_gmapping.se2 import between, compose
+from m2wr_gmapping.tuning import DRIFT
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
 
 FIRST_STEPS = 256
 CHECK_EVERY, CHECK_SHARE = 8, 8     # a check is due after that many steps plus this fraction of the path
-STEP_FLOOR = np.square([0.01, 0.01, 0.004])     # least variance of a step [m^2, m^2, rad^2]
-CARRIED = np.array([2.0, 2.0, 0.5])     # standard deviations of a step on which the robot was carried [m, m, rad]
 #: Measured pose (3,) of a node from the one before, its information (3, 3), position variance [m^2], record.
 Step = Tuple["FloatArray", "FloatArray", float, "FloatArray"]
-SMOOTHING_FACTOR = 10.0     # the calibration changes less than the filter assumes, which has to follow at once
 
 
 class StepHistory:
@@ -68,7 +66,7 @@ class StepHistory:
         scan_information(row, 1.0 / DEPENDENT, found)
         covariance = np.empty((3, 3))
         symmetric_inverse(found + np.diag(1.0 / variances), covariance)
-        covariance += np.diag(STEP_FLOOR)
+        covariance += np.diag(np.square(DRIFT.step))
         self._variances[newest] = covariance[0, 0] + covariance[1, 1]
         symmetric_inverse(covariance, self._information[newest])
 
@@ -99,7 +97,7 @@ class StepHistory:
             self._measured.append(between(path[k - 1], path[k]) if k else np.zeros(3))
         count = len(path)
         change = np.empty((count, 3))
-        changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / SMOOTHING_FACTOR, change)
+        changed_steps(self._records[:count], CALIBRATION_PRIOR, CALIBRATION_CHANGE / DRIFT.calibration, change)
         return compose(np.array(self._measured[:count]), change)
 
     def mark_doubtful(self) -> None:
@@ -154,7 +152,8 @@ def turned_step(step: FloatArray, turn: float) -> Step:
     turn : float
         [rad]
     """
-    return (compose(step, [0.0, 0.0, turn]), np.diag(1.0 / np.square(CARRIED)), 2.0 * CARRIED[0]**2,
+    carried = np.square(DRIFT.carried)
+    return (compose(step, [0.0, 0.0, turn]), np.diag(1.0 / carried), float(carried[0] + carried[1]),
             np.zeros(RECORD_SIZE))
 
 

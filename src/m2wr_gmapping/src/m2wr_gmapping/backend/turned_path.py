@@ -14,27 +14,21 @@ from typing import TYPE_CHECKING, List, Optional, Sequence
 import numpy as np
 
 from m2wr_gmapping.backend import place_search
-from m2wr_gmapping.backend.loop_graph import WIDE_AGREEMENT, is_observed, link_of
-from m2wr_gmapping.backend.occlusion import LOOKS, occlusion_conflict
+from m2wr_gmapping.backend.loop_graph import is_observed, is_within, link_of
+from m2wr_gmapping.backend.occlusion import occlusion_conflict
 from m2wr_gmapping.backend.place_query import evenly, wide_query
-from m2wr_gmapping.backend.place_search import RASTER_SCORE, RIVAL, WIDE_PATH, near_places
+from m2wr_gmapping.backend.place_search import near_places
 from m2wr_gmapping.frontend import match_kernels as mk
-from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, conflict_with_nearest
+from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
 from m2wr_gmapping.se2 import between, compose, inverse
+from m2wr_gmapping.tuning import DRIFT, LINKS, LOOPS, OCCLUSION, SEARCH, TURNS
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, FloatArray, Uint8Array
     from m2wr_gmapping.backend.loop_graph import Link, LoopGraph
     from m2wr_gmapping.frontend.scan import ScanReading
 
-TURNS = math.pi, 0.5 * math.pi, -0.5 * math.pi  # of rooms with right angles that look alike [rad]
-TURN_WINDOW = 0.2           # half width of the search around each [rad]
-SEARCH_EVERY = 2.0          # path between two searches of the whole path [m]
-FOLLOW_EVERY = 0.7          # path between two searches after a result [m]
-MEMORY = 50.0               # path after which a result is dropped [m]
-SUPPORT, COUNT = 5.0, 5     # path [m] and number of results that have to agree
-LOOK_EVERY = 3.0            # path between two scans of the check of the whole turned path [m]
-BREAK_REACH = 1.5           # greatest distance of the node after a turn from its centre: a step of the path [m]
+RIGHT_ANGLES = math.pi, 0.5 * math.pi, -0.5 * math.pi  # of rooms with right angles that look alike [rad]
 
 
 @dataclass(frozen=True)
@@ -94,25 +88,25 @@ class TurnedPath:
         """
         here = along[-1]
         # the newest scans have to be from after the turn, and the oldest from before
-        nodes = [node for node in doubtful if WIDE_PATH < along[node] < here - WIDE_PATH]
+        nodes = [node for node in doubtful if SEARCH.path < along[node] < here - SEARCH.path]
         if not nodes:
             return None
         follows = bool(self._finds) and self._finds[-1].along == self._searched_at
-        if here - self._searched_at < (FOLLOW_EVERY if follows else SEARCH_EVERY):
+        if here - self._searched_at < (LOOPS.every_found if follows else LOOPS.spacing):
             return None
         self._searched_at = here
         correction: Optional[FloatArray]
         if follows:
             correction = self._finds[-1].correction
         else:
-            self._turn = (self._turn + 1) % len(TURNS)
-            correction = self._coarse(path, along, readings, nodes, TURNS[self._turn])
+            self._turn = (self._turn + 1) % len(RIGHT_ANGLES)
+            correction = self._coarse(path, along, readings, nodes, RIGHT_ANGLES[self._turn])
         found = None if correction is None else self._verify(path, along, readings, nodes, correction)
         if found is None:
             return None
-        self._finds = [find for find in self._finds if here - find.along < MEMORY] + [found]
+        self._finds = [find for find in self._finds if here - find.along < TURNS.memory] + [found]
         agreed = [find for find in self._finds if _agrees(find, found, path[-1])]
-        if len(agreed) < COUNT or here - agreed[0].along < SUPPORT:
+        if len(agreed) < TURNS.count or here - agreed[0].along < TURNS.support:
             return None
         self._finds = [find for find in self._finds if not _agrees(find, found, path[-1])]
         return agreed
@@ -121,26 +115,26 @@ class TurnedPath:
                 turn: float) -> Optional[FloatArray]:
         """Return the correction of the place that the newest scans fit best after a turn on the way to a node."""
         last = nodes[-1]
-        query = wide_query(path, along, readings, WIDE_PATH)
-        if query.shape[1] < place_search.FEWEST_POINTS:
+        query = wide_query(path, along, readings, SEARCH.path)
+        if query.shape[1] < SEARCH.fewest:
             return None
         old = path[:last, :2]
         centre = 0.5 * (old.min(axis=0) + old.max(axis=0))
-        window = float((old.max(axis=0) - centre).max()) + place_search.ROOM
+        window = float((old.max(axis=0) - centre).max()) + DRIFT.room
         c, s = math.cos(turn), math.sin(turn)
         centres = path[nodes, :2]
         arm = path[-1, :2] - centres
         turned = centres + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1]], -1)
 
         def allowed(middles: FloatArray) -> Uint8Array:
-            return near_places(middles, turned - centre, 2.0 * BREAK_REACH) \
-                * near_places(middles, old - centre, place_search.ROOM)
+            return near_places(middles, turned - centre, 2.0 * TURNS.reach) \
+                * near_places(middles, old - centre, DRIFT.room)
 
-        reference = evenly(np.arange(last), place_search.WIDE_NODES)
+        reference = evenly(np.arange(last), SEARCH.nodes[1])
         pose = np.array([centre[0], centre[1], path[-1, 2] + turn])
-        best = place_search.coarse_search(pose, query, path, reference, readings, window, TURN_WINDOW,
-                                          place_search.WIDE_RASTER, allowed)
-        if best[3] < RASTER_SCORE or best[4] > RIVAL * best[3]:
+        best = place_search.coarse_search(pose, query, path, reference, readings, window, TURNS.window,
+                                          SEARCH.cells[1], allowed)
+        if not place_search.is_unique(best):
             return None
         return compose(best[:3], inverse(path[-1]))
 
@@ -161,7 +155,7 @@ class TurnedPath:
         if found is None or place is None:
             return None
         nearest, row, around, supported = found
-        if not is_observed(row) or occlusion_conflict(scene, row[:3], around) > MOST_CONFLICT \
+        if not is_observed(row) or occlusion_conflict(scene, row[:3], around) > OCCLUSION.most_conflict \
                 or self._is_explained(path, along, readings, node, place.score):
             return None
         pose = row[:3].copy()
@@ -171,13 +165,13 @@ class TurnedPath:
     def _is_explained(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                       score: float) -> bool:
         """Whether the newest scans fit the scans before the turn at their present pose as well."""
-        query = wide_query(path, along, readings, WIDE_PATH)
+        query = wide_query(path, along, readings, SEARCH.path)
         distance = np.hypot(path[:node, 0] - path[-1, 0], path[:node, 1] - path[-1, 1])
-        reference = np.flatnonzero(distance < place_search.QUERY_REACH + WIDE_PATH)
+        reference = np.flatnonzero(distance < SEARCH.reach + SEARCH.path)
         if not len(reference):
             return False
-        reference = evenly(reference, place_search.WIDE_NODES)
-        return place_search.score_here(query, path, reference, readings) > RIVAL * score
+        reference = evenly(reference, SEARCH.nodes[1])
+        return place_search.score_here(query, path, reference, readings) > SEARCH.rival * score
 
 
 def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
@@ -198,12 +192,13 @@ def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanRe
         Nodes whose place is known well enough.
     """
     shares = []
-    for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], LOOK_EVERY))):
+    for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], TURNS.look_every))):
         if not placed[later]:
             continue
-        shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LOOKS))
-    count = min(len(shares), int(WIDE_PATH / LOOK_EVERY) + 1)
-    return not shares or bool(np.convolve(shares, np.full(count, 1.0 / count), "valid").max() <= MOST_CONFLICT)
+        shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks))
+    count = min(len(shares), int(SEARCH.path / TURNS.look_every) + 1)
+    means = np.convolve(shares, np.full(count, 1.0 / count), "valid") if shares else np.zeros(1)
+    return bool(means.max() <= OCCLUSION.most_conflict)
 
 
 def turned_after(path: FloatArray, node: int, correction: FloatArray) -> FloatArray:
@@ -239,9 +234,9 @@ def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> O
     size = 2.0 * abs(math.sin(0.5 * correction[2]))     # and moves so far per metre from it
     distance = np.hypot(*(moved - path[nodes])[:, :2].T) / max(size, 1e-9)
     best = int(np.argmin(distance))
-    return nodes[best] if distance[best] <= BREAK_REACH else None
+    return nodes[best] if distance[best] <= TURNS.reach else None
 
 
 def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:
-    apart = np.abs(between(compose(find.correction, newest), compose(found.correction, newest)))
-    return find.node == found.node and bool((apart <= WIDE_AGREEMENT).all())
+    apart = between(compose(find.correction, newest), compose(found.correction, newest))
+    return find.node == found.node and is_within(apart, DRIFT.least)

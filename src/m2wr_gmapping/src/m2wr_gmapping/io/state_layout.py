@@ -8,7 +8,7 @@ from typing import Any, Dict, Union
 import numpy as np
 
 from m2wr_gmapping.backend.loop_closing import Candidate
-from m2wr_gmapping.backend.turned_path import TURNS, TurnedFind
+from m2wr_gmapping.backend.turned_path import RIGHT_ANGLES, TurnedFind
 from m2wr_gmapping.filter.occupancy_kernels import CELLS as BLOCK
 from m2wr_gmapping.filter.tile_kernels import CELLS as TILE
 from m2wr_gmapping.frontend import match_kernels as mk
@@ -82,7 +82,7 @@ EXTENSION = Part({
     "_frontiers": Many(Group(NODE, Number(int, -1, 1), REAL, POSE)), "_review": Many(NODE), "has_moved": YES,
     "has_large_shift": YES}, ("_graph",))
 TURNED = Part({
-    "_finds": Many(TURNED_FIND), "_searched_at": REAL, "_turn": Number(int, 0, len(TURNS) - 1)}, ("_graph",))
+    "_finds": Many(TURNED_FIND), "_searched_at": REAL, "_turn": Number(int, 0, len(RIGHT_ANGLES) - 1)}, ("_graph",))
 LOOPS = Part({
     "graph": GRAPH, "_extension": EXTENSION, "_turned": TURNED, "_pending": Maybe(Group(LINK, POSE)),
     "_candidates": Many(CANDIDATE), "_searched_at": REAL, "_linked_at": REAL, "_wide_at": REAL,
