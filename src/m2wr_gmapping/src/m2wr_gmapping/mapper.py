@@ -328,7 +328,7 @@ class Mapper:
             self._replace_path(self._loops.recalibrate(path))
             return
         corrected = path_of(path[0], self._history.corrected(path))
-        if (np.abs(corrected - path)[:, :2] > tuning.PARTICLES.same_cells * self.config["delta"]).any():
+        if (np.abs(corrected - path)[:, :2] > tuning.PARTICLES.same[0] * self.config["delta"]).any():
             self._replace_path(corrected)
 
     def _replace_path(self, path: Optional[FloatArray]) -> None:

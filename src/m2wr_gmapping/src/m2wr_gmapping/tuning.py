@@ -63,13 +63,12 @@ class Scans:
     normal_reach: float = tuned(0.3, "m", "Farthest neighbour of an end point in the line that gives its normal.",
                                 "geometry: walls are straight over 0.6 m, furniture is not")
     normal_side: int = tuned(4, "1", "Most neighbours on either side in that line.", UNKNOWN)
-    sparse_ratio: float = tuned(1.6, "1", "Reach of that line in distances of the nearest neighbour, at grazing "
-                                "incidence.", "geometry: the next beam but one is farther than twice that distance")
-    sparse_reach: float = tuned(1.0, "m", "Limit of that reach.", "geometry: about the width of a door")
-    straight: float = tuned(0.15, "1", "Spread across a line over the spread along it, of a noisy wall.",
-                            "geometry: 2 cm of range noise over 0.3 m, twice")
-    crooked: float = tuned(0.4, "1", "The same of a corner, whose normal is not used.",
-                           "geometry: a right angle with three points on each side")
+    sparse: Vector2 = tuned((1.6, 1.0), "1, m", "Reach of that line at grazing incidence, in distances of the nearest "
+                            "neighbour, and its limit.",
+                            "geometry: the next beam but one is farther than twice that distance; the width of a door")
+    straight: Vector2 = tuned((0.15, 0.4), "1, 1", "Spread across a line over the spread along it: of a noisy wall, "
+                              "and of a corner, whose normal is not used.",
+                              "geometry: 2 cm of range noise over 0.3 m, twice; a right angle of six points")
     slide: float = tuned(0.02, "1", "Weight of the tangential residual at a straight wall, for stability only.",
                          UNKNOWN)
 
@@ -88,11 +87,9 @@ class Matching:
     steps_a_round: int = tuned(2, "1", "Gauss-Newton steps between two searches for partners.", UNKNOWN)
     converged: float = tuned(1e-3, "m, rad", "A match has converged if it moves by less.",
                              "geometry: a fiftieth of a cell")
-    basin: float = tuned(0.15, "m, rad", "Largest step of Gauss-Newton, and motion from which a match converges; over "
-                         "more, a slip persists.",
-                         "geometry: three cells, from which partners are found")
-    basin_turn: float = tuned(0.1, "rad", "Rotation from which a match converges.",
-                              "geometry: three cells at 1.5 m")
+    basin: Vector2 = tuned((0.15, 0.1), "m, rad", "Motion from which a match converges. No step of Gauss-Newton is "
+                           "longer, and a slip persists over more.",
+                           "geometry: three cells, from which partners are found; the same at 1.5 m")
     beam_deviation: float = tuned(0.05, "m", "Standard deviation of the distance of one end point from its wall.",
                                   "geometry: a cell of the usual map")
     null_distance2: float = tuned(0.5, "m^2", "Squared distance of an end point without a partner, for the "
@@ -102,11 +99,9 @@ class Matching:
                                    "points.", UNKNOWN)
     good_share: float = tuned(0.8, "1", "Share of the beams below whose score a match is compared with older scans.",
                               UNKNOWN)
-    score_cap: float = tuned(0.5, "1", "Limit of minimumScore, as a share of the beams.",
-                             "geometry: most good matches do not reach a higher score")
+    score: float = tuned(0.5, "1", "Limit of minimumScore, and least score of a loop closure, as shares of the beams.",
+                         "geometry: most good matches do not reach a higher score")
     search_beams: int = tuned(60, "1", "Beams that the window search uses.", "time of a search")
-    search_reach: float = tuned(12.0, "m", "Farther end points are not used in the window search.",
-                                "time of a search")
     search_penalty: float = tuned(0.06, "1", "Penalty on the mean score of a beam at the edge of the window.",
                                   UNKNOWN)
     certain: float = tuned(3.0, "1", "Standard deviations beyond which a difference is no chance.",
@@ -150,8 +145,8 @@ class Slips:
     window_share: float = tuned(0.4, "1", "Growth of the half width with the step.", UNKNOWN)
     sectors: int = tuned(8, "1", "Sectors of directions that are searched if a scan contradicts older ones.",
                          "geometry: window and basin of a match overlap")
-    confirm_scans: int = tuned(20, "1", "Or over this number of scans.", "a pitching robot, see above")
-    tolerance: float = tuned(0.1, "m, rad", "And changes by at most this from scan to scan.", "geometry: two cells")
+    confirm_scans: int = tuned(20, "1", "Scans after which a slip that persists is confirmed without motion; from scan "
+                               "to scan it changes by at most a step of a search.", "longer than a robot pitches")
     left: Vector3 = tuned((0.05, 0.05, 0.03), "m, m, rad", "Standard deviations of odometry after a slip; a larger "
                           "difference is another one.",
                           "geometry: a cell of the usual map")
@@ -176,15 +171,12 @@ class Odometry:
 
     cross: float = tuned(0.3, "1", "Share of the noise along a direction that motion across it adds.",
                          "motion model of OpenSLAM gmapping")
-    floor: float = tuned(0.004, "m, rad", "Standard deviation of a step of length 0.", UNKNOWN)
-    floor_share: float = tuned(0.005, "1", "Growth of that deviation with distance and rotation.",
-                               "good wheels: half a per cent")
-    memory: float = tuned(10.0, "1", "Steps that the scale of the noise is estimated from.", UNKNOWN)
-    first_memory: float = tuned(1.0, "1", "Steps that the user's noise parameters weigh.",
-                                "users seldom measure them")
+    floor: Vector2 = tuned((0.004, 0.005), "m or rad, 1", "Least standard deviation of a step of length 0, and its "
+                           "growth with distance and rotation.", "good wheels: half a per cent")
+    memory: Vector2 = tuned((10.0, 1.0), "1, 1", "Steps that the scale of the noise is estimated from, and those that "
+                            "the user's noise parameters weigh.", "users seldom measure them")
     least_information: float = tuned(0.01, "1", "A scan with less information changes no scale.", UNKNOWN)
-    least_scale: float = tuned(0.1, "1", "Least scale of the user's noise.", UNKNOWN)
-    greatest_scale: float = tuned(30.0, "1", "Greatest scale of the user's noise.", UNKNOWN)
+    scale: Vector2 = tuned((0.1, 30.0), "1, 1", "Least and greatest scale of the user's noise.", UNKNOWN)
 
 
 @dataclass(frozen=True)
@@ -201,10 +193,8 @@ class Calibration:
                                UNKNOWN)
     outlier: float = tuned(21.1, "1", "Squared Mahalanobis distance of an outlier.",
                            "chi-squared with 3 degrees of freedom: 99.99 %")
-    told_yaw: float = tuned(0.3, "deg", "Smaller errors of the laser's yaw are not reported.",
-                            "geometry: 1 cm in 2 m")
-    told_offset: float = tuned(0.02, "m", "Smaller errors of the laser's position are not reported.",
-                               "geometry: half a cell")
+    reported: Vector2 = tuned((0.02, 0.005), "m, rad", "Smaller errors of the laser's mount are not reported.",
+                              "geometry: half a cell; 1 cm in 2 m")
 
 
 @dataclass(frozen=True)
@@ -214,28 +204,23 @@ class Particles:
     drawn: float = tuned(0.3, "1", "Share of a draw from the proposal that is used.", UNKNOWN)
     bin: Vector3 = tuned((0.1, 0.1, 0.05), "m, m, rad", "Bin of poses of KLD-sampling.",
                          "geometry: two cells; Fox 2003 uses larger ones for localization")
-    kld_error: float = tuned(0.15, "1", "Bound of the Kullback-Leibler distance between sample and distribution.",
-                             "Fox, Adapting the sample size in particle filters, IJRR 22(12), 2003: 0.05 to 0.2")
-    kld_quantile: float = tuned(2.326, "1", "Quantile of the normal distribution for that bound.",
-                                "normal distribution: 99 %")
+    kld: Vector2 = tuned((0.15, 2.326), "1, 1", "Bound of the Kullback-Leibler distance between sample and "
+                         "distribution, and the quantile of the normal distribution for it.",
+                         "Fox, Adapting the sample size in particle filters, IJRR 22(12), 2003: 0.05 to 0.2; 99 %")
     changed_count: float = tuned(0.2, "1", "Relative change of the number of particles that triggers a resampling.",
                                  "time of a resampling")
     frozen_hits: int = tuned(20, "1", "Hits after which the mean of a cell is final.",
                              "geometry: accurate to a few millimetres")
     covariance_floor: Vector3 = tuned((0.01, 0.01, 0.005), "m, m, rad", "Least standard deviation of the published "
                                       "pose.", "geometry: resolution of a grid map")
-    same_cells: float = tuned(0.3, "cells", "A map is not made again if a pose changes by less.",
-                              "time of a map update")
-    same_turn: float = tuned(0.002, "rad", "The same for its heading.", "time of a map update")
+    same: Vector2 = tuned((0.3, 0.002), "cells, rad", "A map is not made again if a pose changes by less.",
+                          "time of a map update")
 
 
 @dataclass(frozen=True)
 class Drift:
     """Drift of the path between two visits of a place, which bounds the search for it."""
 
-    old_after: float = tuned(12.0, "m", "Path after which a place is old, and after which a candidate of a loop "
-                             "closure is dropped.",
-                             "geometry: the reach of a search; closer scans are matched by the front end")
     heading: float = tuned(4e-5, "rad^2/m", "Variance of the heading per distance of scan matching.",
                            "measured without loop closing on 26 generated logs")
     deviations: float = tuned(2.5, "1", "Half width of a search, in standard deviations of the drift.",
@@ -243,10 +228,8 @@ class Drift:
     least: Vector2 = tuned((0.5, 0.1), "m, rad", "Least half width of a search. Corrections by wide searches that "
                            "differ by less agree.", "geometry: several cells of the raster of a wide search")
     most: Vector2 = tuned((30.0, 0.6), "m, rad", "Greatest half width of a search.", "time and memory of a search")
-    near: float = tuned(2.0, "m", "With less drift only the newest scans are searched.",
-                        "geometry: the width of a corridor")
-    beside: float = tuned(2.0, "m", "Old places farther away than the drift and this are not searched.",
-                          "geometry: the width of a corridor")
+    near: float = tuned(2.0, "m", "With less drift only the newest scans are searched, and of the old ones those "
+                        "within the drift and this.", "geometry: the width of a corridor")
     room: float = tuned(2.5, "m", "Greatest distance of a result from the old path.",
                         "geometry: half of a room")
     step: Vector3 = tuned((0.01, 0.01, 0.004), "m, m, rad", "Least standard deviation of a step of the path.",
@@ -276,8 +259,8 @@ class Search:
                           "normal distribution: with the drift's deviations 99.9 %")
     against: int = tuned(3, "1", "Weight of a point in free space against a point on a wall.", UNKNOWN)
     alike: float = tuned(15.0, "m", "Radius of the search for similar places outside the drift.", "time of a search")
-    near_path: float = tuned(3.0, "m", "Path whose scans a near search uses, and a wide one after a short return.",
-                             "geometry: a room")
+    near_path: float = tuned(3.0, "m", "Path whose scans a near search uses, and a wide one after a short return; path "
+                             "between two scans of the check of a turned path.", "geometry: a room")
     path: float = tuned(10.0, "m", "Path whose scans a wide search uses. Such a segment is shifted by at most its "
                         "length, and an extension ends after such a gap.", "geometry: a corridor with its doors")
     long_path: float = tuned(24.0, "m", "The same if several places fit.", "geometry: a long corridor")
@@ -285,7 +268,8 @@ class Search:
     points: int = tuned(240, "1", "Points of a query.", "time of a search")
     spacing: float = tuned(0.25, "m", "Cell with one point of the query of a wide search.",
                            "geometry: one cell of its raster")
-    reach: float = tuned(12.0, "m", "Farther end points are not used.", "time and memory of a search")
+    reach: float = tuned(12.0, "m", "Farther end points are not used. A place is old after this path, and a candidate "
+                         "of a loop closure is dropped.", "time and memory of a search")
     nodes: Tuple[int, int, int] = tuned((24, 160, 320), "1, 1, 1", "Old scans of a near search, of a wide one, and of "
                                         "one with a long segment.", "time of a search")
     fewest: int = tuned(30, "1", "Least number of points of a query, and of beams of a scan that is searched.",
@@ -299,14 +283,11 @@ class Links:
     reach: float = tuned(5.0, "m", "Old scans within this distance make the map.", "geometry: a room")
     nodes: float = tuned(4.0, "1/m", "Additional old scans per distance of a segment that is matched together.",
                          "time of a match")
-    shares: Vector2 = tuned((0.5, 0.6), "1, 1", "Least score, and least number of beams with a partner, as shares of "
-                            "the beams.", UNKNOWN)
+    partners: float = tuned(0.6, "1", "Least share of the beams with a partner.", UNKNOWN)
     prior: Vector3 = tuned((0.3, 0.3, 0.15), "m, m, rad", "Standard deviations of the result of the search.",
                            "geometry: cell of the raster of a wide search")
     weight: float = tuned(0.375, "1", "Robust weight of an end point where observability is tested.",
                           "the kernel of the match, on average over that distance")
-    spacing: float = tuned(0.1, "m", "Cell with one beam of a match of several scans.",
-                           "geometry: two cells of the usual map")
     beams: int = tuned(400, "1", "Beams of such a match.", "time of a match")
     looks: int = tuned(3, "1", "Scans of a segment that are checked by occlusion; of the old ones four times as many.",
                        "time of a check")
@@ -323,9 +304,10 @@ class Loops:
 
     every: float = tuned(1.0, "m", "Path between two searches.", "time of a search")
     every_found: float = tuned(0.7, "m", "Path between two searches after a result.", "time until a loop is closed")
-    spacing: float = tuned(2.0, "m", "Path between two loop closures in a known area.", "size of the graph")
-    linked: float = tuned(1.5, "m", "A node this close to a loop closure needs no other one.", "size of the graph")
-    review: float = tuned(4.0, "m", "Path between two nodes of a review of the whole path.", "time of a review")
+    spacing: float = tuned(2.0, "m", "Path between two loop closures in a known area; in a review of the whole path "
+                           "twice as much.", "size of the graph")
+    linked: float = tuned(1.5, "m", "A node this close to a loop closure needs no other one. The centre of a turn is "
+                          "at most this far from its step.", "size of the graph")
     evidence: float = tuned(0.5, "1", "Evidence of candidates that agree, from which on they are accepted.",
                             "development logs: all wrong candidates had at most 0.22 each, 0.4 together")
     outlier: float = tuned(12.0, "1", "Squared residual that halves the weight of a loop closure.",
@@ -348,10 +330,6 @@ class Turns:
     memory: float = tuned(50.0, "m", "Path after which a result is dropped.", "geometry: a loop of a building")
     support: float = tuned(5.0, "m", "Least path with results that agree.", "geometry: half of a segment")
     count: int = tuned(5, "1", "Least number of results that agree.", "a false turn is worse than a missed one")
-    look_every: float = tuned(3.0, "m", "Path between two scans of the check of the whole turned path.",
-                              "a segment has four")
-    reach: float = tuned(1.5, "m", "Greatest distance of a turn's centre from the step.",
-                         "geometry: a step of the path")
 
 
 SCANS, MATCHING, TRACKING, SLIPS, OCCLUSION = Scans(), Matching(), Tracking(), Slips(), Occlusion()

@@ -47,7 +47,7 @@ def test_particle_count_equals_the_formula(boxes):
     poses = np.zeros((2 * boxes, 3))
     poses[:, 0] = np.repeat(np.arange(boxes), 2) * tuning.PARTICLES.bin[0]
     normal = statistics.NormalDist().inv_cdf(0.99)
-    a, b = 2.0 / (9.0 * (boxes - 1)), (boxes - 1) / (2.0 * tuning.PARTICLES.kld_error)
+    a, b = 2.0 / (9.0 * (boxes - 1)), (boxes - 1) / (2.0 * tuning.PARTICLES.kld[0])
     assert kld_sampling.needed(poses, 0) == math.ceil(b * (1.0 - a + math.sqrt(a) * normal)**3)
 
 

@@ -209,8 +209,8 @@ class LoopCloser:
             return not is_within(change, LOOPS.least_change)
         if found.slides:
             return False
-        self.graph.reject([find.link for find in self._candidates if here - find.along >= DRIFT.old_after])
-        self._candidates = [find for find in self._candidates if here - find.along < DRIFT.old_after] + [found]
+        self.graph.reject([find.link for find in self._candidates if here - find.along >= SEARCH.reach])
+        self._candidates = [find for find in self._candidates if here - find.along < SEARCH.reach] + [found]
         agree = [find for find in self._candidates
                  if is_within(between(compose(find.correction, path[-1]), found.pose), DRIFT.least)]
         if sum(find.evidence for find in agree) < LOOPS.evidence:

@@ -8,7 +8,7 @@ import numpy as np
 
 from m2wr_gmapping.backend.loop_graph import change_of, is_within
 from m2wr_gmapping.se2 import between, compose, inverse
-from m2wr_gmapping.tuning import DRIFT, LOOPS, SEARCH
+from m2wr_gmapping.tuning import LOOPS, SEARCH
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
@@ -50,7 +50,7 @@ class LoopExtension:
 
     def schedule_review(self, along: FloatArray) -> None:
         """Schedule a search at nodes of the whole path, oldest first."""
-        self._review = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], LOOPS.review))).tolist()[::-1]
+        self._review = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], 2.0 * LOOPS.spacing))).tolist()[::-1]
 
     def mark_solved(self) -> None:
         """Tell that the graph was optimised: the path contains the corrections of the frontiers now."""
@@ -112,7 +112,7 @@ class LoopExtension:
     def _is_confirmed(self, path: FloatArray, along: FloatArray, readings: Sequence[ScanReading], node: int,
                       correction: FloatArray) -> bool:
         """Whether a search finds a node where the correction of its neighbour predicts it."""
-        if not DRIFT.old_after < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
+        if not SEARCH.reach < along[min(max(node, 0), len(along) - 1)] or not 0 < node < len(along):
             return False
         link, pose, slides = self._search(path, along, readings, node, correction)
         return link is not None and not slides and is_within(between(compose(correction, path[node]), pose),
@@ -130,7 +130,7 @@ class LoopExtension:
 
     def _is_searchable(self, along: FloatArray, node: int) -> bool:
         """Whether the node exists, is old enough and has no loop closure close by."""
-        if not 0 < node < len(along) or along[node] <= DRIFT.old_after:
+        if not 0 < node < len(along) or along[node] <= SEARCH.reach:
             return False
         return all(abs(along[link[1]] - along[node]) >= LOOPS.linked for link in self._graph.links)
 

@@ -166,7 +166,7 @@ class LoopGraph:
         near, far : (C,) int64
             Old nodes with little drift, and with more drift, against the node.
         """
-        count = drift_kernels.old_nodes(along, node, DRIFT.old_after)
+        count = drift_kernels.old_nodes(along, node, SEARCH.reach)
         shift, turn = self.drift(path, node)
         if node < len(path) - 1 or correction is not None:
             path, along, readings = path[:node + 1].copy(), along[:node + 1], readings[:node + 1]
@@ -174,7 +174,7 @@ class LoopGraph:
         if correction is not None:
             path[count:] = compose(correction, path[count:])
         numbers = np.empty((2, count), np.int64)
-        near, far = drift_kernels.loop_candidates(path, shift, count, SEARCH.beyond, DRIFT.beside, DRIFT.near, numbers)
+        near, far = drift_kernels.loop_candidates(path, shift, count, SEARCH.beyond, DRIFT.near, DRIFT.near, numbers)
         scene = place_search.Scene(path, along, readings, np.arange(count), shift, turn)
         return scene, numbers[0, :near], numbers[1, :far]
 

@@ -127,7 +127,7 @@ class TurnedPath:
         turned = centres + np.stack([c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1]], -1)
 
         def allowed(middles: FloatArray) -> Uint8Array:
-            return near_places(middles, turned - centre, 2.0 * TURNS.reach) \
+            return near_places(middles, turned - centre, 2.0 * LOOPS.linked) \
                 * near_places(middles, old - centre, DRIFT.room)
 
         reference = evenly(np.arange(last), SEARCH.nodes[1])
@@ -192,11 +192,11 @@ def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanRe
         Nodes whose place is known well enough.
     """
     shares = []
-    for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], TURNS.look_every))):
+    for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], SEARCH.near_path))):
         if not placed[later]:
             continue
         shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks))
-    count = min(len(shares), int(SEARCH.path / TURNS.look_every) + 1)
+    count = min(len(shares), int(SEARCH.path / SEARCH.near_path) + 1)
     means = np.convolve(shares, np.full(count, 1.0 / count), "valid") if shares else np.zeros(1)
     return bool(means.max() <= OCCLUSION.most_conflict)
 
@@ -234,7 +234,7 @@ def turned_node(path: FloatArray, nodes: List[int], correction: FloatArray) -> O
     size = 2.0 * abs(math.sin(0.5 * correction[2]))     # and moves so far per metre from it
     distance = np.hypot(*(moved - path[nodes])[:, :2].T) / max(size, 1e-9)
     best = int(np.argmin(distance))
-    return nodes[best] if distance[best] <= TURNS.reach else None
+    return nodes[best] if distance[best] <= LOOPS.linked else None
 
 
 def _agrees(find: TurnedFind, found: TurnedFind, newest: FloatArray) -> bool:

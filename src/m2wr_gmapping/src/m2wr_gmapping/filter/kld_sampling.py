@@ -34,8 +34,8 @@ def needed(poses: FloatArray, best: int) -> int:
     if not free:
         return 1
     part = 2.0 / (9.0 * free)
-    return math.ceil(free / (2.0 * tuning.PARTICLES.kld_error)
-                     * (1.0 - part + math.sqrt(part) * tuning.PARTICLES.kld_quantile)**3)
+    return math.ceil(free / (2.0 * tuning.PARTICLES.kld[0])
+                     * (1.0 - part + math.sqrt(part) * tuning.PARTICLES.kld[1])**3)
 
 
 def next_count(poses: FloatArray, best: int, least: int, most: int) -> int:

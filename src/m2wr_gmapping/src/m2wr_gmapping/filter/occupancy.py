@@ -104,8 +104,8 @@ class Occupancy:
         """
         nodes = np.asarray(path, float)
         known = min(len(self._poses), len(nodes))
-        near = tuning.PARTICLES.same_cells * self._resolution
-        limit = 0.0 if exact else np.array([near, near, tuning.PARTICLES.same_turn])
+        near = tuning.PARTICLES.same[0] * self._resolution
+        limit = 0.0 if exact else np.array([near, near, tuning.PARTICLES.same[1]])
         kept = (np.abs(nodes[:known] - self._poses[:known]) <= limit).all(axis=1)
         changed = np.flatnonzero(~kept)
         if 2 * len(changed) > known:            # faster to start from an empty map

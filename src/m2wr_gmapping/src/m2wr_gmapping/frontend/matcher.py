@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 NARROW = tuning.MATCHING.narrow
 SEARCH_STEP = math.sqrt(NARROW)         # of the window search [m]
-BASIN = np.array([tuning.MATCHING.basin, tuning.MATCHING.basin_turn])      # [m, rad]
+BASIN = np.array(tuning.MATCHING.basin)      # [m, rad]
 WINDOW_MOST = np.array(tuning.MATCHING.search_most)
 TURN_WINDOW = np.array([tuning.MATCHING.search_most[0], math.pi / tuning.SLIPS.sectors])    # [m, rad]
 NO_SLIP, SLIP, LARGE_SLIP = 0, 1, 2
@@ -87,7 +87,7 @@ class FastMatcher:
             Result rows of ``match_kernels``.
         """
         results, beams = np.empty((len(starts), mk.RESULT_SIZE)), reading.beams
-        least = min(minimum_score, tuning.MATCHING.score_cap * beams.shape[1])
+        least = min(minimum_score, tuning.MATCHING.score * beams.shape[1])
         table, mean, hits, frame, settings = maps.table, maps.mean, maps.hits, maps.frame, self._particle_settings
 
         def work(first: int, last: int) -> None:
@@ -246,7 +246,7 @@ class FastMatcher:
         offsets = squares.copy()
         offsets[:, 2] = tuning.MATCHING.search_penalty * squares[:, 2] / window[0]**2
         farthest = float(offsets[-1, :2].max())
-        half = int((min(float(reach.max()), tuning.MATCHING.search_reach) + farthest) * maps.frame[2]) + 3
+        half = int((min(float(reach.max()), tuning.SEARCH.reach) + farthest) * maps.frame[2]) + 3
         corner = np.floor((prediction[:2] - maps.frame[:2]) * maps.frame[2]).astype(np.int64) - half
         field = np.empty((2 * half + 1, 2 * half + 1), np.uint8)
         stride = max(1, beams.shape[1] // tuning.MATCHING.search_beams)

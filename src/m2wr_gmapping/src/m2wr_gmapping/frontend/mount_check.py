@@ -7,7 +7,7 @@ from typing import List, Mapping, Sequence, Set
 
 from m2wr_gmapping import tuning
 
-LEAST_YAW, LEAST_OFFSET = math.radians(tuning.CALIBRATION.told_yaw), tuning.CALIBRATION.told_offset    # [rad], [m]
+LEAST_OFFSET, LEAST_YAW = tuning.CALIBRATION.reported     # [m, rad]
 
 
 class MountCheck:

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from m2wr_gmapping.frontend.track import Noise
 
 CROSS = tuning.ODOMETRY.cross
-MIN_DEVIATION, MIN_DEVIATION_SHARE = tuning.ODOMETRY.floor, tuning.ODOMETRY.floor_share
-MEMORY, FIRST_MEMORY = tuning.ODOMETRY.memory, tuning.ODOMETRY.first_memory
+MIN_DEVIATION, MIN_DEVIATION_SHARE = tuning.ODOMETRY.floor
+MEMORY, FIRST_MEMORY = tuning.ODOMETRY.memory
 MAX_ERROR_RATIO = tuning.MATCHING.certain**2        # greatest ratio of squared error to expectation
 MIN_SCALE_INFORMATION = tuning.ODOMETRY.least_information
-MIN_SCALE, MAX_SCALE = tuning.ODOMETRY.least_scale, tuning.ODOMETRY.greatest_scale
+MIN_SCALE, MAX_SCALE = tuning.ODOMETRY.scale
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

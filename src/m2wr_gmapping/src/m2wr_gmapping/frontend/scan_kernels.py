@@ -13,8 +13,8 @@ from m2wr_gmapping import tuning
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray
 
-SPARSE, SPARSE_MOST = tuning.SCANS.sparse_ratio, tuning.SCANS.sparse_reach
-STRAIGHT, CROOKED = tuning.SCANS.straight, tuning.SCANS.crooked
+SPARSE, SPARSE_MOST = tuning.SCANS.sparse
+STRAIGHT, CROOKED = tuning.SCANS.straight
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

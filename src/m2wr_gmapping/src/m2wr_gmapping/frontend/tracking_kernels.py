@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 COST, INFORMATION = 6, 7
 
 STATIONARY = (tuning.TRACKING.stationary,) * 3
-LONG_STEP = tuning.MATCHING.basin, tuning.MATCHING.basin, tuning.MATCHING.basin_turn
+LONG_STEP = tuning.MATCHING.basin[0], *tuning.MATCHING.basin
 SLIP_FLOOR, SLIP_SHARE = tuning.SLIPS.window, tuning.SLIPS.window_share
-SLIP_DISTANCE = tuning.MATCHING.basin, tuning.MATCHING.basin_turn
+SLIP_DISTANCE = tuning.MATCHING.basin
 SLIP_OBSERVATIONS = tuning.SLIPS.confirm_scans
-SLIP_TOLERANCE = (tuning.SLIPS.tolerance,) * 3
+SLIP_TOLERANCE = (math.sqrt(tuning.MATCHING.narrow),) * 3
 SLIP_LEFT = tuple(deviation**2 for deviation in tuning.SLIPS.left)      # [m^2, m^2, rad^2]
 
 
