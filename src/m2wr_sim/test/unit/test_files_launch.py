@@ -21,7 +21,7 @@ def test_every_argument_has_a_default_and_a_description(path):
         assert arg.get("default") is not None and arg.get("doc") or arg.get("value") is not None, arg.get("name")
 
 
-@pytest.mark.parametrize("name", ["sim.launch", "bug2.launch", "best_path.launch"])
+@pytest.mark.parametrize("name", ["sim.launch", "bug2.launch"])
 def test_every_node_of_a_launch_file_exists(name):
     nodes, _ = load(name)
     for node in nodes.values():
