@@ -9,17 +9,19 @@ import socket
 import struct
 import sys
 import threading
-import time
 import unittest
 
 import cbor2
 import rospy
 import websockets.exceptions
-from geometry_msgs.msg import Twist
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import TransformStamped, Twist
 from PIL import Image
+from rosbridge_msgs.msg import ConnectedClients
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Int32, String, UInt8MultiArray
 from std_srvs.srv import SetBool, SetBoolResponse
+from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from check_launch_errors import free_port  # noqa: E402
@@ -29,6 +31,7 @@ from web_client import WebClient  # noqa: E402
 MANY = 200              # clients at the same time
 BIG = 200_000           # bytes of a message that fills the buffers of a slow client soon
 STARTED = "Rosbridge WebSocket server started: "
+WANTED = {"source_frames": ["/base"], "target_frame": "odom", "angular_thres": 0.1, "trans_thres": 0.1, "rate": 20.0}
 
 
 def memory(process):
@@ -215,7 +218,7 @@ class Rosbridge(unittest.TestCase):
         asked = self.call(page, "/rosapi/service_request_details", type="std_srvs/SetBool")["typedefs"]
         self.assertEqual(asked[0]["fieldnames"], ["data"])
         self.assertGreater(self.call(page, "/rosapi/get_time")["time"]["secs"], 0)
-        self.assertEqual(self.call(page, "/rosapi/action_servers")["action_servers"], [])
+        self.assertLessEqual(set(self.call(page, "/rosapi/action_servers")["action_servers"]), {"/tf2_web_republisher"})
 
     # ---- bad input ---------------------------------------------------------------------------------------------
 
@@ -296,14 +299,78 @@ class Rosbridge(unittest.TestCase):
                 self.assertEqual(node.wait(), 1)
                 self.assertIn(reason, node.text)
 
-    def test_the_number_of_clients_is_published(self):
-        counts = Recorder("/client_count", Int32)
-        began = time.monotonic()
+    def test_number_and_addresses_of_clients_are_published(self):
+        counts, clients = Recorder("/client_count", Int32), Recorder("/connected_clients", ConnectedClients)
         page = self.client()
         counts.wait(lambda messages: messages[-1].data >= 1, "a client")
+        one, = clients.wait(lambda messages: messages[-1].clients if len(messages[-1].clients) == 1 else None,
+                            "the address of the only client")
+        self.assertIn(one.ip_address, ("127.0.0.1", "::1"))
+        self.assertLess(abs((rospy.get_rostime() - one.connection_time).to_sec()), 60.0)
         page.socket.close()
         counts.wait(lambda messages: messages[-1].data == 0, "no client")
-        self.assertLess(time.monotonic() - began, 60.0)
+        clients.wait(lambda messages: not messages[-1].clients, "a list without clients")
+
+    # ---- transforms --------------------------------------------------------------------------------------------
+
+    def moving_frame(self):
+        """Publish a transform from base to odom; returns a function that sets its x [m]."""
+        sender = rospy.Publisher("/tf_static", TFMessage, latch=True, queue_size=1)
+        node = Running([program("tf2_web_republisher", "tf2_web_republisher")])
+        node.__enter__()
+        self.addCleanup(node.__exit__)
+        rospy.wait_for_service("/republish_tfs", 60.0)
+
+        def move(x):
+            found = TransformStamped(child_frame_id="base")
+            found.header.frame_id, found.transform.translation.x, found.transform.rotation.w = "odom", x, 1.0
+            sender.publish([found])
+        move(1.0)
+        return move
+
+    def test_a_page_gets_transforms_as_feedback_of_an_action(self):
+        move, page = self.moving_frame(), self.client()
+        root, kind = "/tf2_web_republisher/", "tf2_web_republisher/TFSubscriptionAction"
+        for name, part in (("goal", "Goal"), ("cancel", "")):
+            page.send(op="advertise", topic=root + name, type=kind + part if part else "actionlib_msgs/GoalID")
+        page.send(op="subscribe", topic=root + "feedback", type=kind + "Feedback")
+
+        def x_of(message):
+            transform, = message["msg"]["feedback"]["transforms"]
+            self.assertEqual((transform["child_frame_id"], transform["header"]["frame_id"]), ("base", "odom"))
+            return transform["transform"]["translation"]["x"]
+        page.send(op="publish", topic=root + "goal", msg={"goal_id": {"id": "one"}, "goal": WANTED})
+        self.assertEqual(x_of(page.wait_for("publish", topic=root + "feedback")), 1.0)
+        move(1.05)                          # below the threshold, and so is not sent
+        move(2.0)
+        self.assertEqual(x_of(page.wait_for("publish", topic=root + "feedback")), 2.0)
+        page.send(op="subscribe", topic=root + "status", type="actionlib_msgs/GoalStatusArray")
+
+        def end_of(goal):
+            found = page.wait(lambda message: message.get("topic") == root + "status" and any(
+                one["goal_id"]["id"] == goal and one["status"] > GoalStatus.ACTIVE
+                for one in message["msg"]["status_list"]), "the end of goal " + goal)["msg"]["status_list"]
+            return [(one["status"], one["text"]) for one in found if one["goal_id"]["id"] == goal][0]
+        page.send(op="publish", topic=root + "cancel", msg={"id": "one"})
+        self.assertEqual(end_of("one")[0], GoalStatus.PREEMPTED)
+        page.send(op="publish", topic=root + "goal",
+                  msg={"goal_id": {"id": "two"}, "goal": dict(WANTED, rate=0.0)})
+        status, reason = end_of("two")
+        self.assertEqual(status, GoalStatus.REJECTED)
+        self.assertIn("rate is 0 Hz", reason)
+        self.assertEqual(self.call(page, "/rosapi/action_servers")["action_servers"], ["/tf2_web_republisher"])
+
+    def test_a_page_gets_transforms_on_a_topic_of_a_service(self):
+        move, page = self.moving_frame(), self.client()
+        topic = self.call(page, "/republish_tfs", **dict(WANTED, timeout={"secs": 1, "nsecs": 0}))["topic_name"]
+        page.send(op="subscribe", topic=topic, type="tf2_web_republisher/TFArray")
+        transform, = page.wait_for("publish", topic=topic)["msg"]["transforms"]
+        self.assertEqual(transform["transform"]["translation"], {"x": 1.0, "y": 0.0, "z": 0.0})
+        move(2.0)
+        transform, = page.wait_for("publish", topic=topic)["msg"]["transforms"]
+        self.assertEqual(transform["transform"]["translation"]["x"], 2.0)
+        page.socket.close()
+        wait_until(lambda: topic not in dict(rospy.get_published_topics()), "the end of a topic that is not read")
 
 
 if __name__ == "__main__":

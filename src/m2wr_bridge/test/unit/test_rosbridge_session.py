@@ -76,7 +76,7 @@ class Page:
     """A session, with what it has sent."""
 
     def __init__(self, topics="", services="", largest=1000):
-        self.client, self.graph, self.woken = Client("test", self.wake), Graph(), threading.Event()
+        self.client, self.graph, self.woken = Client("test", 1, self.wake), Graph(), threading.Event()
         rules = Rules(Globs(topics, "topics_glob"), Globs(services, "services_glob"), 5.0, largest)
         self.time = 0.0
         readers = Readers(Reader(FIND), Reader(FIND, typed_array))

@@ -18,7 +18,7 @@ class Connection:
 
 async def sent_in_one_turn(frames):
     event, connection = asyncio.Event(), Connection()
-    client = Client("test", event.set)
+    client = Client("test", 1, event.set)
     for _ in range(frames):
         client.answer("x")
     server = types.SimpleNamespace(_settings=Settings("localhost", 0), _next=WebSocketServer._next)

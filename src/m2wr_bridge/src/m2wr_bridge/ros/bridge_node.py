@@ -44,7 +44,7 @@ class BridgeNode(abc.ABC):
         self.tls: Optional[ssl.SSLContext] = settings.tls_of()
 
     def serve(self, wanted: Settings, open_session: Callable[[Client], Session], title: str,
-              changed: Optional[Callable[[int], None]] = None) -> WebSocketServer:
+              changed: Optional[Callable[[Client, bool], None]] = None) -> WebSocketServer:
         """Return a server that is started; its address is logged.
 
         Parameters
@@ -56,7 +56,7 @@ class BridgeNode(abc.ABC):
         title : str
             Of the server, for the log.
         changed : callable, optional
-            Called with the number of clients after one has come or left.
+            Called with a Client after it has come (true) or left (false).
 
         Raises
         ------

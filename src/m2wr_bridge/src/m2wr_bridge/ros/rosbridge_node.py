@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from typing import Any, Dict
 
 import rospy
+from rosbridge_msgs.msg import ConnectedClient, ConnectedClients
 from std_msgs.msg import Int32
 
 from m2wr_bridge.errors import BridgeError
@@ -52,6 +54,35 @@ def _wait_for_port(host: str, port: int, pause: float, stopping: threading.Event
     return port
 
 
+class ClientTopics:
+    """Tells who is connected on the topics ``client_count`` and ``connected_clients``; used by one thread only."""
+
+    def __init__(self) -> None:
+        self._connected: Dict[Client, Any] = {}
+        self._count = rospy.Publisher("client_count", Int32, latch=True, queue_size=10)
+        self._clients = rospy.Publisher("connected_clients", ConnectedClients, latch=True, queue_size=10)
+        self._publish()
+
+    def change(self, client: Client, here: bool) -> None:
+        """Take that a client has come or left.
+
+        Parameters
+        ----------
+        client : Client
+        here : bool
+            Whether it has come.
+        """
+        if here:
+            self._connected[client] = ConnectedClient(client.host, rospy.get_rostime())
+        else:
+            self._connected.pop(client, None)
+        self._publish()
+
+    def _publish(self) -> None:
+        self._clients.publish(list(self._connected.values()))
+        self._count.publish(len(self._connected))
+
+
 class RosbridgeNode(BridgeNode):
     """Serves clients of rosbridge's protocol."""
 
@@ -68,8 +99,7 @@ class RosbridgeNode(BridgeNode):
             Globs(settings.text("services_glob", ""), "services_glob"),
             settings.amount("fragment_timeout", 600.0), settings.whole("max_message_size", LARGEST, 1 << 31))
         self._graph = RosGraph(settings.amount("unregister_timeout", 10.0))
-        self._counted = rospy.Publisher("client_count", Int32, latch=True, queue_size=10)
-        self._counted.publish(0)
+        self._client_topics = ClientTopics()
 
     def _open(self, client: Client) -> RosbridgeSession:
         return RosbridgeSession(client, self._graph, self._rules, self._graph.readers, time.monotonic)
@@ -86,7 +116,7 @@ class RosbridgeNode(BridgeNode):
         if self.stopping.is_set():
             return
         rospy.set_param("~actual_port", port)           # as rosbridge does, for programs that asked for port 0
-        server = self.serve(wanted._replace(port=port), self._open, "Rosbridge WebSocket", self._counted.publish)
+        server = self.serve(wanted._replace(port=port), self._open, "Rosbridge WebSocket", self._client_topics.change)
         self.stopping.wait()
         server.stop()
 

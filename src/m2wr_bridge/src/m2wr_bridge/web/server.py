@@ -56,11 +56,13 @@ class Client(Outbox):
     ----------
     name : str
         Its address and port.
+    host : str
+        Its address.
     """
 
-    def __init__(self, name: str, wake: Callable[[], None]) -> None:
+    def __init__(self, host: str, port: int, wake: Callable[[], None]) -> None:
         super().__init__(wake)
-        self.name = name
+        self.host, self.name = host, "%s:%d" % (host, port)
 
 
 class Session:
@@ -86,7 +88,7 @@ class WebSocketServer:
     open_session : callable
         Takes a Client, returns its Session; called in a worker.
     changed : callable, optional
-        Called with the number of clients after one has come or left, in the server's thread.
+        Called with a Client after it has come (true) or left (false), in the server's thread.
 
     Raises
     ------
@@ -95,7 +97,7 @@ class WebSocketServer:
     """
 
     def __init__(self, settings: Settings, access: Access, open_session: Callable[[Client], Session],
-                 changed: Optional[Callable[[int], None]] = None) -> None:
+                 changed: Optional[Callable[[Client, bool], None]] = None) -> None:
         self._settings, self._access, self._open_session = settings, access, open_session
         self._changed = changed
         self._workers = Workers(_WORKERS)
@@ -170,8 +172,9 @@ class WebSocketServer:
             with contextlib.suppress(RuntimeError):     # the loop has ended
                 self._loop.call_soon_threadsafe(event.set)
 
-        client = Client("%s:%s" % tuple((connection.remote_address or ("?", 0))[:2]), wake)
-        self._add(connection, True)
+        host, port = (connection.remote_address or ("?", 0))[:2]
+        client = Client(host, port, wake)
+        self._add(connection, client, True)
         sender = asyncio.ensure_future(self._send(connection, client, event))
         try:
             session = await self._loop.run_in_executor(self._workers, self._open_session, client)
@@ -185,13 +188,13 @@ class WebSocketServer:
             log.error("client %s: %s: %s", client.name, type(error).__name__, error, exc_info=error)
         finally:
             sender.cancel()
-            self._add(connection, False)
+            self._add(connection, client, False)
             self._say_end(client, connection)
 
-    def _add(self, connection: Any, here: bool) -> None:
+    def _add(self, connection: Any, client: Client, here: bool) -> None:
         (self._connections.add if here else self._connections.discard)(connection)
         if self._changed is not None:
-            self._changed(len(self._connections))
+            self._changed(client, here)
 
     def _say_end(self, client: Client, connection: Any) -> None:
         """Log the end of a connection that did not end as it should."""
