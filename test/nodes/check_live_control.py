@@ -95,6 +95,20 @@ class LiveControl(LiveCase):
         self.advances()
         page.open()
 
+    def test_the_list_of_speeds_shows_the_factor_of_the_simulation(self):
+        page, now = self.page, self.simulation.call("get_physics_properties")
+
+        def set_factor(factor):
+            self.simulation.call("set_physics_properties", now.time_step, factor / now.time_step, now.gravity,
+                                 now.ode_config)
+        self.addCleanup(set_factor, 1.0)
+        wait_until(lambda: page.elements("input", "1", "value"), "a list that shows 1")
+        set_factor(0.75)
+        wait_until(lambda: page.elements("input", "0.75", "value"), "a list that shows 0.75")
+        page.choose("2")
+        wait_until(lambda: abs(self.simulation.call("get_physics_properties").max_update_rate * now.time_step - 2.0)
+                   < 1e-9, "a simulation at twice real time")
+
     def test_another_world_replaces_the_models_but_no_robot(self):
         page = self.page
         page.choose("shapes")

@@ -18,7 +18,7 @@ _FLAGS = ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable
 _SCALE = 2                  # pixels of the page, along each side, for a pixel that is drawn: a quarter of the work
 _DRAWN = 180.0              # s in which a film is drawn, with low priority
 #: Lists of the panel: their options, as far as tests choose them.
-_LISTS = (("free", "follow", "top"), ("as it is", "empty", "shapes"),
+_LISTS = (("free", "follow", "top"), ("0.75", "1", "2"), ("as it is", "empty", "shapes"),
           ("select and drag", "send a goal", "place a box", "place a cylinder"))
 _START = 60.0               # s of wall time in which a page is drawn by software
 

@@ -185,8 +185,8 @@ class Live:
             log.debug("live view: %s", error)
         if self._control:
             self._driver.find(rospy.get_name())
-        if self._actions is not None and self._pages.server.pages:
-            self._actions.ask_paused()
+        if self._actions is not None and (self._pages.server.pages or self._actions.factor() is None):
+            self._actions.ask_settings()
 
     def _take_description(self, name: str) -> None:
         text = rospy.get_param(name, "")

@@ -45,6 +45,7 @@ class Simulation(Actions):
         self._lock = threading.Lock()
         self._goals = rospy.Publisher(_GOAL, PoseStamped, queue_size=1)
         self._paused: Optional[bool] = None
+        self._factor: Optional[float] = None
         self.recorder = Recorder()
 
     def _safely(self, action: Callable[[], _Result]) -> _Result:
@@ -81,13 +82,17 @@ class Simulation(Actions):
         if not 0.0 <= factor <= FASTEST:
             raise ViewError("real-time factor %r; expected 0 to %g" % (factor, FASTEST))
 
-        def change() -> Any:
+        def change() -> None:
             now = self._call("get_physics_properties", GetPhysicsProperties)
-            return self._call("set_physics_properties", SetPhysicsProperties, now.time_step, factor / now.time_step,
-                              now.gravity, now.ode_config)
-        answer = self._safely(change)
-        if not answer.success:
-            raise ViewError(answer.status_message)
+            answer = self._call("set_physics_properties", SetPhysicsProperties, now.time_step, factor / now.time_step,
+                                now.gravity, now.ode_config)
+            if not answer.success:
+                raise ViewError(answer.status_message)
+            self._factor = factor
+        self._safely(change)
+
+    def factor(self) -> Optional[float]:
+        return self._factor
 
     def place(self, kind: str, x: float, y: float, yaw: float, scale: float) -> str:
         if kind not in PLACEABLE or not SCALES[0] <= scale <= SCALES[1]:
@@ -154,10 +159,13 @@ class Simulation(Actions):
     def paused(self) -> Optional[bool]:
         return self._paused
 
-    def ask_paused(self) -> None:
-        """Ask the simulation whether it is paused; blocks until it answers."""
+    def ask_settings(self) -> None:
+        """Ask the simulation whether it is paused, and for its real-time factor; blocks until it answers."""
+        def ask() -> None:
+            now = self._call("get_physics_properties", GetPhysicsProperties)
+            self._paused, self._factor = bool(now.pause), now.max_update_rate * now.time_step
         try:
-            self._paused = bool(self._safely(lambda: self._call("get_physics_properties", GetPhysicsProperties)).pause)
+            self._safely(ask)
         except ViewError:
             self._paused = None
 

@@ -41,6 +41,10 @@ class Actions(abc.ABC):
         """Set the real-time factor; 0: as fast as possible."""
 
     @abc.abstractmethod
+    def factor(self) -> Optional[float]:
+        """Return the real-time factor that is set; 0: as fast as possible; None: not known."""
+
+    @abc.abstractmethod
     def place(self, kind: str, x: float, y: float, yaw: float, scale: float) -> str:
         """Add an obstacle and return its name.
 

@@ -142,6 +142,8 @@ class Pages:
                 if known.any():
                     plot.data = (columns[0][known], columns[row][known])
         self._show_table()
+        for panel in self.panels:
+            panel.show_speed()
         clearance = self._series.clearance
         contacts = contacts_of(source.values)
         lines = ["time  %.1f s%s" % (source.now, "   paused" if paused else ""),

@@ -11,6 +11,7 @@ import numpy as np
 
 from m2wr_live.web.actions import PLACEABLE
 from m2wr_live.web.picking import first_hit, on_ground
+from m2wr_live.web.speed import SpeedList
 from m2wr_view.errors import ViewError
 from m2wr_view.frames import yaw_of
 
@@ -80,6 +81,7 @@ class Panel:
         self._dragged: Optional[Tuple[float, float, float, float]] = None       # x, y, z [m], yaw [rad]
         self._lock = threading.Lock()
         self._followed: Optional[FloatArray] = None
+        self._speed: Optional[SpeedList] = None
         if actions is not None:
             self._make_simulation(actions)
             self._make_clicks()
@@ -92,8 +94,7 @@ class Panel:
         gui = self._client.gui
         with gui.add_folder("Simulation", order=1):
             pause = gui.add_button_group("Time", ("pause", "continue", "step"))
-            factor = gui.add_dropdown("Speed", ("0.1", "0.25", "0.5", "1", "2", "5", "10", "as fast as possible"),
-                                      initial_value="1")
+            self._speed = SpeedList(gui, actions, self.attempt)
             reset = gui.add_button("Reset the world", hint="all models go back to where they began")
             world = gui.add_dropdown("World", (AS_IT_IS,) + tuple(actions.worlds()),
                                      hint="its models replace those that are there; robots stay")
@@ -103,11 +104,6 @@ class Panel:
         @pause.on_click
         def _(_event: Any) -> None:
             self.attempt(orders.get(str(pause.value), lambda: None))
-
-        @factor.on_update
-        def _(_event: Any) -> None:
-            words = str(factor.value)
-            self.attempt(lambda: actions.set_factor(0.0 if words.startswith("as") else float(words)))
 
         @reset.on_click
         def _(_event: Any) -> None:
@@ -246,6 +242,11 @@ class Panel:
         if self._actions is not None:
             self._actions.delete(name)
             self._select(None)
+
+    def show_speed(self) -> None:
+        """Show the real-time factor that the simulation has now; called a few times a second."""
+        if self._speed is not None:
+            self._speed.show()
 
     def apply_drag(self) -> None:
         """Move the selected model to where it was dragged last; called at most twenty times a second."""
