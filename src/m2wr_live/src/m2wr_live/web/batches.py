@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from m2wr_view.array_types import FloatArray
 
 
+MOST_SHADOWS = 200          # shapes of a geometry that cast shadows; those that do are drawn four times
+
+
 class Batches:
     """The instanced meshes of one group of shapes, as children of a node of the scene.
 
@@ -84,4 +87,4 @@ class Batches:
             batched_wxyzs=quaternions_of(poses[:, :3, :3]), batched_positions=poses[:, :3, 3],
             batched_scales=np.array([shape.scale for shape in shapes], dtype=np.float32), batched_colors=colours,
             batched_opacities=None if np.all(opacities >= 1.0) else opacities.astype(np.float32), lod="off",
-            flat_shading=not geometry.smooth, side="double")
+            flat_shading=not geometry.smooth, side="double", cast_shadow=len(shapes) <= MOST_SHADOWS)

@@ -22,6 +22,7 @@ GROUND = 0.004              # m; height at which maps are drawn, above the grid
 ABOVE = 0.02                # m; height of lines on the floor, above maps
 SELDOM = 3                  # pictures from one drawing of beams, names and trails to the next
 BEAMS, PATH, LINE = (240, 150, 100), (0, 158, 115), (204, 121, 167)
+SKY, GROUND_LIGHT = (255, 255, 255), (140, 140, 140)       # light from above and from below
 HIT, LEAVE, GOAL = (213, 43, 30), (0, 158, 115), (230, 159, 0)
 
 
@@ -58,6 +59,8 @@ class Picture:
         self._scene, self.source = scene, source
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=True)
+        scene.configure_environment_map(hdri=None)      # a browser without a GPU needs seconds for one
+        scene.add_light_hemisphere("/sky", sky_color=SKY, ground_color=GROUND_LIGHT, intensity=2.0)
         self._floor = scene.add_grid("/floor", width=100.0, height=100.0, cell_size=1.0, section_size=5.0, plane="xy",
                                      infinite_grid=True, shadow_opacity=0.25)
         layers = ("beams", "trails", "marks", "maps", "paths", "particles", "markers", "names")
