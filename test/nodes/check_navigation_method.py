@@ -10,6 +10,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import LaserScan
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from navigation_case import pose  # noqa: E402
@@ -50,6 +51,10 @@ class NavigationMethod(unittest.TestCase):
         commands.wait(lambda messages: messages, "a command")
         self.assertEqual((commands.messages[-1].linear.x, commands.messages[-1].angular.z), (0.0, 0.0))
         wait_until(lambda: self.told("the robot stops: nothing on /blind_scan for 0.5 s"), "the reason")
+        scan = LaserScan(angle_min=-1.0, angle_increment=1e30, ranges=[1.0] * 50, range_max=10.0)
+        scans = rospy.Publisher("blind_scan", LaserScan, queue_size=1, latch=True)
+        scans.publish(scan)
+        wait_until(lambda: self.told("expected angles of at most two turns"), "the scan is refused")
 
     def test_3_a_goal_is_reached(self):
         goal = pose(GOAL[0], GOAL[1], 0.0)

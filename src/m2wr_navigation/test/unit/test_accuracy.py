@@ -50,7 +50,8 @@ def test_a_robot_that_may_be_anywhere_is_found():
 
 def test_what_cannot_be_used_is_told_before_the_first_drive(tmp_path, capsys):
     for arguments, words in ((["--worlds", "nowhere"], "there is no such file"),
-                             (["--json", str(tmp_path / "no" / "x")], "No such file"),
+                             (["--json", str(tmp_path / "no" / "x")], "there is no such folder"),
+                             (["--config", os.devnull], "expected a mapping with footprint"),
                              (["--config", str(tmp_path / "none")], "No such file")):
         assert command.main(arguments) == 1
         assert words in capsys.readouterr().err

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Drives in worlds of cells: hopes, dead ends, and the rule that no run is worse than the best one before."""
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ from m2wr_navigation.best_path.driver import BestPath
 from m2wr_navigation.best_path.memory import Run
 from m2wr_navigation.best_path.settings import make_settings
 from m2wr_navigation.best_path.survey import Survey
-from m2wr_navigation.best_path.track import ObstacleField
+from m2wr_navigation.best_path.track import ObstacleField, Track
 from m2wr_navigation.methods.method import RUNNING
 from motion_plan.body import AXLE_X, LASER_X
 
@@ -135,3 +136,31 @@ def test_an_obstacle_that_was_not_there_is_driven_round():
     decision, track, score = robot.drive()
     assert decision.outcome == "reached" and robot.driver.plans >= 2 and track.length > 9.05
     assert score.amounts["clearance"] > 0.0
+
+
+@pytest.mark.parametrize("beside", [0.15, 0.2, 0.25, 0.3])
+def test_a_box_beside_the_path_is_driven_round(beside):
+    cells = world((5.0, 6.0 + beside, 5.4, 6.4 + beside))
+    robot = Robot(cells, SETTINGS, survey_of(world()))
+    decision, _, score = robot.drive()
+    assert decision.outcome == "reached", decision.reason
+    assert score.amounts["clearance"] > 0.0
+
+
+def test_a_record_whose_way_is_closed_hides_no_other_way():
+    cells = world(*WALL, (5.0, 10.0, 5.3, SIDE))
+    survey = survey_of(WAY_ROUND, [CUT])
+    robot = Robot(cells, SETTINGS, survey, record_of(0.0))
+    decision, _, _ = robot.drive()
+    assert decision.outcome == "reached", decision.reason
+    assert any("unknown" in name for name in robot.names)
+
+
+def test_the_path_of_a_run_is_followed_to_the_goal():
+    number, record = record_of(5.0)
+    keep = np.hypot(*(record.track.poses[:, :2] - GOAL).T) > 0.45      # as a run by Bug 2, which ends before the goal
+    track = Track(record.track.stamps[keep], record.track.poses[keep], GOAL)
+    robot = Robot(WAY_ROUND, SETTINGS, survey_of(WAY_ROUND), (number, replace(record, track=track)))
+    decision, _, _ = robot.drive()
+    assert robot.names == ["run 1 again"] and decision.outcome == "reached"
+    assert np.hypot(*(robot.axle[:2] - GOAL)) <= 0.2

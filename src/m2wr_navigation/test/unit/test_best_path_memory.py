@@ -7,6 +7,7 @@ import os
 import numpy as np
 import pytest
 
+from m2wr_navigation.best_path import memory as memory_module
 from m2wr_navigation.best_path.memory import MOST_RUNS, Memory, Run, load
 from m2wr_navigation.best_path.scoring import make_scorer
 from m2wr_navigation.best_path.survey import Survey
@@ -23,7 +24,8 @@ def run(length=5.0, outcome="reached", total=None):
 def folder(tmp_path):
     memory = Memory(str(tmp_path / "deep" / "memory"), np.full((40, 50), -1, np.int8), 0.05, (-1.0, -1.0))
     memory.cells[10, 10:20], memory.cells[5:8, 5:8] = 100, 0
-    memory.runs = [run(), run(4.0, "stuck")]
+    memory.add(run())
+    memory.add(run(4.0, "stuck"))
     memory.save_map()
     memory.save_runs()
     return memory.folder
@@ -51,6 +53,10 @@ def test_an_empty_folder_knows_nothing(tmp_path, caplog):
     (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], track=[[0, 1, 2]])])), "track: expected rows"),
     (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], total=None)])), "run 1, amounts or total"),
     (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], track=[[1, 0, 0, 0]] * 2)])), "increasing times"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], total=10**400)])), "run 1, amounts or total"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], plan=[[1e300, 0, 0]])])), "run 1, plan"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], track=[[0, 2e6, 0, 0]])])), "coordinates up to"),
+    (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], number=0)])), "run 1, number"),
     (lambda data: json.dumps(dict(data, runs=[dict(data["runs"][0], goal=[float("nan"), 0.0])])), "run 1, goal")])
 def test_damaged_experience_is_named_and_kept(folder, change, reason, caplog):
     path = os.path.join(folder, "experience.json")
@@ -79,17 +85,47 @@ def test_a_damaged_map_is_named_and_kept(folder, caplog):
 
 
 def test_the_best_run_is_one_that_reached_this_goal():
-    memory = Memory("", runs=[run(total=7.0), run(total=3.0, outcome="stuck"), run(total=6.0), run(9.0, total=1.0)])
+    memory = Memory("")
+    for one in (run(total=7.0), run(total=3.0, outcome="stuck"), run(total=6.0), run(9.0, total=1.0)):
+        memory.add(one)
     number, found = memory.best((0.1, 0.0), (5.1, 0.0))
     assert number == 3 and found.total == 6.0
     assert memory.best((0.7, 0.0), (5.0, 0.0)) is None and memory.best((0.0, 0.0), (5.3, 0.0)) is None
 
 
-def test_of_too_many_runs_the_worst_are_dropped(tmp_path):
-    memory = Memory(str(tmp_path), runs=[run(total=float(200 - k)) for k in range(MOST_RUNS + 5)] + [run(total=999.0)])
+def test_an_older_damaged_file_is_kept(folder):
+    path = os.path.join(folder, "experience.json")
+    for text in ("first", "second"):
+        with open(path, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        load(folder)
+    for end, text in ((".damaged", "first"), (".damaged.2", "second")):
+        with open(path + end, encoding="utf-8") as stream:
+            assert stream.read() == text
+
+
+def test_of_too_many_runs_the_useful_ones_are_kept(tmp_path):
+    memory = Memory(str(tmp_path))
+    for one in [run(), run(9.0, total=50.0), run(9.0, total=60.0)] + [run(1.0, "interrupted")] * (MOST_RUNS + 5):
+        memory.add(one)
     memory.save_runs()
-    found = load(str(tmp_path)).runs
-    assert len(found) == MOST_RUNS and found[-1].total == 999.0 and max(one.total for one in found[:-1]) < 200.0
+    found = load(str(tmp_path))
+    # of each goal the best one, and the newest, with the numbers that they had
+    assert [one.number for one in found.runs] == [1, 2] + list(range(MOST_RUNS + 8 - (MOST_RUNS - 2) + 1, MOST_RUNS + 9))
+    assert found.best((0.0, 0.0), (9.0, 0.0))[0] == 2 and found.add(run()).number == MOST_RUNS + 9
+    assert os.path.exists(str(tmp_path / "run_{}.txt".format(MOST_RUNS + 8)))
+
+
+def test_what_is_written_is_small_enough_to_be_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory_module, "MOST_SAMPLES", 6)
+    monkeypatch.setattr(memory_module, "LARGEST", 4000)
+    memory = Memory(str(tmp_path))
+    for _ in range(20):
+        memory.add(run())
+    memory.save_runs()
+    found = load(str(tmp_path))
+    assert 2 <= len(found.runs) < 20 and found.runs[-1].number == 20 and found.best((0.0, 0.0), (5.0, 0.0))[0] == 1
+    assert len(found.runs[0].track.stamps) == 6 and os.path.getsize(str(tmp_path / "experience.json")) <= 4000
 
 
 def test_other_weights_score_old_runs_again():

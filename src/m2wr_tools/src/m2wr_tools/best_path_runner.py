@@ -117,7 +117,7 @@ def run_once(world: Any, memory: Memory, start: Vector, goal: Vector, settings: 
     run = Run(run.how, run.outcome, run.reason, run.track, run.plan, score.amounts, score.total)
     memory.cells, memory.resolution = survey.occupancy(), survey.costs.resolution
     memory.origin = float(survey.costs.origin[0]), float(survey.costs.origin[1])
-    memory.runs.append(run)
+    run = memory.add(run)
     return Result(run, found, contacts, survey.known_area)
 
 

@@ -123,6 +123,7 @@ class Player:
         self._scene = LiveScene()
         self._pages = make_pages(options.host, options.port, options.token, self._scene, None, None)
         self._inbox = self._new_inbox()
+        self._film, self._filming = b"", threading.Lock()
         gui = self._pages.viser.gui
         with gui.add_folder("Recording", order=0):
             self._slider = gui.add_slider("t [s]", min=0.0, max=max(0.1, round(recording.end, 1)), step=0.1,
@@ -131,7 +132,6 @@ class Player:
             self._speed = gui.add_dropdown("Speed", ("0.25", "0.5", "1", "2", "5", "10"), initial_value="1")
             add_downloads(gui, self.bag, self.film)
         self._now, self._shown = 0.0, -1.0
-        self._film, self._filming = b"", threading.Lock()
 
     def _new_inbox(self) -> Inbox:
         inbox = Inbox(self._scene, self._pages.solids, self._find_mesh)

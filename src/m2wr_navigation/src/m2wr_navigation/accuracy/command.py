@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import sys
@@ -14,6 +13,7 @@ import yaml
 
 from m2wr_navigation.accuracy.runs import drive_to_goals, search
 from m2wr_navigation.accuracy.scenes import NAMES, scene
+from m2wr_navigation.compare.outputs import check_writable, write_json
 from m2wr_navigation.kernel_warm_up import compile_kernels
 from m2wr_sim.api.loading import package_folder
 from m2wr_sim.errors import SimError
@@ -88,8 +88,11 @@ def main(argv: Optional[List[str]] = None) -> int:
         with open(options.config or os.path.join(package_folder("m2wr_navigation"), "config", "m2wr.yaml"),
                   encoding="utf-8") as stream:
             given = yaml.safe_load(stream)
+        if not isinstance(given, dict) or not {"footprint", "global_costmap"} <= set(given):
+            raise ValueError("{}: expected a mapping with footprint and global_costmap, at least".format(stream.name))
         scenes = [scene(name) for name in options.worlds.split(",")]
-        out = open(options.json, "w", encoding="utf-8") if options.json else None
+        if options.json:
+            check_writable(options.json)
     except (OSError, SimError, ValueError, yaml.YAMLError) as error:
         print("accuracy: {}".format(error), file=sys.stderr)
         return 1
@@ -101,7 +104,6 @@ def main(argv: Optional[List[str]] = None) -> int:
         print(line(figures[-1]), flush=True)
         for failed in figures[-1]["failed"]:
             print("  not reached: ({:.2f}, {:.2f}, {:.2f}): {}".format(*failed["goal"], failed["outcome"]))
-    if out is not None:
-        with out:
-            json.dump(figures, out, indent=1)
+    if options.json:
+        write_json(options.json, figures)
     return 0 if all(each["reached"] == each["goals"] and not each["contacts"] for each in figures) else 2

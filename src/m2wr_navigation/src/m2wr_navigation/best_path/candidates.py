@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Optional, Sequence,
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.best_path.pilot import passable, rehearse
+from m2wr_navigation.best_path.pilot import LONGEST, passable, rehearse
 from m2wr_navigation.costmap.cost_layout import NO_INFORMATION
 from m2wr_navigation.parameters import read
 
@@ -75,6 +75,8 @@ class Task:
         Of the axle [m, m, rad].
     goal : (2,) float64
         [m]
+    longest : float
+        Candidates that take longer are refused [s].
     """
 
     costmap: Costmap
@@ -83,10 +85,25 @@ class Task:
     make: Maker
     pose: FloatArray
     goal: FloatArray
+    longest: float = LONGEST
+
+
+def samples(plan: FloatArray) -> FloatArray:
+    """Return points (M, 2) along a plan, ``STEP`` apart [m].
+
+    Parameters
+    ----------
+    plan : (N, 3) float64
+        [m, m, rad], N >= 1.
+    """
+    steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.append(np.arange(0.0, along[-1], STEP), along[-1])
+    return np.stack([np.interp(at, along, plan[:, k]) for k in (0, 1)], -1)
 
 
 def costs_along(costmap: Costmap, plan: FloatArray) -> Any:
-    """Return the costs (M,) uint8 of the cells along a plan; NO_INFORMATION off the grid.
+    """Return the costs (M,) uint8 of the cells of its samples; NO_INFORMATION off the grid.
 
     Parameters
     ----------
@@ -94,10 +111,7 @@ def costs_along(costmap: Costmap, plan: FloatArray) -> Any:
     plan : (N, 3) float64
         [m, m, rad], N >= 1.
     """
-    steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.append(np.arange(0.0, along[-1], STEP), along[-1])
-    cells = costmap.cells(np.stack([np.interp(at, along, plan[:, k]) for k in (0, 1)], -1))
+    cells = costmap.cells(samples(plan))
     inside = ((cells >= 0) & (cells < costmap.shape)).all(-1)
     costs = np.full(len(cells), NO_INFORMATION, np.uint8)
     costs[inside] = costmap.costs[cells[inside, 0], cells[inside, 1]]
@@ -115,7 +129,7 @@ def scored(task: Task, name: str, plan: FloatArray) -> Candidate:
         Of the axle [m, m, rad], N >= 1.
     """
     known = not (costs_along(task.costmap, plan) == NO_INFORMATION).any()
-    track, reason = rehearse(task.make, plan, passable(task.costmap), task.pose, task.goal)
+    track, reason = rehearse(task.make, plan, passable(task.costmap), task.pose, task.goal, task.longest)
     score = None if reason else task.scorer.score(track, task.obstacles)
     return Candidate(name if known else name + UNKNOWN, plan, track, score, reason, known)
 

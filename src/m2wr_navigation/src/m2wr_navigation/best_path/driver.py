@@ -3,8 +3,9 @@
 
 A path through unknown space is a hope: it may end at a wall. One rule keeps each run at least as good as the best one
 before. The robot follows a hope only while the way driven so far and the best way on known cells from here to the goal
-score together no worse than that best run. So it can still fall back in time. Without such a run it follows every hope,
-and plans again where the way ends; it has been everywhere before it says that there is no way.
+score together no worse than that best run. So it can still fall back in time. Without such a run, or without a way on
+known cells, it follows every hope, and plans again where the way ends; it has been everywhere before it says that there
+is no way.
 """
 from __future__ import annotations
 
@@ -14,9 +15,17 @@ from typing import TYPE_CHECKING, List, Optional, Tuple
 
 import numpy as np
 
-from m2wr_navigation.best_path.candidates import Candidate, Task, candidates, costs_along, planned, scored
-from m2wr_navigation.best_path.pilot import Pilot, passable
-from m2wr_navigation.best_path.track import ObstacleField, Track
+from m2wr_navigation.best_path.candidates import (
+    Candidate,
+    Task,
+    candidates,
+    costs_along,
+    planned,
+    samples,
+    scored,
+)
+from m2wr_navigation.best_path.pilot import ARRIVED, Pilot, passable
+from m2wr_navigation.best_path.track import HALF_WIDTH, ObstacleField, Track
 from m2wr_navigation.costmap.cost_layout import INSCRIBED, NO_INFORMATION
 from m2wr_navigation.methods.method import REACHED, RUNNING, STUCK, UNREACHABLE, Decision
 
@@ -32,6 +41,9 @@ REVIEW = 1.0                # s between two looks whether the path is still free
 MARGIN = 0.01               # a new path must be better by this share than the best one driven: rehearsals are not exact
 FALL_BACK = "ThetaStar"     # gives the way back while a hope is followed
 BLOCKED_AHEAD = 3.0         # m of the plan in which a newly seen obstacle counts
+NEW = 0.1                   # m by which a new obstacle is nearer than all others were: two cells
+HELD_UP = 2.0               # s without a valid command, after which another path is chosen
+SAME_PLACE = 0.5            # m: a robot that is held up again so near to the last time waits
 MOST_PLANS = 200            # in one drive
 
 
@@ -68,7 +80,9 @@ class BestPath:
         self._hopeful = settings.unknown
         self._pilot: Optional[Pilot] = None
         self._samples: List[Tuple[float, float, float, float]] = []
-        self._reviewed, self._limit = 0.0, float("inf")
+        self._reviewed = 0.0
+        self._obstacles: Optional[ObstacleField] = None         # when the path was chosen
+        self._held_up_at: Optional[FloatArray] = None
         self._end: Optional[Decision] = None
 
     @property
@@ -101,15 +115,24 @@ class BestPath:
             self._reviewed = now
             why = self._review(pose)
             if why:
-                log.info("%s; choosing again", why)
-                self._pilot = None
-                return Decision(0.0, 0.0, RUNNING, why)
+                return self._choose_again(why)
         decision = self._pilot.step(now, pose, velocity)
+        if decision.outcome == REACHED and np.hypot(*(self.goal - pose[:2])) > ARRIVED:
+            return self._choose_again("the path of the best run before ends before the goal")
         if decision.outcome in (STUCK, REACHED):
             return self._finish(decision)
         if not self._samples:
             self._samples.append((now, pose[0], pose[1], pose[2]))
+        if self._pilot.idle(now) > HELD_UP and (
+                self._held_up_at is None or np.hypot(*(self._held_up_at - pose[:2])) > SAME_PLACE):
+            self._held_up_at = np.array(pose[:2], float)
+            return self._choose_again(decision.reason)
         return decision
+
+    def _choose_again(self, why: str) -> Decision:
+        log.info("%s; choosing again", why)
+        self._pilot = None
+        return Decision(0.0, 0.0, RUNNING, why)
 
     def _finish(self, decision: Decision) -> Decision:
         self._end = Decision(0.0, 0.0, decision.outcome, decision.reason)
@@ -124,8 +147,13 @@ class BestPath:
     def _choose(self, now: float, pose: FloatArray) -> Decision:
         """Make candidates and take the best."""
         self.plans += 1
+        if self.plans > MOST_PLANS:
+            return self._finish(Decision(0.0, 0.0, STUCK, "{} paths were chosen".format(MOST_PLANS)))
         task = self._task(pose)
         found = candidates(task, self._settings.planners, self._hopeful)
+        if not self._hopeful and self._settings.unknown and all(candidate.score is None for candidate in found):
+            self._hopeful = True        # there is nothing to fall back on
+            found = candidates(task, self._settings.planners, True)
         if self._record is not None and self.plans == 1:
             found = self._with_record(task, found)
         known = [candidate for candidate in found if candidate.known and candidate.score is not None]
@@ -134,22 +162,28 @@ class BestPath:
         remembered = next((candidate for candidate in known if candidate.name.startswith("run ")), None)
         if best is not None and remembered is not None and best.total > (1.0 - MARGIN) * remembered.total:
             best = remembered
-        if hopes and (best is None or hopes[0].total < (1.0 - MARGIN) * best.total) \
-                and (self._record is None or best is not None and self._affordable(task, best)):
+        if hopes and (best is None or hopes[0].total < (1.0 - MARGIN) * best.total
+                      and (self._record is None or self._affordable(task, best))):
             best = hopes[0]
         self.candidates = sorted(found, key=lambda candidate: candidate.total)
-        if best is None or self.plans > MOST_PLANS:
+        if best is None:
             reason = next((candidate.reason for candidate in found if candidate.reason), "no planner found a path")
             return self._finish(Decision(0.0, 0.0, UNREACHABLE, reason))
-        self.chosen, self._reviewed = best, now
+        self.chosen, self._reviewed, self._obstacles = best, now, task.obstacles
         self._pilot = Pilot(self._settings.make(), best.plan, passable(task.costmap))
         return Decision(0.0, 0.0, RUNNING, "chosen: {}, score {:.2f} m".format(best.name, best.total))
 
     def _with_record(self, task: Task, found: List[Candidate]) -> List[Candidate]:
-        """Add the best run before as a candidate: its plan, or its track if it had more than one plan."""
+        """Add the best run before as a candidate: its plan, or its track if it had more than one plan.
+
+        Both end near the goal, not at it.
+        """
         assert self._record is not None
         number, run = self._record
         plan = run.plan if len(run.plan) else run.track.thinned(0.5).poses
+        left = self.goal - plan[-1, :2]
+        if left.any():
+            plan = np.vstack([plan, [*self.goal, np.arctan2(left[1], left[0])]])
         again = scored(task, "run {} again".format(number), plan)
         # it was driven, so that its cells are free, whatever the grid says
         again = replace(again, name="run {} again".format(number), known=True)
@@ -159,7 +193,7 @@ class BestPath:
 
     def _review(self, pose: FloatArray) -> str:
         """Return why another path has to be chosen; empty: the chosen one is still good."""
-        assert self.chosen is not None and self._pilot is not None
+        assert self.chosen is not None and self._pilot is not None and self._obstacles is not None
         task = self._task(pose)
         self._pilot.costmap = passable(task.costmap)
         plan = self._pilot.plan
@@ -170,12 +204,16 @@ class BestPath:
         blocked = (costs >= INSCRIBED) & (costs != NO_INFORMATION)
         if not self.chosen.known and blocked.any():
             return "the way through unknown space is blocked"
-        if self.chosen.known and (costs == INSCRIBED + 1).any():
+        points = samples(ahead)
+        near, before = task.obstacles.distances(points), self._obstacles.distances(points)
+        if self.chosen.known and ((near <= HALF_WIDTH) & (near <= before - NEW)).any():
             return "an obstacle is in the way"
         if self.chosen.known or not (costs == NO_INFORMATION).any() or self._record is None:
             return ""
+        # a way back that takes longer is not affordable, and its rehearsal would take long while the robot drives
+        task = replace(task, longest=self._record[1].track.time)
         back = planned(task, FALL_BACK, FALL_BACK, {"cost_factor": 0.0}, False)
-        if back.score is None or not self._affordable(task, back):
+        if len(back.plan) and (back.score is None or not self._affordable(task, back)):
             self._hopeful = False
             return "the way through unknown space could become longer than the best one known"
         return ""

@@ -2,8 +2,9 @@
 """What runs leave for the next one: a map, and the experience of all drives, in a folder.
 
 ``map.yaml`` and ``map.pgm`` are files of map_saver; ``experience.json`` has the drives, and ``run_N.txt`` the track of
-each one with lines 'stamp x y z qx qy qz qw'. Each is replaced as a whole. A file that cannot be used is named with
-the reason, and renamed to ``NAME.damaged``: nothing that was driven is lost.
+each one with lines 'stamp x y z qx qy qz qw', N being the run's number. Each is replaced as a whole. A file that
+cannot be used is named with the reason, and renamed to ``NAME.damaged`` or ``NAME.damaged.2`` and so on: nothing that
+was driven is lost.
 """
 from __future__ import annotations
 
@@ -31,8 +32,11 @@ log = logging.getLogger(__name__)
 FORMAT, VERSION = "m2wr best path", 1
 MAP, EXPERIENCE, DAMAGED = "map", "experience.json", ".damaged"
 LARGEST = 1 << 25           # bytes of a file of experience
-MOST_RUNS = 100             # that are kept; the worst ones are dropped
+MOST_RUNS = 100             # that are kept: of each start and goal the best one, and the newest ones
 MOST_SAMPLES = 100000       # of a track
+MOST_FILES = 1000           # damaged ones that are kept
+FARTHEST = 1e6              # m: greatest coordinate
+GREATEST = 1e12             # greatest number of any kind: times are up to 2e9 s
 LONGEST = 1000              # characters of a text
 PERIOD = 0.1                # s between two samples of a stored track
 SAME_START, SAME_GOAL = 0.5, 0.2        # m: runs between places so near to each other can be compared
@@ -60,6 +64,8 @@ class Run:
         Of each criterion, as measured after the drive.
     total : float
         Score at that time [m].
+    number : int
+        From 1, in the order of the drives; 0: not yet in a memory.
     """
 
     how: str
@@ -69,6 +75,7 @@ class Run:
     plan: FloatArray
     amounts: Dict[str, float]
     total: float
+    number: int = 0
 
     def leads(self, start: Vector, goal: Vector) -> bool:
         """Return whether the run reached this goal from this start.
@@ -85,9 +92,10 @@ class Run:
     def record(self) -> Dict[str, Any]:
         """Return everything for JSON."""
         rows = np.column_stack([self.track.stamps, self.track.poses])
-        return {"how": self.how, "outcome": self.outcome, "reason": self.reason, "goal": self.track.goal.tolist(),
-                "track": np.round(rows, 5).tolist(), "plan": np.round(self.plan, 5).tolist(), "amounts": self.amounts,
-                "total": self.total}
+        rows = rows[::-(-len(rows) // MOST_SAMPLES)]
+        return {"number": self.number, "how": self.how, "outcome": self.outcome, "reason": self.reason,
+                "goal": self.track.goal.tolist(), "track": np.round(rows, 5).tolist(),
+                "plan": np.round(self.plan, 5).tolist(), "amounts": self.amounts, "total": self.total}
 
 
 @dataclass
@@ -121,8 +129,19 @@ class Memory:
         start, goal : (2,) float
             [m]
         """
-        fitting = [(number, run) for number, run in enumerate(self.runs, 1) if run.leads(start, goal)]
+        fitting = [(run.number, run) for run in self.runs if run.leads(start, goal)]
         return min(fitting, key=lambda entry: entry[1].total) if fitting else None
+
+    def add(self, run: Run) -> Run:
+        """Append a run; return it with its number.
+
+        Parameters
+        ----------
+        run : Run
+        """
+        run = replace(run, number=1 + max((one.number for one in self.runs), default=0))
+        self.runs.append(run)
+        return run
 
     def rescore(self, scorer: Scorer, obstacles: ObstacleField) -> None:
         """Score all runs again, by the weights and the obstacles that are known now.
@@ -144,15 +163,38 @@ class Memory:
     def save_runs(self) -> None:
         """Write the experience; raises OSError if that is not possible."""
         os.makedirs(self.folder, exist_ok=True)
-        if len(self.runs) > MOST_RUNS:
-            kept = sorted(range(len(self.runs)), key=lambda k: self.runs[k].total)[:MOST_RUNS - 1]
-            self.runs = [self.runs[k] for k in sorted(set(kept) | {len(self.runs) - 1})]
-        text = json.dumps({"format": FORMAT, "version": VERSION, "runs": [run.record() for run in self.runs]},
-                          allow_nan=False, indent=None)
+        entries = self._keep()
+        head = json.dumps({"format": FORMAT, "version": VERSION})[:-1]
+        text = head + ', "runs": [' + ", ".join(entries) + "]}"
         files = [(os.path.join(self.folder, EXPERIENCE), [text.encode()])]
         if self.runs:       # for plot_map, and other programs that read the format of the TUM data sets
-            files.append((os.path.join(self.folder, "run_{}.txt".format(len(self.runs))), [_tum(self.runs[-1].track)]))
+            newest = self.runs[-1]
+            files.append((os.path.join(self.folder, "run_{}.txt".format(newest.number)), [_tum(newest.track)]))
         write_atomically(*files)
+
+    def _keep(self) -> List[str]:
+        """Drop runs until :func:`load` can read the rest; return their JSON texts.
+
+        The newest one is kept, then the best one of each start and goal, then the newer ones before the older ones.
+        """
+        best: List[Run] = []
+        for run in sorted(self.runs, key=lambda one: one.total):
+            if run.outcome == REACHED and not any(other.leads(run.track.poses[0, :2], run.track.goal)
+                                                  for other in best):
+                best.append(run)
+        needed = {id(run) for run in best + self.runs[-1:]}
+        newest = len(self.runs) - 1
+        order = sorted(range(len(self.runs)), key=lambda k: (k < newest, id(self.runs[k]) not in needed, -k))
+        kept: Dict[int, str] = {}
+        size = 1000             # for what is around the runs
+        for k in order[:MOST_RUNS]:
+            text = json.dumps(self.runs[k].record(), allow_nan=False)
+            size += len(text) + 2
+            if size > LARGEST and kept:
+                break
+            kept[k] = text
+        self.runs = [self.runs[k] for k in sorted(kept)]
+        return [kept[k] for k in sorted(kept)]
 
 
 def _tum(track: Track) -> bytes:
@@ -195,9 +237,10 @@ def _load_map(memory: Memory, keep_damaged: bool) -> None:
 
 
 def _set_aside(path: str, error: Exception, keep: bool) -> None:
-    kept = path + DAMAGED
     if not keep:
         return
+    names = [path + DAMAGED] + ["{}{}.{}".format(path, DAMAGED, k) for k in range(2, MOST_FILES + 1)]
+    kept = next((name for name in names if not os.path.lexists(name)), names[-1])
     try:
         os.replace(path, kept)
     except OSError as second:
@@ -230,21 +273,26 @@ def _run_of(entry: Any, number: int) -> Run:
         raise ExperienceError("run {} is no object".format(number))
     place = "run {}, ".format(number)
     rows, goal = _array(entry, "track", 4, place), _array(entry, "goal", 0, place)
-    amounts, total = entry.get("amounts"), entry.get("total")
+    amounts, total, count = entry.get("amounts"), entry.get("total"), entry.get("number", number)
     how, outcome, reason = (entry.get(name) for name in ("how", "outcome", "reason"))
     if goal.shape != (2,) or not len(rows) or (np.diff(rows[:, 0]) <= 0.0).any():
         raise ExperienceError(place + "track or goal: expected increasing times, and two numbers")
+    plan = _array(entry, "plan", 3, place)
+    if max(np.abs(part).max() for part in (rows[:, 1:], goal, plan) if part.size) > FARTHEST:
+        raise ExperienceError(place + "track, goal or plan: expected coordinates up to {:g}".format(FARTHEST))
+    if not _is_number(count) or count != int(count) or count < 1:
+        raise ExperienceError(place + "number: expected an integer from 1 on")
     if not isinstance(amounts, dict) or not all(_is_number(value) for value in list(amounts.values()) + [total]):
         raise ExperienceError(place + "amounts or total: expected finite numbers")
     if not (isinstance(how, str) and isinstance(outcome, str) and isinstance(reason, str)):
         raise ExperienceError(place + "how, outcome or reason: expected texts")
     return Run(how[:LONGEST], outcome[:LONGEST], reason[:LONGEST], Track(rows[:, 0], rows[:, 1:], goal),
-               _array(entry, "plan", 3, place), {str(key): float(value) for key, value in amounts.items()},
-               float(total or 0.0))
+               plan, {str(key): float(value) for key, value in amounts.items()},
+               float(total or 0.0), int(count))
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= GREATEST
 
 
 def _array(entry: Dict[str, Any], name: str, columns: int, place: str) -> FloatArray:

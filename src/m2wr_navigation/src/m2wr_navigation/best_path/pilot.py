@@ -52,6 +52,10 @@ class Pilot:
         self._controller.set_plan(plan, True)
         self._valid = -math.inf
 
+    def idle(self, now: float) -> float:
+        """Return for how long the controller has given no valid command [s]; 0 before the first cycle."""
+        return now - self._valid if math.isfinite(self._valid) else 0.0
+
     def step(self, now: float, pose: FloatArray, velocity: FloatArray, period: float = PERIOD) -> Decision:
         """Return the command of a cycle.
 
@@ -75,10 +79,11 @@ class Pilot:
         if command.velocity is not None:
             self._valid = now
             return Decision(float(command.velocity[0]), float(command.velocity[2]), RUNNING, command.reason)
-        return Decision(0.0, 0.0, STUCK if now - self._valid > PATIENCE else RUNNING, command.reason)
+        return Decision(0.0, 0.0, STUCK if self.idle(now) > PATIENCE else RUNNING, command.reason)
 
 
-def rehearse(make: Maker, plan: FloatArray, costmap: Costmap, pose: FloatArray, goal: FloatArray) -> Tuple[Track, str]:
+def rehearse(make: Maker, plan: FloatArray, costmap: Costmap, pose: FloatArray, goal: FloatArray,
+             longest: float = LONGEST) -> Tuple[Track, str]:
     """Return the track of a simple robot on a plan, and why it does not reach the goal; empty: it does.
 
     The robot follows commands within limits of acceleration, one cycle late.
@@ -95,13 +100,15 @@ def rehearse(make: Maker, plan: FloatArray, costmap: Costmap, pose: FloatArray, 
         Of the axle, at rest [m, m, rad].
     goal : (2,) float64
         [m]
+    longest : float
+        Time after which it ends [s].
     """
     pilot, now, velocity = Pilot(make(), plan, costmap), 0.0, np.zeros(3)
     pose, command = np.array(pose, float), np.zeros(3)
     limits = REHEARSED * np.array([ACCELERATION[0], 0.0, ACCELERATION[1]])
     poses: List[FloatArray] = [pose]
-    reason = "it takes longer than {:.0f} s".format(LONGEST)
-    while now < LONGEST:
+    reason = "it takes longer than {:.0f} s".format(longest)
+    while now < longest:
         decision = pilot.step(now, pose, velocity, REHEARSED)
         if decision.outcome != RUNNING:
             reason = "" if decision.outcome == REACHED else "the robot stops at ({:.2f}, {:.2f}): {}".format(

@@ -32,6 +32,8 @@ def _corners() -> FloatArray:
 
 #: Convex outline (K, 2) of m2wr, in the frame of its axle [m].
 OUTLINE: FloatArray = _corners()
+#: Half of its width [m].
+HALF_WIDTH = float(np.abs(OUTLINE[:, 1]).max())
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,20 @@ class ObstacleField:
         counts = np.ceil(np.hypot(*sides.T) / SPACING).astype(int)
         self._points = np.concatenate([corner + np.linspace(0.0, 1.0, count, endpoint=False)[:, None] * side
                                        for corner, side, count in zip(OUTLINE, sides, counts)])
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the distances (N,) of points from obstacles [m]; FARTHEST off the grid.
+
+        Parameters
+        ----------
+        points : (N, 2) float64
+            [m]
+        """
+        cells = self._costmap.cells(points)
+        inside = ((cells >= 0) & (cells < self._costmap.shape)).all(-1)
+        found = np.full(len(points), FARTHEST)
+        found[inside] = self._distances[cells[inside, 0], cells[inside, 1]] * self._costmap.resolution
+        return found
 
     def clearance(self, track: Track) -> float:
         """Return the least distance of m2wr's outline from an obstacle [m], to half a cell; FARTHEST if none is near.

@@ -45,6 +45,7 @@ NODE: Dict[str, Parameter] = {
     "lockstep": flag(False, "whether the node runs in lockstep with the simulation", False),
 }
 LAUNCH_FILE = "best_path.launch"
+MARGIN = 5.0                # m: between start or goal and the edge of the map
 OLD = 0.5                   # s: with odometry or scans older than this the robot stops
 START = 5.0                 # s in which the first messages may come without a warning
 SHOWN = 1.0                 # s between two maps
@@ -67,9 +68,9 @@ class BestPathNode:
         self._goal = np.array([required_number("des_pos_x", "x of the goal in metres", LAUNCH_FILE),
                                required_number("des_pos_y", "y of the goal in metres", LAUNCH_FILE)])
         start = [required_number("initial_" + axis, axis + " of the start in metres", LAUNCH_FILE) for axis in "xy"]
-        self._survey = Survey(self._values["size"], 0.5 * (np.array(start) + self._goal))
+        self._survey = Survey(self._side(np.array(start)), 0.5 * (np.array(start) + self._goal))
         self._memory = self._remember()
-        self._lock = threading.Lock()
+        self._lock, self._closed = threading.RLock(), False
         self._history, self._pose, self._speed = PoseHistory(), (0.0, 0.0, 0.0), (0.0, 0.0)
         self._heard: Dict[str, float] = {}
         self._samples: List[Tuple[float, float, float, float]] = []
@@ -95,6 +96,18 @@ class BestPathNode:
         for warning in warnings + found + unknown(given, known, rospy.get_name()):
             rospy.logwarn("%s", warning)
         return values
+
+    def _side(self, start: Any) -> float:
+        """Return the side of the mapped square [m], large enough for start and goal."""
+        side, needed = float(self._values["size"]), float(np.abs(self._goal - start).max()) + 2.0 * MARGIN
+        if needed <= side:
+            return side
+        if needed > NODE["size"].high:
+            raise NodeError("start and goal are {:.0f} m apart; expected at most {:.0f} m".format(
+                needed - 2.0 * MARGIN, NODE["size"].high - 2.0 * MARGIN))
+        rospy.logwarn("parameter %s: %g m is too small for start and goal; %.0f m is used",
+                      rospy.resolve_name("~size"), side, needed)
+        return needed
 
     def _remember(self) -> Memory:
         """Read the memory and the map that is given."""
@@ -125,9 +138,11 @@ class BestPathNode:
         with self._lock:
             stamp = message.header.stamp.to_sec()
             if self._history.is_jump(stamp, pose):
-                rospy.logwarn("the robot was moved to (%.2f, %.2f); the drive begins again", pose[0], pose[1])
+                rospy.logwarn("the robot was moved to (%.2f, %.2f)%s", pose[0], pose[1],
+                              "" if self._ended else "; the drive begins again")
                 self._history.clear()
-                self._samples, self._driver = [], None
+                if not self._ended:
+                    self._samples, self._driver = [], None
             self._pose, self._speed = pose, speed
             self._history.add(stamp, pose)
             turn = message.pose.pose.orientation
@@ -136,13 +151,12 @@ class BestPathNode:
 
     def _on_scan(self, message: LaserScan) -> None:
         with self._lock:
-            self._heard[SCAN_TOPIC] = rospy.get_time()
             stamp = message.header.stamp.to_sec()
             pose = self._history.at(stamp)
-            if pose is None or self._saved:
-                return
             try:
-                self._survey.add(stamp, pose, message)
+                if pose is not None and not self._saved:
+                    self._survey.add(stamp, pose, message)
+                self._heard[SCAN_TOPIC] = rospy.get_time()      # the robot stops if no scan can be used
             except ObservationError as error:
                 rospy.logwarn_throttle(5.0, "%s refused: %s" % (SCAN_TOPIC, error))
 
@@ -227,7 +241,9 @@ class BestPathNode:
     def _command(self, linear: float, angular: float) -> None:
         message = Twist()
         message.linear.x, message.angular.z = linear, angular
-        self._commands.publish(message)
+        with self._lock:
+            if not self._closed:
+                self._commands.publish(message)
 
     def _tell(self, words: str) -> None:
         rospy.loginfo("best_path: %s", words)
@@ -245,7 +261,7 @@ class BestPathNode:
         self._ended = outcome
         if run is not None:
             self._tell("run %d, %s: %s, score %.2f m (%s)" % (
-                len(self._memory.runs), run.how, outcome, run.total, ", ".join(
+                run.number, run.how, outcome, run.total, ", ".join(
                     "%s %.2f %s" % (name, amount, self._settings.scorer.units[name])
                     for name, amount in run.amounts.items())))
             if before is not None:
@@ -258,16 +274,20 @@ class BestPathNode:
         return self._pose[:2] if track is None else (float(track.poses[0, 0]), float(track.poses[0, 1]))
 
     def _track(self) -> Optional[Track]:
+        with self._lock:
+            driver, samples = self._driver, list(self._samples)
         if not self.explores:
-            return None if self._driver is None else self._driver.track
-        if len(self._samples) < 2:
+            return None if driver is None else driver.track
+        if len(samples) < 2:
             return None
-        rows = np.array(self._samples)
+        rows = np.array(samples)
         return Track(rows[:, 0], rows[:, 1:], self._goal)
 
     def _save(self, outcome: str, reason: str) -> Optional[Run]:
-        """Write map and experience; return the run, None if the robot has not moved."""
+        """Write map and experience, once; return the run, None if the robot has not moved."""
         with self._lock:
+            if self._saved:
+                return None
             self._saved = True
             driver, track, survey = self._driver, self._track(), self._survey
         run = None
@@ -278,13 +298,13 @@ class BestPathNode:
             run = Run(name, outcome, reason, track.thinned(STORED), plan, {}, 0.0)
             score = self._settings.scorer.score(run.track, ObstacleField(survey.snapshot()))
             run = replace(run, amounts=score.amounts, total=score.total)
-            self._memory.runs.append(run)
+            run = self._memory.add(run)
         self._memory.cells, self._memory.resolution = survey.occupancy(), survey.costs.resolution
         self._memory.origin = float(survey.costs.origin[0]), float(survey.costs.origin[1])
         try:
             self._memory.save_map()
             self._memory.save_runs()
-        except OSError as error:
+        except (OSError, ValueError) as error:
             rospy.logerr("map and experience are not saved in %s: %s", self._memory.folder, error)
         return run
 
@@ -295,8 +315,10 @@ class BestPathNode:
 
     def _close(self) -> None:
         """Stop the robot; keep what an interrupted run has taught."""
-        if not self.explores and self._driver is not None and not self._ended:
-            self._command(0.0, 0.0)
+        with self._lock:
+            if not self.explores and self._driver is not None and not self._ended:
+                self._command(0.0, 0.0)
+            self._closed = True         # no command of the loop follows this one
         if not self._saved and self._survey.version > 0 and self._track() is not None:
             self._save("interrupted", "the node was ended")
 

@@ -39,6 +39,7 @@ PARAMETERS: Dict[str, Parameter] = {
 STALE = 0.5                 # s without a scan or odometry, after which the robot stops
 CHECKED = 0.1               # s between two looks at the age of messages
 MOST_BEAMS = 100000
+WIDEST = 4.0 * math.pi      # rad: greatest angle of a scan, so that all angles are exact
 
 
 def beams_fault(message: LaserScan) -> str:
@@ -51,6 +52,9 @@ def beams_fault(message: LaserScan) -> str:
     if not (math.isfinite(message.angle_min) and math.isfinite(message.angle_increment) and message.angle_increment):
         return "angle_min {}, angle_increment {}; expected finite numbers, the second not 0".format(
             message.angle_min, message.angle_increment)
+    if max(abs(message.angle_min), abs(message.angle_increment) * len(message.ranges)) > WIDEST:
+        return "angle_min {:g}, angle_increment {:g} for {} readings; expected angles of at most two turns".format(
+            message.angle_min, message.angle_increment, len(message.ranges))
     return ""
 
 
@@ -106,7 +110,11 @@ class MethodNode:
         if self._closed:
             return
         message = Twist()
-        message.linear.x, message.angular.z = decision.linear, decision.angular
+        if math.isfinite(decision.linear) and math.isfinite(decision.angular):
+            message.linear.x, message.angular.z = decision.linear, decision.angular
+        else:
+            rospy.logerr_throttle(5.0, "the robot stops: %s gives the command (%s, %s)" % (
+                self._values["method"], decision.linear, decision.angular))
         self._publisher.publish(message)
 
     def _begin(self, x: float, y: float) -> None:

@@ -100,6 +100,7 @@ class MoveBase:
             server.start()
         if not wait_until_ready(list(self.maps.values()), "move_base"):
             return
+        self.planner.offer()
         self._keep += [rospy.Service("~make_plan", self._service.kind, self._service.answer),
                        rospy.Service("~clear_costmaps", Empty, self._clear_costmaps),
                        serve("~", PARAMETERS, self._values, self._reconfigure)]
@@ -144,6 +145,7 @@ class MoveBase:
                 registry.find(registry.PLANNERS, values["base_global_planner"])
                 self.planner.close()
                 self.planner = PlannerServer(values["base_global_planner"], self._service.answer)
+                self.planner.offer()
             if values["base_local_planner"] != before["base_local_planner"]:
                 registry.find(registry.CONTROLLERS, values["base_local_planner"])
                 self._controller.close()

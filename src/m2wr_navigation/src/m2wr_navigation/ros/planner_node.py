@@ -45,6 +45,7 @@ class PlannerNode:
         whole.start()
         if not wait_until_ready([whole], rospy.get_name()):
             return
+        self.planner.offer()
         rospy.Service("~make_plan", self._service, self._answer)
         rospy.Subscriber("~goal", PoseStamped, self._on_goal, queue_size=1)
         rospy.loginfo("ready, planner %s", self.planner.name)

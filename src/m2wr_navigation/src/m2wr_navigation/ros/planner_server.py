@@ -63,12 +63,17 @@ class PlannerServer:
         self._path = rospy.Publisher(self._place + "/plan", Path, queue_size=1)
         self._potential = rospy.Publisher(
             self._place + "/potential", OccupancyGrid if kind is GlobalPlanner else PointCloud2, queue_size=1)
-        self._keep: List[Any] = [rospy.Service(self._place + "/make_plan", GetPlan, answer)]
+        self._answer = answer
+        self._keep: List[Any] = []
         if any(parameter.changeable for parameter in kind.PARAMETERS.values()):
             self._keep.append(serve(self._place, kind.PARAMETERS, values, self._reconfigure))
         else:
             for key, value in values.items():
                 rospy.set_param("{}/{}".format(self._place, key), value)
+
+    def offer(self) -> None:
+        """Offer ``~PLANNER/make_plan``, once its node can answer."""
+        self._keep.append(rospy.Service(self._place + "/make_plan", GetPlan, self._answer))
 
     def _reconfigure(self, values: Dict[str, Any]) -> None:
         with self._lock:
