@@ -111,9 +111,10 @@ def test_of_too_many_runs_the_useful_ones_are_kept(tmp_path):
     memory.save_runs()
     found = load(str(tmp_path))
     # of each goal the best one, and the newest, with the numbers that they had
-    assert [one.number for one in found.runs] == [1, 2] + list(range(MOST_RUNS + 8 - (MOST_RUNS - 2) + 1, MOST_RUNS + 9))
-    assert found.best((0.0, 0.0), (9.0, 0.0))[0] == 2 and found.add(run()).number == MOST_RUNS + 9
-    assert os.path.exists(str(tmp_path / "run_{}.txt".format(MOST_RUNS + 8)))
+    newest = MOST_RUNS + 8
+    assert [one.number for one in found.runs] == [1, 2] + list(range(newest - MOST_RUNS + 3, newest + 1))
+    assert found.best((0.0, 0.0), (9.0, 0.0))[0] == 2 and found.add(run()).number == newest + 1
+    assert os.path.exists(str(tmp_path / "run_{}.txt".format(newest)))
 
 
 def test_what_is_written_is_small_enough_to_be_read(tmp_path, monkeypatch):
