@@ -149,17 +149,18 @@ def read(table: Mapping[str, Parameter], given: Mapping[str, object], place: str
         value = converted(parameter, given[name])
         if value is None:
             warnings.append("parameter {}/{} is {!r}; expected {}; {!r} is used".format(
-                place, name, given[name], _expected(parameter), parameter.default))
+                place, name, given[name], expected_of(parameter), parameter.default))
             continue
         values[name] = value
         if number(given[name]) is not None and not isinstance(value, (bool, str, list)) \
                 and abs(float(value) - float(number(given[name]) or 0.0)) > 1e-9 * max(1.0, abs(float(value))):
             warnings.append("parameter {}/{} is {!r}; expected {}; {!r} is used".format(
-                place, name, given[name], _expected(parameter), value))
+                place, name, given[name], expected_of(parameter), value))
     return values, warnings
 
 
-def _expected(parameter: Parameter) -> str:
+def expected_of(parameter: Parameter) -> str:
+    """Return what a parameter accepts, for a message."""
     default = parameter.default
     if isinstance(default, bool):
         return "true or false"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Sequence
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.compare.drive import M2WR_ROBOT, Drive, Robot, drive_method
-from m2wr_navigation.compare.planned import costmap_of, drive_plan, plan_with
+from m2wr_navigation.compare.drive import M2WR_ROBOT, Drive, Robot, drive, method_decisions
+from m2wr_navigation.compare.planned import Follower, costmap_of, plan_with
 from m2wr_navigation.methods.method import UNREACHABLE
 from m2wr_navigation.optimum.shortest_path import ShortestPath, shortest_path
 from m2wr_navigation.parameters import read
@@ -20,6 +20,11 @@ from m2wr_view.outlines import least_clearance
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
+    from m2wr_navigation.methods.method import Decision
+    from m2wr_sim.api import StepResult
+    from m2wr_sim.model.types import World
+
+    Decide = Callable[[StepResult], Decision]
 
 _NO_COMPARISON = ("carrot_planner/CarrotPlanner",)      # ends before the first obstacle
 #: Names of all planners and methods that are compared.
@@ -81,7 +86,7 @@ class Comparison:
 
     Parameters
     ----------
-    world : str
+    world : World or str
         As :func:`m2wr_sim.api.read_world` takes it.
     start : (3,) float
         Pose of the robot [m, m, rad].
@@ -105,10 +110,11 @@ class Comparison:
         If start or goal are in an obstacle, or nothing connects them.
     """
 
-    def __init__(self, world: str, start: Vector, goal: Vector, limit: float = 600.0, seed: int = 0,
+    def __init__(self, world: Union[World, str], start: Vector, goal: Vector, limit: float = 600.0, seed: int = 0,
                  robot: Robot = M2WR_ROBOT) -> None:
         self._world, self._limit, self._seed = read_world(world), limit, seed
-        self.name, self.start, self.goal = world, tuple(map(float, start)), tuple(map(float, goal))
+        self.name = world if isinstance(world, str) else world.name
+        self.start, self.goal = tuple(map(float, start)), tuple(map(float, goal))
         self.obstacles = obstacle_outlines(self._world)
         self.robot, self.inscribed = robot, robot.body.inscribed_radius
         self._axle = robot.body.axle(self.start)
@@ -123,21 +129,46 @@ class Comparison:
         names : sequence of str
         """
         for name in names:
-            yield self._method(name) if name in registry.METHODS else self._planner(name)
+            yield self.entry(name)
 
-    def _method(self, name: str) -> Entry:
+    def entry(self, name: str, seed: Optional[int] = None, parameters: Optional[Mapping[str, Any]] = None,
+              around: Optional[Callable[[Decide], Decide]] = None) -> Entry:
+        """Return what one planner or method did.
+
+        Parameters
+        ----------
+        name : str
+            Of NAMES.
+        seed : int, optional
+            Of the noise of the sensors; None: that of the comparison.
+        parameters : mapping of str to object, optional
+            Of the planner or method, which win over the limits of the robot.
+        around : callable, optional
+            Takes the function that decides in each cycle, and returns the one that is called, such as one that keeps
+            a record.
+        """
+        seed, parameters = self._seed if seed is None else seed, parameters or {}
+        around = around or (lambda decide: decide)
+        if name in registry.METHODS:
+            return self._method(name, seed, parameters, around)
+        return self._planner(name, seed, parameters, around)
+
+    def _method(self, name: str, seed: int, parameters: Mapping[str, Any],
+                around: Callable[[Decide], Decide]) -> Entry:
         kind = registry.find(registry.METHODS, name)
-        made = kind(read(kind.PARAMETERS, self.robot.limits, name)[0], self.robot.body)
-        run = drive_method(self._world, self.start, self.goal, made, self._limit, self._seed, self.robot)
+        made = kind(read(kind.PARAMETERS, dict(self.robot.limits, **parameters), name)[0], self.robot.body)
+        decide = around(method_decisions(made, self.goal))
+        run = drive(self._world, self.start, decide, self._limit, seed, self.robot)
         return self._entry(name, "method", run, run.cpu_ms)
 
-    def _planner(self, name: str) -> Entry:
-        plan, spent = plan_with(name, self._costmap, self._axle + self.start[2:], self.goal)
+    def _planner(self, name: str, seed: int, parameters: Mapping[str, Any],
+                 around: Callable[[Decide], Decide]) -> Entry:
+        plan, spent = plan_with(name, self._costmap, self._axle + self.start[2:], self.goal, parameters)
         if not len(plan.poses):
             run = Drive(UNREACHABLE, plan.reason, np.array([self.start]), 0.0, 0, spent)
         else:
-            run = drive_plan(self._world, self.start, plan.poses, self._costmap, self._limit, self._seed,
-                             self.robot)
+            decide = around(Follower(plan.poses, self._costmap, self.robot))
+            run = drive(self._world, self.start, decide, self._limit, seed, self.robot)
         return self._entry(name, "planner", run, spent)
 
     def _entry(self, name: str, kind: str, run: Drive, spent: float) -> Entry:

@@ -123,6 +123,19 @@ def sensing_of(result: StepResult) -> Sensing:
                    scan.angle_increment)
 
 
+def method_decisions(method: Method, goal: Vector) -> Callable[[StepResult], Decision]:
+    """Return the decisions of a method without a map, which begins with a goal.
+
+    Parameters
+    ----------
+    method : Method
+    goal : (2,) float
+        [m]
+    """
+    method.begin(goal)
+    return lambda result: method.step(sensing_of(result))
+
+
 def drive_method(world: World, start: Vector, goal: Vector, method: Method, limit: float = 600.0,
                  seed: int = 0, robot: Robot = M2WR_ROBOT) -> Drive:
     """Return the record of a drive by a method without a map.
@@ -140,8 +153,7 @@ def drive_method(world: World, start: Vector, goal: Vector, method: Method, limi
     seed : int
     robot : Robot, optional
     """
-    method.begin(goal)
-    return drive(world, start, lambda result: method.step(sensing_of(result)), limit, seed, robot)
+    return drive(world, start, method_decisions(method, goal), limit, seed, robot)
 
 
 def final_distance(poses: FloatArray, goal: Vector) -> float:

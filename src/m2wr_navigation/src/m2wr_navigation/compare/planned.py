@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Planners on the true world: its costmap, and drives along planned paths by pure pursuit."""
+"""Planners on the true world: its costmap, and pure pursuit along planned paths."""
 from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_navigation import registry
-from m2wr_navigation.compare.drive import M2WR_ROBOT, PERIOD, Drive, Robot, drive
+from m2wr_navigation.compare.drive import PERIOD, Robot
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.controllers.pure_pursuit import PurePursuit
 from m2wr_navigation.costmap.cost_layout import LETHAL
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
     from m2wr_navigation.planners.planner import Plan
     from m2wr_sim.api import StepResult
-    from m2wr_sim.model.types import World
     from m2wr_view.outlines import Outline
 
 RESOLUTION = 0.05           # m
@@ -71,7 +70,8 @@ def costmap_of(obstacles: Sequence[Outline], ends: FloatArray, radius: float) ->
     return costmap
 
 
-def plan_with(name: str, costmap: Costmap, start: Vector, goal: Vector) -> Tuple[Plan, float]:
+def plan_with(name: str, costmap: Costmap, start: Vector, goal: Vector,
+              parameters: Optional[Mapping[str, Any]] = None) -> Tuple[Plan, float]:
     """Return the plan of a planner, and the CPU time that it took [ms].
 
     Parameters
@@ -83,9 +83,12 @@ def plan_with(name: str, costmap: Costmap, start: Vector, goal: Vector) -> Tuple
         Pose of the axle [m, m, rad].
     goal : (2,) float
         [m]
+    parameters : mapping of str to object, optional
+        Of the planner.
     """
     kind = registry.find(registry.PLANNERS, name)
-    planner = kind(read(kind.PARAMETERS, {"any_goal_heading": True}, name)[0])     # a drive ends at a place
+    given = dict({"any_goal_heading": True}, **(parameters or {}))         # a drive ends at a place
+    planner = kind(read(kind.PARAMETERS, given, name)[0])
     begun = time.process_time()
     plan = planner.plan(costmap, np.array(start[:3], float), np.array([goal[0], goal[1], 0.0]))
     return plan, 1e3 * (time.process_time() - begun)
@@ -123,23 +126,3 @@ class Follower:
             self._valid = result.time
             return Decision(float(command.velocity[0]), float(command.velocity[2]), RUNNING, command.reason)
         return Decision(0.0, 0.0, STUCK if result.time - self._valid > PATIENCE else RUNNING, command.reason)
-
-
-def drive_plan(world: World, start: Vector, plan: FloatArray, costmap: Costmap, limit: float, seed: int,
-               robot: Robot = M2WR_ROBOT) -> Drive:
-    """Return the record of a drive along a plan.
-
-    Parameters
-    ----------
-    world : World
-    start : (3,) float
-        Pose of the robot [m, m, rad].
-    plan : (N, 3) float64
-        Of the axle [m, m, rad].
-    costmap : Costmap
-    limit : float
-        [s]
-    seed : int
-    robot : Robot, optional
-    """
-    return drive(world, start, Follower(plan, costmap, robot), limit, seed, robot)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Iterator, List, Sequence, Tuple
+from typing import TYPE_CHECKING, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
     from m2wr_view.outlines import Outline
 
-    Box = Tuple[float, float, float, float]         # centre x, y, length, width [m]
+Box = Tuple[float, float, float, float]             # centre x, y, length, width [m]
+Ends = Tuple[Tuple[float, float, float], Tuple[float, float]]       # start [m, m, rad] and goal [m]
 
+KINDS = ("rooms", "pillars")
 SIDE = 12.0                 # m: of a generated world
 DOOR, WALL, HEIGHT = 1.6, 0.15, 1.0     # m
 MARGIN = 0.15               # m: free around the disc in which the robot turns
@@ -69,16 +71,32 @@ def generated(count: int, seed: int, radius: float) -> Iterator[Scene]:
     """
     for number in range(count):
         random = np.random.default_rng([seed, number])
-        kind = ("rooms", "pillars")[number % 2]
+        kind = KINDS[number % 2]
         for _ in range(TRIES):
-            text = _world(_rooms(random), []) if kind == "rooms" else _world(*_pillars(random))
-            found = _ends(obstacle_outlines(read_world(text)), random, radius, 1)
-            if found:
-                yield Scene("{} {}".format(kind, number), text, *found[0])
+            found = attempt(kind, random, radius)
+            if found is not None:
+                text, ends = found
+                yield Scene("{} {}".format(kind, number), text, *ends)
                 break
         else:
             raise ValueError("no way for a robot with a radius of {:.2f} m in {} generated worlds".format(
                 radius, TRIES))
+
+
+def attempt(kind: str, random: np.random.Generator, radius: float) -> Optional[Tuple[str, Ends]]:
+    """Return a world in SDF with its start and goal; None if no way was found.
+
+    Parameters
+    ----------
+    kind : str
+        Of KINDS.
+    random : numpy.random.Generator
+    radius : float
+        Of the disc in which the robot turns [m].
+    """
+    text = world_text(_rooms(random), []) if kind == "rooms" else world_text(*_pillars(random))
+    ends = _ends(obstacle_outlines(read_world(text)), random, radius, 1)
+    return (text, ends[0]) if ends else None
 
 
 def given(world: str, seed: int, radius: float) -> Scene:
@@ -105,7 +123,7 @@ def given(world: str, seed: int, radius: float) -> Scene:
 
 
 def _ends(obstacles: Sequence[Outline], random: np.random.Generator, radius: float,
-          tries: int) -> List[Tuple[Tuple[float, float, float], Tuple[float, float]]]:
+          tries: int) -> List[Ends]:
     """Return one pair of a start and a goal, or none."""
     corners = np.concatenate([outline.vertices for outline in obstacles] + [np.zeros((0, 2))])
     if not len(corners):
@@ -165,8 +183,16 @@ def _pillars(random: np.random.Generator) -> Tuple[List[Box], List[Tuple[float, 
     return boxes, pillars
 
 
-def _world(boxes: Sequence[Box], pillars: Sequence[Tuple[float, float, float]]) -> str:
-    """Return a world in SDF."""
+def world_text(boxes: Sequence[Box], pillars: Sequence[Tuple[float, float, float]]) -> str:
+    """Return a world in SDF.
+
+    Parameters
+    ----------
+    boxes : sequence of (float, float, float, float)
+        Centre x, y, length, width [m].
+    pillars : sequence of (float, float, float)
+        Centre x, y, radius [m].
+    """
     shapes = [(x, y, "<box><size>{:.3f} {:.3f} {:g}</size></box>".format(length, width, HEIGHT))
               for x, y, length, width in boxes]
     shapes += [(x, y, "<cylinder><radius>{:.3f}</radius><length>{:g}</length></cylinder>".format(radius, HEIGHT))
