@@ -77,6 +77,12 @@ RULES = (
     Rule("m2wr_bridge/foxglove/*.py", {"msgspec"}, False, True, ("m2wr_bridge.ros",)),
     Rule("m2wr_bridge/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_bridge/*.py", set(), False, True, ("m2wr_bridge.*",)),
+    Rule("m2wr_campaign/study/*.py", {"numpy", "yaml"}, False, True, ("m2wr_campaign.store", "m2wr_campaign.runner")),
+    Rule("m2wr_campaign/worlds/*.py", NUMERIC, False, True,
+         ("m2wr_campaign.study", "m2wr_campaign.store", "m2wr_campaign.runner")),
+    Rule("m2wr_campaign/store/*.py", {"numpy", "pyarrow"}, False, True, ("m2wr_campaign.runner",)),
+    Rule("m2wr_campaign/runner/*.py", NUMERIC, False, False, ()),               # measures time
+    Rule("m2wr_campaign/*.py", set(), False, True, ("m2wr_campaign.*",)),
     Rule("m2wr_live/scene/*.py", NUMERIC | {"trimesh"}, False, True, ("m2wr_live.web", "m2wr_live.ros") + EDGES),
     Rule("m2wr_live/web/*.py", NUMERIC | {"msgspec", "viser", "websockets", "zstandard"}, False, True,
          ("m2wr_live.ros",) + EDGES),

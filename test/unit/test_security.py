@@ -4,6 +4,7 @@ import os
 import re
 
 import workspace_tree as tree
+from m2wr_campaign.study import fields
 from m2wr_gmapping.io import state_file, state_types
 from m2wr_sim.model.mesh import files as mesh_files
 from m2wr_sim.model.mesh import shapes as mesh_shapes
@@ -17,12 +18,13 @@ LIMITS = [spawning.MOST_TEXT, spawning.MOST_MARKS, spawning._MOST_PARTS, safe_xm
           safe_xml.MAX_ATTRIBUTES, lenient_xml._MOST_BYTES, lenient_xml._MOST_AMPERSANDS,
           mesh_files.MAX_MESH_BYTES, mesh_files.MAX_TRIANGLES, mesh_shapes._MAX_PIXELS,
           map_input.MOST_YAML, map_input.MOST_DEPTH, map_input.MOST_PICTURE, map_input.MOST_PIXELS,
-          state_file.MOST_FILE,
+          fields.LARGEST_FILE, fields.DEEPEST, state_file.MOST_FILE,
           state_file.MOST_UNPACKED, state_file.MOST_JSON, state_file.MOST_DEPTH, state_types.MOST_ITEMS]
 #: Calls that evaluate text, and the files that may use them: on the program's own text, or the user's command line.
 EVALUATES = re.compile(r"(?<![\w.])(?:eval|exec)\(|\bpickle\b|yaml\.(?:unsafe_)?load\(|allow_pickle=True|shell=True|"
                        r"os\.system\(|os\.popen\(|marshal\.|shelve\.")
 ALLOWED = {"m2wr_node/kernel_cache.py": "exec(", "m2wr_view/map_input.py": "yaml.load(",
+           "m2wr_campaign/study/fields.py": "yaml.load(",
            "m2wr_gmapping/io/state_file.py": "pickle", "m2wr_gmapping/replay/replay_command.py": "shell=True"}
 
 

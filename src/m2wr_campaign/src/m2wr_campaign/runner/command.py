@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""``rosrun m2wr_campaign run``: all runs of a study that are not stored yet, on all cores."""
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from contextlib import closing
+from datetime import datetime, timezone
+from typing import TYPE_CHECKING, List, Optional
+
+from m2wr_campaign.runner.one_run import FAILED, perform, row_of_failure, versions
+from m2wr_campaign.runner.pool import Pool
+from m2wr_campaign.runner.progress import CampaignProgress
+from m2wr_campaign.store.result_file import ResultFile, StoreError
+from m2wr_campaign.study.expansion import all_tasks
+from m2wr_campaign.study.fields import StudyError
+from m2wr_campaign.study.study_file import read_study
+from m2wr_navigation.kernel_warm_up import compile_kernels
+from m2wr_node.interrupts import INTERRUPTED
+
+if TYPE_CHECKING:
+    from m2wr_campaign.study.factors import RunTask
+    from m2wr_campaign.study.study_file import Study
+
+MOST_WORKERS = 1024
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="run", description="Run all combinations of a study's worlds, robots, noise, methods and repeats in the "
+        "simulator, on all cores. Each run is stored when it ends; after a stop the same command continues. No ROS "
+        "master is needed.")
+    parser.add_argument("study", metavar="STUDY.yaml", help="the study")
+    parser.add_argument("--out", default="", metavar="FILE",
+                        help="results (default: the study's name with .sqlite, in the present folder)")
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),
+                        help="processes (default: the cores)")
+    parser.add_argument("--dry-run", action="store_true", help="only check the study and count its runs")
+    return parser
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the command; return its exit code: 1 if the study or its results cannot be used."""
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if not 1 <= options.workers <= MOST_WORKERS:
+        parser.error("--workers {}; expected from 1 to {}".format(options.workers, MOST_WORKERS))
+    out = options.out or os.path.splitext(os.path.basename(options.study))[0] + ".sqlite"
+    try:
+        study = read_study(options.study)
+        if options.dry_run:
+            tasks = all_tasks(study)
+            print("{}: {} runs in {} worlds".format(study.name, len(tasks), len({task.world.key for task in tasks})))
+            return 0
+        with ResultFile(out, writing=True) as results:
+            return _run(study, options.study, results, options.workers)
+    except (StudyError, StoreError) as error:
+        print("run: {}".format(error), file=sys.stderr)
+        return 1
+
+
+def _run(study: Study, path: str, results: ResultFile, workers: int) -> int:
+    """Run what is not stored yet; return the exit code."""
+    tasks = all_tasks(study, results.generated)
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
+    versions()                          # read once, before the processes are forked
+    results.add_worlds({task.world.key: task.world for task in tasks}.values())
+    results.begin(study.name, text, [task.key for task in tasks])
+    known = results.finished()
+    left = [task for task in tasks if task.key not in known]
+    progress = CampaignProgress(len(tasks), len(tasks) - len(left), sys.stdout, time.monotonic)
+    code = 0
+    try:
+        _store_all(left, study.time_limit, results, workers, progress)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    stored = len(results.finished() & {task.key for task in tasks})
+    print("{}{} of {} runs are in {}{}".format("\nstopped: " if code else "", stored, len(tasks), results.path,
+                                               "; the same command continues" if code else ""))
+    return code
+
+
+def _store_all(tasks: List[RunTask], time_limit: float, results: ResultFile, workers: int,
+               progress: CampaignProgress) -> None:
+    if not tasks:
+        return
+    compile_kernels()                   # once, before the processes are forked
+    pool: Pool[RunTask] = Pool(perform, row_of_failure, workers)
+    with closing(pool.rows(tasks, time_limit)) as rows:
+        for row in rows:
+            results.add(dict(row, finished=datetime.now(timezone.utc).isoformat(timespec="seconds")))
+            progress.add(row["status"] == FAILED)

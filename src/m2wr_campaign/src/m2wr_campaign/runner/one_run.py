@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""One run of a study, in this process: a row of the results from a task."""
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import time
+import traceback
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Dict, List, Optional
+
+import numba
+import numpy as np
+
+from m2wr_campaign.store.result_file import packed_path
+from m2wr_campaign.study.expansion import with_noise
+from m2wr_navigation.compare.comparison import Comparison
+from m2wr_navigation.compare.drawing import thinned
+from m2wr_navigation.optimum.shortest_path import NoShortestPathError
+from m2wr_sim.api import read_world
+from m2wr_sim.api.loading import package_folder
+from m2wr_sim.errors import SimError
+from m2wr_view.outlines import point_distances
+
+if TYPE_CHECKING:
+    from m2wr_campaign.study.factors import RunTask
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.compare.comparison import Decide
+    from m2wr_navigation.methods.method import Decision
+    from m2wr_sim.api import StepResult
+
+KEPT = 4                    # worlds that a worker keeps ready
+APART = 0.1                 # m between two points of a stored path
+LONGEST_LOG = 8000          # characters
+DONE, FAILED = "done", "failed"
+
+
+class RunError(Exception):
+    """A run without a result."""
+
+
+class _Place:
+    """A world with a robot, ready for runs.
+
+    Parameters
+    ----------
+    task : RunTask
+    """
+
+    def __init__(self, task: RunTask) -> None:
+        self.key = (task.world.key, task.robot.key, task.noise, task.limit)
+        robot = task.robot.robot
+        if task.noise >= 0.0:
+            assert not isinstance(robot.model, str)
+            robot = replace(robot, model=with_noise(robot.model, task.noise))
+        self.comparison = Comparison(read_world(task.world.world), task.world.start, task.world.goal, task.limit, 0,
+                                     robot)
+        optimum = self.comparison.optimum
+        straight = math.hypot(*(optimum.points[-1] - optimum.points[0]))
+        self.measures = {"optimum": optimum.length, "tortuosity": optimum.length / max(straight, 1e-9),
+                         "openness": _openness(self.comparison)}
+
+
+def _openness(comparison: Comparison) -> float:
+    """Return the mean distance of the shortest path from the nearest obstacle [m], NaN without obstacles."""
+    points = comparison.optimum.points
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    at = np.linspace(0.0, lengths[-1], max(2, int(lengths[-1] / APART)))
+    places = np.column_stack([np.interp(at, lengths, points[:, axis]) for axis in range(2)])
+    nearest = np.min([point_distances(places, outline) for outline in comparison.obstacles]
+                     + [np.full(len(places), np.inf)], axis=0)
+    return float(nearest.mean())
+
+
+@lru_cache(maxsize=1)
+def _places() -> List[_Place]:
+    return []
+
+
+def _place(task: RunTask) -> _Place:
+    """Return the world of a task with its robot, kept from an earlier run if there was one."""
+    places = _places()
+    key = (task.world.key, task.robot.key, task.noise, task.limit)
+    for place in places:
+        if place.key == key:
+            return place
+    places.append(_Place(task))
+    del places[:-KEPT]
+    return places[-1]
+
+
+def finite(decide: Decide) -> Decide:
+    """Return a function that decides the same, and ends the run if a command is not finite."""
+    def checked(result: StepResult) -> Decision:
+        decision = decide(result)
+        if not (math.isfinite(decision.linear) and math.isfinite(decision.angular)):
+            raise RunError("at {:.2f} s: command ({}, {}); expected finite numbers".format(
+                result.time, decision.linear, decision.angular))
+        return decision
+    return checked
+
+
+def perform(task: RunTask) -> Dict[str, Any]:
+    """Return the row of a run, also of one that failed with a reason.
+
+    Parameters
+    ----------
+    task : RunTask
+    """
+    wall, cpu = time.monotonic(), time.process_time()
+    row = dict(task.factors(), key=task.key, status=DONE, log="", versions=versions())
+    try:
+        row.update(_measured(task))
+    except (RunError, SimError, NoShortestPathError, ValueError) as error:
+        row.update(failed(str(error)))
+    except Exception as error:                  # a method of a user may raise anything
+        row.update(failed("{}: {}".format(type(error).__name__, error), traceback.format_exc()))
+    row.update(wall=time.monotonic() - wall, cpu=time.process_time() - cpu)
+    return row
+
+
+def failed(reason: str, log: str = "") -> Dict[str, Any]:
+    """Return the columns of a run without a result.
+
+    Parameters
+    ----------
+    reason : str
+    log : str, optional
+    """
+    return {"status": FAILED, "outcome": FAILED, "reason": reason, "success": 0, "log": log[-LONGEST_LOG:]}
+
+
+def row_of_failure(task: RunTask, reason: str, log: str, wall: float) -> Dict[str, Any]:
+    """Return the row of a run that its worker could not end.
+
+    Parameters
+    ----------
+    task : RunTask
+    reason : str
+    log : str
+        What the worker wrote.
+    wall : float
+        Wall time [s].
+    """
+    return dict(task.factors(), key=task.key, versions=versions(), wall=wall, **failed(reason, log))
+
+
+def _measured(task: RunTask) -> Dict[str, Any]:
+    place = _place(task)
+    entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters), finite)
+    found: Dict[str, Any] = dict(place.measures)
+    found.update((name, getattr(entry, name)) for name in (
+        "outcome", "reason", "length", "ratio", "time", "clearance", "contacts", "cpu_ms"))
+    found.update(success=int(entry.success), turning=_turning(entry.path))
+    found = {name: _stored(value) if isinstance(value, float) else value for name, value in found.items()}
+    return dict(found, path=packed_path(thinned(entry.path, APART)))
+
+
+def _stored(value: float) -> Optional[float]:
+    """Return a measure to a millionth, so that rounding errors make no difference; None for what is not finite."""
+    return round(value, 6) if math.isfinite(value) else None
+
+
+def _turning(path: FloatArray) -> float:
+    """Return the sum of all changes of the heading along a path (N, 2) [rad]."""
+    ways = np.diff(thinned(path, APART), axis=0)
+    headings = np.unwrap(np.arctan2(ways[:, 1], ways[:, 0])) if len(ways) else np.zeros(0)
+    return float(np.abs(np.diff(headings)).sum())
+
+
+@lru_cache(maxsize=1)
+def versions() -> str:
+    """Return the versions of what a run depends on, as JSON."""
+    manifest = os.path.join(package_folder("m2wr_campaign"), "package.xml")
+    release = ElementTree.parse(manifest).getroot().findtext("version")
+    return json.dumps({"m2wr": release, "python": platform.python_version(), "numpy": np.__version__,
+                       "numba": numba.__version__, "machine": platform.machine()}, sort_keys=True)

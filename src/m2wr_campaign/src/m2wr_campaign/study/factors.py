@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Records of a study: its factors with their values, and one run of it."""
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Dict, Tuple, Union
+
+if TYPE_CHECKING:
+    from m2wr_navigation.compare.drive import Robot
+    from m2wr_sim.model.types import World
+
+    Values = Tuple[Tuple[str, Any], ...]        # names and values, sorted
+
+KEY_DIGITS = 16
+
+
+def key_of(*parts: object) -> str:
+    """Return the key of what JSON can hold: the same in every process and on every machine."""
+    told = json.dumps(parts, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(told.encode()).hexdigest()[:KEY_DIGITS]
+
+
+@dataclass(frozen=True)
+class StudyWorld:
+    """A world with a start and a goal.
+
+    Attributes
+    ----------
+    key : str
+        Of its content.
+    label : str
+    kind : str
+        ``file``, or the name of the generator.
+    parameters : tuple of (str, object)
+        Of the generator.
+    number : int
+        Of the world among those with the same parameters.
+    text : str
+        SDF.
+    world : World or str
+        What :func:`m2wr_sim.api.read_world` takes without any file.
+    start : (3,) float
+        Pose of the robot [m, m, rad].
+    goal : (2,) float
+        [m]
+    recipe : str
+        Of a generated world: what it was made from.
+    """
+
+    key: str
+    label: str
+    kind: str
+    parameters: Values
+    number: int
+    text: str
+    world: Union[World, str]
+    start: Tuple[float, float, float]
+    goal: Tuple[float, float]
+    recipe: str = ""
+
+
+@dataclass(frozen=True)
+class StudyRobot:
+    """A robot.
+
+    Attributes
+    ----------
+    key : str
+        Of its description and limits.
+    label : str
+    robot : Robot
+    """
+
+    key: str
+    label: str
+    robot: Robot
+
+
+@dataclass(frozen=True)
+class StudyMethod:
+    """A planner or method with parameters.
+
+    Attributes
+    ----------
+    name : str
+        As in ``m2wr_navigation.compare.comparison.NAMES``.
+    parameters : tuple of (str, object)
+        Those that differ from the defaults.
+    """
+
+    name: str
+    parameters: Values = ()
+
+    @property
+    def label(self) -> str:
+        """Name and parameters."""
+        return " ".join([self.name] + ["{}={}".format(name, _short(value)) for name, value in self.parameters])
+
+
+def _short(value: object) -> str:
+    return "{:g}".format(value) if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """One run, with all that a worker needs for it.
+
+    Attributes
+    ----------
+    number : int
+        In the order of the study, from 0.
+    world : StudyWorld
+    robot : StudyRobot
+    method : StudyMethod
+    noise : float
+        Standard deviation of the laser's readings [m]; negative: as the robot's description has it.
+    repeat : int
+        From 0.
+    study_seed : int
+    limit : float
+        Greatest simulated time [s].
+    time_limit : float
+        Greatest wall time [s].
+    """
+
+    number: int
+    world: StudyWorld
+    robot: StudyRobot
+    method: StudyMethod
+    noise: float
+    repeat: int
+    study_seed: int
+    limit: float
+    time_limit: float
+
+    @property
+    def key(self) -> str:
+        """What makes it the same run."""
+        return key_of(self.study_seed, self.world.key, self.robot.key, self.method.name, list(self.method.parameters),
+                      self.noise, self.repeat, self.limit)
+
+    @property
+    def seed(self) -> int:
+        """Of all its noise: made from the seed of the study and the key, so that it depends on no worker."""
+        return int(hashlib.sha256("{} {}".format(self.study_seed, self.key).encode()).hexdigest()[:7], 16)
+
+    def factors(self) -> Dict[str, Any]:
+        """Return the values of all factors, as they are stored."""
+        return {"world": self.world.key, "robot": self.robot.label, "method": self.method.name,
+                "parameters": json.dumps(dict(self.method.parameters), sort_keys=True),
+                "noise": self.noise if self.noise >= 0.0 else None, "repeat": self.repeat, "seed": self.seed}

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A study gives the same runs, with the same keys and seeds, in every process."""
+import pytest
+
+from m2wr_campaign.study.expansion import all_tasks, with_noise
+from m2wr_campaign.study.fields import StudyError
+from m2wr_campaign.study.study_file import read_study
+from m2wr_sim.api import read_robot
+
+TEXT = "study: one\nseed: {}\nrepeats: 2\nworlds: [{{file: world02, start: [0, 8], goal: [0, -4]}}, " \
+    "{{generator: maze, count: 2, parameters: {{cells: 3}}}}]\nmethods: [bug2, dwa]\nnoise: [0.0, 0.02]\n"
+
+
+def tasks(tmp_path, text, *kept):
+    (tmp_path / "s.yaml").write_text(text)
+    return all_tasks(read_study(str(tmp_path / "s.yaml")), *kept)
+
+
+def test_each_run_has_its_own_key_and_seed(tmp_path):
+    one, two = tasks(tmp_path, TEXT.format(3)), tasks(tmp_path, TEXT.format(3))
+    assert [(task.key, task.seed) for task in one] == [(task.key, task.seed) for task in two]
+    assert len({task.key for task in one}) == len({task.seed for task in one}) == len(one) == 3 * 2 * 2 * 2
+    other = tasks(tmp_path, TEXT.format(4))
+    assert not {task.key for task in one} & {task.key for task in other}
+
+
+def test_a_run_keeps_its_key_when_factors_are_added(tmp_path):
+    before = {task.key for task in tasks(tmp_path, TEXT.format(3))}
+    more = TEXT.format(3).replace("bug2, dwa", "bug1, bug2, dwa").replace("count: 2", "count: 3")
+    assert before < {task.key for task in tasks(tmp_path, more.replace("repeats: 2", "repeats: 3"))}
+
+
+def test_worlds_that_were_generated_are_not_made_again(tmp_path, monkeypatch):
+    first = tasks(tmp_path, TEXT.format(3))
+    known = {task.world.recipe: task.world for task in first if task.world.recipe}
+    monkeypatch.setattr("m2wr_campaign.study.expansion.generate", lambda *given: pytest.fail("it generated"))
+    again = tasks(tmp_path, TEXT.format(3), known.get)
+    assert len(known) == 2 and [task.key for task in again] == [task.key for task in first]
+
+
+@pytest.mark.parametrize("before, after, told", [
+    ("file: world02", "file: no_such", "s.yaml: worlds[0]: world \"no_such\": there is no such file"),
+    ("noise", "robots: [no_such.urdf]\nnoise", "s.yaml: robots[0]: robot \"no_such.urdf\""),
+    ("cells: 3", "cells: 3, width: 0.4", "generator maze with cells 3, opened 0.1, width 0.4: no way for a disc of"),
+    ("[{file", "[{file: world02, start: [0, 8], goal: [0, -4]}, {file", "world02 with m2wr occurs twice"),
+])
+def test_what_cannot_be_run_is_told(tmp_path, before, after, told):
+    with pytest.raises(StudyError) as error:
+        tasks(tmp_path, TEXT.format(0).replace(before, after))
+    assert told in str(error.value)
+
+
+def test_noise_replaces_that_of_the_description():
+    sensors = [sensor for link in with_noise(read_robot("m2wr"), 0.03).links for sensor in link.sensors if sensor.ray]
+    assert sensors and all(sensor.ray.noise.stddev == 0.03 for sensor in sensors)
+    quiet = [sensor for link in with_noise(read_robot("m2wr"), 0.0).links for sensor in link.sensors if sensor.ray]
+    assert all(sensor.ray.noise.kind == "none" for sensor in quiet)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A campaign stores each run when it ends, continues after kill -9, and gives the same rows on any worker."""
+import os
+import signal
+import time
+
+import pytest
+
+from m2wr_campaign.runner import command
+from m2wr_campaign.runner.one_run import RunError, finite, perform
+from m2wr_campaign.store.result_file import ResultFile
+from m2wr_campaign.store.schema import RUN_COLUMNS
+from m2wr_campaign.study.expansion import all_tasks
+from m2wr_campaign.study.study_file import read_study
+from m2wr_navigation.methods.method import Decision
+
+STUDY = """
+study: small
+repeats: 3
+limit: 4
+worlds: [{file: world02, start: [0, 8], goal: [0, 7]}]
+methods: [bug0, potential_field]
+"""
+MEASURED = {"wall", "cpu", "cpu_ms", "finished"}
+LIMIT = 60.0        # s
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.yaml").write_text(STUDY)
+    return tmp_path / "small.yaml"
+
+
+def stored(path="small.sqlite"):
+    with ResultFile(path) as results:
+        return {run["key"]: (run, results.path_of(run["key"]).tolist()) for run in results.runs()}
+
+
+def test_rows_are_the_same_on_any_worker_and_in_any_order(study, capsys):
+    assert command.main([str(study), "--workers", "2"]) == 0
+    told = capsys.readouterr().out
+    assert "6 of 6 runs, " in told and "0 failed" in told and "6 of 6 runs are in small.sqlite" in told
+    rows = stored()
+    for task in reversed(all_tasks(read_study(str(study)))):
+        again, (run, path) = perform(task), rows[task.key]
+        assert {name: run[name] for name in set(RUN_COLUMNS) - MEASURED - {"path"}} == {
+            name: again.get(name) for name in set(RUN_COLUMNS) - MEASURED - {"path"}}
+        assert run["outcome"] == "reached" and run["success"] == 1 and run["seed"] == task.seed and len(path) > 5
+        assert run["ratio"] >= 0.99 and run["optimum"] == pytest.approx(1.0, abs=0.2) and run["cpu"] > 0.0
+    assert len({run["seed"] for run, _ in rows.values()}) == 6
+
+
+def test_a_campaign_continues_after_kill_9(study, tmp_path, monkeypatch, capsys):
+    begun = tmp_path / "begun"
+    begun.mkdir()
+
+    def slow(task):
+        (begun / "{} {}".format(task.number, os.getpid())).write_text("")
+        while task.number == 3 and not (tmp_path / "go").exists():
+            time.sleep(0.01)
+        return dict(task.factors(), key=task.key, status="done", outcome="reached", reason="", success=1, log="",
+                    versions="{}")
+
+    monkeypatch.setattr(command, "perform", slow)
+    child = os.fork()
+    if child == 0:
+        try:
+            command.main([str(study), "--workers", "1"])
+        finally:
+            os._exit(1)
+    until = time.monotonic() + LIMIT
+    while not any(name.startswith("3 ") for name in os.listdir(begun)) and time.monotonic() < until:
+        time.sleep(0.01)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert len(stored()) == 3
+    (tmp_path / "go").write_text("")
+    assert command.main([str(study), "--workers", "2"]) == 0
+    assert len(stored()) == 6 and "6 of 6 runs are in" in capsys.readouterr().out
+    assert sorted(int(name.split()[0]) for name in os.listdir(begun)) == [0, 1, 2, 3, 3, 4, 5]
+    monkeypatch.setattr(command, "Pool", lambda *given: pytest.fail("it ran again"))
+    monkeypatch.setattr(command, "compile_kernels", lambda: pytest.fail("it compiled"))
+    assert command.main([str(study)]) == 0
+
+
+def test_a_stop_by_ctrl_c_keeps_what_was_run(study, monkeypatch, capsys):
+    def rows(self, tasks, limit):
+        yield dict(tasks[0].factors(), key=tasks[0].key, status="failed", outcome="failed", reason="it broke",
+                   success=0, log="", versions="{}")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command.Pool, "rows", rows)
+    assert command.main([str(study)]) == 130
+    assert "stopped: 1 of 6 runs are in small.sqlite; the same command continues" in capsys.readouterr().out
+    (run, _), = stored().values()
+    assert run["status"] == "failed" and run["reason"] == "it broke"
+
+
+def test_a_start_inside_of_an_obstacle_is_a_failed_run(study):
+    task = all_tasks(read_study(str(study)))[0]
+    from dataclasses import replace
+    row = perform(replace(task, world=replace(task.world, key="other", goal=(0.0, 4.73))))
+    assert row["status"] == "failed" and "the goal (0.00, 4.73) is" in row["reason"] and row["success"] == 0
+
+
+def test_a_command_that_is_not_finite_ends_the_run():
+    class Result:
+        time = 1.5
+
+    with pytest.raises(RunError, match=r"at 1.50 s: command \(nan, 0.0\); expected finite numbers"):
+        finite(lambda result: Decision(float("nan"), 0.0))(Result())
+    assert finite(lambda result: Decision(0.1, 0.2))(Result()).linear == 0.1
+
+
+@pytest.mark.parametrize("words, told", [(["none.yaml"], "none.yaml: No such file"),
+                                         (["small.yaml", "--out", "no/folder.sqlite"], "No such file or directory")])
+def test_what_cannot_be_run_is_told(study, capsys, words, told):
+    assert command.main(words) == 1
+    error = capsys.readouterr().err
+    assert told in error and error.startswith("run: ") and error.count("\n") == 1
+
+
+def test_a_dry_run_counts_and_writes_nothing(study, tmp_path, capsys):
+    assert command.main([str(study), "--dry-run"]) == 0
+    assert capsys.readouterr().out == "small: 6 runs in 1 worlds\n" and len(list(tmp_path.iterdir())) == 1
