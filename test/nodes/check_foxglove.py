@@ -22,10 +22,11 @@ from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from check_launch_errors import free_port  # noqa: E402
-from sim_probe import Recorder, Running, run_checks, wait_until  # noqa: E402
+from sim_probe import Recorder, Running, program, run_checks, wait_until  # noqa: E402
 from web_client import WebClient  # noqa: E402
 
 PROTOCOL = "foxglove.websocket.v1"
+MANY = 200              # clients at the same time
 
 
 def written(message):
@@ -205,6 +206,28 @@ class Foxglove(unittest.TestCase):
                 WebClient(self.address, subprotocols=[PROTOCOL], origin=origin)
         for origin in ("https://app.foxglove.dev", "file://", "http://localhost:8080"):
             self.client(origin=origin)
+
+    def test_a_port_that_is_taken_is_said_with_its_owner(self):
+        with Running([program("foxglove_bridge", "foxglove_bridge"), "__name:=second",
+                      "_port:=%d" % self.port]) as node:
+            self.assertEqual(node.wait(), 1)
+            self.assertRegex(node.text, r":%d cannot be used .*\(process \d+\) has it" % self.port)
+
+    def test_two_hundred_clients_are_served(self):
+        pages = [self.client() for _ in range(MANY)]
+        for page in pages:
+            page.send(op="getParameters", parameterNames=["/rosdistro"], id="all")
+        for page in pages:
+            page.wait_for("parameterValues", id="all")
+
+    def test_a_gigabyte_is_refused_before_it_is_read(self):
+        page = self.client()
+        page.socket.socket.sendall(b"\x81\xff" + struct.pack(">Q", 1 << 30) + b"\0\0\0\0")
+        with self.assertRaises(websockets.exceptions.ConnectionClosed) as caught:
+            while True:
+                page.receive()
+        self.assertEqual(caught.exception.rcvd.code, 1009)
+        self.client()
 
     def test_another_protocol_is_refused(self):
         with self.assertRaises(websockets.exceptions.InvalidStatus):

@@ -8,7 +8,8 @@ from typing import Any, List, NamedTuple, Sequence, Tuple
 MOST_ROWS, MOST_COLUMNS = 40, 8
 LONGEST = 60                # characters of a cell
 _OK, _ERROR = 0, 2          # of diagnostic_msgs/DiagnosticStatus
-_STYLE = "font:11px/1.35 system-ui,sans-serif;padding:0 8px 8px;overflow-x:auto"
+_STYLE = "font:10px/1.35 system-ui,sans-serif;padding:0 2px 6px;overflow-x:auto"
+_IN_SIGHT = 4               # columns that the panel shows without scrolling
 
 
 class Row(NamedTuple):
@@ -36,7 +37,7 @@ def html_of(rows: Sequence[Row]) -> str:
         known = dict(row.values)
         cells = "".join("<td align=right>%s</td>" % html.escape(known.get(key, "")) for key in keys)
         if row.level >= _ERROR or not known:
-            cells = "<td colspan=%d>%s</td>" % (max(len(keys), 1), html.escape(row.message))
+            cells = "<td colspan=%d>%s</td>" % (min(max(len(keys), 1), _IN_SIGHT), html.escape(row.message))
         style = " style='font-weight:bold;color:#007a5a'" if row.level == _OK else ""
         lines.append("<tr%s><td>%d</td><td>%s</td>%s</tr>" % (style, number, html.escape(row.name), cells))
-    return "<div style='%s'><table cellspacing=4>%s</table></div>" % (_STYLE, "".join(lines))
+    return "<div style='%s'><table cellspacing=1>%s</table></div>" % (_STYLE, "".join(lines))
