@@ -34,7 +34,8 @@ SUITABLE = {
     "libgazebo_ros_bumper.so": ((), "/bumper_states", "contact"),
     "libgazebo_ros_ft_sensor.so": ((("jointName", "joint_left_wheel"), ("topicName", "/out"), HERE), "/out", None),
 }
-SILENT = {"libgazebo_ros_force.so"}                     # publishes nothing
+SILENT = {"libgazebo_ros_force.so", "libm2wr_way_points.so", "libTrajectoryActorPlugin.so",
+          "libm2wr_actor_script.so"}                    # publish nothing
 PERIODS_MS = {"libgazebo_ros_planar_move.so": 51.0}     # more than a period since it last did: 50 + 1, again and again
 ALL = sorted(set(PLUGINS) - SILENT)
 

@@ -43,7 +43,7 @@ def outline_of(geometry: Any, pose: Pose, low: float = FLOOR, high: float = ROBO
 
 
 def obstacle_outlines(world: World, low: float = FLOOR, high: float = ROBOT_HEIGHT) -> List[Outline]:
-    """Return the outlines of all obstacles of a world, except planes, at their poses in the world file.
+    """Return the outlines of all obstacles of a world at their poses in the world file, except planes and actors.
 
     Parameters
     ----------
@@ -53,5 +53,6 @@ def obstacle_outlines(world: World, low: float = FLOOR, high: float = ROBOT_HEIG
     """
     outlines = [outline_of(collision.geometry, pose, low, high, model.name)
                 for model, collision, pose in placed_collisions(world)
-                if collision.surface.collide_bitmask and not collision.surface.collide_without_contact]
+                if collision.surface.collide_bitmask and not collision.surface.collide_without_contact
+                and model.script is None]
     return [outline for outline in outlines if outline is not None]

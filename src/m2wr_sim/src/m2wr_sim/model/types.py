@@ -281,10 +281,30 @@ class PluginSpec:
 
 
 @dataclass(frozen=True)
+class Trajectory:
+    """Way points of an ``<actor>``: ascending times [s] and poses in world, ``tension`` of the spline from 0 to 1."""
+
+    kind: str
+    times: Tuple[float, ...]
+    poses: Tuple[Pose, ...]
+    tension: float = 0.0
+
+
+@dataclass(frozen=True)
+class ActorScript:
+    """The ``<script>`` of an actor: trajectories one after the other; ``delay`` [s] is waited before each cycle."""
+
+    trajectories: Tuple[Trajectory, ...] = ()
+    loop: bool = True
+    delay: float = 0.0
+    auto_start: bool = True
+
+
+@dataclass(frozen=True)
 class Model:
     """A model: links, joints and plugins.  Links of nested models are flattened with scoped names ``inner::link``.
 
-    ``lumped`` maps the name of a link that was merged over a fixed joint to
+    ``script`` moves an actor.  ``lumped`` maps the name of a link that was merged over a fixed joint to
     ``(carrying link, pose of the merged link's frame in the carrying link's frame)``.
     """
 
@@ -297,6 +317,7 @@ class Model:
     nested: Tuple[str, ...] = ()                     # names of nested models
     lumped: Tuple[Tuple[str, str, Pose], ...] = ()
     allow_auto_disable: bool = True
+    script: Optional[ActorScript] = None
     notes: Tuple[str, ...] = ()                      # warnings about elements that are ignored, one sentence each
     remarks: Tuple[str, ...] = ()                    # elements without effect, for level info
 

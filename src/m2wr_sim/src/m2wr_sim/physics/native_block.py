@@ -44,7 +44,7 @@ def classes_of(shapes: Iterable[Shape]) -> Tuple[Dict[Shape, int], List[Shape]]:
     for shape in shapes:
         collision = shape.collision
         key = (collision.surface, type(collision.geometry), collision.max_contacts, shape.wheel, shape.moves,
-               shape.stiffer)
+               shape.stiffer, shape.yields)
         if key not in numbers:
             numbers[key] = len(representatives)
             representatives.append(shape)
@@ -96,7 +96,7 @@ class Block:
         self.words[layout.H_CLASS_COUNT] = count
         for one_index, one in enumerate(representatives):
             for two_index, two in enumerate(representatives):
-                if not (one.moves or two.moves):
+                if not (one.yields or two.yields):
                     continue
                 both_move = one.moves and two.moves
                 surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, both_move, settings,

@@ -153,7 +153,7 @@ class OdeWorld(Engine):
         geom.setCategoryBits(bodies.CATEGORY_MOVING if body is not None else bodies.CATEGORY_STATIC)
         geom.setCollideBits(bodies.COLLIDE_EVERYTHING if body is not None else 0)
         self._shapes[geom] = Shape(where, collision, wheel_pose is not None, parts.name, link.name, body,
-                                   parts.stiffer, link.countdown)
+                                   parts.stiffer, link.countdown, link.spec.kinematic)
         link.geoms.append((geom, collision))
         parts.geoms.append(geom)
 
@@ -281,7 +281,8 @@ class OdeWorld(Engine):
 
     def set_link_pose(self, link: int, pose: Pose) -> None:
         entry = self._links[link]
-        self._wake()
+        if entry.body is None or not entry.spec.kinematic:      # a kinematic body is awake, and so is what it meets
+            self._wake()
         self.placements += 1
         self.version += 1
         if entry.body is not None:

@@ -55,17 +55,21 @@ class Shape:
         See :func:`m2wr_sim.physics.contacts.load_class`.
     countdown : Countdown or None
         None if the body never sleeps.
+    kinematic : bool, optional
+        Whether nothing can push the body; two such shapes, or one and a static one, have no contacts.
     """
 
-    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown")
+    __slots__ = ("name", "collision", "wheel", "moves", "model", "link", "body", "stiffer", "restless", "countdown",
+                 "yields")
 
     def __init__(self, name: str, collision: Collision, wheel: bool, model: str, link: str, body: Optional[ode.Body],
-                 stiffer: float, countdown: Optional[Countdown]) -> None:
+                 stiffer: float, countdown: Optional[Countdown], kinematic: bool = False) -> None:
         self.name, self.collision, self.wheel = name, collision, wheel
         self.model, self.link = model, link
         self.body: ode.Body = body              # as in LinkBody
         self.moves, self.stiffer = body is not None, stiffer if body is not None else math.inf
         self.countdown, self.restless = countdown, body is not None and countdown is None
+        self.yields = body is not None and not kinematic
 
 
 class LinkBody:

@@ -161,7 +161,7 @@ class PyodeEngine(OdeWorld):
     def _make_pair(self, first: Geom, second: Geom) -> Optional[_Pair]:
         one, two = self._shapes[first], self._shapes[second]
         surface = None
-        if one.moves or two.moves:
+        if one.yields or two.yields:
             surface = pair_surface(one.collision, two.collision, one.wheel, two.wheel, one.moves and two.moves,
                                    self.settings, min(one.stiffer, two.stiffer))
         # ODE may exchange the two geoms of a pair as they move; it stays the same contact

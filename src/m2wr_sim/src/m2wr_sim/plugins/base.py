@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.random import Generator
 
-    from m2wr_sim.model.types import Joint, Link
+    from m2wr_sim.model.types import ActorScript, Joint, Link
     from m2wr_sim.physics.engine import Engine, LinkState
 
 __all__ = ["NEVER", "LazySensor", "Plugin", "PluginContext", "PluginReader", "driven_joint"]
@@ -30,6 +30,8 @@ NEVER = None
 
 class Plugin(abc.ABC):
     """Base of all plugins; see the module docstring for the order of calls."""
+
+    places_model = False        # whether it alone moves the model: forces and contacts do not
 
     @abc.abstractmethod
     def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
@@ -143,6 +145,7 @@ class PluginContext(abc.ABC):
     sensor: Any = None                  # model.types.Sensor, for sensor plugins
     sensor_link: Any = None             # engine's number of the link that carries the sensor
     sensor_collisions: Tuple[str, ...] = ()     # names of that link's collisions, without model and link
+    script: Optional[ActorScript] = None    # of an actor
     now_ns: int = 0                     # simulated time at configuration
     physics: Engine
     scene: Any = None                   # what rays can hit
@@ -209,6 +212,20 @@ class PluginContext(abc.ABC):
 
         Parameters
         ----------
+        linear : (3,) float
+            Velocity [m/s] of the origin of the model frame, in world axes.
+        angular : (3,) float
+            Angular velocity [rad/s], in world axes.
+        """
+
+    @abc.abstractmethod
+    def move_model(self, pose: Pose, linear: Vector, angular: Vector) -> None:
+        """Place the whole model with its initial joint positions, and set its velocity.
+
+        Parameters
+        ----------
+        pose : pose
+            Of the model frame in the world.
         linear : (3,) float
             Velocity [m/s] of the origin of the model frame, in world axes.
         angular : (3,) float

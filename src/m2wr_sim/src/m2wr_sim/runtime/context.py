@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, List, Mapping, Optional, Sequen
 import numpy as np
 
 from m2wr_sim.errors import PluginError
-from m2wr_sim.geometry import compose, cross, invert
+from m2wr_sim.geometry import compose, cross, invert, normalise_quaternion, rotate
 from m2wr_sim.plugins.base import PluginContext
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ class ModelContext(PluginContext):
         self._sensor_link_name = sensor_link
         if sensor_link is not None:
             self.sensor_collisions = tuple(shape.name for shape in self.link_record(sensor_link).collisions)
+        self.script = model.record.script
         self.now_ns, self.measurements = simulator.now_ns, 0    # how often a ray sensor has measured
         self.physics, self.scene = simulator.engine, simulator.scene
         self.log = logging.getLogger("m2wr_sim.plugins")
@@ -132,6 +133,18 @@ class ModelContext(PluginContext):
             engine.set_link_velocity(
                 links[record.name], tuple(a + b for a, b in zip(linear, carried)),
                 tuple(a + b - c for a, b, c in zip(angular, state.angular_velocity, turning)))
+
+    def move_model(self, pose: Pose, linear: Vector, angular: Vector) -> None:
+        engine, links = self.physics, self._model.handle.links
+        origin = pose[0]
+        for record in self._model.record.links:
+            position, orientation = compose(pose, record.pose)
+            engine.set_link_pose(links[record.name], (position, normalise_quaternion(orientation)))
+            arm = rotate(orientation, record.inertial.pose[0])
+            carried = cross(angular, (position[0] + arm[0] - origin[0], position[1] + arm[1] - origin[1],
+                                      position[2] + arm[2] - origin[2]))
+            engine.set_link_velocity(links[record.name], (
+                linear[0] + carried[0], linear[1] + carried[1], linear[2] + carried[2]), angular)
 
     def refresh_scene(self) -> None:
         self.measurements += 1

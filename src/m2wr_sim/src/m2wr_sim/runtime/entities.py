@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -46,6 +47,12 @@ def list_names(names: Iterable[str]) -> str:
         return "none"
     more = len(names) - _MOST_NAMES
     return ", ".join(names[:_MOST_NAMES]) + (" and %d more" % more if more > 0 else "")
+
+
+def kinematic(record: Model) -> Model:
+    """Return a model that moves others, but that forces and contacts do not move."""
+    return replace(record, static=False, joints=(), allow_auto_disable=False, links=tuple(
+        replace(link, kinematic=True, gravity=False) for link in record.links))
 
 
 class LiveModel:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_ACTOR_SCRIPT = "builtin actor script"
 _JOINT_STATES = "builtin joint states"
 _RATE_TAGS = ("updaterate", "updateratehz", "update_rate")
 
@@ -83,6 +84,8 @@ class PluginHost:
 
     def _specs(self, record: Model) -> Iterator[Tuple[PluginSpec, Optional[Sensor], Optional[str]]]:
         """Yield ``(spec, sensor, link name)`` of a model's plugins; adds joint states if no plugin publishes them."""
+        if record.script is not None:
+            yield PluginSpec(_ACTOR_SCRIPT, "libm2wr_actor_script.so", where=record.name + ": script"), None, None
         for spec in record.plugins:
             yield spec, None, None
         for link in record.links:

@@ -18,7 +18,7 @@ from m2wr_sim.geometry import compose, rotate, unit_pose
 from m2wr_sim.model.types import Physics
 from m2wr_sim.plugins.registry import find_plugin
 from m2wr_sim.runtime.config import SimConfig
-from m2wr_sim.runtime.entities import LiveModel, find_frame, list_names, relative
+from m2wr_sim.runtime.entities import LiveModel, find_frame, kinematic, list_names, relative
 from m2wr_sim.runtime.limits import check_pose, check_velocity
 from m2wr_sim.runtime.plugin_host import PluginHost
 from m2wr_sim.runtime.scene_update import SceneUpdate
@@ -162,6 +162,9 @@ class Simulator:
         for link in record.links:
             for part in (link,) + link.collisions:
                 check_pose("%s::%s" % (name, part.name), part.pose)
+        if record.script is not None or any(getattr(self.plugin_class(spec.filename), "places_model", False)
+                                            for spec in record.plugins):
+            record = kinematic(record)
         handle = self.engine.add_model(record, pose, name)
         model = LiveModel(record, handle, pose)
         self.models[name] = model

@@ -19,7 +19,7 @@ def _words(text: str) -> FrozenSet[str]:
 
 #: Row -> the elements in it that are read.
 READ = {row: _words(text) for row, text in {
-    "world": "model include light physics gravity plugin state frame",
+    "world": "model actor include light physics gravity plugin state frame",
     "physics": "max_step_size real_time_update_rate gravity max_contacts ode",
     "physics/ode": "solver constraints",
     "solver": "type iters precon_iters sor",
@@ -31,6 +31,11 @@ READ = {row: _words(text) for row, text in {
     "insertions": "model include light",
     "include": "uri name pose static plugin placement_frame",
     "model": "pose static self_collide allow_auto_disable plugin link joint model include frame",
+    "actor": "pose skin script plugin link joint",
+    "skin": "filename scale",
+    "actor/script": "loop delay_start auto_start trajectory",
+    "trajectory": "waypoint",
+    "waypoint": "time pose",
     "frame": "pose",
     "link": "pose inertial collision visual sensor gravity self_collide kinematic velocity_decay",
     "velocity_decay": "linear angular",
@@ -92,6 +97,7 @@ QUIET = {row: _words(text) for row, text in {
     "state/model": "joint",
     "state/link": "acceleration wrench collision",
     "model": "enable_wind description author",
+    "actor": "animation static enable_wind self_collide",
     "link": "enable_wind light audio_sink audio_source must_be_base_link projector particle_emitter",
     "visual": "cast_shadows transparency laser_retro meta plugin visibility_flags",
     "material": "specular emissive lighting shader pbr shininess render_order double_sided",
@@ -116,7 +122,6 @@ QUIET = {row: _words(text) for row, text in {
 
 #: (row, element) -> why it is ignored; reported as a warning.
 REASONS = {
-    ("world", "actor"): "actors are not simulated",
     ("world", "population"): "write the models out, or spawn them",
     ("link", "battery"): "no charge is simulated",
     ("joint", "sensor"): "a force and torque plugin on the model reads joints",
@@ -153,6 +158,9 @@ DIFFERS = {
     "state/model": "`scale` other than 1 1 1 is reported and not applied",
     "include": "nothing is downloaded; `placement_frame` names a link",
     "model": "a nested model that alone is `static` is reported; `gripper` has no effect",
+    "actor": "pushes others, nothing moves it; `joint` is reported; visuals collide where nothing else of a link does",
+    "skin": "a cylinder stands for the person; `script` and plugins move it",
+    "trajectory": "attributes `id`, `type`, `tension`",
     "inertial": "the mass of a moving link must be positive",
     "visual": "for viewers; of `geometry` only simple shapes",
     "geometry": "`image`, `capsule`, `ellipsoid`: reported, this shape is left out",
@@ -174,7 +182,8 @@ SILENT_ATTRIBUTES = {"physics": ("name",), "state": ("world_name",), "xyz": ("ex
 #: (row of the parent, element) -> row, where the element's own name is not one.
 ROWS = {
     ("physics", "ode"): "physics/ode", ("friction", "ode"): "friction/ode", ("contact", "ode"): "contact/ode",
-    ("state", "model"): "state/model", ("state/model", "model"): "state/model", ("state/model", "link"): "state/link",
+    ("actor", "script"): "actor/script", ("state", "model"): "state/model",
+    ("state/model", "model"): "state/model", ("state/model", "link"): "state/link",
     ("joint", "physics"): "joint/physics", ("joint/physics", "ode"): "joint/ode", ("joint/ode", "limit"): "ode/limit",
     ("joint", "axis2"): "axis", ("axis", "limit"): "axis/limit", ("sensor", "contact"): "sensor/contact",
     ("angular_velocity", "x"): "imu/axis", ("angular_velocity", "y"): "imu/axis", ("angular_velocity", "z"): "imu/axis",

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
 
 from m2wr_sim.errors import ModelError, WorldError
 from m2wr_sim.model.notes import Notes
+from m2wr_sim.model.sdf.actor import read_actor
 from m2wr_sim.model.sdf.frames import Frames, raw_pose
 from m2wr_sim.model.sdf.light import read_light
 from m2wr_sim.model.sdf.model import SdfContext, add_frames, check_root, read_include, read_model, read_plugins
@@ -54,8 +55,8 @@ class _Contents:
         self.lights.setdefault(light.name, light)
 
     def read(self, parent: Node, context: SdfContext) -> None:
-        """Read every model, include and light in ``parent``."""
-        nodes = {tag: iter(parent.children(tag)) for tag in ("model", "include", "light")}
+        """Read every model, actor, include and light in ``parent``."""
+        nodes = {tag: iter(parent.children(tag)) for tag in ("model", "actor", "include", "light")}
         for tag in parent.tags():
             if tag not in nodes:
                 continue
@@ -67,6 +68,8 @@ class _Contents:
                 model, lights = read_include(child, context)
             elif tag == "model":
                 model = self._notes.attempt("this model", read_model, child, context)
+            elif tag == "actor":
+                model = self._notes.attempt("this actor", read_actor, child, context)
             else:
                 lights = (self._notes.attempt("this light", read_light, child),)
             if model is not None:
