@@ -111,7 +111,7 @@ def label_parts(costs: Uint8Array, table: Float32Array, start: Tuple[int, int],
                 continue
             if count + _MOST_PARTS >= len(parts):
                 parts = np.concatenate((parts, np.empty((len(parts), 4), np.float32)))
-            if not special and top_cost == low or (top_cost < 253 and not special):
+            if not special and (top_cost == low or (top_cost < 253 and table[top_cost] < np.inf)):
                 first[up, across] = count
                 parts[count, 0] = 0.5 * (up * BLOCK + min((up + 1) * BLOCK, rows) - 1)
                 parts[count, 1] = 0.5 * (left + right - 1)
@@ -160,9 +160,20 @@ def _neighbours(first: Int32Array, labels: Uint8Array, parts: Float32Array, cost
     row, column = int(parts[number, 0]), int(parts[number, 1])
     top, left = row // BLOCK * BLOCK, column // BLOCK * BLOCK
     bottom, right = min(top + BLOCK, costs.shape[0]) - 1, min(left + BLOCK, costs.shape[1]) - 1
-    count, before = 0, -1
+    count, before, whole = 0, -1, parts[number, 3] == 1.0
     for side in range(4):
         before = -1
+        next_up = top // BLOCK + (1 if side == 0 else -1 if side == 1 else 0)
+        next_across = left // BLOCK + (1 if side == 2 else -1 if side == 3 else 0)
+        if not (0 <= next_up < first.shape[0] and 0 <= next_across < first.shape[1]):
+            continue
+        other = first[next_up, next_across]
+        if other < 0:
+            continue
+        if whole and parts[other, 3] == 1.0:
+            found[count] = other
+            count += 1
+            continue
         length = (right - left if side < 2 else bottom - top) + 1
         for k in range(length):
             r = bottom if side == 0 else top if side == 1 else top + k

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional
 import numpy as np
 
 from m2wr_navigation.parameters import Parameter, flag
-from m2wr_navigation.planners import corridor_kernels, grid_search_kernels, wave_kernels
+from m2wr_navigation.planners import any_angle_kernels, grid_search_kernels, wave_kernels
 from m2wr_navigation.planners.navfn import Navfn
 from m2wr_navigation.planners.planner import Plan, cost_table
-from m2wr_navigation.planners.potential_search import LARGE, WIDTH
+from m2wr_navigation.planners.potential_search import allowed_blocks
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import Float32Array, FloatArray
@@ -29,7 +29,6 @@ class AStar(Navfn):
                                        False),
         "cost_factor": Parameter(0.8, "", 0.0, 5.0, "weight of a cell's cost against 50 for a free cell", False),
     }
-    ANY_ANGLE = False
 
     def __init__(self, values: Mapping[str, Any], clock: Optional[Callable[[], float]] = None) -> None:
         super().__init__(values, clock)
@@ -37,10 +36,9 @@ class AStar(Navfn):
         self._parent = np.zeros((0, 0), np.int32)
 
     def cells(self, costmap: Costmap, table: Float32Array, begin: Any, target: Any) -> Optional[FloatArray]:
-        return self.grid_cells(costmap, table, begin, target, self.ANY_ANGLE)
+        return self.grid_cells(costmap, table, begin, target)
 
-    def grid_cells(self, costmap: Costmap, table: Float32Array, begin: Any, target: Any,
-                   any_angle: bool) -> Optional[FloatArray]:
+    def grid_cells(self, costmap: Costmap, table: Float32Array, begin: Any, target: Any) -> Optional[FloatArray]:
         """Return the cells (N, 2) of a path, or None.
 
         Parameters
@@ -48,27 +46,44 @@ class AStar(Navfn):
         costmap : Costmap
         table : (256,) float32
         begin, target : (row, column)
-        any_angle : bool
-            Whether to use Theta*.
         """
-        if self._total.shape != costmap.shape:
-            self._total = np.full(costmap.shape, np.inf, np.float32)
-            self._parent = np.empty(costmap.shape, np.int32)
-        allowed = np.zeros((0, 0), np.uint8)
-        if costmap.costs.size > LARGE:
-            found, connected = corridor_kernels.corridor(costmap.costs, table, begin, target, WIDTH)
-            allowed = found if connected else allowed
+        self._make_room(costmap)
         visited, count, reached = grid_search_kernels.search(
-            costmap.costs, table, begin, target, allowed, any_angle, self._total, self._parent)
+            costmap.costs, table, begin, target, allowed_blocks(costmap, table, begin, target), self._total,
+            self._parent)
         path = grid_search_kernels.path_back(self._parent, begin, target) if reached else None
         wave_kernels.restore(self._total, visited, count)
         return None if path is None else with_points(path.astype(float), STEP)
 
+    def _make_room(self, costmap: Costmap) -> None:
+        if self._total.shape != costmap.shape:
+            self._total = np.full(costmap.shape, np.inf, np.float32)
+            self._parent = np.empty(costmap.shape, np.int32)
+
 
 class ThetaStar(AStar):
-    """Theta*: like A*, with straight lines between any two cells in sight."""
+    """Theta*: like A*, with straight lines between any two cells in sight. The potential is its heuristic."""
 
-    ANY_ANGLE = True
+    def __init__(self, values: Mapping[str, Any], clock: Optional[Callable[[], float]] = None) -> None:
+        super().__init__(values, clock)
+        self._potential: Float32Array = np.zeros((0, 0), np.float32)
+
+    def cells(self, costmap: Costmap, table: Float32Array, begin: Any, target: Any) -> Optional[FloatArray]:
+        self._make_room(costmap)
+        if self._potential.shape != costmap.shape:
+            self._potential = np.full(costmap.shape, np.inf, np.float32)
+        reached_cells, reached_count, reached = wave_kernels.wave(
+            costmap.costs, table, target, begin, self._potential, allowed_blocks(costmap, table, begin, target), True)
+        path = None
+        if reached:
+            visited, count, found = any_angle_kernels.search(
+                costmap.costs, table, begin, target, self._potential, self._total, self._parent)
+            if found:
+                corners = grid_search_kernels.path_back(self._parent, begin, target)
+                path = any_angle_kernels.straighten(costmap.costs, table, corners)
+            wave_kernels.restore(self._total, visited, count)
+        wave_kernels.restore(self._potential, reached_cells, reached_count)
+        return None if path is None else with_points(path.astype(float), STEP)
 
 
 def with_points(cells: FloatArray, step: float) -> FloatArray:
@@ -119,7 +134,7 @@ class GlobalPlanner(AStar):
 
     def cells(self, costmap: Costmap, table: Float32Array, begin: Any, target: Any) -> Optional[FloatArray]:
         if not self.values["use_dijkstra"]:
-            return self.grid_cells(costmap, table, begin, target, False)
+            return self.grid_cells(costmap, table, begin, target)
         return self.search_memory.path(costmap, table, begin, target, self.values["use_quadratic"],
                                        not self.values["use_grid_path"], self.values["publish_potential"])
 

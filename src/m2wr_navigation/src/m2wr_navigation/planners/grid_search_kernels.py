@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A* on the eight neighbours of a cell, and Theta*, whose path turns at any angle."""
+"""A* on the eight neighbours of a cell."""
 from __future__ import annotations
 
 import math
@@ -9,72 +9,84 @@ import numpy as np
 from numba import njit
 
 from m2wr_navigation.planners.block_layout import BLOCK
-from m2wr_navigation.planners.heap_kernels import pop, push
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, Int32Array, Uint8Array
+    from m2wr_gmapping.array_types import Float32Array, IndexArray, Int32Array, Uint8Array
 
-DIAGONAL = math.sqrt(2.0)
+_DIAGONAL, _RISE = np.float32(math.sqrt(2.0)), np.float32(math.sqrt(2.0) - 1.0)
+_HALF, _INF = np.float32(0.5), np.float32(np.inf)
+_CHANGE = np.float32(1.0 - 1e-6)        # a path that is better by less is not taken: rounding of 32-bit numbers
+_AT_ONCE = 64                           # cells between two looks at the room in the queue
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def straight_cost(costs: Uint8Array, table: Float32Array, row: int, column: int, last_row: int,
-                  last_column: int) -> float:
-    """Return the cost of the straight line between the centres of two cells; inf if it meets a blocked cell.
+def _octile(rows: int, columns: int) -> np.float32:
+    high, low = max(rows, columns), min(rows, columns)
+    return np.float32(high) + _RISE * np.float32(low)
 
-    The line visits every cell that it crosses; through a corner of cells it needs both neighbours. The cost is the
-    length times the mean cost of the cells.
 
-    Parameters
-    ----------
-    costs : (H, W) uint8
-    table : (256,) float32
-        Cost of each value; inf: blocked.
-    row, column, last_row, last_column : int
-        Cells within the grid.
+@njit(cache=True, nogil=True, error_model='numpy')
+def _reach(total: Float32Array, parent: Int32Array, allowed: Uint8Array, row: int, column: int, new: np.float32,
+           origin: int) -> bool:
+    """Take a path to a cell, if it is better than that before; return whether it was."""
+    if not new < total[row, column] * _CHANGE or (allowed.shape[0] > 0 and allowed[row // BLOCK, column // BLOCK] == 0):
+        return False
+    total[row, column], parent[row, column] = new, origin
+    return True
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _expand(costs: Uint8Array, table: Float32Array, allowed: Uint8Array, row: int, column: int, total: Float32Array,
+            parent: Int32Array, better: IndexArray) -> int:
+    """Offer a cell's path to its eight neighbours; write those that took it, row and column; return how many.
+
+    The neighbours are written one by one: in a loop over them, the processor foresees none of the branches, and the
+    search takes several times as long.
     """
-    rows, columns = abs(last_row - row), abs(last_column - column)
-    down, right = 1 if last_row > row else -1, 1 if last_column > column else -1
-    total = 0.5 * table[costs[row, column]]
-    cells = 0.5
-    error = rows - columns              # sign: whether the line crosses a horizontal or a vertical side next
-    at_row, at_column = row, column
-    while at_row != last_row or at_column != last_column:
-        if error > 0:
-            at_row += down
-            error -= 2 * columns
-        elif error < 0:
-            at_column += right
-            error += 2 * rows
-        else:
-            if not (table[costs[at_row + down, at_column]] < np.inf
-                    and table[costs[at_row, at_column + right]] < np.inf):
-                return np.inf
-            at_row += down
-            at_column += right
-            error += 2 * rows - 2 * columns
-        cost = table[costs[at_row, at_column]]
-        if not cost < np.inf:
-            return np.inf
-        last = at_row == last_row and at_column == last_column
-        total += 0.5 * cost if last else cost
-        cells += 0.5 if last else 1.0
-    return math.hypot(rows, columns) * total / cells
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _octile(rows: int, columns: int) -> float:
-    return max(rows, columns) + (DIAGONAL - 1.0) * min(rows, columns)
+    rows, columns = costs.shape
+    origin, here = row * columns + column, total[row, column]
+    half = _HALF * table[costs[row, column]]
+    up = _HALF * table[costs[row - 1, column]] if row > 0 else _INF
+    down = _HALF * table[costs[row + 1, column]] if row + 1 < rows else _INF
+    left = _HALF * table[costs[row, column - 1]] if column > 0 else _INF
+    right = _HALF * table[costs[row, column + 1]] if column + 1 < columns else _INF
+    count = 0
+    if up < _INF:
+        if _reach(total, parent, allowed, row - 1, column, here + half + up, origin):
+            better[count, 0], better[count, 1], count = row - 1, column, count + 1
+        if left < _INF:
+            crooked = here + _DIAGONAL * (half + _HALF * table[costs[row - 1, column - 1]])
+            if _reach(total, parent, allowed, row - 1, column - 1, crooked, origin):
+                better[count, 0], better[count, 1], count = row - 1, column - 1, count + 1
+        if right < _INF:
+            crooked = here + _DIAGONAL * (half + _HALF * table[costs[row - 1, column + 1]])
+            if _reach(total, parent, allowed, row - 1, column + 1, crooked, origin):
+                better[count, 0], better[count, 1], count = row - 1, column + 1, count + 1
+    if down < _INF:
+        if _reach(total, parent, allowed, row + 1, column, here + half + down, origin):
+            better[count, 0], better[count, 1], count = row + 1, column, count + 1
+        if left < _INF:
+            crooked = here + _DIAGONAL * (half + _HALF * table[costs[row + 1, column - 1]])
+            if _reach(total, parent, allowed, row + 1, column - 1, crooked, origin):
+                better[count, 0], better[count, 1], count = row + 1, column - 1, count + 1
+        if right < _INF:
+            crooked = here + _DIAGONAL * (half + _HALF * table[costs[row + 1, column + 1]])
+            if _reach(total, parent, allowed, row + 1, column + 1, crooked, origin):
+                better[count, 0], better[count, 1], count = row + 1, column + 1, count + 1
+    if left < _INF and _reach(total, parent, allowed, row, column - 1, here + half + left, origin):
+        better[count, 0], better[count, 1], count = row, column - 1, count + 1
+    if right < _INF and _reach(total, parent, allowed, row, column + 1, here + half + right, origin):
+        better[count, 0], better[count, 1], count = row, column + 1, count + 1
+    return count
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], target: Tuple[int, int],
-           allowed: Uint8Array, any_angle: bool, total: Float32Array,
-           parent: Int32Array) -> Tuple[Int32Array, int, bool]:
-    """Search the cheapest path from a start to a target.
+           allowed: Uint8Array, total: Float32Array, parent: Int32Array) -> Tuple[Int32Array, int, bool]:
+    """Search the cheapest path from a start to a target: A* on eight neighbours with the octile heuristic.
 
-    An edge costs its length times the mean cost of its two cells. With ``any_angle`` a cell takes the parent of its
-    predecessor where the straight line from there is free and not more expensive (Theta*, Nash 2007).
+    An edge costs its length times the mean cost of its two cells. The queue has bands of half the least cost. A cell
+    whose path becomes better enters it again, so the order within a band does not matter.
 
     Parameters
     ----------
@@ -85,7 +97,6 @@ def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], targe
         Free cells.
     allowed : (h, w) uint8
         0: no cell of this block is entered; (0, 0): all are.
-    any_angle : bool
     total : (H, W) float32
         inf before; changed: cost from the start.
     parent : (H, W) int32
@@ -99,57 +110,59 @@ def search(costs: Uint8Array, table: Float32Array, start: Tuple[int, int], targe
         How many of them are used.
     found : bool
     """
-    rows, columns = costs.shape
-    limited = allowed.shape[0] > 0
-    keys, items = np.empty(4096, np.float32), np.empty(4096, np.int32)
-    visited = np.empty(4096, np.int32)
-    least = table[0]
+    columns, least = costs.shape[1], table[0]
+    width, bands = _bands(table)
+    inverse = np.float32(1.0) / width
+    room = 8 * _AT_ONCE
+    queue, counts = np.empty((bands, room), np.int64), np.zeros(bands, np.int64)    # circular: cells of each band
+    visited, better = np.empty(4096, np.int32), np.empty((8, 2), np.int64)
     total[start] = 0.0
     parent[start] = visited[0] = start[0] * columns + start[1]
-    seen, waiting = 1, push(keys, items, 0, 0.0, start[0] * columns + start[1])
-    while waiting > 0:
-        key, item = keys[0], items[0]
-        waiting = pop(keys, items, waiting)
-        row, column = item // columns, item % columns
-        if row == target[0] and column == target[1]:
-            return visited, seen, True
-        ahead = _ahead(any_angle, abs(row - target[0]), abs(column - target[1])) * least
-        if key > (total[row, column] + ahead) * 1.00001:
-            continue
-        if waiting + 8 >= len(keys):
-            keys = np.concatenate((keys, np.empty(len(keys), np.float32)))
-            items = np.concatenate((items, np.empty(len(items), np.int32)))
-        if seen + 8 >= len(visited):
-            visited = np.concatenate((visited, np.empty(len(visited), np.int32)))
-        above = parent[row, column]
-        here = table[costs[row, column]]
-        for r in range(max(0, row - 1), min(rows, row + 2)):
-            for c in range(max(0, column - 1), min(columns, column + 2)):
-                cost = table[costs[r, c]]
-                if not cost < np.inf or (limited and allowed[r // BLOCK, c // BLOCK] == 0):
-                    continue
-                crooked = r != row and c != column
-                if crooked and not (table[costs[row, c]] < np.inf and table[costs[r, column]] < np.inf):
-                    continue
-                new = total[row, column] + 0.5 * (here + cost) * (DIAGONAL if crooked else 1.0)
-                origin = item
-                if any_angle and above != item and total[r, c] > new * 0.9:
-                    over = total[above // columns, above % columns] + straight_cost(
-                        costs, table, above // columns, above % columns, r, c)
-                    if over <= new * 1.00001:
-                        new, origin = over, above
-                if new < total[r, c] * 0.99999:
-                    total[r, c], parent[r, c] = new, origin
-                    visited[seen] = r * columns + c
+    level = int(_octile(abs(start[0] - target[0]), abs(start[1] - target[1])) * least * inverse)
+    queue[level & (bands - 1), 0], counts[level & (bands - 1)] = visited[0], 1
+    seen, idle = 1, 0
+    while idle < bands and not total[target] < level * width:       # as many empty bands: nothing waits
+        place, taken = level & (bands - 1), 0
+        idle = 0 if counts[place] > 0 else idle + 1
+        lowest = level * width * _CHANGE
+        while taken < counts[place]:
+            if counts.max() + 8 * _AT_ONCE > room:
+                wider = np.empty((bands, 2 * room), np.int64)
+                wider[:, :room] = queue
+                queue, room = wider, 2 * room
+            if seen + 8 * _AT_ONCE > len(visited):
+                visited = np.concatenate((visited, np.empty(len(visited), np.int32)))
+            last = min(taken + _AT_ONCE, counts[place])
+            for k in range(taken, last):
+                row, column = queue[place, k] // columns, queue[place, k] % columns
+                ahead = _octile(abs(row - target[0]), abs(column - target[1])) * least
+                if total[row, column] + ahead < lowest:
+                    continue                                        # it has been taken in a lower band
+                for found in range(_expand(costs, table, allowed, row, column, total, parent, better)):
+                    r, c = better[found, 0], better[found, 1]
+                    key = total[r, c] + _octile(abs(r - target[0]), abs(c - target[1])) * least
+                    band = max(int(key * inverse), level) & (bands - 1)
+                    queue[band, counts[band]] = visited[seen] = r * columns + c
+                    counts[band] += 1
                     seen += 1
-                    ahead = _ahead(any_angle, abs(r - target[0]), abs(c - target[1])) * least
-                    waiting = push(keys, items, waiting, new + ahead, r * columns + c)
-    return visited, seen, False
+            taken = last
+        counts[place] = 0
+        level += 1
+    return visited, seen, total[target] < _INF
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def _ahead(any_angle: bool, rows: int, columns: int) -> float:
-    return math.hypot(rows, columns) if any_angle else _octile(rows, columns)
+def _bands(table: Float32Array) -> Tuple[np.float32, int]:
+    """Return the width of a band of the queue, and how many are in use at once: a power of two."""
+    width = _HALF * table[0]
+    greatest = table[0]
+    for value in range(256):
+        if table[value] < _INF:
+            greatest = max(greatest, table[value])
+    count = 4
+    while count < int(_DIAGONAL * (greatest + table[0]) / width) + 3:
+        count *= 2
+    return width, count
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
