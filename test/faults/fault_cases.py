@@ -185,6 +185,8 @@ LAUNCH_FILES = {
     "m2wr_description/rviz.launch": None,
     "m2wr_description/rvis.launch": None,
     "m2wr_gmapping/gmapping.launch": ["gui:=false"],
+    "m2wr_navigation/method.launch": ["method:=tangent_bug", "goal_x:=0", "goal_y:=-4"],
+    "m2wr_navigation/move_base.launch": [],
     "motion_plan/behaviors.launch": ["des_x:=0", "des_y:=-4"],
     "motion_plan/bug2.launch": [],
     "gazebo_ros/empty_world.launch": ["gui:=false"],
