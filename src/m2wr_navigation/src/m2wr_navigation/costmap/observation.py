@@ -19,6 +19,7 @@ MOST_POINTS = 5000000
 MOST_KEPT = 1000            # observations of a source, with a persistence
 SILENCE = 0.5               # s after which a regular sensor is late
 _MEAN_OF = 10               # messages whose period is averaged
+_REGULAR = 3                # periods after which a sensor is known to send regularly
 _INFINITY_MARGIN = 1e-4     # m: below range_max, of a beam without return with inf_is_valid (obstacle_layer.cpp)
 
 #: Parameters of one observation source, below the layer's namespace.
@@ -136,7 +137,7 @@ class Source:
         expected: float = self.values["expected_update_rate"]
         if expected > 0.0:
             return expected
-        return max(SILENCE, 3.0 * self._period) if self._count >= _MEAN_OF else math.inf
+        return max(SILENCE, 3.0 * self._period) if self._count >= _REGULAR else math.inf
 
     def silence(self, now: float) -> float:
         """Return for how long the sensor has been silent [s]; 0 if it is not late."""
