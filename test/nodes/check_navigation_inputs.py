@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A laser, odometry and a map that fail while the robot drives: it stops, says so, and goes on when they are back."""
+"""A laser, odometry and a map that fail while the robot drives: it stops, says so, and continues when they are back."""
 import math
 import os
 import sys
