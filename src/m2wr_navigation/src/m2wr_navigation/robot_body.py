@@ -2,13 +2,15 @@
 """Reads the body of a robot from its description: footprint, axle, laser."""
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
 from m2wr_navigation.methods.body import RobotBody, boxes_of
-from m2wr_sim.geometry import compose, yaw_of
+from m2wr_sim.geometry import compose, matrix_from_quaternion, yaw_of
 from m2wr_sim.model.outlines import outline_of
+from m2wr_sim.model.types import Box, Cylinder, Sphere
 from m2wr_view.outlines import Outline, convex_hull, point_distances
 
 if TYPE_CHECKING:
@@ -51,7 +53,24 @@ def body_of(model: Model) -> RobotBody:
     (x, y, height), orientation = laser
     seen = [part for part in _slice(shapes, height - THIN, height + THIN)
             if point_distances(np.array([(x, y)]), part)[0] > 0.0]         # a laser does not see its own housing
-    return RobotBody(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen))
+    return RobotBody(tuple(footprint), _axle_x(model), (x, y, yaw_of(orientation)), boxes_of(seen), _height(shapes))
+
+
+def _height(shapes: Sequence[Shape]) -> float:
+    """Return the height of what collides [m], rounded up to a centimetre: from its lowest to its highest point."""
+    low, high = math.inf, -math.inf
+    for geometry, (centre, orientation) in shapes:
+        upwards = matrix_from_quaternion(orientation)[2]
+        if isinstance(geometry, Sphere):
+            half = geometry.radius
+        elif isinstance(geometry, Box):
+            half = 0.5 * float(np.abs(upwards) @ geometry.size)
+        elif isinstance(geometry, Cylinder):
+            half = 0.5 * geometry.length * abs(upwards[2]) + geometry.radius * math.hypot(upwards[0], upwards[1])
+        else:
+            continue
+        low, high = min(low, centre[2] - half), max(high, centre[2] + half)
+    return math.ceil(100.0 * (high - low) - 1e-6) / 100.0
 
 
 def _slice(shapes: Sequence[Shape], low: float, high: float) -> List[Outline]:

@@ -8,6 +8,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any, Dict, List, Optional
 
+from m2wr_navigation.compare import plaza
 from m2wr_navigation.compare.comparison import NAMES, Comparison, order
 from m2wr_navigation.compare.drive import Robot
 from m2wr_navigation.compare.outputs import check_writable, write_json, write_text
@@ -24,6 +25,7 @@ from m2wr_sim.errors import SimError
 if TYPE_CHECKING:
     from m2wr_navigation.compare.comparison import Entry
     from m2wr_navigation.compare.scenes import Scene
+    from m2wr_navigation.methods.body import RobotBody
 
 MOST_WORLDS = 1000
 LINE = "%-16s %-8s %-12s %8s %9s %8s %10s %9s %9s"
@@ -65,6 +67,8 @@ def _parser() -> argparse.ArgumentParser:
                         help="all, or names with commas between: " + ", ".join(NAMES))
     parser.add_argument("--worlds", nargs="+", default=[], metavar="N|FILE", help="many worlds instead: how many "
                         "generated ones, and names or files of others; start and goal are drawn")
+    parser.add_argument("--moving", type=int, default=0, metavar="N",
+                        help="obstacles that move in each generated world (default 0)")
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),
                         help="processes for many worlds (default: the cores)")
     parser.add_argument("--limit", type=_finite, default=600.0, help="longest simulated time of a drive [s]")
@@ -87,6 +91,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = parser.parse_args(argv)
     if len(options.start) not in (2, 3):
         parser.error("--start has {} numbers; expected x, y and optionally yaw".format(len(options.start)))
+    if not 0 <= options.moving <= plaza.MOST:
+        parser.error("--moving {}; expected 0 to {}".format(options.moving, plaza.MOST))
     if options.workers < 1:
         parser.error("--workers {}; expected at least 1".format(options.workers))
     if options.seed < 0 or not options.limit > 0.0:
@@ -136,23 +142,23 @@ def _compare(options: argparse.Namespace) -> int:
     return code
 
 
-def _scenes(options: argparse.Namespace, radius: float) -> List[Scene]:
+def _scenes(options: argparse.Namespace, body: RobotBody) -> List[Scene]:
     """Return the scenes that ``--worlds`` names."""
     scenes: List[Scene] = []
     for word in options.worlds:
         if word.isdigit():
             if not 0 < int(word) <= MOST_WORLDS:
                 raise ValueError("--worlds {}; expected a number from 1 to {}".format(word, MOST_WORLDS))
-            scenes += generated(int(word), options.seed, radius)
+            scenes += generated(int(word), options.seed, body.turning_radius, options.moving)
         else:
-            scenes.append(given(word, options.seed, radius))
+            scenes.append(given(word, options.seed, body.turning_radius, body.height))
     return scenes
 
 
 def _survey(options: argparse.Namespace) -> int:
     """Drive in many worlds and write what was measured, also after Ctrl-C; return the exit code."""
     robot = _robot(options)
-    scenes = _scenes(options, robot.body.turning_radius)
+    scenes = _scenes(options, robot.body)
     jobs = [Job(scene, name, robot, options.limit, options.seed) for scene in scenes for name in options.methods]
     kept = os.path.splitext(options.out)[0] + ".runs.jsonl"
     records: List[Dict[str, Any]] = []

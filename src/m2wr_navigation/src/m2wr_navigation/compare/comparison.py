@@ -10,13 +10,14 @@ import numpy as np
 
 from m2wr_navigation import registry
 from m2wr_navigation.compare.drive import M2WR_ROBOT, Drive, Robot, drive, method_decisions
+from m2wr_navigation.compare.movers import movers_of
 from m2wr_navigation.compare.planned import Follower, costmap_of, plan_with
 from m2wr_navigation.methods.method import UNREACHABLE
 from m2wr_navigation.optimum.shortest_path import ShortestPath, shortest_path
 from m2wr_navigation.parameters import read
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
-from m2wr_view.outlines import least_clearance
+from m2wr_view.outlines import FLOOR, least_clearance
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
@@ -101,6 +102,8 @@ class Comparison:
     Attributes
     ----------
     obstacles : list of Outline
+        What stands, up to the robot's height.
+    movers : list of Mover
     optimum : ShortestPath
         Of the disc inscribed in the robot around its axle, from there to the goal: no path without contacts is shorter.
 
@@ -115,7 +118,8 @@ class Comparison:
         self._world, self._limit, self._seed = read_world(world), limit, seed
         self.name = world if isinstance(world, str) else world.name
         self.start, self.goal = tuple(map(float, start)), tuple(map(float, goal))
-        self.obstacles = obstacle_outlines(self._world)
+        self.obstacles = obstacle_outlines(self._world, FLOOR, robot.body.height)
+        self.movers = movers_of(self._world, FLOOR, robot.body.height)
         self.robot, self.inscribed = robot, robot.body.inscribed_radius
         self._axle = robot.body.axle(self.start)
         self.optimum: ShortestPath = shortest_path(self.obstacles, self.inscribed, self._axle, self.goal)
@@ -175,7 +179,8 @@ class Comparison:
         path = np.concatenate([[self._axle], self.robot.body.axles(run.poses)])
         left = float(np.hypot(*(path[-1] - self.goal)))
         length = float(np.sum(np.hypot(*np.diff(path, axis=0).T))) + left
-        clearance = least_clearance(run.poses, self.obstacles, self.robot.body.footprint).distance
+        clearance = min(least_clearance(run.poses, self.obstacles, self.robot.body.footprint).distance,
+                        run.moving_clearance)
         return Entry(name, kind, run.outcome, run.reason, path, length, length / max(self.optimum.length, 1e-9),
                      run.time, clearance, run.contacts, spent)
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Callable, Dict, List, Tuple, Union
 
 import numpy as np
 
+from m2wr_navigation.compare.movers import Watch, movers_of
 from m2wr_navigation.methods.body import M2WR, RobotBody
 from m2wr_navigation.methods.method import Decision, Method, Sensing
 from m2wr_sim.api import Sim
+from m2wr_view.outlines import FLOOR
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray, Vector
@@ -63,6 +65,8 @@ class Drive:
         Contacts of the robot with obstacles that began.
     cpu_ms : float
         CPU time of the method, mean of a cycle [ms].
+    moving_clearance : float
+        Least distance of the robot's outline from an obstacle that moves, at the cycles [m]; infinite without one.
     """
 
     outcome: str
@@ -71,6 +75,7 @@ class Drive:
     time: float
     contacts: int
     cpu_ms: float
+    moving_clearance: float = math.inf
 
     @property
     def length(self) -> float:
@@ -98,12 +103,14 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
     poses: List[Tuple[float, float, float]] = []
     contacts, spent, cycles = 0, 0.0, 0
     decision = Decision(0.0, 0.0)
+    watch = Watch(movers_of(world, FLOOR, robot.body.height), robot.body.footprint)
     with Sim(world, robot.model, (float(start[0]), float(start[1]), float(start[2])), seed=seed, sensing="now") as sim:
         begun = sim.time
         while sim.time - begun < limit:
             result = sim.step((decision.linear, decision.angular), PERIOD)
             poses.append(result.pose)
             contacts += len(result.contacts)
+            watch.look(sim, result.pose)
             before = time.process_time()
             decision = decide(result)
             spent, cycles = spent + time.process_time() - before, cycles + 1
@@ -112,7 +119,8 @@ def drive(world: World, start: Vector, decide: Callable[[StepResult], Decision],
         else:
             decision = Decision(0.0, 0.0, TIME_OUT, "{:.0f} s".format(limit))
         duration = sim.time - begun
-    return Drive(decision.outcome, decision.reason, np.array(poses), duration, contacts, 1e3 * spent / max(cycles, 1))
+    return Drive(decision.outcome, decision.reason, np.array(poses), duration, contacts, 1e3 * spent / max(cycles, 1),
+                 watch.least)
 
 
 def sensing_of(result: StepResult) -> Sensing:

@@ -23,6 +23,7 @@ tr.bad td { color: #a33; } figure { margin: 0; } figcaption { font-size: 14px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(250px, 1fr)); gap: 1em; }
 svg { width: 100%; height: auto; background: #fafafa; border: 1px solid #ddd; }
 .wall { fill: #8a8f98; } .best { fill: none; stroke: #0072b2; stroke-dasharray: .25 .15; }
+.mover { fill: #cc79a7; stroke: #cc79a7; stroke-width: .05; } polyline.mover { fill: none; }
 .way { fill: none; stroke: #d55e00; } .start { fill: #009e73; } .goal { fill: #d55e00; }
 """
 
@@ -43,7 +44,9 @@ def page(comparison: Comparison, entries: Sequence[Entry]) -> str:
              "<th class=n>time s</th><th class=n>clearance m</th><th class=n>contacts</th><th class=n>CPU ms</th></tr>"]
     parts += [_row(entry) for entry in ordered]
     parts += ["</table><h2>Paths</h2><svg style=\"position:absolute;width:0;height:0;border:0\"><defs><g id=\"world\">",
-              "".join(shape(outline) for outline in comparison.obstacles), polyline(comparison.optimum.points, "best"),
+              "".join(shape(outline) for outline in comparison.obstacles),
+              "".join(polyline(mover.path, "mover") + dot(mover.path[0], "mover") for mover in comparison.movers),
+              polyline(comparison.optimum.points, "best"),
               dot(comparison.optimum.points[0], "start"), dot(comparison.optimum.points[-1], "goal"),
               "</g></defs></svg><div class=grid>"]
     view = _view(comparison, ordered)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Worlds with a start and a goal: generated ones, and given ones; the same for a seed.
 
-Generated are by turns rooms, with walls and doors, and places with boxes and pillars. In each the robot can get from
-the start to the goal with a margin around the disc in which it turns.
+Generated are by turns rooms, with walls and doors, and places with boxes and pillars; or places with obstacles that
+move. In each the robot can get from the start to the goal with a margin around the disc in which it turns.
 """
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from m2wr_navigation.compare import plaza
+from m2wr_navigation.compare.movers import least_start_distance, movers_of
 from m2wr_navigation.optimum.shortest_path import NoShortestPathError, shortest_path
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
-from m2wr_view.outlines import point_distances
+from m2wr_view.outlines import FLOOR, ROBOT_HEIGHT, point_distances
 
 if TYPE_CHECKING:
     from m2wr_gmapping.array_types import FloatArray
+    from m2wr_navigation.compare.movers import Mover
     from m2wr_view.outlines import Outline
 
 Box = Tuple[float, float, float, float]             # centre x, y, length, width [m]
@@ -54,7 +57,7 @@ class Scene:
     goal: Tuple[float, float]
 
 
-def generated(count: int, seed: int, radius: float) -> Iterator[Scene]:
+def generated(count: int, seed: int, radius: float, moving: int = 0) -> Iterator[Scene]:
     """Yield generated scenes.
 
     Parameters
@@ -63,6 +66,8 @@ def generated(count: int, seed: int, radius: float) -> Iterator[Scene]:
     seed : int
     radius : float
         Of the disc in which the robot turns [m].
+    moving : int, optional
+        How many obstacles move in each.
 
     Raises
     ------
@@ -71,9 +76,9 @@ def generated(count: int, seed: int, radius: float) -> Iterator[Scene]:
     """
     for number in range(count):
         random = np.random.default_rng([seed, number])
-        kind = KINDS[number % 2]
+        kind = "{} moving,".format(moving) if moving else KINDS[number % 2]
         for _ in range(TRIES):
-            found = attempt(kind, random, radius)
+            found = attempt(kind, random, radius, moving)
             if found is not None:
                 text, ends = found
                 yield Scene("{} {}".format(kind, number), text, *ends)
@@ -83,23 +88,32 @@ def generated(count: int, seed: int, radius: float) -> Iterator[Scene]:
                 radius, TRIES))
 
 
-def attempt(kind: str, random: np.random.Generator, radius: float) -> Optional[Tuple[str, Ends]]:
+def attempt(kind: str, random: np.random.Generator, radius: float,
+            moving: int = 0) -> Optional[Tuple[str, Ends]]:
     """Return a world in SDF with its start and goal; None if no way was found.
 
     Parameters
     ----------
     kind : str
-        Of KINDS.
+        Of KINDS; without a meaning where obstacles move.
     random : numpy.random.Generator
     radius : float
         Of the disc in which the robot turns [m].
+    moving : int, optional
+        How many obstacles move.
     """
+    if moving:
+        boxes, posts = _border(plaza.SIDE), plaza.pillars(random)
+        obstacles = obstacle_outlines(read_world(world_text(boxes, posts)))
+        found = _ends(obstacles, random, radius, 1)
+        return (world_text(boxes, posts, plaza.actors(moving, random, obstacles, found[0][0])),
+                found[0]) if found else None
     text = world_text(_rooms(random), []) if kind == "rooms" else world_text(*_pillars(random))
     ends = _ends(obstacle_outlines(read_world(text)), random, radius, 1)
     return (text, ends[0]) if ends else None
 
 
-def given(world: str, seed: int, radius: float) -> Scene:
+def given(world: str, seed: int, radius: float, height: float = ROBOT_HEIGHT) -> Scene:
     """Return a scene in a given world.
 
     Parameters
@@ -109,13 +123,17 @@ def given(world: str, seed: int, radius: float) -> Scene:
     seed : int
     radius : float
         Of the disc in which the robot turns [m].
+    height : float, optional
+        Of the robot [m]: what is higher is no obstacle.
 
     Raises
     ------
     ValueError
         If no start and goal with a way between them were found.
     """
-    found = _ends(obstacle_outlines(read_world(world)), np.random.default_rng(seed), radius, TRIES)
+    read = read_world(world)
+    found = _ends(obstacle_outlines(read, FLOOR, height), np.random.default_rng(seed), radius, TRIES,
+                  movers_of(read, FLOOR, height))
     if not found:
         raise ValueError("world {}: no start and goal with a way between them, for a disc of {:.2f} m".format(
             world, radius + MARGIN))
@@ -123,7 +141,7 @@ def given(world: str, seed: int, radius: float) -> Scene:
 
 
 def _ends(obstacles: Sequence[Outline], random: np.random.Generator, radius: float,
-          tries: int) -> List[Ends]:
+          tries: int, movers: Sequence[Mover] = ()) -> List[Ends]:
     """Return one pair of a start and a goal, or none."""
     corners = np.concatenate([outline.vertices for outline in obstacles] + [np.zeros((0, 2))])
     if not len(corners):
@@ -132,7 +150,8 @@ def _ends(obstacles: Sequence[Outline], random: np.random.Generator, radius: flo
     least = LEAST_SHARE * float(np.hypot(*(high - low)))
     for _ in range(tries):
         points = random.uniform(low, high, (TRIES, 2))
-        free = points[_clearances(points, obstacles) > radius + MARGIN]
+        free = points[(_clearances(points, obstacles) > radius + MARGIN)
+                      & (least_start_distance(movers, points) > plaza.FREE)]
         if len(free) < 2 or np.hypot(*(free[0] - free[1:]).T).max() < least:
             continue
         goal = free[1 + int(np.argmax(np.hypot(*(free[0] - free[1:]).T)))]
@@ -150,9 +169,9 @@ def _clearances(points: FloatArray, obstacles: Sequence[Outline]) -> FloatArray:
     return np.min([point_distances(points, outline) for outline in obstacles] + [np.full(len(points), np.inf)], axis=0)
 
 
-def _border() -> List[Box]:
-    half = 0.5 * SIDE
-    return [(0.0, -half, SIDE, WALL), (0.0, half, SIDE, WALL), (-half, 0.0, WALL, SIDE), (half, 0.0, WALL, SIDE)]
+def _border(side: float = SIDE) -> List[Box]:
+    half = 0.5 * side
+    return [(0.0, -half, side, WALL), (0.0, half, side, WALL), (-half, 0.0, WALL, side), (half, 0.0, WALL, side)]
 
 
 def _rooms(random: np.random.Generator) -> List[Box]:
@@ -183,7 +202,8 @@ def _pillars(random: np.random.Generator) -> Tuple[List[Box], List[Tuple[float, 
     return boxes, pillars
 
 
-def world_text(boxes: Sequence[Box], pillars: Sequence[Tuple[float, float, float]]) -> str:
+def world_text(boxes: Sequence[Box], pillars: Sequence[Tuple[float, float, float]],
+               actors: str = "") -> str:
     """Return a world in SDF.
 
     Parameters
@@ -192,6 +212,8 @@ def world_text(boxes: Sequence[Box], pillars: Sequence[Tuple[float, float, float
         Centre x, y, length, width [m].
     pillars : sequence of (float, float, float)
         Centre x, y, radius [m].
+    actors : str, optional
+        In SDF.
     """
     shapes = [(x, y, "<box><size>{:.3f} {:.3f} {:g}</size></box>".format(length, width, HEIGHT))
               for x, y, length, width in boxes]
@@ -202,4 +224,4 @@ def world_text(boxes: Sequence[Box], pillars: Sequence[Tuple[float, float, float
         for kind in ("collision", "visual")]
     return ("<?xml version=\"1.0\"?><sdf version=\"1.6\"><world name=\"default\"><include><uri>model://sun</uri>"
             "</include><include><uri>model://ground_plane</uri></include><model name=\"obstacles\"><static>1</static>"
-            "<link name=\"link\">{}</link></model></world></sdf>".format("".join(parts)))
+            "<link name=\"link\">{}</link></model>{}</world></sdf>".format("".join(parts), actors))

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, Dict, List, Sequence
 import numpy as np
 
 from m2wr_navigation.compare.drawing import dot, pairs_of, polyline, shape
+from m2wr_navigation.compare.movers import movers_of
 from m2wr_navigation.compare.page import MARGIN, STYLE
 from m2wr_navigation.compare.survey import ranked
 from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
+from m2wr_view.outlines import FLOOR
 
 if TYPE_CHECKING:
     from m2wr_navigation.compare.drive import Robot
@@ -43,7 +45,8 @@ def survey_page(scenes: Sequence[Scene], records: Sequence[Record], robot: Robot
              "<body><h1>", title, "</h1>", _intro(robot), "<table>", COLUMNS]
     parts += [_row(row, colours[row["name"]]) for row in rows]
     parts += ["</table><h2>Worlds</h2><p>Paths that reached the goal without a contact, in the colours of the table. "
-              "Dashed: the optimum. Green: start.</p><div class=grid>"]
+              "Dashed: the optimum. Green: start. "
+              "Pink lines: where obstacles move, from the dots on.</p><div class=grid>"]
     parts += [_picture(scene, [record for record in records if record["scene"] == scene.name], robot, colours)
               for scene in scenes]
     return "".join(parts + ["</div></body></html>\n"])
@@ -75,11 +78,13 @@ def _row(row: Record, colour: str) -> str:
 
 
 def _picture(scene: Scene, records: Sequence[Record], robot: Robot, colours: Dict[str, str]) -> str:
-    obstacles = obstacle_outlines(read_world(scene.world))
+    world, top = read_world(scene.world), robot.body.height
+    obstacles = obstacle_outlines(world, FLOOR, top)
     best = shortest_path(obstacles, robot.body.inscribed_radius, robot.body.axle(scene.start), scene.goal)
     corners = np.concatenate([outline.vertices for outline in obstacles] + [best.points])
     low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
-    lines: List[str] = [shape(outline) for outline in obstacles]
+    lines: List[str] = [shape(outline) for outline in obstacles] + [
+        polyline(mover.path, "mover") + dot(mover.path[0], "mover") for mover in movers_of(world, FLOOR, top)]
     for record in records:
         if record["success"]:
             lines.append("<polyline class=way style=\"stroke:{}\" points=\"{}\"><title>{}</title></polyline>".format(

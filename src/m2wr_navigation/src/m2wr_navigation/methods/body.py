@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Sequence, Tuple
 
 import numpy as np
 
-from m2wr_view.outlines import M2WR_FOOTPRINT, convex_hull
+from m2wr_view.outlines import M2WR_FOOTPRINT, ROBOT_HEIGHT, convex_hull
 from motion_plan import body as m2wr
 
 if TYPE_CHECKING:
@@ -32,12 +32,15 @@ class RobotBody:
         Position and direction of the laser [m, m, rad].
     own_parts : tuple of (float, float, float, float)
         What the laser sees of the robot, see :class:`motion_plan.surroundings.Surroundings`.
+    height : float
+        Of its top above the ground [m]; what is higher is no obstacle.
     """
 
     footprint: Tuple[Outline, ...]
     axle_x: float
     laser: Tuple[float, float, float]
     own_parts: Tuple[Tuple[float, ...], ...] = ()
+    height: float = ROBOT_HEIGHT
 
     @property
     def turning_radius(self) -> float:

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Obstacles that move along way points: which ones a world has, their paths, and their distance from a robot."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, List, Sequence, Tuple
+
+import numpy as np
+
+from m2wr_sim.control.pose_track import PoseScript, PoseTrack
+from m2wr_sim.geometry import compose, yaw_of
+from m2wr_sim.model.outlines import outline_of
+from m2wr_view.outlines import Outline, least_clearance
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import FloatArray
+    from m2wr_sim.api import Sim
+    from m2wr_sim.model.types import Model, World
+
+NEAR = 3.0                  # m from the robot's origin: the distance of farther ones is not measured
+APART = 0.2                 # s between two points of a drawn path
+LONGEST = 600.0             # s of a drawn path
+
+
+@dataclass(frozen=True)
+class Mover:
+    """An obstacle that moves.
+
+    Attributes
+    ----------
+    name : str
+        Of its model.
+    outlines : tuple of Outline
+        In the plane of its model frame.
+    path : (N, 2) float64
+        Where its model frame moves in one cycle [m]; the first point is where it begins.
+    """
+
+    name: str
+    outlines: Tuple[Outline, ...]
+    path: FloatArray
+
+
+def movers_of(world: World, low: float, high: float) -> List[Mover]:
+    """Return the actors of a world that move.
+
+    Parameters
+    ----------
+    world : World
+    low, high : float
+        Heights of a robot [m]: what of an actor is lower or higher does not count.
+    """
+    return [Mover(model.name, tuple(_outlines(model, low, high)), _path(model)) for model in world.models
+            if model.script is not None and model.script.trajectories and model.script.auto_start]
+
+
+def _planar(outline: Outline, x: float, y: float, yaw: float) -> Outline:
+    """Return an outline of a frame in the frame around it, where the former is at a place with a heading."""
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    turned = outline.vertices @ np.array([(cosine, sine), (-sine, cosine)])
+    return Outline(turned + (x, y), outline.radius, outline.name)
+
+
+def _outlines(model: Model, low: float, high: float) -> List[Outline]:
+    (x, y, _), orientation = model.pose
+    yaw = yaw_of(orientation)
+    found = []
+    for link in model.links:
+        for collision in link.collisions:
+            pose = compose(model.pose, compose(link.pose, collision.pose))
+            outline = outline_of(collision.geometry, pose, low, high, model.name)
+            if outline is not None:
+                shifted = Outline(outline.vertices - (x, y), outline.radius, outline.name)
+                found.append(_planar(shifted, 0.0, 0.0, -yaw))
+    return found
+
+
+def _path(model: Model) -> FloatArray:
+    assert model.script is not None
+    script = PoseScript([PoseTrack(part.times, part.poses, part.tension) for part in model.script.trajectories])
+    times = np.arange(0.0, min(script.length, LONGEST) + APART, APART)
+    return np.array([script.at(min(time, script.length))[0][:2] for time in times.tolist()])
+
+
+class Watch:
+    """Measures how near moving obstacles come to a robot in a simulation.
+
+    Parameters
+    ----------
+    movers : sequence of Mover
+    footprint : sequence of Outline
+        Of the robot, in its frame.
+
+    Attributes
+    ----------
+    least : float
+        Least distance so far [m]; infinite if none came near.
+    """
+
+    def __init__(self, movers: Sequence[Mover], footprint: Sequence[Outline]) -> None:
+        self._movers, self._footprint, self.least = movers, footprint, math.inf
+
+    def look(self, sim: Sim, pose: Tuple[float, float, float]) -> None:
+        """Measure now.
+
+        Parameters
+        ----------
+        sim : Sim
+        pose : (float, float, float)
+            Of the robot [m, m, rad].
+        """
+        near: List[Outline] = []
+        for mover in self._movers:
+            model = sim.simulator.models[mover.name]
+            (x, y, _), orientation = model.pose(sim.simulator.engine)
+            if math.hypot(x - pose[0], y - pose[1]) < NEAR:
+                yaw = yaw_of(orientation)
+                near += [_planar(outline, x, y, yaw) for outline in mover.outlines]
+        if near:
+            self.least = min(self.least, least_clearance(np.array([pose]), near, self._footprint).distance)
+
+
+def least_start_distance(movers: Sequence[Mover], points: FloatArray) -> FloatArray:
+    """Return how far points (N, 2) are from where the movers begin (N,) [m]; infinite without movers.
+
+    Parameters
+    ----------
+    movers : sequence of Mover
+    points : (N, 2) float64
+        [m]
+    """
+    gaps = [np.hypot(*(points - mover.path[0]).T) for mover in movers]
+    return np.min(gaps + [np.full(len(points), np.inf)], axis=0)
