@@ -111,7 +111,9 @@ RULES = (
          ("m2wr_navigation.ros", "m2wr_navigation.planners", "m2wr_navigation.controllers",
           "m2wr_navigation.recoveries")),
     Rule("m2wr_navigation/methods/*.py", NUMERIC, False, True,
-         ("m2wr_navigation.ros", "m2wr_navigation.compare", "m2wr_navigation.planners", "motion_plan.ros*")),
+         ("m2wr_navigation.ros", "m2wr_navigation.compare", "m2wr_navigation.planners.[!w]*",       # wave_kernels
+          "motion_plan.ros*")),
+    Rule("m2wr_navigation/barn/*.py", NUMERIC | {"yaml"}, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/accuracy/*.py", NUMERIC | {"yaml"}, False, True, ("m2wr_navigation.ros",)),
     Rule("m2wr_navigation/compare/*.py", NUMERIC, False, False, ("m2wr_navigation.ros",)),       # measures time
     Rule("m2wr_navigation/optimum/*.py", NUMERIC, False, True, ("m2wr_navigation.ros",)),

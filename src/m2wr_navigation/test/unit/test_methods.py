@@ -42,7 +42,8 @@ RATIOS = {("world02", "bug0"): 1.3, ("world02", "bug1"): 5.5, ("world02", "bug2"
           ("world02", "tangent_bug"): 1.8, ("world02", "vfh_plus"): 2.0, ("world02", "follow_the_gap"): 2.0,
           ("world03", "bug1"): 6.0, ("world03", "bug2"): 4.7, ("world03", "dist_bug"): 4.2,
           ("world03", "tangent_bug"): 1.1, ("world03", "vfh_plus"): 1.15, ("world03", "follow_the_gap"): 1.15,
-          ("world03", "potential_field"): 1.15, ("world03", "dwa"): 1.15}
+          ("world03", "potential_field"): 1.15, ("world03", "dwa"): 1.15,
+          ("world02", "mppi"): 1.15, ("world03", "mppi"): 1.15}
 
 
 @pytest.mark.parametrize("world, name", sorted(RATIOS))
@@ -70,11 +71,6 @@ def test_bug_0_notices_that_it_repeats():
 def test_a_potential_field_is_stuck_in_a_local_minimum():
     run = driven("world02", "potential_field", patience=20.0)
     assert run.outcome == STUCK and run.contacts == 0 and "moved less than 1 m" in run.reason
-
-
-def test_mppi_drives_straight_and_around_a_wall():
-    there = driven("world03", "mppi", samples=500)
-    assert there.contacts == 0 and there.outcome == REACHED, there.reason
 
 
 @pytest.mark.parametrize("name", sorted(registry.METHODS))

@@ -105,7 +105,7 @@ class Surroundings:
         near = (readings < self._keep_range).nonzero()[0]
         distance = readings[near]
         local_x, local_y = distance * self._cos[near], distance * self._sin[near]
-        own = _own_points(ahead + local_x, np.abs(left + local_y), self._own_parts)
+        own = own_points(ahead + local_x, np.abs(left + local_y), self._own_parts)
         if own.any():
             foreign = ~own
             local_x, local_y = local_x[foreign], local_y[foreign]
@@ -226,8 +226,16 @@ def _first_in_cells(cells: IndexArray) -> IndexArray:
     return order[new]
 
 
-def _own_points(x: FloatArray, y: FloatArray, parts: Sequence[Sequence[float]]) -> BoolArray:
-    """Return which points (robot's frame, y without its sign) are on parts of the robot, such as wheels."""
+def own_points(x: FloatArray, y: FloatArray, parts: Sequence[Sequence[float]]) -> BoolArray:
+    """Return which points are on parts of the robot, such as wheels.
+
+    Parameters
+    ----------
+    x, y : (N,) float64
+        In the robot's frame, y without its sign [m].
+    parts : sequence of (float, float, float, float)
+        See :class:`Surroundings`.
+    """
     own = np.zeros(len(x), bool)
     for x_min, x_max, y_min, y_max in parts:
         own |= ((x > x_min - WHEEL_MARGIN) & (x < x_max + WHEEL_MARGIN)

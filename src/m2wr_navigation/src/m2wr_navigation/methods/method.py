@@ -101,6 +101,8 @@ class View:
         From the axle [m], in the odometry frame [rad].
     surroundings : Surroundings
         Obstacle points nearby in the odometry frame.
+    sensing : Sensing
+        From which all this is.
     """
 
     stamp: float
@@ -111,6 +113,7 @@ class View:
     goal_distance: float
     goal_direction: float
     surroundings: Surroundings
+    sensing: Sensing
 
 
 class Method(Configurable, ABC):
@@ -182,7 +185,7 @@ class Method(Configurable, ABC):
         x, y = self.body.axle(sensing.pose)
         across, up = self.goal[0] - x, self.goal[1] - y
         view = View(sensing.stamp, x, y, sensing.pose[2], sensing.velocity, math.hypot(across, up),
-                    math.atan2(up, across), self.surroundings)
+                    math.atan2(up, across), self.surroundings, sensing)
         decision = self._arrival(view) or self.decide(view)
         if decision.outcome != RUNNING:
             self._end = decision = Decision(0.0, 0.0, decision.outcome, decision.reason)

@@ -1,92 +1,260 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Rollouts of model predictive path integral control on a grid of costs (Williams 2016, 2018)."""
+"""Rollouts of model predictive path integral control on distances to obstacles and the goal (Williams 2016, 2018)."""
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING, NamedTuple, Tuple
 
 import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from m2wr_gmapping.array_types import Float32Array, FloatArray, Uint8Array
+    from m2wr_gmapping.array_types import Float32Array, FloatArray
 
-COLLIDES = 253              # a cost of the grid from which on the robot collides
-OBSTACLE, COLLISION, AHEAD, ARRIVAL = 0.5, 1000.0, 1.0, 10.0       # weights: see costs_of
+CHECKED = 0.08, 0.15        # m, rad: a sample is checked after each such way or turn
+COLLISION = 1000.0          # s: cost of a sample that collides, less the time until then
+
+
+class RolloutSettings(NamedTuple):
+    """What does not change between two cycles.
+
+    Attributes
+    ----------
+    step : float
+        Time of a command [s].
+    least_v, most_v, most_w : float
+        Limits of speed and turning [m/s, m/s, rad/s].
+    change_v, change_w : float
+        Greatest change of them in a step.
+    sideways : float
+        Greatest acceleration to the side [m/s^2].
+    deviation_v, deviation_w : float
+        Of the disturbances.
+    margin, near : float
+        Clearance below which a pose collides, and below which it costs [m].
+    near_weight, turn_weight, back_weight : float
+        Cost of a second with no clearance at the greatest speed, of a radian, and of a second backwards [s].
+    gamma : float
+        Weight of the cost of the commands themselves.
+    tolerance : float
+        Distance to the goal at which it is reached [m].
+    """
+
+    step: float
+    least_v: float
+    most_v: float
+    most_w: float
+    change_v: float
+    change_w: float
+    sideways: float
+    deviation_v: float
+    deviation_w: float
+    margin: float
+    near: float
+    near_weight: float
+    turn_weight: float
+    back_weight: float
+    gamma: float
+    tolerance: float
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def costs_of(grid: Uint8Array, corner: Tuple[float, float, float], state: Tuple[float, float, float],
-             goal: Tuple[float, float], nominal: FloatArray, noise: Float32Array,
-             options: Tuple[float, float, float, float, float, float]) -> FloatArray:
-    """Return the cost (K,) of each disturbed sequence of commands.
-
-    It is the sum over all poses of ``OBSTACLE`` times the share of the grid's cost or ``COLLISION``, of ``AHEAD`` times
-    the distance to the goal and the time, ``ARRIVAL`` times the distance at the end, and gamma u Sigma^-1 epsilon.
+def sample(grid: Float32Array, corner: FloatArray, x: float, y: float, scale: float = 1.0) -> float:
+    """Return the bilinear value of a grid between the centres of its cells; outside that of the nearest cell.
 
     Parameters
     ----------
-    grid : (H, W) uint8
-        Costs around the robot; outside of it there are none.
-    corner : (float, float, float)
+    grid : (H, W) float32
+    corner : (3,) float64
         x, y of the grid's corner and side of a cell [m].
-    state : (float, float, float)
-        x, y of the axle and heading [m, m, rad].
-    goal : (float, float)
+    x, y : float
         [m]
-    nominal : (T, 2) float64
-        Commands [m/s, rad/s].
-    noise : (K, T, 2) float32
-        Normal, of unit variance.
-    options : six floats
-        Time step [s], deviation of speed [m/s] and of turning [rad/s], greatest speed and rate, gamma.
+    scale : float
+        Of this grid's cells against those of ``corner``.
     """
-    step, deviation_v, deviation_w, most_v, most_w, gamma = options
-    count, length = noise.shape[0], nominal.shape[0]
-    rows, columns = grid.shape
-    costs = np.empty(count)
-    for k in range(count):
-        x, y, yaw = state
-        total = 0.0
-        for t in range(length):
-            v = min(max(nominal[t, 0] + deviation_v * noise[k, t, 0], 0.0), most_v)
-            w = min(max(nominal[t, 1] + deviation_w * noise[k, t, 1], -most_w), most_w)
-            total += gamma * (nominal[t, 0] * noise[k, t, 0] / deviation_v
-                              + nominal[t, 1] * noise[k, t, 1] / deviation_w)
-            yaw += w * step
-            x += v * step * math.cos(yaw)
-            y += v * step * math.sin(yaw)
-            row, column = int((y - corner[1]) / corner[2]), int((x - corner[0]) / corner[2])
-            if 0 <= row < rows and 0 <= column < columns:
-                cost = grid[row, column]
-                total += COLLISION if cost >= COLLIDES else OBSTACLE * cost / (COLLIDES - 1)
-            total += AHEAD * step * math.hypot(goal[0] - x, goal[1] - y)
-        costs[k] = total + ARRIVAL * math.hypot(goal[0] - x, goal[1] - y)
+    side = scale * corner[2]
+    column = min(max((x - corner[0]) / side - 0.5, 0.0), grid.shape[1] - 1.001)
+    row = min(max((y - corner[1]) / side - 0.5, 0.0), grid.shape[0] - 1.001)
+    r, c = int(row), int(column)
+    up, right = row - r, column - c
+    return ((1.0 - up) * ((1.0 - right) * grid[r, c] + right * grid[r, c + 1])
+            + up * ((1.0 - right) * grid[r + 1, c] + right * grid[r + 1, c + 1]))
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def clearance_of(distance: Float32Array, corner: FloatArray, discs: FloatArray, x: float, y: float,
+                 yaw: float, enough: float) -> float:
+    """Return the least distance of the robot from an obstacle, negative inside of one [m]; where it is large, less.
+
+    Parameters
+    ----------
+    distance : (H, W) float32
+        To the nearest obstacle [m].
+    corner : (3,) float64
+        See :func:`sample`.
+    discs : (N, 3) float64
+        The first covers all others, which cover the robot: x, y in its frame, radius [m].
+    x, y, yaw : float
+        Of the axle [m, m, rad].
+    enough : float
+        A greater one may be reported as less, but not as less than this [m].
+    """
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    least = np.inf
+    for k in range(discs.shape[0]):
+        ahead, left = discs[k, 0], discs[k, 1]
+        away = sample(distance, corner, x + cosine * ahead - sine * left, y + sine * ahead + cosine * left)
+        if k == 0 and away - discs[0, 2] >= enough:
+            return away - discs[0, 2]
+        if k > 0:
+            least = min(least, away - discs[k, 2])
+    return least
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def command_of(nominal: FloatArray, knots: Float32Array, t: int, settings: RolloutSettings) -> Tuple[float, float]:
+    """Return a disturbed command within the limits.
+
+    Parameters
+    ----------
+    nominal : (T, 2) float64
+        Speed and rate of turning [m/s, rad/s].
+    knots : (N, 2) float32
+        Disturbances at even times, in deviations; between them they are linear.
+    t : int
+        Which command.
+    settings : RolloutSettings
+    """
+    place = t * (knots.shape[0] - 1) / max(nominal.shape[0] - 1, 1)
+    k = min(int(place), knots.shape[0] - 2)
+    share = place - k
+    v = nominal[t, 0] + settings.deviation_v * ((1.0 - share) * knots[k, 0] + share * knots[k + 1, 0])
+    w = nominal[t, 1] + settings.deviation_w * ((1.0 - share) * knots[k, 1] + share * knots[k + 1, 1])
+    return min(max(v, settings.least_v), settings.most_v), min(max(w, -settings.most_w), settings.most_w)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def reached(v: float, w: float, to_v: float, to_w: float, settings: RolloutSettings) -> Tuple[float, float]:
+    """Return the velocities after a step in which others are wanted [m/s, rad/s].
+
+    Parameters
+    ----------
+    v, w, to_v, to_w : float
+        Present and wanted speed and rate of turning [m/s, rad/s].
+    settings : RolloutSettings
+    """
+    v += min(max(to_v - v, -settings.change_v), settings.change_v)
+    most = settings.sideways / max(abs(v), 1e-3)
+    to_w = min(max(to_w, -most), most)
+    return v, w + min(max(to_w - w, -settings.change_w), settings.change_w)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def cost_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray, state: FloatArray,
+            nominal: FloatArray, knots: Float32Array, settings: RolloutSettings) -> float:
+    """Return the cost of a disturbed sequence of commands [s].
+
+    It is the time on the way, the time that the rest of the way would take at the greatest speed, what nearness to
+    obstacles, turning and driving backwards cost, and gamma u Sigma^-1 epsilon.
+
+    Parameters
+    ----------
+    distance, to_goal : (H, W) and (H / 2, W / 2) float32
+        To the nearest obstacle, and along the way to the goal, in cells of twice the side [m].
+    corner : (3,) float64
+        See :func:`sample`.
+    discs : (N, 3) float64
+        See :func:`clearance_of`.
+    state : (5,) float64
+        Axle, heading, and velocities now [m, m, rad, m/s, rad/s].
+    nominal : (T, 2) float64
+    knots : (N, 2) float32
+    settings : RolloutSettings
+    """
+    x, y, yaw, v, w = state[0], state[1], state[2], state[3], state[4]
+    # where the robot is too near already it has to get no nearer
+    least = min(settings.margin, clearance_of(distance, corner, discs, x, y, yaw, settings.near) - 1e-3)
+    total, length = 0.0, nominal.shape[0]
+    clearance = ahead = turned = np.inf
+    for t in range(length):
+        to_v, to_w = command_of(nominal, knots, t, settings)
+        v, w = reached(v, w, to_v, to_w, settings)
+        middle = yaw + 0.5 * w * settings.step
+        x += v * settings.step * math.cos(middle)
+        y += v * settings.step * math.sin(middle)
+        yaw += w * settings.step
+        ahead, turned = ahead + abs(v) * settings.step, turned + abs(w) * settings.step
+        if ahead >= CHECKED[0] or turned >= CHECKED[1] or t == length - 1:
+            clearance = clearance_of(distance, corner, discs, x, y, yaw, settings.near)
+            ahead = turned = 0.0
+        if clearance < least:
+            return COLLISION + total - 2.0 * t * settings.step
+        total += settings.step + settings.turn_weight * abs(w) * settings.step
+        if v < 0.0:
+            total += settings.back_weight * settings.step
+        if clearance < settings.near:
+            share = (settings.near - clearance) / settings.near
+            total += settings.near_weight * share * share * (0.1 + abs(v) / settings.most_v) * settings.step
+        total += settings.gamma * settings.step * (
+            nominal[t, 0] * (to_v - nominal[t, 0]) / settings.deviation_v ** 2
+            + nominal[t, 1] * (to_w - nominal[t, 1]) / settings.deviation_w ** 2)
+        if sample(to_goal, corner, x, y, 2.0) < settings.tolerance:
+            return total
+    return total + sample(to_goal, corner, x, y, 2.0) / settings.most_v
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def costs_of(distance: Float32Array, to_goal: Float32Array, corner: FloatArray, discs: FloatArray, state: FloatArray,
+             nominal: FloatArray, arcs: FloatArray, noise: Float32Array, settings: RolloutSettings) -> FloatArray:
+    """Return the cost (K,) of each sample [s].
+
+    Parameters
+    ----------
+    distance, to_goal, corner, discs, state, nominal, settings
+        As of :func:`cost_of`.
+    arcs : (A, 2) float64
+        The first samples: constant commands [m/s, rad/s].
+    noise : (K, N, 2) float32
+        Disturbances; those of the first A samples are not used.
+    """
+    costs = np.empty(noise.shape[0])
+    calm = np.zeros((2, 2), np.float32)
+    constant = np.empty_like(nominal)
+    for k in range(len(costs)):
+        if k < arcs.shape[0]:
+            constant[:, 0] = arcs[k, 0]
+            constant[:, 1] = arcs[k, 1]
+            costs[k] = cost_of(distance, to_goal, corner, discs, state, constant, calm, settings)
+        else:
+            costs[k] = cost_of(distance, to_goal, corner, discs, state, nominal, noise[k], settings)
     return costs
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def improve(nominal: FloatArray, noise: Float32Array, costs: FloatArray, options: Tuple[float, float, float]) -> None:
-    """Add the disturbances to the commands with the weights exp(-(cost - least) / lambda).
+def weighted_mean(nominal: FloatArray, arcs: FloatArray, noise: Float32Array, costs: FloatArray, temperature: float,
+                  settings: RolloutSettings) -> FloatArray:
+    """Return the mean (T, 2) of all samples with the weights exp(-(cost - least) / temperature).
 
     Parameters
     ----------
-    nominal : (T, 2) float64
-        Changed.
-    noise : (K, T, 2) float32
+    nominal, arcs, noise, settings
+        As of :func:`costs_of`.
     costs : (K,) float64
-    options : three floats
-        Deviation of speed [m/s] and of turning [rad/s], lambda.
+    temperature : float
+        [s]
     """
-    least, total = np.min(costs), 0.0
-    change = np.zeros_like(nominal)
+    least, sum_of_weights = np.min(costs), 0.0
+    mean = np.zeros_like(nominal)
     for k in range(len(costs)):
-        weight = math.exp(-(costs[k] - least) / options[2])
-        total += weight
-        if weight > 1e-9:
-            for t in range(nominal.shape[0]):
-                change[t, 0] += weight * noise[k, t, 0]
-                change[t, 1] += weight * noise[k, t, 1]
-    for t in range(nominal.shape[0]):
-        nominal[t, 0] += options[0] * change[t, 0] / total
-        nominal[t, 1] += options[1] * change[t, 1] / total
+        weight = math.exp(-(costs[k] - least) / temperature)
+        if weight < 1e-6:
+            continue
+        sum_of_weights += weight
+        for t in range(nominal.shape[0]):
+            if k < arcs.shape[0]:
+                v, w = arcs[k, 0], arcs[k, 1]
+            else:
+                v, w = command_of(nominal, noise[k], t, settings)
+            mean[t, 0] += weight * v
+            mean[t, 1] += weight * w
+    return mean / sum_of_weights
