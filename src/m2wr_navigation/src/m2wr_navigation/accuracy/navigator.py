@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -69,21 +69,22 @@ class Navigator(Costmaps):
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or None
+        With the map; None: without one.
     given : mapping of str to object
         Parameters, as in ``config/m2wr.yaml``.
     laser : (3,) float
         The laser in the base frame [m, m, rad].
     """
 
-    def __init__(self, scene: Scene, given: Mapping[str, Any], laser: FloatArray) -> None:
+    def __init__(self, scene: Optional[Scene], given: Mapping[str, Any], laser: FloatArray) -> None:
         self._laser = np.asarray(laser, float)
         self.maps: Dict[str, LayeredCostmap] = {
             which: costmap_by(given[which + "_costmap"], given["footprint"], which) for which in ("global", "local")}
         static = self.maps["global"].static_layer()
-        assert isinstance(static, StaticLayer)
-        resolution = scene.map.resolution
-        static.set_map(scene.cells, resolution, np.append(scene.origin, 0.0), "map")
+        if scene is not None:
+            assert isinstance(static, StaticLayer)
+            static.set_map(scene.cells, scene.map.resolution, np.append(scene.origin, 0.0), "map")
         self.planner = self._made(registry.PLANNERS, given["base_global_planner"], given)
         values, _ = read(PARAMETERS, {key: value for key, value in given.items() if key in PARAMETERS}, "~")
         self.period = 1.0 / values["controller_frequency"]

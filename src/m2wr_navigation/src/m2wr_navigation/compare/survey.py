@@ -9,7 +9,7 @@ import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, List, Sequence, Tuple
 
 import numpy as np
 
@@ -117,7 +117,8 @@ def _drop_cut_line(path: str) -> None:
             file.truncate(text.rfind(b"\n") + 1)
 
 
-def drive_all(jobs: Sequence[Job], path: str, workers: int) -> Iterator[Tuple[Record, bool]]:
+def drive_all(jobs: Sequence[Job], path: str, workers: int,
+              driven_by: Callable[[Job], Record] = run) -> Iterator[Tuple[Record, bool]]:
     """Yield the record of each job, and whether it was driven now; new ones are added to a file at once.
 
     Parameters
@@ -127,6 +128,8 @@ def drive_all(jobs: Sequence[Job], path: str, workers: int) -> Iterator[Tuple[Re
         The file of records.
     workers : int
         Processes.
+    driven_by : callable, optional
+        Gives the record of a job, with its key; a function of a module.
     """
     known = stored(path)
     left = []
@@ -139,7 +142,7 @@ def drive_all(jobs: Sequence[Job], path: str, workers: int) -> Iterator[Tuple[Re
         return
     _drop_cut_line(path)
     with open(path, "a", encoding="utf-8") as file, ProcessPoolExecutor(workers) as pool:
-        waiting = [pool.submit(run, job) for job in left]
+        waiting = [pool.submit(driven_by, job) for job in left]
         try:
             for done in as_completed(waiting):
                 record = done.result()

@@ -60,7 +60,16 @@ def _intro(robot: Robot) -> str:
             "cycle of a method at 20 Hz.</p>").format(robot.body.inscribed_radius)
 
 
-def _interval(three: Sequence[Any], digits: int) -> str:
+def interval(three: Sequence[Any], digits: int) -> str:
+    """Return a mean with its interval, or nothing if there is none.
+
+    Parameters
+    ----------
+    three : sequence of float or None
+        Mean, low and high end.
+    digits : int
+        After the point.
+    """
     if three[0] is None:
         return ""
     return "{0:.{3}f} <small>({1:.{3}f} to {2:.{3}f})</small>".format(*three, digits)
@@ -72,8 +81,8 @@ def _row(row: Record, colour: str) -> str:
              "<td>{}</td>".format("true map" if row["kind"] == "planner" else "none")]
     shares = "{} of {} <small>({:.0f} to {:.0f} %)</small>"
     numbers = [shares.format(row["successes"], row["worlds"], 100.0 * low, 100.0 * high),
-               _interval(row["ratio"], 3), _interval(row["time"], 1), _interval(row["clearance"], 2),
-               str(row["contacts"]), _interval(row["cpu_ms"], 2)]
+               interval(row["ratio"], 3), interval(row["time"], 1), interval(row["clearance"], 2),
+               str(row["contacts"]), interval(row["cpu_ms"], 2)]
     return "<tr>{}</tr>".format("".join(cells + ["<td class=n>{}</td>".format(text) for text in numbers]))
 
 
