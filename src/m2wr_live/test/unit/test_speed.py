@@ -62,7 +62,7 @@ def test_a_choice_sets_the_factor():
     assert simulation.now == 0.0
 
 
-def test_a_factor_set_by_another_page_is_shown_and_not_set_again():
+def test_a_factor_of_another_page_is_shown_and_not_set_again():
     page, simulation, shown = made(1.0)
     simulation.now = 7.0
     shown.show()
