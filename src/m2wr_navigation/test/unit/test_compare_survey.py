@@ -43,6 +43,16 @@ def test_what_makes_another_drive_has_another_key():
     assert len(keys) == 4 and Job(scene, "bug2", M2WR_ROBOT, 600.0, 0).key in keys
 
 
+def test_a_world_that_was_edited_is_another_one(tmp_path):
+    path = tmp_path / "my.world"
+    job = Job(Scene("my", str(path), (0.0, 8.0, 0.0), (0.0, -4.0)), "bug2", M2WR_ROBOT, 600.0, 0)
+    keys = set()
+    for text in ("<sdf/>", "<sdf />"):
+        path.write_text(text)
+        keys.add(job.key)
+    assert len(keys) == 2
+
+
 def test_figures_are_over_the_successes():
     records = [record(scene="one"), record(scene="two", ratio=2.5), record(scene="three", success=False, contacts=2),
                record("mppi", "one", clearance=None)]

@@ -27,6 +27,15 @@ APART = 0.1                 # m between two points of a stored path
 LARGEST_FILE = 200e6        # bytes of records that are read
 
 
+def _content(world: str) -> str:
+    """Return a digest of the world's file; empty: it is no file, but a name or a text."""
+    try:
+        with open(world, "rb") as stream:
+            return hashlib.sha256(stream.read()).hexdigest()
+    except (OSError, ValueError):
+        return ""
+
+
 @dataclass(frozen=True)
 class Job:
     """One drive.
@@ -53,8 +62,9 @@ class Job:
     def key(self) -> str:
         """What makes it the same drive."""
         body = self.robot.body
-        told = json.dumps([asdict(self.scene), self.name, str(self.robot.model), body.turning_radius, body.axle_x,
-                           body.laser, sorted(self.robot.limits.items()), self.limit, self.seed])
+        told = json.dumps([asdict(self.scene), _content(self.scene.world), self.name, str(self.robot.model),
+                           body.turning_radius, body.axle_x, body.laser, sorted(self.robot.limits.items()), self.limit,
+                           self.seed])
         return hashlib.sha256(told.encode()).hexdigest()[:24]
 
 
