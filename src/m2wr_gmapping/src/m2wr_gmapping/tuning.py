@@ -193,8 +193,8 @@ class Calibration:
                                UNKNOWN)
     outlier: float = tuned(21.1, "1", "Squared Mahalanobis distance of an outlier.",
                            "chi-squared with 3 degrees of freedom: 99.99 %")
-    reported: Vector2 = tuned((0.02, 0.005), "m, rad", "Smaller errors of the laser's mount are not reported.",
-                              "geometry: half a cell; 1 cm in 2 m")
+    reported: Vector2 = tuned((0.02, 0.00524), "m, rad", "Smaller errors of the laser's mount are not reported.",
+                              "geometry: half a cell; 0.3 degree, which is 1 cm in 2 m")
 
 
 @dataclass(frozen=True)

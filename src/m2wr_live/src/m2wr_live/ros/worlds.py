@@ -34,7 +34,7 @@ def names() -> List[str]:
 
 
 def models_of(name: str) -> List[WorldModel]:
-    """Return the models of a world of m2wr_sim, without lights and without the ground.
+    """Return the models and actors of a world of m2wr_sim, without lights and without the ground.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ def models_of(name: str) -> List[WorldModel]:
     found = []
     for element in root.findall("world/*"):
         uri = (element.findtext("uri") or "").rpartition("/")[2]
-        own = element.get("name") if element.tag == "model" else (element.findtext("name") or uri)
-        if element.tag in ("model", "include") and own and own not in (GROUND, "sun"):
+        own = (element.findtext("name") or uri) if element.tag == "include" else element.get("name")
+        if element.tag in ("model", "actor", "include") and own and own not in (GROUND, "sun"):
             pose = _taken_pose(element)
             found.append(WorldModel(own, "<sdf version=\"%s\"><world name=\"world\">%s</world></sdf>" % (
                 root.get("version", "1.6"), ElementTree.tostring(element, encoding="unicode")), pose))
@@ -65,9 +65,12 @@ def models_of(name: str) -> List[WorldModel]:
 
 
 def _taken_pose(element: ElementTree.Element) -> Pose:
-    """Take the pose out of a model's element, as the service that adds it is told where to put it."""
+    """Take the pose out of a model's element, as the service that adds it is told where to put it.
+
+    The way points of an actor are places in the world, so that it is added at the origin.
+    """
     found = Pose()
-    pose = element.find("pose")
+    pose = element.find("pose") if element.tag != "actor" else None
     numbers = [0.0] * 6
     if pose is not None:
         element.remove(pose)
