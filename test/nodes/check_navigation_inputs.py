@@ -49,7 +49,7 @@ class Robot:
     def __init__(self):
         self.place, self.command = np.array([2.0, 2.0, 0.0]), np.zeros(2)
         self.has_laser = self.has_odometry = True
-        self.last_scan, self.ended = 0.0, False
+        self.last_scan, self.ended, self.laser_frame = 0.0, False, "base_link"
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
         self._odom = rospy.Publisher("odom", Odometry, queue_size=10)
         self._scan = rospy.Publisher("scan", LaserScan, queue_size=10)
@@ -71,7 +71,7 @@ class Robot:
                 self._send_odometry(stamp, forward, turn)
             if self.has_laser:
                 self._scan.publish(LaserScan(
-                    header=rospy.Header(stamp=stamp, frame_id="base_link"), angle_min=-1.5, angle_max=1.5,
+                    header=rospy.Header(stamp=stamp, frame_id=self.laser_frame), angle_min=-1.5, angle_max=1.5,
                     angle_increment=3.0 / (BEAMS - 1), range_min=0.1, range_max=10.0, ranges=[math.inf] * BEAMS))
                 self.last_scan = now
             time.sleep(1.0 / RATE)
@@ -122,6 +122,7 @@ class NavigationInputs(unittest.TestCase):
         self.client.cancel_goal()
         self.map.publish(corridor(False))
         self.robot.has_laser = self.robot.has_odometry = True
+        self.robot.laser_frame = "base_link"
 
     def wait_for_motion(self):
         wait_until(lambda: self.robot.command[0] > 0.05, "the robot to drive", 30.0)
@@ -140,6 +141,13 @@ class NavigationInputs(unittest.TestCase):
         self.told("stopped", "topic scan")
         self.assertEqual(self.client.get_state(), GoalStatus.ACTIVE)
         self.robot.has_laser = True
+        self.wait_for_motion()
+
+    def test_a_laser_without_a_transform(self):
+        self.robot.laser_frame = "nowhere"
+        self.wait_for_stop()
+        self.told("stopped", "no message on topic scan", "nowhere")
+        self.robot.laser_frame = "base_link"
         self.wait_for_motion()
 
     def test_odometry_that_stops(self):

@@ -112,6 +112,17 @@ def test_a_source_is_late_after_its_expected_period():
     assert Source("laser", values()).silence(1e9) == 0.0
 
 
+def test_messages_that_cannot_be_used_are_a_fault():
+    source = Source("laser", values())
+    for k in range(20):
+        source.refuse(0.05 * k, "there is no transform")
+        assert bool(source.fault(0.05 * k)) == (0.05 * k > 0.5)
+    assert source.fault(1.0) == ("no message on topic laser of source laser could be used for 1.0 s: "
+                                 "there is no transform")
+    source.add(observation(1.0), 1.0)
+    assert source.fault(1.1) == ""
+
+
 @pytest.mark.parametrize("count", [4, 20])
 @pytest.mark.parametrize("period, limit", [(0.05, 0.5), (0.4, 1.2)])
 def test_a_regular_source_that_stops_is_late_after_a_few_periods(period, limit, count):

@@ -81,6 +81,7 @@ class Source:
         self.values: Dict[str, Any] = dict(values)
         self.arrived = -math.inf
         self._period, self._count = 0.0, 0      # mean time between two messages [s]
+        self._refused_since, self._refusal = math.inf, ""
         self._kept: Deque[Observation] = deque(maxlen=MOST_KEPT)
 
     @property
@@ -97,10 +98,22 @@ class Source:
         now : float
             [s]
         """
+        self._refused_since = math.inf
         if self.values["observation_persistence"] <= 0.0:
             self._kept.clear()
         self._kept.append(observation)
         self.heard(now)
+
+    def refuse(self, now: float, reason: str) -> None:
+        """Take note that a message cannot be used, or not yet.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        reason : str
+        """
+        self._refused_since, self._refusal = min(self._refused_since, now), reason
 
     def heard(self, now: float) -> None:
         """Take note that a message has arrived.
@@ -143,6 +156,21 @@ class Source:
         """Return for how long the sensor has been silent [s]; 0 if it is not late."""
         since = now - self.arrived
         return since if since > self.limit else 0.0
+
+    def fault(self, now: float) -> str:
+        """Return why the sensor cannot be relied upon: it is silent, or nothing that it sends can be used; or empty.
+
+        Parameters
+        ----------
+        now : float
+            [s]
+        """
+        since, silence = now - self._refused_since, self.silence(now)
+        if since > SILENCE:
+            return "no message on topic {} of source {} could be used for {:.1f} s: {}".format(
+                self.topic, self.name, since, self._refusal)
+        return "" if silence <= 0.0 else "topic {} of source {} has been silent for {:.1f} s; expected a message " \
+            "every {:.2g} s".format(self.topic, self.name, min(silence, 1e6), self.limit)
 
 
 def scan_points(ranges: Sequence[float], angle_min: float, increment: float, limits: Tuple[float, float],

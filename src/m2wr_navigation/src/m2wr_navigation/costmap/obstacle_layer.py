@@ -133,7 +133,5 @@ class ObstacleLayer(Layer):
         self.clear(Window.whole(self._grid), True)
 
     def late(self, now: float) -> List[str]:
-        """Return one sentence for each source that has been silent for too long."""
-        return ["topic {} of source {} has been silent for {:.1f} s; expected a message every {:.2g} s".format(
-            source.topic, source.name, min(source.silence(now), 1e6), source.limit)
-            for source in self.sources.values() if source.silence(now) > 0.0]
+        """Return one sentence for each source that is silent, or whose messages cannot be used, for too long."""
+        return [fault for fault in (source.fault(now) for source in self.sources.values()) if fault]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from m2wr_navigation.ros.transforms import Transforms
 
 WAITING = 10                # messages that wait for their transforms; the oldest is dropped first
+SELDOM = 10.0               # s between two warnings of a kind
 PATIENCE = 1.0              # s after which a message without transform is dropped
 
 
@@ -55,14 +56,15 @@ class SensorInput:
     def _on_message(self, message: Any) -> None:
         fault = fault_of(message.header)
         if fault:
-            self._warn(message, fault)
+            rospy.logwarn_throttle(SELDOM, self._sentence(message, fault))
             return
         with self._lock:
             self._waiting.append(message)
 
-    def _warn(self, message: Any, reason: str) -> None:
-        rospy.logwarn_throttle(10.0, "a message on {} (stamp {:.3f}) is not used: {}".format(
-            self.topic, message.header.stamp.to_sec(), reason))
+    def _sentence(self, message: Any, reason: str) -> str:
+        """Return a warning. rospy limits the rate of each line of code, so that one reason does not hide another."""
+        return "a message on {} (stamp {:.3f}) is not used: {}".format(
+            self.topic, message.header.stamp.to_sec(), reason)
 
     def deliver(self, now: float) -> None:
         """Hand all messages whose transform is known to the source.
@@ -81,15 +83,17 @@ class SensorInput:
                 sensor = self._source.values["sensor_frame"] or message.header.frame_id
                 found = self._transforms.message(self._frame, sensor, stamp if not stamp.is_zero() else None)
             except TransformError as error:
+                self._source.refuse(now, str(error))
                 if abs(now - stamp.to_sec()) < PATIENCE:
                     later.append(message)
                 else:
-                    self._warn(message, str(error))
+                    rospy.logwarn_throttle(SELDOM, self._sentence(message, str(error)))
                 continue
             try:
                 self._source.add(self._observation(message, found.transform), now)
             except ObservationError as error:
-                self._warn(message, str(error))
+                self._source.refuse(now, str(error))
+                rospy.logwarn_throttle(SELDOM, self._sentence(message, str(error)))
         with self._lock:
             self._waiting.extendleft(reversed(later[-(WAITING - len(self._waiting)):] if len(
                 self._waiting) < WAITING else []))
