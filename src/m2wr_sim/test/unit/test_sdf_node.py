@@ -106,7 +106,10 @@ EVERYTHING = """<sdf version="1.7"><world name="w"><physics type="ode"><ode><sol
 <child><link>b</link></child><axis><xyz>0 0 1</xyz><dynamics/><limit/></axis><axis2><xyz>0 1 0</xyz></axis2><physics>
 <ode><limit/></ode></physics></joint><model name="n"><link name="c"/></model></model><state world_name="w"><deletions>
 <name>x</name></deletions><insertions/><model name="m"><pose/><link name="a"><pose/></link><model name="n"/>
-</model></state></world></sdf>"""
+</model></state>
+<actor name="person"><pose>0 0 0 0 0 0</pose><skin><filename>walk.dae</filename><scale>1</scale></skin><script>
+<trajectory id="0"><waypoint><time>0</time><pose>0 0 0 0 0 0</pose></waypoint><waypoint><time>1</time>
+<pose>1 0 0 0 0 0</pose></waypoint></trajectory></script></actor></world></sdf>"""
 
 
 def test_the_table_of_what_is_read_is_what_the_readers_ask_for(monkeypatch):
@@ -115,9 +118,10 @@ def test_the_table_of_what_is_read_is_what_the_readers_ask_for(monkeypatch):
     monkeypatch.setattr(Node, "_ask", lambda self, tag: asked.add((self.row, tag)) or ask(self, tag))
     monkeypatch.setattr(Node, "children", lambda self, tag: asked.add((self.row, tag)) or children(self, tag))
     told = load_world(EVERYTHING, "a.world").notes
-    assert all("gone" in note or "has no link" in note for note in told), told
+    assert all("gone" in note or "has no link" in note or "skin and animation" in note for note in told), told
     known = {(row, tag) for row, tags in sdf_elements.READ.items() for tag in tags}
     assert sorted(known - asked) == []
+    asked -= {("actor", tag) for tag in sdf_elements.READ["model"]} - known       # an actor is read as a model
     assert sorted((row, tag) for row, tag in asked - known if row in sdf_elements.READ and "gone" not in tag) == []
     assert sorted({row for row, _ in asked if row is not None} - set(sdf_elements.READ) - {"pose", "xyz"}) == []
 

@@ -28,7 +28,7 @@ READ = {row: _words(text) for row, text in {
     "state/model": "pose scale link model",
     "state/link": "pose velocity",
     "deletions": "name",
-    "insertions": "model include light",
+    "insertions": "model actor include light",
     "include": "uri name pose static plugin placement_frame",
     "model": "pose static self_collide allow_auto_disable plugin link joint model include frame",
     "actor": "pose skin script plugin link joint",
