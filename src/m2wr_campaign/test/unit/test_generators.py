@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from m2wr_campaign.worlds import barn, maze
+from m2wr_campaign.worlds import maze
 from m2wr_campaign.worlds.generators import GENERATORS, generate
+from m2wr_navigation.barn.fields import automaton
+from m2wr_navigation.barn.worlds import cylinders_of
 from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_sim.api import read_world
 from m2wr_sim.model.outlines import obstacle_outlines
@@ -33,12 +35,12 @@ def test_a_world_without_a_way_is_told(monkeypatch):
 
 
 def test_a_field_follows_the_rules_of_the_automaton():
-    full = barn.automaton(0.2, 3, np.random.default_rng(5))
+    full = automaton(np.random.default_rng(5), 0.2, 3)
     assert full.shape == (30, 30) and full[0, 1:-1].all() and full[-1, 1:-1].all() and 0.02 < full[1:-1].mean() < 0.3
     # one round, cell by cell
     start = np.random.default_rng(7).random((30, 30)) < 0.3
     start[0], start[-1] = True, True
-    after = barn.automaton(0.3, 1, np.random.default_rng(7))
+    after = automaton(np.random.default_rng(7), 0.3, 1)
     for row, column in ((1, 1), (5, 0), (12, 29), (17, 8), (29, 3)):
         around = 0
         for i in (row - 1, row, row + 1):
@@ -51,13 +53,13 @@ def test_a_field_follows_the_rules_of_the_automaton():
 def test_cylinders_are_where_the_benchmark_has_them():
     full = np.zeros((30, 30), bool)
     full[3, 4] = full[10:13, 10:13] = True
-    placed = barn.pillars(full, 1.0)
+    placed = cylinders_of(full, 1.0)
     assert any(np.allclose(one, (-0.075 - 4.5 + 0.15 * 3, 5.075 + 0.15 * 4, 0.075)) for one in placed)
     assert len(placed) == 1 + 8 + 2 * 33 + 30           # the enclosed cell has none
     full[27:, 5:9] = True           # a wall is closed behind full cells, too
-    walls = {(round(x, 3), round(y, 3)) for x, y, _ in barn.pillars(full, 1.0)}
+    walls = {(round(x, 3), round(y, 3)) for x, y, _ in cylinders_of(full, 1.0)}
     assert {(round(-4.575 + 0.15 * 29, 3), round(5.075 + 0.15 * column, 3)) for column in range(5, 9)} <= walls
-    assert barn.pillars(full, 2.0)[0] == tuple(2.0 * value for value in placed[0])
+    assert cylinders_of(full, 2.0)[0] == tuple(2.0 * value for value in placed[0])
 
 
 def test_one_way_connects_any_two_cells_of_a_maze():

@@ -105,7 +105,7 @@ def test_difficulty_of_an_empty_field_is_that_of_its_walls():
 def test_a_world_has_a_cylinder_for_each_full_cell_that_is_seen(some):
     field = some[4]
     outlines = obstacle_outlines(read_world(scene_of(field).world))
-    assert len(outlines) == len(cylinders_of(field)) and {outline.radius for outline in outlines} == {0.075}
+    assert len(outlines) == len(cylinders_of(field.full)) and {outline.radius for outline in outlines} == {0.075}
     places = {tuple(np.round(outline.vertices[0], 3)) for outline in outlines}
     wide = np.pad(field.full, 1)
     for row, column in np.argwhere(field.full).tolist():

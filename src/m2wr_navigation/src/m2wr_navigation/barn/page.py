@@ -82,7 +82,7 @@ def _failures(records: Sequence[Record]) -> str:
 
 
 def _picture(name: str, field: Field, records: Sequence[Record], colours: Dict[str, str]) -> str:
-    pillars = cylinders_of(field)
+    pillars = cylinders_of(field.full)
     points = np.array([pillar[:2] for pillar in pillars] + [START[:2], GOAL])
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     shapes = "".join("M{:.3f} {:.3f}h.001".format(x, -y) for x, y, _ in pillars)

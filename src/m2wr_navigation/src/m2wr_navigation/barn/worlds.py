@@ -11,6 +11,7 @@ from m2wr_navigation.barn.fields import SIDE
 from m2wr_navigation.compare.scenes import Scene, world_text
 
 if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray
     from m2wr_navigation.barn.fields import Field
 
     Point = Tuple[float, float]
@@ -31,20 +32,23 @@ def place_of(row: float, column: float) -> Point:
     return -0.075 - 30 * CELL + CELL * row, 5.075 + CELL * column
 
 
-def cylinders_of(field: Field) -> List[Tuple[float, float, float]]:
+def cylinders_of(full: BoolArray, scale: float = 1.0) -> List[Tuple[float, float, float]]:
     """Return x, y and radius of the cylinders [m]: of full cells that are not enclosed by full ones, and of the pen.
 
     Parameters
     ----------
-    field : Field
+    full : (SIDE, SIDE) bool
+    scale : float
+        Of all lengths, over those of the benchmark.
     """
-    wide = np.pad(field.full, 1)
-    cells = [(row, column) for row, column in np.argwhere(field.full).tolist()
+    wide = np.pad(full, 1)
+    cells = [(row, column) for row, column in np.argwhere(full).tolist()
              if not wide[row:row + 3, column:column + 3].all()]
     length = int(math.ceil(PEN / CELL))
     cells += [(row, -column) for row in (0, SIDE - 1) for column in range(1, length + 1)]
     cells += [(row, -length) for row in range(1, SIDE - 1)]
-    return [(*place_of(row, column), 0.5 * CELL) for row, column in cells]
+    places = ((*place_of(row, column), 0.5 * CELL) for row, column in cells)
+    return [(scale * x, scale * y, scale * radius) for x, y, radius in places]
 
 
 def scene_of(field: Field) -> Scene:
@@ -55,7 +59,7 @@ def scene_of(field: Field) -> Scene:
     field : Field
     """
     name = "{} f {:.2f} s {}".format(field.number, field.fill, field.rounds)
-    return Scene(name, world_text([], cylinders_of(field)), START, GOAL)
+    return Scene(name, world_text([], cylinders_of(field.full)), START, GOAL)
 
 
 def reference_length(field: Field) -> float:
