@@ -121,7 +121,7 @@ class ObstacleField:
         cells = self._costmap.cells(points)
         inside = ((cells >= 0) & (cells < self._costmap.shape)).all(-1)
         found = np.full(len(points), FARTHEST)
-        found[inside] = self._distances[cells[inside, 0], cells[inside, 1]] * self._costmap.resolution
+        found[inside] = self._distances[cells[inside, 0], cells[inside, 1]].astype(float) * self._costmap.resolution
         return found
 
     def clearance(self, track: Track) -> float:
@@ -136,9 +136,5 @@ class ObstacleField:
             x, y, yaw = track.poses[first:first + AT_ONCE].T[:, :, None]
             a, b = self._points.T[:, None, :]
             points = np.stack([x + np.cos(yaw) * a - np.sin(yaw) * b, y + np.sin(yaw) * a + np.cos(yaw) * b], -1)
-            cells = self._costmap.cells(points.reshape(-1, 2))
-            inside = ((cells >= 0) & (cells < self._costmap.shape)).all(-1)
-            found = self._distances[cells[inside, 0], cells[inside, 1]]
-            if len(found):
-                least = min(least, float(found.min()) * self._costmap.resolution)
+            least = min(least, float(self.distances(points.reshape(-1, 2)).min()))
         return least
