@@ -30,7 +30,7 @@ def test_loop_candidates_equal_reference(node):
     count = gk.old_nodes(along, node, 12.0)
     assert old == list(range(count))
     numbers = np.full((2, 200), -1)
-    near, far = gk.loop_candidates(path[:node + 1], shift, count, 1.3, 2.0, 2.0, numbers)
+    near, far = gk.loop_candidates(path[:node + 1], shift, count, 1.3, 2.0, numbers)
     again = [k for k in old if np.hypot(*(path[k] - path[node])[:2]) < 1.3 * shift[k] + 2.0]
     assert numbers[0, :near].tolist() == [k for k in again if shift[k] <= 2.0]
     assert numbers[1, :far].tolist() == [k for k in again if shift[k] > 2.0]

@@ -149,7 +149,7 @@ def old_nodes(along: FloatArray, node: int, old: float) -> int:
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: float, beside: float, near: float,
+def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: float, near: float,
                     numbers: IndexArray) -> Tuple[int, int]:
     """Find which of the first ``count`` nodes may be close to the last one, given the drift between them.
 
@@ -163,10 +163,8 @@ def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: flo
         Number of nodes to test.
     beyond : float
         Factor of the drift that is searched.
-    beside : float
-        Distance that is added to it [m].
     near : float
-        Nodes with at most this drift are near [m].
+        Distance that is added to it; nodes with at most this drift are near [m].
     numbers : (2, K) int64
         Written: near nodes, and the others.
 
@@ -177,7 +175,7 @@ def loop_candidates(path: FloatArray, shift: FloatArray, count: int, beyond: flo
     """
     x, y, nears, fars = path[-1, 0], path[-1, 1], 0, 0
     for k in range(count):
-        dx, dy, reach = path[k, 0] - x, path[k, 1] - y, beyond * shift[k] + beside
+        dx, dy, reach = path[k, 0] - x, path[k, 1] - y, beyond * shift[k] + near
         if dx * dx + dy * dy < reach * reach:
             if shift[k] <= near:
                 numbers[0, nears] = k

@@ -174,7 +174,7 @@ class LoopGraph:
         if correction is not None:
             path[count:] = compose(correction, path[count:])
         numbers = np.empty((2, count), np.int64)
-        near, far = drift_kernels.loop_candidates(path, shift, count, SEARCH.beyond, DRIFT.near, DRIFT.near, numbers)
+        near, far = drift_kernels.loop_candidates(path, shift, count, SEARCH.beyond, DRIFT.near, numbers)
         scene = place_search.Scene(path, along, readings, np.arange(count), shift, turn)
         return scene, numbers[0, :near], numbers[1, :far]
 
