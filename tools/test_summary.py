@@ -15,12 +15,13 @@ import re
 import shutil
 import sys
 import xml.etree.ElementTree as ElementTree
-from typing import Dict, Iterable, List, Optional, Set, TextIO
+from typing import Dict, Iterable, List, Optional, Sequence, Set, TextIO
 
 Case = collections.namedtuple("Case", "name outcome seconds message")
 Suite = collections.namedtuple("Suite", "package name cases")
 
 PASSED, FAILED, SKIPPED = "passed", "failed", "skipped"
+FIRST_RUN = "test_results_first_run"    # of a package; results of the ROS tests that tools/test_again.py has repeated
 RESULT_OF_TEST = re.compile(r'run_tests\.py"\s+"([^"]+\.xml)"')
 TEST_FILE = re.compile(r"^(test_.*\.py|.*\.test)$")
 PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
@@ -167,14 +168,28 @@ def package_suites(build: str, package: str, started: float) -> List[Suite]:
     return [suite for suite in suites if suite.cases]
 
 
+def first_failures(build: str, package: str) -> List[Suite]:
+    """Suites with the failed cases of the first run of those ROS tests that ``tools/test_again.py`` has repeated."""
+    folder = os.path.join(build, package, FIRST_RUN)
+    suites = []
+    for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else []:
+        try:
+            cases = [case for case in read_cases(os.path.join(folder, name)) if case.outcome == FAILED]
+        except ElementTree.ParseError as error:
+            cases = [Case("result file", FAILED, 0.0, "no readable JUnit XML ({})".format(error))]
+        if cases:
+            suites.append(Suite(package, os.path.splitext(name)[0], cases))
+    return suites
+
+
 def collect(build: str, package: str, target: str) -> None:
     """Copy a package's result files to ``target/<package>/``."""
-    folder = os.path.join(build, package, "test_results")
-    for where, _, files in os.walk(folder):
-        for name in files:
-            if name.endswith(".xml"):
-                os.makedirs(os.path.join(target, package), exist_ok=True)
-                shutil.copy2(os.path.join(where, name), os.path.join(target, package, name))
+    for folder, copies in (("test_results", package), (FIRST_RUN, os.path.join(package, FIRST_RUN))):
+        for where, _, files in os.walk(os.path.join(build, package, folder)):
+            for name in files:
+                if name.endswith(".xml"):
+                    os.makedirs(os.path.join(target, copies), exist_ok=True)
+                    shutil.copy2(os.path.join(where, name), os.path.join(target, copies, name))
 
 
 def count(cases: Iterable[Case], outcome: str) -> int:
@@ -189,8 +204,22 @@ def closing_line(suites: List[Suite], problems: List[str]) -> str:
         count(cases, PASSED), count(cases, FAILED) + len(problems), count(cases, SKIPPED))
 
 
-def report(suites: List[Suite], problems: List[str], out: TextIO) -> bool:
+def print_cases(title: str, suites: List[Suite], outcome: str, out: TextIO) -> None:
+    """Print the cases with this outcome and their messages, long ones shortened."""
+    for suite in sorted(suites):
+        for case in suite.cases:
+            if case.outcome == outcome:
+                print("\n{}: {}/{}: {}".format(title, suite.package, suite.name, case.name), file=out)
+                lines = case.message.splitlines()
+                lines = lines if len(lines) <= 50 else lines[:10] + ["[...]"] + lines[-40:]
+                print("\n".join("    " + line for line in lines), file=out)
+
+
+def report(suites: List[Suite], problems: List[str], out: TextIO, repeated: Sequence[Suite] = ()) -> bool:
     """Print table, skips, failures and the closing line.
+
+    ``repeated`` holds the failures of ROS tests that were run a second time; they are listed as FLAKY and not counted,
+    because the second result is among the suites.
 
     Returns
     -------
@@ -204,14 +233,9 @@ def report(suites: List[Suite], problems: List[str], out: TextIO) -> bool:
         print("{:<{w}} {:>7} {:>7} {:>7} {:>7.1f} s".format(
             suite.package + "/" + suite.name, count(suite.cases, PASSED), count(suite.cases, FAILED),
             count(suite.cases, SKIPPED), sum(case.seconds for case in suite.cases), w=width), file=out)
-    for outcome in (SKIPPED, FAILED):
-        for suite in sorted(suites):
-            for case in suite.cases:
-                if case.outcome == outcome:
-                    print("\n{}: {}/{}: {}".format(outcome.upper(), suite.package, suite.name, case.name), file=out)
-                    lines = case.message.splitlines()
-                    lines = lines if len(lines) <= 50 else lines[:10] + ["[...]"] + lines[-40:]
-                    print("\n".join("    " + line for line in lines), file=out)
+    print_cases("SKIPPED", suites, SKIPPED, out)
+    print_cases("FLAKY, failed in the first of two runs", list(repeated), FAILED, out)
+    print_cases("FAILED", suites, FAILED, out)
     for problem in problems:
         print("\nFAILED: " + problem, file=out)
     print("\n" + closing_line(suites, problems), file=out)
@@ -238,14 +262,15 @@ def main(argv: Optional[List[str]] = None, out: TextIO = sys.stdout) -> int:
         problems.append("no package with a test file under {0}/src and {0}/test".format(args.workspace))
     for name in sorted(set(args.packages) - known):
         problems.append("{} is no package with tests (has {})".format(name, ", ".join(sorted(known)) or "none"))
-    suites = []
+    suites, repeated = [], []
     for package in sorted(set(args.packages) & known if args.packages else known):
         suites.extend(package_suites(build, package, args.since))
+        repeated.extend(first_failures(build, package))
         collect(build, package, target)
     os.makedirs(target, exist_ok=True)
     with open(os.path.join(target, "summary.txt"), "w") as stream:
         stream.write(closing_line(suites, problems) + "\n")
-    return 0 if report(suites, problems, out) else 1
+    return 0 if report(suites, problems, out, repeated) else 1
 
 
 if __name__ == "__main__":

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The summary of `make test` counts correctly and accepts no missing, stale, empty or overwritten result."""
-import importlib.util
 import io
 import os
+import sys
 
 import pytest
 
 import workspace_tree as tree
 
-_SPEC = importlib.util.spec_from_file_location("summary", os.path.join(tree.ROOT, "tools", "test_summary.py"))
-summary = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(summary)
+sys.path.insert(0, os.path.join(tree.ROOT, "tools"))
+import test_again as again  # noqa: E402
+import test_summary as summary  # noqa: E402
 
 PASS = '<testcase classname="c" name="test_a" time="0.5"/>'
 FAIL = '<testcase classname="c" name="test_b"><failure message="short">1 != 2</failure></testcase>'
@@ -143,3 +143,65 @@ def test_results_are_gathered_and_old_ones_removed(workspace):
     assert [path.relative_to(workspace / "test_results").as_posix()
             for path in sorted((workspace / "test_results").rglob("*.xml"))] == ["alpha/pytest-unit.xml"]
     assert not stale.exists()
+
+
+@pytest.fixture(name="ros_workspace")
+def _ros_workspace(tmp_path):
+    """A workspace with one package ``alpha`` that registers the ROS tests drive and turn, and unit tests."""
+    add_package(tmp_path, "alpha", ["pytest-unit.xml", "rostest-drive.xml", "rostest-turn.xml"])
+    registered = tmp_path / "catkin_build" / "alpha" / "CTestTestfile.cmake"
+    registered.write_text("".join(
+        line.replace("_ctest_alpha", "_ctest_alpha_rostest_%d" % number if "rostest-" in line else "_ctest_alpha_unit")
+        + "\n" for number, line in enumerate(registered.read_text().splitlines())))
+    result(tmp_path, "pytest-unit.xml", PASS)
+    for name in ("drive", "turn"):
+        result(tmp_path, "rostest-%s.xml" % name, WRAPPER.replace("drive", name))
+        result(tmp_path, "rosunit-%s.xml" % name, PASS)
+    return tmp_path
+
+
+def repeat(root, outcomes, *arguments):
+    """Repeat what failed; a run writes the next of ``outcomes``. Return the names of the tests that were run."""
+    names = []
+
+    def run_test(_, test):
+        names.append(test.name)
+        result(root, "rostest-drive.xml", WRAPPER)
+        result(root, "rosunit-drive.xml", outcomes.pop(0))
+    assert again.main([str(root), *arguments], run_test) == 0
+    return names
+
+
+def test_ros_test_that_passes_at_second_is_flaky(ros_workspace):
+    result(ros_workspace, "rosunit-drive.xml", PASS, FAIL)
+    assert repeat(ros_workspace, [PASS + PASS]) == ["_ctest_alpha_rostest_1"]
+    code, text, last = run(ros_workspace)
+    assert (code, last) == (0, "4 passed, 0 failed, 0 skipped")
+    assert "FLAKY, failed in the first of two runs: alpha/rosunit-drive: c.test_b\n    1 != 2" in text
+    assert (ros_workspace / "test_results" / "alpha" / again.FIRST_RUN / "rosunit-drive.xml").is_file()
+
+
+def test_ros_test_that_fails_twice_has_failed(ros_workspace):
+    result(ros_workspace, "rosunit-drive.xml", FAIL)
+    repeat(ros_workspace, [FAIL])
+    code, _, last = run(ros_workspace)
+    assert (code, last) == (1, "2 passed, 1 failed, 0 skipped")
+
+
+def test_ros_test_without_a_result_is_repeated(ros_workspace):
+    (ros_workspace / "catkin_build" / "alpha" / "test_results" / "alpha" / "rostest-drive.xml").unlink()
+    assert repeat(ros_workspace, [PASS]) == ["_ctest_alpha_rostest_1"]
+    assert run(ros_workspace)[0] == 0
+
+
+def test_unit_tests_are_not_repeated(ros_workspace):
+    result(ros_workspace, "pytest-unit.xml", FAIL)
+    assert repeat(ros_workspace, []) == []
+    assert run(ros_workspace)[0] == 1
+
+
+def test_many_failed_ros_tests_are_not_repeated(ros_workspace):
+    for name in ("drive", "turn"):
+        result(ros_workspace, "rosunit-%s.xml" % name, FAIL)
+    assert repeat(ros_workspace, [], "--most", "1") == []
+    assert run(ros_workspace)[0] == 1
