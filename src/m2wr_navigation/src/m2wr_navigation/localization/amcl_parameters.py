@@ -73,6 +73,7 @@ PARAMETERS: Dict[str, Parameter] = {
     "force_update_after_set_map": flag(False, "update with the next scan after a map of set_map"),
     # of our own
     "scan_matching": flag(True, "fit each scan to the map around the filter's pose: better than a cell, no jumps"),
+    "odom_learning": flag(True, "learn and correct odometry's errors of scale and of the straight line"),
     "laser_weighting": text("tempered", "tempered: product over beams, as of few independent ones; original: "
                                         "1 + the sum of cubes, as amcl's likelihood_field and beam", True),
     "seed": Parameter(0, "", 0, 2.0**31 - 1, "seed of all random numbers", False),

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Dict, Mapping, Optional
 import numpy as np
 
 from m2wr_gmapping.se2 import compose, inverse, wrap
-from m2wr_navigation.localization.particle_filter import Cluster, ParticleFilter
+from m2wr_navigation.localization.odometry_calibration import OdometryCalibration
+from m2wr_navigation.localization.particle_filter import CERTAIN, Cluster, ParticleFilter
 from m2wr_navigation.localization.sensor_models import LEAST_SHARE, MATCH_ROUNDS, match
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 #: Least deviations of the filter's pose when a scan is matched: particles may agree on a pose that is off by a cell
 #: [m, m, rad].
 LEAST_DEVIATION = np.array([0.03, 0.03, 0.015])
+LEARN_SHARE = 0.6           # of the beams that must end near obstacles, for errors of the odometry to be learnt
+TRACK = 0.3                 # m: the filter's pose and the track of the calibration differ by more: one of them is wrong
 ONE_PLACE = 0.5             # share of the weight from which the heaviest cluster is the place, and scans are matched
 
 
@@ -69,6 +72,8 @@ class Localizer:
         Of the base on the map at the newest scan.
     last : Cluster or None
         The newest estimate that was due.
+    calibration : OdometryCalibration
+        What odometry does wrong; without ``odom_learning`` nothing.
     """
 
     def __init__(self, grid: LocalizationMap, values: Mapping[str, Any], rng: np.random.Generator) -> None:
@@ -81,6 +86,8 @@ class Localizer:
         self._covariance: FloatArray = np.eye(3)
         self._weight = 0.0                              # of the heaviest cluster
         self._odom: Optional[FloatArray] = None         # at the last update
+        self.calibration = OdometryCalibration()
+        self._measured: FloatArray = np.zeros(3)        # odometry at the newest scan, as it came
         self._due: Dict[str, bool] = {}                 # by laser
         self._forced = self._fresh = False
         self._updates = 0
@@ -107,6 +114,7 @@ class Localizer:
         self._restart(False)
 
     def _restart(self, forced: bool) -> None:
+        self.calibration.lose()
         self._odom, self._updates, self._forced, self._fresh = None, 0, forced, True
         self._weight = 0.0
 
@@ -126,6 +134,8 @@ class Localizer:
         values : mapping of str to object
         """
         self.values = self.filter.values = values
+        if not values["odom_learning"]:
+            self.calibration.forget()
         if self.last is not None:
             self.start_at(self.last.pose, self.last.covariance)
 
@@ -146,7 +156,28 @@ class Localizer:
         -------
         Outcome
         """
-        odom_pose = np.asarray(odom_pose, float)
+        self._measured = np.asarray(odom_pose, float)
+        outcome = self._process(laser, beams, self.calibration.step(self._measured))
+        if self.values["odom_learning"] and outcome.share >= LEARN_SHARE and outcome.weight >= CERTAIN:
+            self._learn(beams)
+        return outcome
+
+    def _learn(self, beams: Beams) -> None:
+        """Let the calibration of the odometry look at a scan that fits."""
+        calibration = self.calibration
+        if not calibration.is_due:
+            return
+        assert self.pose is not None
+        track = calibration.track
+        if track is None or np.hypot(*(track - self.pose)[:2]) > TRACK:
+            calibration.begin(self.pose)
+            return
+        found = match(track, calibration.covariance, beams, self.grid, self.values)
+        if found.share >= LEARN_SHARE and np.isfinite(found.pose).all():
+            calibration.look(found.pose, found.covariance)
+
+    def _process(self, laser: str, beams: Beams, odom_pose: FloatArray) -> Outcome:
+        """Take a scan; ``odom_pose`` is that of the corrected odometry."""
         self._due.setdefault(laser, True)
         if self._odom is None:
             self._odom = odom_pose
@@ -167,7 +198,7 @@ class Localizer:
         injected = self.filter.resample(beams, self.grid) if resample else 0
         self._mean, self._covariance = between_odometry(cluster.pose, odom_pose), cluster.covariance
         self._weight = cluster.weight
-        share = self._locate(beams, odom_pose, cluster.pose)
+        share = self._locate(beams, cluster.pose)
         if not (resample or self._fresh):
             return Outcome(True, injected, None, self.map_from_odom, share, self._weight)
         self._fresh = False
@@ -184,17 +215,22 @@ class Localizer:
     def _between_updates(self, beams: Beams, odom_pose: FloatArray) -> Outcome:
         share = float("nan")
         if self._mean is not None and not self._fresh:
-            share = self._locate(beams, odom_pose, compose(self._mean, odom_pose))
+            share = self._locate(beams, compose(self._mean, odom_pose))
         return Outcome(False, 0, None, self.map_from_odom, share, self._weight)
 
-    def _locate(self, beams: Beams, odom_pose: FloatArray, pose: FloatArray) -> float:
-        """Set ``map_from_odom`` from the filter's pose, or from that of a scan fitted around it."""
-        covariance = self._covariance + np.diag(LEAST_DEVIATION ** 2)
+    def _locate(self, beams: Beams, pose: FloatArray) -> float:
+        """Set ``map_from_odom`` from the filter's pose, or from that of a scan fitted around it.
+
+        Along a single wall the track of the calibration knows more than the filter, whose pose wanders by its draws.
+        """
+        covariance, track = self._covariance + np.diag(LEAST_DEVIATION ** 2), self.calibration.track
         rounds = MATCH_ROUNDS if self.values["scan_matching"] and self._weight >= ONE_PLACE else 0
-        better, share = match(pose, covariance, beams, self.grid, self.values, rounds)
+        if rounds and track is not None and np.hypot(*(track - pose)[:2]) <= TRACK:
+            pose, covariance = track, self.calibration.covariance
+        better, share, _ = match(pose, covariance, beams, self.grid, self.values, rounds)
         if rounds and share >= LEAST_SHARE and np.isfinite(better).all():
             pose = better
-        self.pose, self.map_from_odom = pose, between_odometry(pose, odom_pose)
+        self.pose, self.map_from_odom = pose, between_odometry(pose, self._measured)
         return share
 
 

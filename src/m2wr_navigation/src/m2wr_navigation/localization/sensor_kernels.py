@@ -187,7 +187,7 @@ def _smooth(fields: Uint8Array, quarter: int, x: float, y: float) -> Tuple[float
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale: float, limits: FloatArray,
-                prior: FloatArray, rounds: int, out: FloatArray) -> float:
+                prior: FloatArray, rounds: int, out: FloatArray, information: FloatArray) -> float:
     """Move a pose to where the scan fits best, by Gauss-Newton on the distances of its end points to obstacles.
 
     Parameters
@@ -209,6 +209,8 @@ def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale
         Number of steps.
     out : (3,) float64
         Written: the better pose.
+    information : (6,) float64
+        Written: the upper triangle of its information, ``prior`` and scan together, row by row [1/cells, rad].
 
     Returns
     -------
@@ -218,7 +220,7 @@ def refine_pose(pose: FloatArray, beams: Float32Array, fields: Uint8Array, scale
     out[:] = pose
     spread, near = limits
     count = 0
-    information, gradient, change = np.empty(6), np.empty(3), np.empty(3)
+    gradient, change = np.empty(3), np.empty(3)
     for step in range(rounds + 1):
         cos, sin = math.cos(out[2]), math.sin(out[2])
         at = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Optional
 
 import numpy as np
 
@@ -38,6 +38,24 @@ class Fit:
 
     log_weights: FloatArray
     goodness: FloatArray
+
+
+class Match(NamedTuple):
+    """A scan fitted to the map.
+
+    Attributes
+    ----------
+    pose : (3,) float64
+        x, y [m], theta [rad].
+    share : float
+        Of the beams with a return that end near obstacles of the map; NaN: there are none.
+    covariance : (3, 3) float64
+        Of the pose, by the given one and the scan together [m, m, rad].
+    """
+
+    pose: FloatArray
+    share: float
+    covariance: FloatArray
 
 
 def weigh(poses: FloatArray, beams: Beams, grid: LocalizationMap, values: Mapping[str, Any],
@@ -125,7 +143,7 @@ def _explained(placed: FloatArray, rays: Float32Array, fields: Uint8Array, value
 
 
 def match(pose: FloatArray, covariance: FloatArray, beams: Beams, grid: LocalizationMap,
-          values: Mapping[str, Any], rounds: int = MATCH_ROUNDS) -> Tuple[FloatArray, float]:
+          values: Mapping[str, Any], rounds: int = MATCH_ROUNDS) -> Match:
     """Fit a scan to the map, near a pose.
 
     Parameters
@@ -142,22 +160,22 @@ def match(pose: FloatArray, covariance: FloatArray, beams: Beams, grid: Localiza
 
     Returns
     -------
-    pose : (3,) float64
-    share : float
-        Of the beams with a return that end near obstacles of the map; NaN: there are none.
+    Match
     """
     used: IndexArray = beams.spread(MATCH_BEAMS)
     if not len(used):
-        return pose, float("nan")
+        return Match(pose, float("nan"), covariance)
     cell, turn = grid.resolution, grid.origin[2]
     to_cells = np.diag([1.0 / cell, 1.0 / cell, 1.0])
     cos, sin = np.cos(turn), np.sin(turn)
     into = to_cells @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     prior = np.linalg.inv(into @ covariance @ into.T)
-    out = np.empty(3)
+    out, information = np.empty(3), np.empty(6)
     limit = values["laser_likelihood_max_dist"]
     spread = MATCH_SPREAD * max(1.0, len(used) / INDEPENDENT) ** 0.5
     share = kernels.refine_pose(
         grid.to_grid(pose[None])[0], _rays(beams, used, cell), grid.fields(limit), limit / 255.0 / cell,
-        np.array([spread, min(MATCH_NEAR, limit)]) / cell, prior, rounds, out)
-    return grid.from_grid(out[None])[0], share
+        np.array([spread, min(MATCH_NEAR, limit)]) / cell, prior, rounds, out, information)
+    found: FloatArray = np.linalg.inv(information[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])])
+    back = np.linalg.inv(into)
+    return Match(grid.from_grid(out[None])[0], share, back @ found @ back.T)

@@ -56,6 +56,7 @@ class Outputs:
         self._times: Deque[float] = deque(maxlen=TIMES_KEPT)        # of the last scans [ms], wall
         self._count = self._particles = 0
         self._share, self._doubt = math.nan, ""
+        self._errors: FloatArray = np.zeros(3)          # of odometry
         self._saving = threading.Lock()
         threading.Thread(target=self._work, name="diagnostics", daemon=True).start()
 
@@ -91,6 +92,7 @@ class Outputs:
         if outcome.estimate is not None:
             self._send_pose(outcome.estimate, stamp)
         self._present = localizer.pose
+        self._errors = localizer.calibration.errors
 
     def _send_pose(self, estimate: Cluster, stamp: genpy.Time) -> None:
         message = PoseWithCovarianceStamped()
@@ -155,6 +157,9 @@ class Outputs:
         status = DiagnosticStatus(name="%s: Standard deviation" % rospy.get_name().lstrip("/"), hardware_id="None",
                                   level=DiagnosticStatus.OK, message="OK")
         values = [("scans", self._count), ("particles", self._particles), ("beams that fit", "%.2f" % self._share)]
+        values += [("odometry's distances are corrected by [%]", "%.2f" % (100.0 * self._errors[0])),
+                   ("odometry's turns are corrected by [%]", "%.2f" % (100.0 * self._errors[1])),
+                   ("a straight line of odometry turns by [rad/m]", "%.4f" % self._errors[2])]
         if self._times:
             values.append(("mean time of a scan [ms]", "%.2f" % np.mean(list(self._times))))
         if estimate is None:
