@@ -16,12 +16,19 @@ def tasks(tmp_path, text, *kept):
     return all_tasks(read_study(str(tmp_path / "s.yaml")), *kept)
 
 
-def test_each_run_has_its_own_key_and_seed(tmp_path):
+def test_each_run_has_its_own_key(tmp_path):
     one, two = tasks(tmp_path, TEXT.format(3)), tasks(tmp_path, TEXT.format(3))
     assert [(task.key, task.seed) for task in one] == [(task.key, task.seed) for task in two]
-    assert len({task.key for task in one}) == len({task.seed for task in one}) == len(one) == 3 * 2 * 2 * 2
+    assert len({task.key for task in one}) == len(one) == 3 * 2 * 2 * 2
     other = tasks(tmp_path, TEXT.format(4))
     assert not {task.key for task in one} & {task.key for task in other}
+
+
+def test_only_methods_share_a_seed(tmp_path):
+    seeds = {}
+    for task in tasks(tmp_path, TEXT.format(3)):
+        seeds.setdefault((task.world.key, task.noise, task.repeat), set()).add(task.seed)
+    assert len(seeds) == len(set.union(*seeds.values())) == 3 * 2 * 2 and all(len(some) == 1 for some in seeds.values())
 
 
 def test_a_run_keeps_its_key_when_factors_are_added(tmp_path):

@@ -3,15 +3,18 @@
 import os
 import signal
 import time
+import zlib
 
+import numpy as np
 import pytest
 
-from m2wr_campaign.runner import command
+from m2wr_campaign.runner import command, one_run
 from m2wr_campaign.runner.one_run import RunError, finite, perform
 from m2wr_campaign.store.result_file import ResultFile
 from m2wr_campaign.store.schema import RUN_COLUMNS
 from m2wr_campaign.study.expansion import all_tasks
 from m2wr_campaign.study.study_file import read_study
+from m2wr_navigation import registry
 from m2wr_navigation.methods.method import Decision
 
 STUDY = """
@@ -48,7 +51,7 @@ def test_rows_are_the_same_on_any_worker_and_in_any_order(study, capsys):
             name: again.get(name) for name in set(RUN_COLUMNS) - MEASURED - {"path"}}
         assert run["outcome"] == "reached" and run["success"] == 1 and run["seed"] == task.seed and len(path) > 5
         assert run["ratio"] >= 0.99 and run["optimum"] == pytest.approx(1.0, abs=0.2) and run["cpu"] > 0.0
-    assert len({run["seed"] for run, _ in rows.values()}) == 6
+    assert len({run["seed"] for run, _ in rows.values()}) == 3        # both methods have the same three
 
 
 def test_a_campaign_continues_after_kill_9(study, tmp_path, monkeypatch, capsys):
@@ -111,6 +114,45 @@ def test_a_command_that_is_not_finite_ends_the_run():
     with pytest.raises(RunError, match=r"at 1.50 s: command \(nan, 0.0\); expected finite numbers"):
         finite(lambda result: Decision(float("nan"), 0.0))(Result())
     assert finite(lambda result: Decision(0.1, 0.2))(Result()).linear == 0.1
+
+
+class Broken:
+    """A method of a user that fails after a second."""
+
+    def __init__(self, parameters, body, command=None):
+        self.command = command
+
+    def begin(self, goal):
+        pass
+
+    def step(self, sensing):
+        if sensing.stamp > 1.0 and self.command is None:
+            raise ZeroDivisionError("no gap")
+        return Decision(0.2, 0.0) if sensing.stamp <= 1.0 else self.command
+
+
+@pytest.mark.parametrize("command, reason, log", [
+    (None, "ZeroDivisionError: no gap", "in step\n    raise ZeroDivisionError"),
+    (Decision(0.1, float("nan")), "command (0.1, nan); expected finite numbers", ""),
+    (0.3, "AttributeError: 'float' object has no attribute 'linear'", "AttributeError")])
+def test_a_run_that_fails_keeps_reason_log_and_path(study, monkeypatch, command, reason, log):
+    task = all_tasks(read_study(str(study)))[0]
+    broken = type("Made", (Broken,), {"PARAMETERS": {}, "__init__": lambda self, parameters, body: Broken.__init__(
+        self, parameters, body, command)})
+    find = registry.find
+    monkeypatch.setattr(registry, "find", lambda table, name: broken if name == "bug0" else find(table, name))
+    row = perform(task)
+    assert row["status"] == "failed" and reason in row["reason"] and log in row["log"] and row["success"] == 0
+    path = np.frombuffer(zlib.decompress(row["path"]), "<f4").reshape(-1, 2)
+    assert len(path) > 1 and row["time"] == pytest.approx(1.05, abs=0.11)
+    assert np.hypot(*(path[-1] - path[0])) == pytest.approx(0.2, abs=0.1)
+
+
+def test_a_stored_path_is_bounded(monkeypatch):
+    monkeypatch.setattr(one_run, "MOST_POINTS", 50)
+    whole = np.cumsum(np.full((5000, 2), 0.02), axis=0)
+    kept = np.frombuffer(zlib.decompress(one_run._path_of(whole)), "<f4").reshape(-1, 2)
+    assert 40 < len(kept) <= 50 and np.allclose(kept[[0, -1]], whole[[0, -1]])
 
 
 @pytest.mark.parametrize("words, told", [(["none.yaml"], "none.yaml: No such file"),

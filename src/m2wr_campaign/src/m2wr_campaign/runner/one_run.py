@@ -11,7 +11,7 @@ import traceback
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Dict, List, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numba
 import numpy as np
@@ -20,6 +20,7 @@ from m2wr_campaign.store.result_file import packed_path
 from m2wr_campaign.study.expansion import with_noise
 from m2wr_navigation.compare.comparison import Comparison
 from m2wr_navigation.compare.drawing import thinned
+from m2wr_navigation.compare.drive import PERIOD
 from m2wr_navigation.optimum.shortest_path import NoShortestPathError
 from m2wr_sim.api import read_world
 from m2wr_sim.api.loading import package_folder
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
     from m2wr_sim.api import StepResult
 
 KEPT = 4                    # worlds that a worker keeps ready
-APART = 0.1                 # m between two points of a stored path
+APART = 0.1                 # m between two points of a stored path, more where it has MOST_POINTS
+MOST_POINTS = 5000
 LONGEST_LOG = 8000          # characters
 DONE, FAILED = "done", "failed"
 
@@ -93,9 +95,18 @@ def _place(task: RunTask) -> _Place:
     return places[-1]
 
 
-def finite(decide: Decide) -> Decide:
-    """Return a function that decides the same, and ends the run if a command is not finite."""
+def finite(decide: Decide, poses: Optional[List[Tuple[float, float, float]]] = None) -> Decide:
+    """Return a function that decides the same, and ends the run if a command is not finite.
+
+    Parameters
+    ----------
+    decide : callable
+    poses : list of (3,) float, optional
+        Gets the robot's true pose at each decision [m, m, rad], for the path of a run that fails.
+    """
     def checked(result: StepResult) -> Decision:
+        if poses is not None:
+            poses.append(result.pose)
         decision = decide(result)
         if not (math.isfinite(decision.linear) and math.isfinite(decision.angular)):
             raise RunError("at {:.2f} s: command ({}, {}); expected finite numbers".format(
@@ -113,12 +124,15 @@ def perform(task: RunTask) -> Dict[str, Any]:
     """
     wall, cpu = time.monotonic(), time.process_time()
     row = dict(task.factors(), key=task.key, status=DONE, log="", versions=versions())
+    poses: List[Tuple[float, float, float]] = []
     try:
-        row.update(_measured(task))
+        row.update(_measured(task, poses))
     except (RunError, SimError, NoShortestPathError, ValueError) as error:
         row.update(failed(str(error)))
     except Exception as error:                  # a method of a user may raise anything
         row.update(failed("{}: {}".format(type(error).__name__, error), traceback.format_exc()))
+    if row["status"] == FAILED and poses:
+        row.update(path=_path_of(task.robot.robot.body.axles(np.array(poses))), time=_stored(PERIOD * len(poses)))
     row.update(wall=time.monotonic() - wall, cpu=time.process_time() - cpu)
     return row
 
@@ -149,15 +163,22 @@ def row_of_failure(task: RunTask, reason: str, log: str, wall: float) -> Dict[st
     return dict(task.factors(), key=task.key, versions=versions(), wall=wall, **failed(reason, log))
 
 
-def _measured(task: RunTask) -> Dict[str, Any]:
+def _measured(task: RunTask, poses: List[Tuple[float, float, float]]) -> Dict[str, Any]:
     place = _place(task)
-    entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters), finite)
+    entry = place.comparison.entry(task.method.name, task.seed, dict(task.method.parameters),
+                                   lambda decide: finite(decide, poses))
     found: Dict[str, Any] = dict(place.measures)
     found.update((name, getattr(entry, name)) for name in (
         "outcome", "reason", "length", "ratio", "time", "clearance", "contacts", "cpu_ms"))
     found.update(success=int(entry.success), turning=_turning(entry.path))
     found = {name: _stored(value) if isinstance(value, float) else value for name, value in found.items()}
-    return dict(found, path=packed_path(thinned(entry.path, APART)))
+    return dict(found, path=_path_of(entry.path))
+
+
+def _path_of(path: FloatArray) -> bytes:
+    """Return a path (N, 2) [m] as it is stored: with at most MOST_POINTS points."""
+    length = float(np.hypot(*np.diff(path, axis=0).T).sum())
+    return packed_path(thinned(path, max(APART, length / (MOST_POINTS - 2))))
 
 
 def _stored(value: float) -> Optional[float]:

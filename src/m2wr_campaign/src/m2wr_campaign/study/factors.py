@@ -143,8 +143,11 @@ class RunTask:
 
     @property
     def seed(self) -> int:
-        """Of all its noise: made from the seed of the study and the key, so that it depends on no worker."""
-        return int(hashlib.sha256("{} {}".format(self.study_seed, self.key).encode()).hexdigest()[:7], 16)
+        """Of all its noise: of the study's seed, world, robot, noise and repeat, so that it depends on no worker.
+
+        All methods have the same: their runs are pairs, whose difference has less noise than that of other runs.
+        """
+        return int(key_of(self.study_seed, self.world.key, self.robot.key, self.noise, self.repeat)[:7], 16)
 
     def factors(self) -> Dict[str, Any]:
         """Return the values of all factors, as they are stored."""

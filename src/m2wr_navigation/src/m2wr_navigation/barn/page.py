@@ -9,7 +9,7 @@ import numpy as np
 
 from m2wr_navigation.barn.score import LATER_LEAST, LEAST, MOST, PUBLISHED, ranked
 from m2wr_navigation.barn.worlds import CELL, GOAL, OPTIMAL_SPEED, START, cylinders_of, place_of, reference_length
-from m2wr_navigation.compare.drawing import dot, pairs_of
+from m2wr_navigation.compare.drawing import cross, dot, pairs_of
 from m2wr_navigation.compare.page import STYLE
 from m2wr_navigation.compare.survey_page import interval
 
@@ -95,8 +95,7 @@ def _picture(name: str, field: Field, records: Sequence[Record], colours: Dict[s
         lines.append("<polyline class=\"way{}\" style=\"stroke:{}\" points=\"{}\"><title>{}</title></polyline>".format(
             "" if record["success"] else " bad", colours[record["name"]], pairs_of(path), escape(record["name"])))
         if not record["success"]:
-            x, y = path[-1]
-            lines.append("<path class=end d=\"M{0:.2f} {1:.2f}l.3 .3m0 -.3l-.3 .3\"/>".format(x - 0.15, -y - 0.15))
+            lines.append(cross(path[-1], "end"))
     lines += [dot(np.array(START[:2]), "start"), dot(np.array(GOAL), "goal")]
     counts = ["{} {} of {}".format(each, sum(record["success"] for record in records if record["name"] == each),
                                    sum(record["name"] == each for record in records))

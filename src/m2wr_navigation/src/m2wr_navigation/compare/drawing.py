@@ -69,6 +69,19 @@ def dot(point: FloatArray, name: str) -> str:
     return "<circle class={} cx={:.2f} cy={:.2f} r=.22 />".format(name, point[0], -point[1])
 
 
+def cross(point: FloatArray, name: str) -> str:
+    """Return a cross.
+
+    Parameters
+    ----------
+    point : (2,) float64
+        [m]
+    name : str
+        Its class in the style sheet.
+    """
+    return "<path class={} d=\"M{:.2f} {:.2f}l.3 .3m0 -.3l-.3 .3\"/>".format(name, point[0] - 0.15, -point[1] - 0.15)
+
+
 def shape(outline: Outline) -> str:
     """Return an obstacle."""
     if len(outline.vertices) == 1:
