@@ -48,6 +48,15 @@ def test_the_order_is_home_environment_own_packages(places, package, monkeypatch
     assert {name: folders.stood_in(found[name]) for name in "aef"} == {"a": "", "e": "", "f": "f"}
 
 
+def test_names_are_those_of_all_folders_with_a_model(places, package):
+    own, exported = places("share/models", "b", "a"), places("exporting/models", "c", "b")
+    places("share/models", "picture.png")
+    folders = ModelFolders(["/nowhere", own], packages=lambda: [
+        package("exporting", "gazebo_model_path", exported)])
+    assert folders.names(10) == ["a", "b", "c"]
+    assert folders.names(2) == ["a", "b"]
+
+
 def test_a_message_names_few_folders():
     assert str(ModelFolders(["/%d" % index for index in range(40)])) == (
         "/0, /1, /2, /3, /4, and 35 folders that packages or GAZEBO_MODEL_PATH name")

@@ -18,6 +18,7 @@ from m2wr_live.ros.recorder import Recorder
 from m2wr_live.web.actions import PLACEABLE, Actions, ModelPose
 from m2wr_live.web.requests import Drive
 from m2wr_sim.errors import SimError
+from m2wr_sim.ros.shared_files import model_folders, package_folder
 from m2wr_tools.obstacles.obstacle import Obstacle
 from m2wr_tools.obstacles.world import World
 from m2wr_tools.service_client import Connection
@@ -27,6 +28,8 @@ SILENCE = 0.5               # s without a message of the page after which the ro
 FASTEST = 1000.0            # greatest real-time factor
 SCALES = (0.1, 10.0)        # of placed obstacles
 MOST_TOPICS = 100           # on which pages may drive
+MOST_MODELS = 300           # in the list of a page
+NOT_PLACED = (worlds.GROUND, "sun")     # every world has them
 _GOAL = "/move_base_simple/goal"
 _Result = TypeVar("_Result")
 
@@ -46,6 +49,7 @@ class Simulation(Actions):
         self._goals = rospy.Publisher(_GOAL, PoseStamped, queue_size=1)
         self._paused: Optional[bool] = None
         self._factor: Optional[float] = None
+        self._models: Optional[List[str]] = None
         self.recorder = Recorder()
 
     def _safely(self, action: Callable[[], _Result]) -> _Result:
@@ -101,6 +105,15 @@ class Simulation(Actions):
         shape, size = PLACEABLE[kind]
         return self._safely(lambda: self._world.add(Obstacle(shape, tuple(scale * side for side in size)),
                                                     (x, y, 0.0), yaw))
+
+    def models(self) -> List[str]:
+        if self._models is None:        # all packages are read for it
+            names = model_folders(package_folder()).names(MOST_MODELS)
+            self._models = [name for name in names if name not in NOT_PLACED]
+        return self._models
+
+    def place_model(self, model: str, x: float, y: float, yaw: float) -> str:
+        return self._safely(lambda: self._world.add_model(model, (x, y, 0.0), yaw))
 
     def model_pose(self, name: str) -> ModelPose:
         position, quaternion = self._safely(lambda: self._world.pose(name))

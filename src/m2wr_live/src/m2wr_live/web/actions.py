@@ -65,6 +65,28 @@ class Actions(abc.ABC):
         """
 
     @abc.abstractmethod
+    def models(self) -> List[str]:
+        """Return the names of the models that pages may place."""
+
+    @abc.abstractmethod
+    def place_model(self, model: str, x: float, y: float, yaw: float) -> str:
+        """Add a model and return its name in the world.
+
+        Parameters
+        ----------
+        model : str
+            One of ``models()``.
+        x, y : float
+            [m]
+        yaw : float
+            [rad]
+
+        Returns
+        -------
+        str
+        """
+
+    @abc.abstractmethod
     def model_pose(self, name: str) -> ModelPose:
         """Return where a model is."""
 

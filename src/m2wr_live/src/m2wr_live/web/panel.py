@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("m2wr_live")
 
-SELECT, GOAL, PLACE = "select and drag", "send a goal", "place a "
+SELECT, GOAL, PLACE, MODEL = "select and drag", "send a goal", "place a ", "place the model "
 AS_IT_IS = "as it is"
 FREE, FOLLOW, TOP = "free", "follow", "top"
 _HEIGHT = 14.0              # m above the robot of the camera from above
@@ -84,7 +84,7 @@ class Panel:
         self._speed: Optional[SpeedList] = None
         if actions is not None:
             self._make_simulation(actions)
-            self._make_clicks()
+            self._make_clicks(actions)
             self._make_recording(actions)
         self._make_camera()
 
@@ -124,10 +124,11 @@ class Panel:
         def _(_event: Any) -> None:
             self.attempt(actions.record if record.value == "record" else actions.stop_recording)
 
-    def _make_clicks(self) -> None:
+    def _make_clicks(self, actions: Actions) -> None:
         gui, client = self._client.gui, self._client
         with gui.add_folder("Click in the scene", order=2):
-            self._mode = gui.add_dropdown("to", (SELECT, GOAL) + tuple(PLACE + kind for kind in PLACEABLE))
+            self._mode = gui.add_dropdown("to", (SELECT, GOAL) + tuple(PLACE + kind for kind in PLACEABLE)
+                                          + tuple(MODEL + name for name in actions.models()))
             self._scale = gui.add_slider("Size", min=0.2, max=4.0, step=0.1, initial_value=1.0, visible=False)
             self._yaw = gui.add_slider("Heading [deg]", min=-180.0, max=180.0, step=5.0, initial_value=0.0,
                                        visible=False)
@@ -136,8 +137,9 @@ class Panel:
 
         @self._mode.on_update
         def _(_event: Any) -> None:
-            placing = str(self._mode.value).startswith(PLACE)
-            self._scale.visible = self._yaw.visible = placing
+            mode = str(self._mode.value)
+            placing = mode.startswith((PLACE, MODEL))
+            self._scale.visible, self._yaw.visible = mode.startswith(PLACE), placing
             self._shown.visible = self._delete.visible = not placing
 
         @self._delete.on_click
@@ -198,9 +200,12 @@ class Panel:
             raise ViewError("the click is not on the ground")
         if mode == GOAL:
             actions.goal(place[0], place[1], self._picture.source.frame)
+            return
+        yaw = math.radians(float(self._yaw.value))
+        if mode.startswith(MODEL):
+            actions.place_model(mode[len(MODEL):], place[0], place[1], yaw)
         elif mode[len(PLACE):] in PLACEABLE:
-            actions.place(mode[len(PLACE):], place[0], place[1], math.radians(float(self._yaw.value)),
-                          float(self._scale.value))
+            actions.place(mode[len(PLACE):], place[0], place[1], yaw, float(self._scale.value))
 
     def _hit(self, origin: Any, direction: Any) -> Optional[str]:
         """Return the name of the model that a ray meets first, or None."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 NEWEST_SDF = (1, 7)
 HOW_TO_INSTALL = "put its folder into ~/.gazebo/models or into a folder that GAZEBO_MODEL_PATH names"
+_CONFIGS, _PLAIN = ("model.config", "manifest.xml"), "model.sdf"       # files by which a folder is a model
 _MOST_LISTED = 5          # folders in a message
 _INSTALLED = "/usr/share/gazebo*/models"        # where Gazebo's packages put theirs, its default for GAZEBO_MODEL_PATH
 
@@ -123,6 +124,13 @@ class ModelFolders:
             found = self._first([os.path.join(self._stand_ins, uri[len("model://"):].strip("/"))])
         return found
 
+    def names(self, most: int) -> List[str]:
+        """Return the names of the models in all folders, at most ``most`` of them, sorted."""
+        self._ask_packages()
+        found = {name for folder in self.folders if os.path.isdir(folder) for name in os.listdir(folder)
+                 if any(os.path.isfile(os.path.join(folder, name, file)) for file in _CONFIGS + (_PLAIN,))}
+        return sorted(found)[:most]
+
     def stood_in(self, path: str) -> str:
         """Return the name of the model that a stand-in at ``path`` replaces; empty if it is not a stand-in."""
         if not self._stand_ins:
@@ -211,11 +219,11 @@ def _file_in_folder(folder: str) -> Optional[str]:
 
     If all are newer than that, the oldest of them is tried.
     """
-    for name in ("model.config", "manifest.xml"):
+    for name in _CONFIGS:
         config = os.path.join(folder, name)
         if os.path.isfile(config):
             return _file_in_config(config, folder)
-    plain = os.path.join(folder, "model.sdf")
+    plain = os.path.join(folder, _PLAIN)
     return plain if os.path.isfile(plain) else None
 
 

@@ -6,6 +6,7 @@ import logging
 import math
 import re
 from typing import TYPE_CHECKING, Any, Collection, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from xml.sax.saxutils import escape
 
 import rosgraph
 import rosgraph.names
@@ -39,6 +40,7 @@ log = logging.getLogger("m2wr_sim.obstacles")
 SERVICE_PATIENCE = 5.0      # s of wall time for the simulation to answer
 _MARKERS_PATIENCE = 2.0     # s for the latched markers of the world, where the simulation has any
 _NAME = re.compile(r"^[A-Za-z][\w.-]*$")
+_INCLUDE = "<sdf version=\"1.6\"><world name=\"world\"><include><uri>model://{}</uri></include></world></sdf>"
 _TRIES = 2000               # places drawn for one obstacle before it is given up
 _FARTHEST = 1e6             # m; positions beyond are refused
 
@@ -210,17 +212,46 @@ class World:
         ObstacleError
             If the name or the pose is not valid, the name is in use, or the simulation refuses.
         """
-        _check_place(position, yaw)
         taken = self.names()
         name = name or self.free_name(taken)
         if not _NAME.match(name):
             raise ObstacleError("name \"%s\": expected letters, digits, dots, - and _, a letter first" % name)
         if name in taken:
             raise ObstacleError("name \"%s\" is taken; in the world are %s" % (name, some_of(taken)))
+        self._spawn(name, obstacle.sdf(name), position, yaw)
+        return name
+
+    def add_model(self, model: str, position: Vector, yaw: float = 0.0) -> str:
+        """Add a model that the simulation finds as ``model://NAME``.
+
+        Parameters
+        ----------
+        model : str
+            Name of its folder.
+        position : (float, float, float)
+            Of its frame [m].
+        yaw : float
+            [rad]
+
+        Returns
+        -------
+        str
+            Its name in the world.
+
+        Raises
+        ------
+        ObstacleError
+            If the pose is not valid, or the simulation refuses.
+        """
+        name = self.free_name(self.names(), re.sub(r"[^\w.-]", "_", model) + "_")
+        self._spawn(name, _INCLUDE.format(escape(model)), position, yaw)
+        return name
+
+    def _spawn(self, name: str, sdf: str, position: Vector, yaw: float) -> None:
+        _check_place(position, yaw)
         pose = Pose()
         write_pose(pose, position, quaternion_from_rpy(0.0, 0.0, yaw))
-        self._call("spawn_sdf_model", SpawnModel, name, obstacle.sdf(name), "", pose, "")
-        return name
+        self._call("spawn_sdf_model", SpawnModel, name, sdf, "", pose, "")
 
     def move(self, name: str, position: Tuple[float, float, Optional[float]], yaw: Optional[float] = None) -> None:
         """Move a model; it is at rest afterwards.
