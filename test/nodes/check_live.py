@@ -12,12 +12,13 @@ from websockets.sync.client import connect
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from live_browser import Page  # noqa: E402
-from live_pages import CRATE, LiveCase, address_of, green, live, status_of  # noqa: E402
+from live_changes import LiveChanges  # noqa: E402
+from live_pages import CRATE, address_of, green, live, status_of  # noqa: E402
 from sim_probe import Recorder, run_checks, wait_until  # noqa: E402
 
 
-class Live(LiveCase):
-    """What pages show and do."""
+class Live(LiveChanges):
+    """What pages show and do, and what they change; one browser for all."""
 
     def test_keys_drive_and_the_robot_stops_after_release(self):
         page = self.page
@@ -48,12 +49,8 @@ class Live(LiveCase):
     def test_clicks_place_an_obstacle_and_send_a_goal(self):
         goals = Recorder("/move_base_simple/goal", PoseStamped)
         page = self.page
-        before = set(self.simulation.models())
         page.choose("place a cylinder")
-        page.click(330, 420)
-        wait_until(lambda: set(self.simulation.models()) - before, "an obstacle in the world")
-        name, = set(self.simulation.models()) - before
-        self.addCleanup(self.simulation.call, "delete_model", name)
+        name = self.placed(page, 330, 420)
         x, y, _ = self.place_of(name)
         self.assertLess(max(abs(x), abs(y)), 20.0)
         page.choose("send a goal")

@@ -19,7 +19,8 @@ _SCALE = 2                  # pixels of the page, along each side, for a pixel t
 _DRAWN = 180.0              # s in which a film is drawn, with low priority
 #: Lists of the panel: their options, as far as tests choose them.
 _LISTS = (("free", "follow", "top"), ("0.75", "1", "2"), ("as it is", "empty", "shapes"),
-          ("select and drag", "send a goal", "place a box", "place a cylinder"))
+          ("select and drag", "send a goal", "place a box", "place a cylinder",
+           "place the model barrel"))
 _START = 60.0               # s of wall time in which a page is drawn by software
 
 

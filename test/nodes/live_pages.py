@@ -18,6 +18,7 @@ from sim_probe import PATIENCE, Running, Simulation, program, wait_until, xyz
 CRATE = """<sdf version="1.6"><model name="crate"><static>1</static><link name="link"><collision name="c"><geometry>
 <box><size>1 1 1</size></box></geometry></collision><visual name="v"><geometry><box><size>1 1 1</size></box></geometry>
 <material><diffuse>0 0.8 0 1</diffuse></material></visual></link></model></sdf>"""
+CLICK = 15.0        # s after which a click is repeated
 ADDRESS = re.compile(r"live view: (http://\S+)")
 
 
@@ -115,6 +116,24 @@ class LiveCase(unittest.TestCase):
 
     def tearDown(self):
         self.assertEqual(self.page.errors(), [])
+
+    def placed(self, page, x, y):
+        """Click at a place of the page [pixels] until a model is added, which the test deletes; return its name.
+
+        A list of the panel that is still closing takes a click.
+        """
+        before = set(self.simulation.models())
+
+        def click():
+            page.click(x, y)
+            try:
+                return wait_until(lambda: set(self.simulation.models()) - before, "a model", CLICK)
+            except AssertionError:
+                return None
+        added = wait_until(click, "a model that a click has placed")
+        for name in added:
+            self.addCleanup(self.simulation.call, "delete_model", name)
+        return min(added)
 
     def place_of(self, name):
         return np.array(xyz(self.simulation.call("get_model_state", name, "").pose.position))

@@ -37,6 +37,7 @@ _OWN_PATH = "/m2wr"         # websocket of the page's own script
 _LARGEST = 1 << 20          # bytes of a message from a page
 _UNSENT = 1 << 18           # bytes that wait for a slow page before it is sent less
 _PAUSE = 0.005              # s after each message of a page: at most 200 a second are read
+_WINDOW = 0.004             # s in which viser collects messages for a page; its own 1/60 s is half of a picture's time
 _STATUS_PERIOD = 0.2        # s between two status messages to the pages
 _TYPES = {".js": "application/javascript", ".css": "text/css; charset=utf-8"}
 
@@ -62,7 +63,7 @@ class SafeBuffer(viser.infra._infra.AsyncMessageBuffer):     # type: ignore[misc
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self.message_event = SafeEvent()
+        self.message_event, self.window_duration_sec = SafeEvent(), _WINDOW
 
 
 viser.infra._infra.AsyncMessageBuffer = SafeBuffer      # of the server and of each page

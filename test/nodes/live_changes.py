@@ -1,10 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The live view as Gazebo's window in a real browser: drag a box, load a world, record; and input that is invalid."""
+"""Tests of the live view as Gazebo's window: drag a box, place a model, load a world, record; and invalid input."""
 import math
 import os
 import socket
-import sys
 import tempfile
 
 import numpy as np
@@ -12,9 +10,8 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import LaserScan
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from live_pages import CRATE, LiveCase, RawPage, address_of, green, live, status_of  # noqa: E402
-from sim_probe import Recorder, Running, program, run_checks, wait_until  # noqa: E402
+from live_pages import CRATE, LiveCase, RawPage, address_of, green, live, status_of
+from sim_probe import Recorder, Running, program, wait_until
 
 THIN = 20                   # of 255; the green axis of the gizmo has it, see green()
 MARKUP = "<img src=x onerror=\"window.broken=1\"><b>cart</b>"
@@ -22,7 +19,7 @@ CART = """<robot name="cart"><link name="base"><visual><geometry><mesh filename=
 </link></robot>"""
 
 
-class LiveControl(LiveCase):
+class LiveChanges(LiveCase):
     """What pages change in the simulation."""
 
     def upgrade(self):
@@ -49,11 +46,7 @@ class LiveControl(LiveCase):
         metre = 100.0 / (places[1][0] - places[0][0])
         pixel = (200 + metre * (x - places[0][0]), 300 - metre * (y - places[0][1]))
         page.choose("place a box")
-        before = set(self.simulation.models())
-        page.click(*pixel)
-        wait_until(lambda: set(self.simulation.models()) - before, "a box")
-        name, = set(self.simulation.models()) - before
-        self.addCleanup(self.simulation.call, "delete_model", name)
+        name = self.placed(page, *pixel)
         page.choose("select and drag")
         return name, pixel, metre
 
@@ -148,11 +141,19 @@ class LiveControl(LiveCase):
                 wait_until(lambda: float(page.value("time").split()[0]) > 0.5, "a recorded run that is shown")
                 self.assertEqual(self.downloaded(folder, "bag"), bag)
 
+    def test_a_model_is_placed_by_a_click(self):
+        page = self.page
+        page.choose("place the model barrel")
+        self.assertEqual(self.placed(page, 330, 420), "barrel_1")
+        page.choose("select and drag")      # no other test's click is to place one more
+        self.assertLess(abs(self.place_of("barrel_1")[2]), 0.6)
+
     def test_a_name_with_markup_is_shown_as_text(self):
         self.simulation.spawn(MARKUP, CRATE, (2.0, 0.0, 0.5, 0.0), kind="sdf")
         self.addCleanup(self.simulation.call, "delete_model", MARKUP)
         page = self.page
         page.choose("top")
+        page.choose("select and drag")
         wait_until(lambda: page.elements("input", MARKUP, "value") or any(
             page.click(x, 278) for x in range(440, 560, 15)), "the name in the panel")
         self.assertEqual(page.driver.execute_script(
@@ -191,12 +192,7 @@ class LiveControl(LiveCase):
         self.advances()
 
     def test_without_a_port_the_next_free_one_is_taken(self):
-        with live("__name:=second") as node:
+        with live("__name:=next") as node:
             first, second = (int(address.rstrip("/").rpartition(":")[2])
                              for address in (self.address, address_of(node)))
             self.assertNotEqual(second, first)      # a page of another test may have ended meanwhile
-
-
-if __name__ == "__main__":
-    rospy.init_node("check_live_control", disable_rostime=True)
-    run_checks("live_control", LiveControl)
