@@ -32,10 +32,10 @@ def obstacles(number):
     return shapes
 
 
-def drawn(number):
+def drawn(number, geometries=UNITS):
     scene = Scene()
     shapes = obstacles(number)
-    Batches(scene, "/world").set_shapes(shapes, UNITS, np.array([shape.pose for shape in shapes]))
+    Batches(scene, "/world").set_shapes(shapes, geometries, np.array([shape.pose for shape in shapes]))
     return scene.added
 
 
@@ -48,3 +48,9 @@ def test_a_thousand_obstacles_are_three_meshes():
 @pytest.mark.parametrize("number, shadows", [(3 * MOST_SHADOWS, True), (3 * MOST_SHADOWS + 3, False)])
 def test_only_so_many_shapes_cast_shadows(number, shadows):
     assert {mesh.cast_shadow for mesh in drawn(number).values()} == {shadows}
+
+
+def test_both_sides_of_faces_are_drawn_of_open_meshes_only():
+    opened = dict(UNITS, box=UNITS["box"]._replace(closed=False))
+    assert {name: mesh.side for name, mesh in drawn(3, opened).items()} == {
+        "/world/box": "double", "/world/cylinder": "front", "/world/sphere": "front"}

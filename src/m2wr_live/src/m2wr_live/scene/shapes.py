@@ -20,11 +20,24 @@ MOST_SHAPES = 20000         # of a world; browsers become slow with more
 
 
 class Geometry(NamedTuple):
-    """Triangles: ``vertices`` (n, 3) float64 [m] and ``faces`` (m, 3) uint32; ``smooth``: without visible edges."""
+    """Triangles.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        [m]
+    faces : (m, 3) uint32
+    smooth : bool
+        Without visible edges.
+    closed : bool
+        Encloses a volume, with the vertices of each face counterclockwise seen from outside: the back of its faces is
+        never seen.
+    """
 
     vertices: FloatArray
     faces: Uint32Array
     smooth: bool = False
+    closed: bool = False
 
 
 class Shape(NamedTuple):
@@ -65,7 +78,7 @@ def unit_box() -> Geometry:
     vertices = np.array([(x, y, z) for z in (-0.5, 0.5) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
-    return Geometry(vertices, np.array(faces, dtype=np.uint32))
+    return Geometry(vertices, np.array(faces, dtype=np.uint32), closed=True)
 
 
 def unit_cylinder() -> Geometry:
@@ -77,7 +90,7 @@ def unit_cylinder() -> Geometry:
     side, ahead = np.arange(_SIDES), (np.arange(_SIDES) + 1) % _SIDES
     bottom = np.column_stack((np.full(_SIDES, 2 * _SIDES), ahead, side))
     top = np.column_stack((np.full(_SIDES, 2 * _SIDES + 1), side + _SIDES, ahead + _SIDES))
-    return Geometry(vertices, np.concatenate((_grid_faces(2, _SIDES), bottom, top)).astype(np.uint32))
+    return Geometry(vertices, np.concatenate((_grid_faces(2, _SIDES), bottom, top)).astype(np.uint32), closed=True)
 
 
 def unit_sphere() -> Geometry:
@@ -86,7 +99,7 @@ def unit_sphere() -> Geometry:
     angle = np.linspace(0.0, 2.0 * np.pi, _SECTORS, endpoint=False)
     up, around = np.meshgrid(height, angle, indexing="ij")
     vertices = 0.5 * np.stack((np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)), axis=-1)
-    return Geometry(vertices.reshape(-1, 3), _grid_faces(_RINGS, _SECTORS), True)
+    return Geometry(vertices.reshape(-1, 3), _grid_faces(_RINGS, _SECTORS), True, True)
 
 
 #: The geometries that every scene has.

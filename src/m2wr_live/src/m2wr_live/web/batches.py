@@ -87,4 +87,5 @@ class Batches:
             batched_wxyzs=quaternions_of(poses[:, :3, :3]), batched_positions=poses[:, :3, 3],
             batched_scales=np.array([shape.scale for shape in shapes], dtype=np.float32), batched_colors=colours,
             batched_opacities=None if np.all(opacities >= 1.0) else opacities.astype(np.float32), lod="off",
-            flat_shading=not geometry.smooth, side="double", cast_shadow=len(shapes) <= MOST_SHADOWS)
+            flat_shading=not geometry.smooth, side="front" if geometry.closed else "double",
+            cast_shadow=len(shapes) <= MOST_SHADOWS)
