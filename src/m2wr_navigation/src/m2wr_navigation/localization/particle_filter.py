@@ -10,6 +10,7 @@ import numpy as np
 
 from m2wr_navigation.localization import particle_kernels as kernels
 from m2wr_navigation.localization.motion_kernels import move_differential, move_omnidirectional
+from m2wr_navigation.localization.place_search import PlaceSearch
 from m2wr_navigation.localization.sensor_models import INDEPENDENT, INDEPENDENT_APART, Fit, weigh
 
 if TYPE_CHECKING:
@@ -71,11 +72,12 @@ class ParticleFilter:
         self._averaged = 0              # number of values in both
         self.anywhere = False           # the next scan chooses among many poses
         self.certain = True             # nearly all the weight is in one cluster
+        self.search: Optional[PlaceSearch] = None       # while the robot may be in several places
 
     def _start(self, poses: FloatArray) -> None:
         self.poses, self.weights = np.ascontiguousarray(poses), np.full(len(poses), 1.0 / len(poses))
         self.slow, self.fast, self._averaged = 0.0, 0.0, 0
-        self.anywhere, self.certain = False, True
+        self.anywhere, self.certain, self.search = False, True, None
 
     def start_at(self, mean: FloatArray, covariance: FloatArray) -> None:
         """Draw all particles from a normal distribution.
@@ -95,7 +97,7 @@ class ParticleFilter:
     def start_anywhere(self, grid: LocalizationMap) -> None:
         """Draw all particles from the whole free space; the next scan then chooses from many more poses."""
         self._start(grid.random_poses(self.values["max_particles"], self._rng))
-        self.anywhere, self.certain = True, False
+        self.anywhere, self.certain, self.search = True, False, PlaceSearch()
 
     def move(self, before: FloatArray, after: FloatArray) -> None:
         """Move the particles as odometry did.
@@ -113,6 +115,8 @@ class ParticleFilter:
         kernel = move_omnidirectional if model.startswith("omni") else move_differential
         kernel(self.poses, float(before[2]), step, alphas, model.endswith("corrected"),
                self._centred_noise(len(self.poses)))
+        if self.search is not None:
+            self.search.move(before, after)
 
     def _centred_noise(self, count: int) -> FloatArray:
         """Return normal numbers (count, 3) with mean 0: that of few numbers would move the pose without a reason."""
@@ -143,11 +147,20 @@ class ParticleFilter:
         total = weights.sum()
         average = float((self.weights * fit.goodness).sum())
         self.weights = weights / total if total > 0.0 else np.full(len(weights), 1.0 / len(weights))
+        if self.search is not None:
+            self._look(self.search, fit.log_weights, beams, grid)
         if self.certain:        # of particles that are in several places, most do not fit
             self._averaged += 1
             self.slow = self._average(self.slow, average, self.values["recovery_alpha_slow"])
             self.fast = self._average(self.fast, average, self.values["recovery_alpha_fast"])
         return fit
+
+    def _look(self, search: PlaceSearch, fit: FloatArray, beams: Beams, grid: LocalizationMap) -> None:
+        """Let the places of a search share the weight; end it if one is left."""
+        search.look(self.poses, fit, beams, grid, self.values)
+        self.poses, self.weights = search.share_out(self.poses, self.weights, self._rng)
+        if search.decided:
+            self.search = None
 
     def _average(self, mean: float, value: float, rate: float) -> float:
         """Return an average with one value more: of all values, until the rate is the greater weight of the new one."""
@@ -226,5 +239,5 @@ class ParticleFilter:
         best = int(np.argmax(shares))
         pose, covariance = np.empty(3), np.empty((3, 3))
         kernels.cluster_moments(self.poses, self.weights, labels, best, pose, covariance)
-        self.certain = bool(shares[best] >= CERTAIN)
+        self.certain = self.search is None and bool(shares[best] >= CERTAIN)
         return Cluster(pose, covariance, float(shares[best]))

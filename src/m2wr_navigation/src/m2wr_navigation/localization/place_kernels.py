@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Places on a map: which poses are apart, which one is nearest, and how well all beams of a scan agree with each."""
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from numba import njit
+
+from m2wr_gmapping.frontend.pose_kernels import wrapped
+from m2wr_navigation.localization.sensor_kernels import ray_length
+
+if TYPE_CHECKING:
+    from m2wr_gmapping.array_types import BoolArray, Float32Array, FloatArray, IndexArray
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def _within(one: FloatArray, other: FloatArray, limits: FloatArray) -> bool:
+    """Whether two poses are nearer than a distance and an angle."""
+    return (math.hypot(one[0] - other[0], one[1] - other[1]) < limits[0]
+            and abs(wrapped(one[2] - other[2])) < limits[1])
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def distinct(poses: FloatArray, places: FloatArray, known: int, apart: FloatArray) -> int:
+    """Add poses that are apart from all places.
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        The best first: x, y [m], theta [rad].
+    places : (K, 3) float64
+        The first ``known`` rows are places; the next ones are written.
+    known : int
+    apart : (2,) float64
+        Two poses that are nearer than both are one place [m, rad].
+
+    Returns
+    -------
+    int
+        Number of places, at most K.
+    """
+    count = known
+    for i in range(len(poses)):
+        if count == len(places):
+            break
+        new = True
+        for k in range(count):
+            if _within(poses[i], places[k], apart):
+                new = False
+                break
+        if new:
+            places[count] = poses[i]
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def nearest(poses: FloatArray, places: FloatArray, near: FloatArray, out: IndexArray) -> None:
+    """Find the nearest place of each pose.
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        x, y [m], theta [rad].
+    places : (K, 3) float64
+        Likewise.
+    near : (2,) float64
+        Greatest distance and angle [m, rad].
+    out : (N,) int64
+        Written: the index of the place, -1: none is near.
+    """
+    for i in range(len(poses)):
+        out[i] = -1
+        best = math.inf
+        for k in range(len(places)):
+            away = math.hypot(poses[i, 0] - places[k, 0], poses[i, 1] - places[k, 1])
+            if away < best and _within(poses[i], places[k], near):
+                best = away
+                out[i] = k
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def agreement(places: FloatArray, mount: FloatArray, beams: FloatArray, reach: float, blocked: BoolArray,
+              free: Float32Array, cell: float, spread: float, unmapped: float, out: FloatArray) -> None:
+    """Add up how well the ranges of a scan agree with those to the map's obstacles, by ray casting.
+
+    Parameters
+    ----------
+    places : (K, 3) float64
+        Poses of the base in the grid's frame [cells, cells, rad].
+    mount : (2,) float64
+        The laser in the base frame [m].
+    beams : (2, B) float64
+        Direction in the base frame [rad] and range [m] of each beam; without return, the greatest range.
+    reach : float
+        Greatest range [m].
+    blocked, free
+        As for :func:`m2wr_navigation.localization.sensor_kernels.ray_length`.
+    cell : float
+        Side of a cell [m].
+    spread : float
+        Deviation of a range [m].
+    unmapped : float
+        Share of the beams that say nothing.
+    out : (K,) float64
+        Written: sums of ln((1 - unmapped) exp(-d^2 / (2 spread^2)) + unmapped).
+    """
+    scale = -0.5 / (spread * spread)
+    for k in range(len(places)):
+        cos, sin = math.cos(places[k, 2]), math.sin(places[k, 2])
+        x = places[k, 0] + (cos * mount[0] - sin * mount[1]) / cell
+        y = places[k, 1] + (sin * mount[0] + cos * mount[1]) / cell
+        total = 0.0
+        for b in range(beams.shape[1]):
+            away = beams[1, b] - cell * ray_length(x, y, places[k, 2] + beams[0, b], reach / cell, blocked, free)
+            total += math.log((1.0 - unmapped) * math.exp(scale * away * away) + unmapped)
+        out[k] = total
