@@ -48,7 +48,7 @@ class Robot:
 
     def __init__(self):
         self.place, self.command = np.array([2.0, 2.0, 0.0]), np.zeros(2)
-        self.has_laser = self.has_odometry = True
+        self.has_odometry, self.has_laser, self.has_twist = True, False, True
         self.last_scan, self.ended, self.laser_frame = 0.0, False, "base_link"
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
         self._odom = rospy.Publisher("odom", Odometry, queue_size=10)
@@ -85,6 +85,8 @@ class Robot:
             frame.transform.rotation.z, frame.transform.rotation.w = math.sin(0.5 * place[2]), math.cos(0.5 * place[2])
             frames.append(frame)
         self._tf.publish(TFMessage(frames))
+        if not self.has_twist:
+            return
         message = Odometry(child_frame_id="base_link")
         message.header.stamp, message.header.frame_id = stamp, "odom"
         message.twist.twist.linear.x, message.twist.twist.angular.z = forward, turn
@@ -101,6 +103,12 @@ class NavigationInputs(unittest.TestCase):
         cls.robot = Robot()
         cls.client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
         wait_until(lambda: cls.client.wait_for_server(rospy.Duration(1.0)), "the action server", START)
+        cls.client.send_goal(cls.goal())                    # the laser has not sent anything yet
+        cls.log.wait(lambda messages: any("topic scan of source scan has sent nothing yet" in message.msg
+                                          for message in messages), "a message about the laser", 60.0)
+        cls.place_without_laser = cls.robot.place.copy()
+        cls.client.cancel_goal()
+        cls.robot.has_laser = True
 
     @classmethod
     def tearDownClass(cls):
@@ -121,7 +129,7 @@ class NavigationInputs(unittest.TestCase):
     def tearDown(self):
         self.client.cancel_goal()
         self.map.publish(corridor(False))
-        self.robot.has_laser = self.robot.has_odometry = True
+        self.robot.has_laser = self.robot.has_odometry = self.robot.has_twist = True
         self.robot.laser_frame = "base_link"
 
     def wait_for_motion(self):
@@ -134,7 +142,18 @@ class NavigationInputs(unittest.TestCase):
         self.log.wait(lambda messages: any(all(word in message.msg for word in words) and message.name == "/move_base"
                                            for message in messages), "a message with %s" % ", ".join(words), 20.0)
 
+    def test_a_laser_that_never_sent(self):
+        self.told("stopped", "topic scan of source scan has sent nothing yet")
+        np.testing.assert_array_equal(self.place_without_laser, [2.0, 2.0, 0.0])
+
+    def test_velocity_by_tf_where_odom_is_silent(self):
+        self.robot.has_twist = False
+        self.told("odom is silent", "taken from the transforms from base_link to odom")
+        before = self.robot.place[0]
+        wait_until(lambda: self.robot.place[0] > before + 1.0, "the robot to drive on", 60.0)
+
     def test_a_laser_that_stops(self):
+        wait_until(lambda: self.robot.place[0] > 2.6, "enough scans to know their rate", 60.0)
         self.robot.has_laser = False
         self.wait_for_stop()
         self.assertLess(time.monotonic() - self.robot.last_scan, STOP + BUSY)

@@ -114,6 +114,7 @@ def test_a_source_is_late_after_its_expected_period():
 
 def test_messages_that_cannot_be_used_are_a_fault():
     source = Source("laser", values())
+    source.add(observation(-0.05), -0.05)
     for k in range(20):
         source.refuse(0.05 * k, "there is no transform")
         assert bool(source.fault(0.05 * k)) == (0.05 * k > 0.5)
@@ -121,6 +122,26 @@ def test_messages_that_cannot_be_used_are_a_fault():
                                  "there is no transform")
     source.add(observation(1.0), 1.0)
     assert source.fault(1.1) == ""
+
+
+def test_a_sensor_that_never_sent_is_a_fault():
+    source = Source("laser", values(topic="scan"))
+    assert "topic scan of source laser has sent nothing yet" in source.fault(0.0)
+    source.refuse(1.0, "there is no transform")
+    assert "nothing that could be used" in source.fault(1.1) and "there is no transform" in source.fault(2.0)
+    source.add(observation(2.0), 2.0)
+    assert source.fault(2.1) == ""
+
+
+@pytest.mark.parametrize("kind, count, limit", [
+    ("LaserScan", 1, 3.0), ("LaserScan", 2, 3.0), ("PointCloud2", 1, math.inf), ("PointCloud2", 3, 3.0)])
+def test_a_source_with_few_messages_is_late_after_three_seconds(kind, count, limit):
+    source = Source("laser", values(data_type=kind))
+    for k in range(count):
+        source.add(observation(0.1 * k), 0.1 * k)
+    last = 0.1 * (count - 1)
+    assert source.fault(last + 2.9) == ""
+    assert bool(source.fault(last + 3.1)) == math.isfinite(limit)
 
 
 @pytest.mark.parametrize("count", [4, 20])

@@ -18,6 +18,7 @@ MOST_BEAMS = 1000000
 MOST_POINTS = 5000000
 MOST_KEPT = 1000            # observations of a source, with a persistence
 SILENCE = 0.5               # s after which a regular sensor is late
+FIRST = 3.0                 # s, likewise, while its period is not known
 _MEAN_OF = 10               # messages whose period is averaged
 _REGULAR = 3                # periods after which a sensor is known to send regularly
 _INFINITY_MARGIN = 1e-4     # m: below range_max, of a beam without return with inf_is_valid (obstacle_layer.cpp)
@@ -145,12 +146,15 @@ class Source:
     def limit(self) -> float:
         """Longest time between two messages [s].
 
-        ``expected_update_rate``, or for a sensor that has sent regularly three of its periods, at least 0.5 s.
+        ``expected_update_rate``, or for a sensor that has sent regularly three of its periods, at least 0.5 s. With
+        fewer messages it is 3 s at least; a single cloud may be all that there is, a single scan is not.
         """
         expected: float = self.values["expected_update_rate"]
         if expected > 0.0:
             return expected
-        return max(SILENCE, 3.0 * self._period) if self._count >= _REGULAR else math.inf
+        if self._count == 0 and (self.values["data_type"] != "LaserScan" or self.arrived == -math.inf):
+            return math.inf
+        return max(SILENCE if self._count >= _REGULAR else FIRST, 3.0 * self._period)
 
     def silence(self, now: float) -> float:
         """Return for how long the sensor has been silent [s]; 0 if it is not late."""
@@ -158,7 +162,7 @@ class Source:
         return since if since > self.limit else 0.0
 
     def fault(self, now: float) -> str:
-        """Return why the sensor cannot be relied upon: it is silent, or nothing that it sends can be used; or empty.
+        """Return why the sensor cannot be relied upon: it is silent, has never sent, or sends what cannot be used.
 
         Parameters
         ----------
@@ -169,6 +173,10 @@ class Source:
         if since > SILENCE:
             return "no message on topic {} of source {} could be used for {:.1f} s: {}".format(
                 self.topic, self.name, since, self._refusal)
+        if self.arrived == -math.inf:
+            return "topic {} of source {} has sent nothing{}; without such a sensor, take {} out of " \
+                "observation_sources".format(self.topic, self.name, " that could be used" if self._refusal else " yet",
+                                             self.name)
         return "" if silence <= 0.0 else "topic {} of source {} has been silent for {:.1f} s; expected a message " \
             "every {:.2g} s".format(self.topic, self.name, min(silence, 1e6), self.limit)
 

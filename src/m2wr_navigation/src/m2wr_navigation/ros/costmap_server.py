@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from typing import TYPE_CHECKING, Any, Dict, List, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -228,6 +228,10 @@ class CostmapServer:
     def pose(self) -> FloatArray:
         """Return the pose (3,) of the robot in the costmap's frame; raises TransformError."""
         return self._transforms.fresh_pose(self.frame, self.base, max(self.values["transform_tolerance"], 0.0))
+
+    def stamped_pose(self) -> Tuple[FloatArray, float]:
+        """Return the newest pose (3,) of the robot in the costmap's frame and its stamp [s]; raises TransformError."""
+        return self._transforms.stamped_pose(self.frame, self.base)
 
     def late(self) -> List[str]:
         """Return sentences about sensors that are silent."""

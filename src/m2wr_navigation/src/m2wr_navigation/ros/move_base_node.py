@@ -24,6 +24,7 @@ from std_srvs.srv import Empty, EmptyResponse
 
 from m2wr_gmapping.se2 import compose, inverse
 from m2wr_navigation import registry
+from m2wr_navigation.base_velocity import BaseVelocity
 from m2wr_navigation.controllers.controller import Situation
 from m2wr_navigation.kernel_warm_up import (
     compile_controller_kernels,
@@ -68,7 +69,8 @@ class MoveBase:
             rospy.logwarn("%s", sentence.replace("~/", "~"))
         if self._values["shutdown_costmaps"]:
             rospy.logwarn("parameter ~shutdown_costmaps has no effect: the costmaps are always updated")
-        self._velocity, self._moving = np.zeros(3), False
+        self._velocity, self._moving = BaseVelocity(), False
+        self._told = ""                 # why the velocity is that of tf
         self._end = threading.Event()
         self.transforms = Transforms()
         self.maps: Dict[str, CostmapServer] = {
@@ -87,7 +89,8 @@ class MoveBase:
         self._goal: Optional[FloatArray] = None         # in the frame of the global costmap
         self._plan_in_use: Optional[FloatArray] = None
         odom = rospy.get_param("~%s/odom_topic" % self._controller.name, "odom")
-        self._keep: List[Any] = [rospy.Subscriber(odom, Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)]
+        self._odom = rospy.Subscriber(odom, Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        self._keep: List[Any] = [self._odom]
 
     # ---- start
 
@@ -122,7 +125,7 @@ class MoveBase:
         twist = message.twist.twist
         velocity = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
         if np.isfinite(velocity).all():
-            self._velocity = velocity
+            self._velocity.take_message(rospy.get_time(), velocity)
         else:
             rospy.logwarn_throttle(10.0, "a message of odometry has the velocity {}; expected finite numbers".format(
                 velocity.tolist()))
@@ -267,6 +270,7 @@ class MoveBase:
         local, whole = self.maps["local"], self.maps["global"]
         try:
             pose = local.pose()
+            velocity = self._measured_velocity(now)
             local_from_global = self.transforms.pose(local.frame, whole.frame) if local.frame != whole.frame \
                 else np.zeros(3)
         except TransformError as error:
@@ -279,8 +283,20 @@ class MoveBase:
         feedback.base_position.pose = pose_message(compose(inverse(local_from_global), pose))
         self._server.publish_feedback(feedback)
         plan = pose[None, :] if self._plan_in_use is None else compose(local_from_global, self._plan_in_use)
-        return Situation(now, 1.0 / self._values["controller_frequency"], pose, self._velocity, plan,
+        return Situation(now, 1.0 / self._values["controller_frequency"], pose, velocity, plan,
                          local.snapshot(), local.costmap.footprint), ""
+
+    def _measured_velocity(self, now: float) -> FloatArray:
+        """Return the velocity of the base (3,), and say once why it is that of tf; raises TransformError."""
+        pose, stamp = self.maps["local"].stamped_pose()
+        self._velocity.take_pose(stamp, pose)
+        velocity = self._velocity.velocity(now)
+        why = self._velocity.by_poses
+        if why and why != self._told:
+            self._told = why
+            rospy.logwarn("topic %s %s: the velocity of the base is taken from the transforms from %s to %s",
+                          self._odom.resolved_name, why, self.maps["local"].base, self.maps["local"].frame)
+        return velocity
 
     def _plan(self) -> Plan:
         """Return a plan to the present goal. Runs on the planner's thread."""
