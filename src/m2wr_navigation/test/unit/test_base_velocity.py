@@ -47,7 +47,7 @@ def test_messages_that_tell_the_motion_are_used():
 
 
 @pytest.mark.parametrize("told", [(0.0, 0.0, 0.0), (-0.5, 0.0, 0.3), (0.5, 0.0, -0.3), (0.0, 0.5, 0.3)])
-def test_messages_without_the_velocity_are_replaced_after_a_second(told):
+def test_messages_without_the_velocity_are_replaced(told):
     found = BaseVelocity()
     seen = run(found, (0.5, 0.3), told, 3.0)
     assert seen[int(0.5 * JUDGED / PERIOD)] == pytest.approx(told)
