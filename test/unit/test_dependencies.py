@@ -17,7 +17,7 @@ PROVIDERS = {
     "mpl_toolkits": "python3-matplotlib",
     "collada": None, "gymnasium": None, "trimesh": None, "viser": None, "websockets": None,
     "cbor2": None, "mcap": None, "msgspec": None, "rosbags": None,
-    "lz4": None, "zstandard": None, "pyarrow": None,
+    "lz4": None, "zstandard": None, "pyarrow": None, "distributed": None,
 }
 PACKAGES = [package for package in tree.packages() if package.name != "m2wr_test"]
 NAMES = {package.name for package in PACKAGES}

@@ -82,7 +82,7 @@ RULES = (
          ("m2wr_campaign.study", "m2wr_campaign.store", "m2wr_campaign.runner")),
     Rule("m2wr_campaign/store/*.py", {"numpy", "pyarrow"}, False, True, ("m2wr_campaign.runner",)),
     Rule("m2wr_campaign/report/*.py", {"numpy"}, False, True, ("m2wr_campaign.runner", "m2wr_campaign.study")),
-    Rule("m2wr_campaign/runner/*.py", NUMERIC, False, False, ()),               # measures time
+    Rule("m2wr_campaign/runner/*.py", NUMERIC | {"distributed"}, False, False, ()),               # measures time
     Rule("m2wr_campaign/*.py", set(), False, True, ("m2wr_campaign.*",)),
     Rule("m2wr_live/scene/*.py", NUMERIC | {"trimesh"}, False, True, ("m2wr_live.web", "m2wr_live.ros") + EDGES),
     Rule("m2wr_live/web/*.py", NUMERIC | {"msgspec", "viser", "websockets", "zstandard"}, False, True,

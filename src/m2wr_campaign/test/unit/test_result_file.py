@@ -63,6 +63,21 @@ def test_what_was_committed_survives_kill_9(path):
         assert len(results.finished()) == 22
 
 
+def test_a_write_that_a_kill_cut_off_is_undone_by_a_reader(path):
+    child = os.fork()
+    if child == 0:
+        with ResultFile(path, writing=True) as results:
+            results._data.execute("PRAGMA cache_size = 1")          # pages are written before the end
+            results._data.execute("BEGIN IMMEDIATE")
+            for key in range(50):
+                results.add(row("more %d" % key, log="x" * 100_000))
+            os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert os.path.getsize(path + "-journal") > 0
+    with ResultFile(path) as results:
+        assert results.finished() == {"a", "z"}
+
+
 def test_a_second_campaign_with_the_same_file_is_told(path):
     ready, go = os.pipe(), os.pipe()
     child = os.fork()

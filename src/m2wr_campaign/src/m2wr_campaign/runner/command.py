@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import time
 from contextlib import closing
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, List, Optional
+from typing import TYPE_CHECKING, List, Optional, Union
 
+from m2wr_campaign.runner.cluster import Cluster, ClusterError
 from m2wr_campaign.runner.one_run import FAILED, perform, row_of_failure, versions
 from m2wr_campaign.runner.pool import Pool
 from m2wr_campaign.runner.progress import CampaignProgress
@@ -25,18 +27,21 @@ if TYPE_CHECKING:
     from m2wr_campaign.study.study_file import Study
 
 MOST_WORKERS = 1024
+ADDRESS = r"[a-z]{2,4}://[\w.:\[\]-]+:[0-9]{1,5}"
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="run", description="Run all combinations of a study's worlds, robots, noise, methods and repeats in the "
-        "simulator, on all cores. Each run is stored when it ends; after a stop the same command continues. No ROS "
-        "master is needed.")
+        "simulator, on all cores or on a cluster. Each run is stored when it ends; after a stop the same command "
+        "continues. No ROS master is needed.")
     parser.add_argument("study", metavar="STUDY.yaml", help="the study")
     parser.add_argument("--out", default="", metavar="FILE",
                         help="results (default: the study's name with .sqlite, in the present folder)")
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)),
                         help="processes (default: the cores)")
+    parser.add_argument("--scheduler", default="", metavar="ADDRESS",
+                        help="do the runs on a cluster of Dask, such as tcp://host:8786, not on this machine")
     parser.add_argument("--dry-run", action="store_true", help="only check the study and count its runs")
     return parser
 
@@ -47,6 +52,8 @@ def main(argv: Optional[List[str]] = None) -> int:
     options = parser.parse_args(argv)
     if not 1 <= options.workers <= MOST_WORKERS:
         parser.error("--workers {}; expected from 1 to {}".format(options.workers, MOST_WORKERS))
+    if options.scheduler and not re.fullmatch(ADDRESS, options.scheduler):
+        parser.error("--scheduler {}; expected an address such as tcp://host:8786".format(options.scheduler))
     out = options.out or os.path.splitext(os.path.basename(options.study))[0] + ".sqlite"
     try:
         study = read_study(options.study)
@@ -55,13 +62,13 @@ def main(argv: Optional[List[str]] = None) -> int:
             print("{}: {} runs in {} worlds".format(study.name, len(tasks), len({task.world.key for task in tasks})))
             return 0
         with ResultFile(out, writing=True) as results:
-            return _run(study, options.study, results, options.workers)
-    except (StudyError, StoreError) as error:
+            return _run(study, options.study, results, options)
+    except (StudyError, StoreError, ClusterError) as error:
         print("run: {}".format(error), file=sys.stderr)
         return 1
 
 
-def _run(study: Study, path: str, results: ResultFile, workers: int) -> int:
+def _run(study: Study, path: str, results: ResultFile, options: argparse.Namespace) -> int:
     """Run what is not stored yet; return the exit code."""
     tasks = all_tasks(study, results.generated)
     with open(path, encoding="utf-8") as file:
@@ -74,7 +81,7 @@ def _run(study: Study, path: str, results: ResultFile, workers: int) -> int:
     progress = CampaignProgress(len(tasks), len(tasks) - len(left), sys.stdout, time.monotonic)
     code = 0
     try:
-        _store_all(left, study.time_limit, results, workers, progress)
+        _store_all(left, study.time_limit, results, options, progress)
     except KeyboardInterrupt:
         code = INTERRUPTED
     stored = len(results.finished() & {task.key for task in tasks})
@@ -83,12 +90,16 @@ def _run(study: Study, path: str, results: ResultFile, workers: int) -> int:
     return code
 
 
-def _store_all(tasks: List[RunTask], time_limit: float, results: ResultFile, workers: int,
-               progress: CampaignProgress) -> None:
+def _store_all(tasks: List[RunTask], time_limit: float, results: ResultFile,
+               options: argparse.Namespace, progress: CampaignProgress) -> None:
     if not tasks:
         return
-    compile_kernels()                   # once, before the processes are forked
-    pool: Pool[RunTask] = Pool(perform, row_of_failure, workers)
+    pool: Union[Pool[RunTask], Cluster]
+    if options.scheduler:
+        pool = Cluster(options.scheduler, row_of_failure, lambda told: print("\nrun: " + told, file=sys.stderr))
+    else:
+        compile_kernels()               # once, before the processes are forked
+        pool = Pool(perform, row_of_failure, options.workers)
     with closing(pool.rows(tasks, time_limit)) as rows:
         for row in rows:
             results.add(dict(row, finished=datetime.now(timezone.utc).isoformat(timespec="seconds")))

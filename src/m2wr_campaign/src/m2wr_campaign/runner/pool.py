@@ -78,11 +78,24 @@ class _Worker(Generic[Task]):
         return self.end(), text
 
 
+def end_with_parent(parent: int) -> None:
+    """Let this process be killed when its parent ends; Ctrl-C is left to the parent.
+
+    Parameters
+    ----------
+    parent : int
+        Its process id.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:          # it ended before
+        os._exit(0)
+
+
 def _serve(perform: Callable[[Any], Dict[str, Any]], pipe: Connection, log: int, others: Sequence[Connection],
            parent: int) -> None:
     """Answer tasks until the pipe ends; in a process of its own."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)            # the parent ends the workers
-    ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
+    end_with_parent(parent)
     for other in others:        # those of the parent: if it dies, all pipes have to end
         other.close()
     for stream in (1, 2):
@@ -116,7 +129,8 @@ class Pool(Generic[Task]):
         self._perform, self._lost, self._count = perform, lost, workers
         self._workers: List[_Worker[Task]] = []
 
-    def rows(self, tasks: Sequence[Task], time_limit: float) -> Generator[Dict[str, Any], None, None]:
+    def rows(self, tasks: Sequence[Task], time_limit: float, keep: bool = False) -> Generator[
+            Dict[str, Any], None, None]:
         """Yield the row of each task as soon as it ends. Closing the iterator kills the workers.
 
         Parameters
@@ -124,6 +138,8 @@ class Pool(Generic[Task]):
         tasks : sequence
         time_limit : float
             Greatest wall time of a task [s].
+        keep : bool, optional
+            Whether the workers stay for the next call, with the worlds that they have loaded.
         """
         waiting: Deque[Tuple[Task, int]] = deque((task, 0) for task in tasks)
         try:
@@ -131,9 +147,14 @@ class Pool(Generic[Task]):
                 self._share_out(waiting)
                 yield from self._ended(waiting, time_limit)
         finally:
-            for worker in self._workers:
-                worker.end()
-            self._workers = []
+            if not keep:
+                self.close()
+
+    def close(self) -> None:
+        """Kill the workers."""
+        for worker in self._workers:
+            worker.end()
+        self._workers = []
 
     def _share_out(self, waiting: Deque[Tuple[Task, int]]) -> None:
         while len(self._workers) < min(self._count, len(waiting) + len(self._workers)):

@@ -54,7 +54,9 @@ class ResultFile:
         try:
             if writing:
                 self._lock = _locked(path)
-            mode = "rwc" if writing else "ro"
+            # a write that a kill has cut off has to be undone first, for which the file must be writable
+            cut = os.path.exists(path + "-journal") and os.access(path, os.W_OK)
+            mode = "rwc" if writing else "rw" if cut else "ro"
             self._data = sqlite3.connect("file:{}?mode={}".format(_quoted(path), mode), uri=True, timeout=PATIENCE,
                                          isolation_level=None)
             self._data.row_factory = sqlite3.Row
