@@ -118,7 +118,7 @@ class DirectLaser(Laser):
         self.scan = None
         if rewound:
             self._schedule.restart()
-            self._make_laser()          # a new laser, because its noise bias depends on the seed
+            self._laser.restart(self._ctx.rng("noise"))     # its bias depends on the seed
 
 
 _Device = TypeVar("_Device", bound=Plugin)

@@ -9,9 +9,11 @@ from typing import Any, Dict, Optional, Union
 
 import rospkg
 
+from m2wr_sim.api.shared import Shared
 from m2wr_sim.errors import ModelError, NotFoundError, WorldError
 from m2wr_sim.model.model_folders import standard_folders
 from m2wr_sim.model.sdf.loader import load_sdf_models, load_world
+from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.types import Model, World
 from m2wr_sim.model.urdf.loader import load_urdf
 from m2wr_sim.model.urdf.xacro_text import expand_xacro, expanded
@@ -21,6 +23,17 @@ from m2wr_sim.model.xml.safe import errors_as
 _HERE = Path(__file__).resolve()
 #: Robots that are known by name: package, and file in it.
 ROBOTS = {"m2wr": ("m2wr_description", "urdf/m2wr.xacro")}
+
+
+_MOST_COLLISIONS = 200000       # in the worlds, and in the robots, that are kept; one takes about 2 kB
+
+
+def _collisions(model: Model) -> int:
+    return 1 + sum(1 + len(link.collisions) for link in model.links)
+
+
+_worlds: Shared[World] = Shared(lambda world: 1 + sum(map(_collisions, world.models)), _MOST_COLLISIONS)
+_robots: Shared[Model] = Shared(_collisions, _MOST_COLLISIONS)
 
 
 @lru_cache(maxsize=1)
@@ -73,7 +86,8 @@ def read_world(world: Union[World, str, os.PathLike[str]]) -> World:
     Returns
     -------
     m2wr_sim.model.types.World
-        It can be used for any number of simulations.
+        It can be used for any number of simulations.  While the files have not changed, the same world is the same
+        record, see :mod:`m2wr_sim.api.shared`.
 
     Raises
     ------
@@ -83,10 +97,15 @@ def read_world(world: Union[World, str, os.PathLike[str]]) -> World:
     if isinstance(world, World):
         return world
     text = os.fspath(world)
+    return _worlds.get(text, lambda: _read_world(text))
+
+
+def _read_world(text: str) -> World:
     if "<" in text:
         return load_world(text, resolve_model=_model_folders())
     folder = os.path.join(package_folder("m2wr_sim"), "worlds")
     for candidate in (text, os.path.join(folder, text), os.path.join(folder, text + ".world")):
+        note_file(candidate)
         if os.path.isfile(candidate):
             return load_world(candidate, resolve_model=_model_folders())
     known = sorted(name[:-len(".world")] for name in os.listdir(folder) if name.endswith(".world"))
@@ -108,7 +127,7 @@ def read_robot(robot: Union[Model, str, os.PathLike[str]], arguments: Optional[D
     Returns
     -------
     m2wr_sim.model.types.Model
-        It can be spawned any number of times.
+        It can be spawned any number of times; as for :func:`read_world`.
 
     Raises
     ------
@@ -117,12 +136,19 @@ def read_robot(robot: Union[Model, str, os.PathLike[str]], arguments: Optional[D
     """
     if isinstance(robot, Model):
         return robot
-    text, source, file = os.fspath(robot), "robot", None
+    text = os.fspath(robot)
+    key = text, None if arguments is None else frozenset((name, str(value)) for name, value in arguments.items())
+    return _robots.get(key, lambda: _read_robot(text, arguments))
+
+
+def _read_robot(text: str, arguments: Optional[Dict[str, Any]]) -> Model:
+    source, file = "robot", None
     if text in ROBOTS:
         package, file = ROBOTS[text]
         text = os.path.join(package_folder(package), file)
     if "<" not in text:
         source = file = text
+        note_file(source)
         try:
             text = Path(source).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:

@@ -6,6 +6,7 @@ import glob
 import os
 from typing import TYPE_CHECKING, Callable, Dict, Iterable, List, Mapping, Optional, Tuple
 
+from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, read_file
 
 #: Returns the path of the file of a URI, for instance ``model://NAME``; None if it is not on this machine.
@@ -55,6 +56,7 @@ def exported_paths(packages: Iterable[str], attribute: str) -> List[str]:
     found: List[str] = []
     for folder in packages:
         path = os.path.join(folder, "package.xml")
+        note_file(path)
         try:
             with open(path, "rb") as stream:
                 text = stream.read()
@@ -141,6 +143,7 @@ class ModelFolders:
     @staticmethod
     def _first(candidates: Iterable[str]) -> Optional[str]:
         for candidate in candidates:
+            note_file(candidate)
             if os.path.isfile(candidate):
                 return candidate
             found = _file_in_folder(candidate) if os.path.isdir(candidate) else None
@@ -221,9 +224,11 @@ def _file_in_folder(folder: str) -> Optional[str]:
     """
     for name in _CONFIGS:
         config = os.path.join(folder, name)
+        note_file(config)
         if os.path.isfile(config):
             return _file_in_config(config, folder)
     plain = os.path.join(folder, _PLAIN)
+    note_file(plain)
     return plain if os.path.isfile(plain) else None
 
 
@@ -237,6 +242,7 @@ def _file_in_config(config: str, folder: str) -> str:
     name = max(usable, key=lambda entry: entry[0])[1] if usable else min(listed, key=lambda entry: entry[0])[1]
     _refuse_escape(name, config)
     path = os.path.join(folder, name)
+    note_file(path)
     if not os.path.isfile(path):
         raise XmlError("{}: lists the file {}, which does not exist; expected an SDF file there".format(config, name))
     return path

@@ -21,6 +21,7 @@ ODE was compiled with assertions.  These are the assertions that values can viol
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -98,9 +99,7 @@ def check_inertial(inertial: Inertial, where: str) -> None:
     ModelError
         If they are not those of a physical body, or beyond the limits of ODE.
     """
-    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
-    moments = np.linalg.eigvalsh(tensor) if np.all(np.isfinite(tensor)) else np.array((-math.inf,))
+    moments = _moments(tuple(inertial.inertia))
     if not 0.0 < inertial.mass < math.inf or not moments[0] > 0.0:
         raise ModelError("link %s: mass %g with inertia %s is no physical body; expected a positive mass and a "
                          "positive definite inertia" % (where, inertial.mass, list(inertial.inertia)))
@@ -196,8 +195,15 @@ def _reach(link: Link) -> float:
 
 def _least_moment(inertial: Inertial) -> float:
     """Return the least principal moment of inertia [kg m^2]."""
-    ixx, ixy, ixz, iyy, iyz, izz = inertial.inertia
-    return float(np.linalg.eigvalsh(np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))[0])
+    return _moments(tuple(inertial.inertia))[0]
+
+
+@lru_cache(maxsize=1024)
+def _moments(inertia: Tuple[float, ...]) -> Tuple[float, ...]:
+    """Return the principal moments of inertia [kg m^2] in ascending order; -inf alone if a number is not finite."""
+    ixx, ixy, ixz, iyy, iyz, izz = inertia
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]], dtype=float)
+    return tuple(np.linalg.eigvalsh(tensor).tolist()) if np.all(np.isfinite(tensor)) else (-math.inf,)
 
 
 def _mobility(inertial: Inertial, arm: float) -> float:

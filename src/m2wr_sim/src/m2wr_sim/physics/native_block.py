@@ -80,6 +80,7 @@ class Block:
         self._shapes: List[Shape] = []                  # shape of each geom
         self._angles: Dict[JointDrive, int] = {}        # hinge -> word with its angle
         self._countdowns: Dict[Countdown, int] = {}     # countdown -> its row
+        self._initial: NDArray[np.uint64] = self.words[:0]
 
     # ---- filling ---------------------------------------------------------------------------------------------------
 
@@ -230,6 +231,23 @@ class Block:
             self.values[row:row + layout.BOUNDS_WORDS] = radius, _NOWHERE, _NOWHERE, _NOWHERE
 
     # ---- state -----------------------------------------------------------------------------------------------------
+
+    def keep_initial(self) -> None:
+        """Keep what has been written, for :meth:`rewind`; from H_NOW on there are only lists, which begin empty."""
+        self._initial = self.words[:self._starts[layout.H_NOW]].copy()
+
+    def rewind(self) -> None:
+        """Restore the state before the first step, without any contact; angles and countdowns stay as they are."""
+        self.read_state()
+        self.words[:self._initial.size] = self._initial
+        states = self._starts[layout.H_STATES]
+        self.words[states:self._starts[layout.H_IDLERS]] = 0
+        self.words[layout.H_STEPS] = 0
+        self.write_memory(Memory())
+        for drive, at in self._angles.items():
+            self.values[at] = drive.angle
+        for countdown in self._countdowns:
+            self.write_countdown(countdown)
 
     def write_countdown(self, countdown: Countdown) -> None:
         """Write how long a body has to be idle before it sleeps, if it is in the block."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from m2wr_sim.physics.engine import EngineSettings, ModelHandle
     from m2wr_sim.physics.native_handles import Handles
     from m2wr_sim.physics.native_shapes import Geom
-    from m2wr_sim.physics.parts import LinkBody, Shape
+    from m2wr_sim.physics.parts import LinkBody, ModelParts, Shape
 
 log = logging.getLogger(__name__)
 
@@ -54,6 +54,13 @@ class NativeEngine(OdeWorld):
         self._group = self._library.dJointGroupCreate(0)
         self._probe = self._library.dCreateBox(0, 1.0, 1.0, 1.0)
         super().__init__(settings)
+
+    def _extend_lists(self, parts: ModelParts) -> None:
+        super()._extend_lists(parts)
+        self._forget_block()
+        if not parts.static:
+            self._makeup += 1
+            self._handles.update((link, body_handle(self._library, link.body)) for link in parts.links)
 
     def _refresh_lists(self) -> None:
         super()._refresh_lists()
@@ -167,6 +174,7 @@ class NativeEngine(OdeWorld):
             if any(drive.pull for drive in self._damped_joints) else {}
         block.write_joints(self._hinges, self._damped_joints, joints, motors)
         self._write_bounds(block, geoms)
+        block.keep_initial()
         block.write_pairs_in_contact(self._pairs_before, self._contact_pair_room)
         block.write_memory(self._memory)
         return block
@@ -293,7 +301,8 @@ class NativeEngine(OdeWorld):
         self._forget_block()
 
     def forget(self) -> None:
-        self._forget_block()
+        if self._block is not None:
+            self._block.rewind()
         super().forget()
 
     def close(self) -> None:

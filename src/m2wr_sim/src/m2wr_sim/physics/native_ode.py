@@ -6,7 +6,7 @@ import ctypes
 import ctypes.util
 import logging
 import os
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Set
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +24,7 @@ def _load() -> Optional[ctypes.CDLL]:
 
 
 _library = _load()
+_published: Set[str] = set()        # names of libraries that compiled code can use
 
 
 def publish_symbols() -> None:
@@ -37,7 +38,9 @@ def publish_symbols() -> None:
     import llvmlite.binding
     if _library is None:
         raise ImportError("libode cannot be loaded by name")
-    llvmlite.binding.load_library_permanently(_library._name)
+    if _library._name not in _published:
+        llvmlite.binding.load_library_permanently(_library._name)
+        _published.add(_library._name)
 
 
 try:

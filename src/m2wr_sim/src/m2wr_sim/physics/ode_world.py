@@ -99,7 +99,7 @@ class OdeWorld(Engine):
         self._note_mobility(parts)
         if not parts.static:
             self._moving.append(parts)
-        self._refresh_lists()
+        self._extend_lists(parts)
         return handle
 
     def _register(self, table: Dict[int, _Entry], entry: _Entry) -> int:
@@ -214,14 +214,24 @@ class OdeWorld(Engine):
             self._moving_space.remove(parts.space)
             parts.space = None
 
+    def _extend_lists(self, parts: ModelParts) -> None:
+        """Add the objects of a new model to those that are processed in every step, as :meth:`_refresh_lists` would."""
+        if parts.static:
+            return
+        dampers.settle(self._world, parts, self._dt)
+        self._hinges += [drive for drive in parts.joints if drive.hinge]
+        self._idlers += [link for link in parts.links if link.countdown is not None]
+        self._damped_joints += _damped(parts.joints)
+        self._damped_links += _damped_links(parts.links)
+        self._iterative = self._iterative or self.settings.solver == "quick" or bool(parts.too_mobile)
+
     def _refresh_lists(self) -> None:
         """Collect the objects that are processed in every step."""
         self._hinges = [drive for drive in self._joints.values() if drive.hinge]
         self._idlers = [link for link in self._links.values() if link.body is not None and link.countdown is not None]
         self._settle_damping()
         self._iterative = self.settings.solver == "quick" or any(parts.too_mobile for parts in self._moving)
-        self._damped_links = [link for link in self._links.values() if link.body is not None
-                              and (link.spec.linear_damping or link.spec.angular_damping)]
+        self._damped_links = _damped_links(self._links.values())
 
     def _note_mobility(self, parts: ModelParts) -> None:
         """Check whether the direct solver can handle a model; if not, all steps are solved iteratively."""
@@ -234,8 +244,7 @@ class OdeWorld(Engine):
         """Choose how joints are damped, which depends on the step size."""
         for parts in self._moving:
             dampers.settle(self._world, parts, self._dt)
-        self._damped_joints = [drive for drive in self._joints.values()
-                               if drive.damping or drive.stiffness or drive.pull]
+        self._damped_joints = _damped(self._joints.values())
 
     # ---- for steps ----------------------------------------------------------------------------------------------
 
@@ -458,3 +467,13 @@ class OdeWorld(Engine):
         self._joints.clear()
         self._refresh_lists()
         self._static_space = self._moving_space = self._world = None
+
+
+def _damped(drives: Iterable[JointDrive]) -> List[JointDrive]:
+    """Return the joints with damping or a spring."""
+    return [drive for drive in drives if drive.damping or drive.stiffness or drive.pull]
+
+
+def _damped_links(links: Iterable[LinkBody]) -> List[LinkBody]:
+    """Return the links with linear or angular damping that have bodies."""
+    return [link for link in links if link.body is not None and (link.spec.linear_damping or link.spec.angular_damping)]

@@ -81,6 +81,7 @@ class LiveModel:
         self.kept_inertials: Dict[str, Inertial] = {}
         self._root = record.links[0]
         self._root_offset = invert(self._root.pose)
+        self._initial: Optional[Tuple[Pose, List[Pose]]] = None     # a reset pose, and the poses of the links for it
 
     @property
     def root(self) -> int:
@@ -126,9 +127,13 @@ class LiveModel:
 
     def restore(self, engine: Engine) -> None:
         """Move all links to the initial configuration at the reset pose."""
-        for link in self.record.links:
-            position, orientation = compose(self.reset_pose, link.pose)
-            engine.set_link_pose(self.handle.links[link.name], (position, normalise_quaternion(orientation)))
+        if self._initial is None or self._initial[0] is not self.reset_pose:
+            poses = [compose(self.reset_pose, link.pose) for link in self.record.links]
+            self._initial = self.reset_pose, [(position, normalise_quaternion(turn)) for position, turn in poses]
+        for link, pose in zip(self.record.links, self._initial[1]):
+            number = self.handle.links[link.name]
+            if not self.record.static or engine.link_pose(number) != pose:
+                engine.set_link_pose(number, pose)
         for joint in self.handle.joints.values():
             engine.set_joint_angle(joint, 0.0)
 

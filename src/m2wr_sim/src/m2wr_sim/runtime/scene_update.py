@@ -72,9 +72,11 @@ class SceneUpdate:
         """Add the shapes of a model that the engine has."""
         moving: List[Part] = []
         resting: Dict[int, List[Part]] = {}
-        for link, collision, moves in self._engine.collisions(model.handle):
-            pose = compose(self._engine.link_pose(link), collision.pose)
-            row = self._scene.add(collision.geometry, pose, model.name, collision.laser_retro)
+        parts = self._engine.collisions(model.handle)
+        poses = {link: self._engine.link_pose(link) for link, _, _ in parts}
+        rows = self._scene.add_all([(collision.geometry, compose(poses[link], collision.pose), collision.laser_retro)
+                                    for link, collision, _ in parts], model.name)
+        for row, (link, collision, moves) in zip(rows, parts):
             if moves:
                 moving.append((row, link, collision.pose))
             elif model.record.static and not isinstance(collision.geometry, Plane):

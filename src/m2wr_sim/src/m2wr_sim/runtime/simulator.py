@@ -421,7 +421,8 @@ class Simulator:
         self.engine.reseed(self.config.seed)
         for model in self.models.values():
             model.restore(self.engine)
-            model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            if not model.record.static:
+                model.set_velocity(self.engine, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.contacts, self.contact_counts = [], {}
         self.plugins.restart_all(self.now_ns, rewound=True)
 

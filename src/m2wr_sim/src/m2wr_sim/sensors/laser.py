@@ -8,6 +8,7 @@ robot itself.  A ray without a hit reads +inf.  Only hits get noise, and are cli
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Hashable, Optional, Tuple
 
 import numpy as np
@@ -81,17 +82,16 @@ class LaserSensor:
         self.range_min, self.range_max = float(ray.range_min), float(ray.range_max)
         with np.errstate(all='ignore'):
             self.angle_increment = float(np.float64(self.angle_max - self.angle_min) / (self.count - 1))
-        azimuths = _ray_angles(ray.min_angle, ray.max_angle, ray.samples)
-        elevations = _ray_angles(ray.vertical_min_angle, ray.vertical_max_angle, ray.vertical_samples)
-        self._beams = np.ascontiguousarray([np.cos(azimuths), np.sin(azimuths)])
-        self._rows = np.ascontiguousarray(np.stack((np.cos(elevations), np.sin(elevations)), axis=1))
+        azimuths, self._beams = _directions(ray.min_angle, ray.max_angle, ray.samples)
+        elevations, upward = _directions(ray.vertical_min_angle, ray.vertical_max_angle, ray.vertical_samples)
+        self._rows = np.ascontiguousarray(upward.T)
         self._blend: Optional[Tuple[Neighbours, Neighbours]] = None
         if (self.count, self.vertical_count) != (ray.samples, ray.vertical_samples):
             self._blend = _neighbours(ray.samples, self.count), _neighbours(ray.vertical_samples, self.vertical_count)
         self.angles = azimuths if self.count == ray.samples else np.interp(
             np.linspace(0.0, ray.samples - 1.0, self.count), np.arange(ray.samples), azimuths)
 
-        self._noise = NoiseModel(ray.noise, rng, self.count * self.vertical_count)
+        self._noise = NoiseModel(ray.noise, rng, self.count * self.vertical_count, lazily=True)
         self._distances = np.empty(azimuths.size * elevations.size)
         self._hits, self._no_hits = np.empty(self._distances.size, np.int64), np.empty(0, np.int64)
         self._order = np.empty((2, 0), np.int32)
@@ -178,6 +178,11 @@ class LaserSensor:
         """Restart the noise from ``rng``; see :meth:`NoiseModel.reset`."""
         self._noise.reset(rng)
 
+    def restart(self, rng: np.random.Generator) -> None:
+        """Restart the noise from ``rng`` and draw its bias, as a new sensor would do."""
+        self._noise.restart(rng)
+        self._settings[2] = self._noise.shift
+
     def _corners(self, values: Floats) -> Tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
         """Return the four neighbouring rays of the readings, each (vertical_count, count), and the two weights."""
         assert self._blend is not None
@@ -216,6 +221,15 @@ def _checked_count(direction: str, samples: int, resolution: float) -> int:
         raise ValueError("ray sensor: %s samples %r, resolution %r: expected at least one sample and one reading"
                          % (direction, samples, resolution))
     return int(readings)
+
+
+@lru_cache(maxsize=64)
+def _directions(least: float, most: float, samples: int) -> Tuple[Floats, Floats]:
+    """Return the angles [rad] of rays, (samples,), and their cosines and sines, (2, samples), not to be changed."""
+    angles = _ray_angles(least, most, samples)
+    directions = np.ascontiguousarray([np.cos(angles), np.sin(angles)])
+    angles.flags.writeable = False
+    return angles, directions
 
 
 def _ray_angles(least: float, most: float, samples: int) -> Floats:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 TABLE_SIZE = 131072     # draws, 1 MB: at 20 Hz and 720 beams it repeats after 9 s
+_FIRST_DRAWS = 2048     # of a table that is drawn as it is used; then as many again as there are
 _WITHOUT_NOISE = ('none', 'custom')
 _GAUSSIAN = ('gaussian', 'gaussian_quantized')
 
@@ -32,6 +33,9 @@ class NoiseModel:
         Source of the bias and the noise.
     block : int
         Greatest number of values for one call of ``advance``.
+    lazily : bool
+        Whether ``rng`` is for this model alone, and its numbers may be drawn as they are used, which makes short runs
+        faster.  The numbers are the same.
 
     Attributes
     ----------
@@ -43,6 +47,7 @@ class NoiseModel:
         0 if there is no noise or no rounding.
     normals : (M,) float64
         Standard normal draws, made once.  Reading them from a moving offset takes a tenth of the time of drawing.
+        With ``lazily``, only those that ``advance`` has returned.
 
     Raises
     ------
@@ -50,7 +55,7 @@ class NoiseModel:
         If a number is not finite, or a standard deviation or the precision is negative.
     """
 
-    def __init__(self, noise: Noise, rng: np.random.Generator, block: int) -> None:
+    def __init__(self, noise: Noise, rng: np.random.Generator, block: int, lazily: bool = False) -> None:
         for name in ('mean', 'stddev', 'bias_mean', 'bias_stddev', 'precision'):
             value = getattr(noise, name)
             if not math.isfinite(value) or (value < 0.0 and name not in ('mean', 'bias_mean')):
@@ -64,10 +69,15 @@ class NoiseModel:
         self._bias_mean, self._bias_stddev = noise.bias_mean, noise.bias_stddev
         self.stddev = float(noise.stddev) if active else 0.0
         self.precision = float(noise.precision) if active else 0.0
-        self._block, self._offset = max(int(block), 1), 0
+        self._mean = float(noise.mean) if active else 0.0
+        self._block, self._offset, self._lazily = max(int(block), 1), 0, lazily
         self.normals = np.zeros(max(TABLE_SIZE, 2 * self._block) if self.stddev > 0.0 else 1)
+        self.restart(rng)
+
+    def restart(self, rng: np.random.Generator) -> None:
+        """Restart the noise and draw the bias, as a new model would do."""
         self.bias = self._fill(rng)
-        self.shift = self.bias + (float(noise.mean) if active else 0.0)
+        self.shift = self.bias + self._mean
 
     def reset(self, rng: np.random.Generator) -> None:
         """Restart the noise from ``rng``. A generator with the initial seed gives the same noise again."""
@@ -86,6 +96,8 @@ class NoiseModel:
         if self.stddev == 0.0:
             return 0
         start = self._offset
+        if start + count > self._drawn:
+            self._draw(start + count)
         self._offset = (start + count) % (self.normals.size - self._block + 1)
         return start
 
@@ -95,7 +107,13 @@ class NoiseModel:
         if self._biased:
             bias = rng.normal(self._bias_mean, self._bias_stddev)
             bias = -bias if rng.random() < 0.5 else bias
-        if self.stddev > 0.0:
-            rng.standard_normal(out=self.normals)
-        self._offset = 0
+        self._rng, self._drawn, self._offset = rng, 0, 0
+        if self.stddev > 0.0 and not self._lazily:
+            self._draw(self.normals.size)
         return float(bias)
+
+    def _draw(self, least: int) -> None:
+        """Draw the next numbers of the table, until there are at least that many."""
+        end = min(self.normals.size, max(least, 2 * self._drawn, _FIRST_DRAWS))
+        self._rng.standard_normal(out=self.normals[self._drawn:end])
+        self._drawn = end

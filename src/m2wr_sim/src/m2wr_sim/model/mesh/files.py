@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Tuple
 import numpy as np
 from lxml import etree
 
+from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.xml.safe import XmlError, parse_xml, shorten
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ def read_mesh_file(path: str) -> Tuple[MeshPart, ...]:
     kind = os.path.splitext(path)[1].lower()
     if kind not in _FORMATS:
         raise XmlError("{}: mesh format is not supported; expected one of {}".format(path, ", ".join(_FORMATS)))
+    note_file(path)
     try:
         status = os.stat(path)
         key = (os.path.realpath(path), status.st_size, status.st_mtime_ns)

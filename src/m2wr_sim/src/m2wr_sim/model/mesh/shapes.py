@@ -15,6 +15,7 @@ from m2wr_sim.errors import SimError
 from m2wr_sim.model.mesh.files import FARTHEST_VERTEX, MAX_TRIANGLES, MeshPart, read_mesh_file
 from m2wr_sim.model.mesh.polyline import extrude
 from m2wr_sim.model.model_folders import tell_stand_in
+from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.types import Heightmap, Mesh
 from m2wr_sim.model.xml.safe import XmlError, fail, file_of, parse_vector, place
 
@@ -208,6 +209,7 @@ class MeshReader:
         elif scheme in ("", "file"):
             beside = os.path.join(os.path.dirname(file_of(element)), rest)
             candidates = [beside]
+            note_file(beside)
             if self._resolve_model is not None and not os.path.isfile(beside):
                 candidates.append(self._resolve_model("file://" + rest))
         elif scheme in ("model", "package"):
@@ -218,6 +220,7 @@ class MeshReader:
         if ".." in rest.replace("\\", "/").split("/"):
             raise XmlError('the path leaves its folder; expected one without ".."')
         for candidate in candidates:
+            note_file(candidate or "")
             if candidate is not None and os.path.isfile(candidate):
                 return candidate
         raise XmlError("there is no such file (searched: {}); expected one that is on this machine".format(
@@ -254,6 +257,7 @@ def _read_levels(path: str) -> NDArray[np.float64]:
         from PIL import Image
     except ImportError as error:
         raise XmlError("{}: {}; expected the Python package Pillow, which reads pictures".format(path, error)) from None
+    note_file(path)
     try:
         if not os.path.isfile(path):
             raise XmlError("{}: is no regular file; expected a picture such as a PNG".format(path))

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Iterator, Mapping, Optional
 from xml.parsers.expat import ExpatError
 
+from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.xml.safe import XmlError, line_of, parse_xml, read_file, shorten
 
 if TYPE_CHECKING:
@@ -59,11 +60,17 @@ def expanded(text: str, source: str, resolve_package: Optional[ResolvePackage] =
 def _prepared(xacro: Any, resolve_package: Optional[ResolvePackage]) -> Iterator[None]:
     """Let xacro find packages through the caller and read its includes through the safe parser's checks."""
     eval_extension, parse, find = xacro.eval_extension, xacro.parse, resolve_package
+    absolute = xacro.abs_filename_spec
 
     def find_first(text: str) -> str:
         if find is not None:
             text = _FIND.sub(lambda match: _folder(match.group(1), find), text)
         return eval_extension(text) if _EXPRESSION.search(text) else text
+
+    def noted_absolute(name: str) -> Any:       # load_yaml opens files itself
+        path = absolute(name)
+        note_file(str(path))
+        return path
 
     def checked_parse(inp: Any, filename: Optional[str] = None) -> Any:
         if inp is None and filename is not None and os.path.isfile(filename):
@@ -72,11 +79,11 @@ def _prepared(xacro: Any, resolve_package: Optional[ResolvePackage]) -> Iterator
             inp = io.BytesIO(data)
         return parse(inp, filename)
 
-    xacro.eval_extension, xacro.parse = find_first, checked_parse
+    xacro.eval_extension, xacro.parse, xacro.abs_filename_spec = find_first, checked_parse, noted_absolute
     try:
         yield
     finally:
-        xacro.eval_extension, xacro.parse = eval_extension, parse
+        xacro.eval_extension, xacro.parse, xacro.abs_filename_spec = eval_extension, parse, absolute
 
 
 def _folder(package: str, resolve_package: ResolvePackage) -> str:

@@ -16,6 +16,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from m2wr_sim.errors import SimError
+from m2wr_sim.model.source_files import note_file
 from m2wr_sim.model.xml.lenient import tidy
 
 log = logging.getLogger(__name__)
@@ -174,6 +175,7 @@ def _refuse_depth(root: Any, source: str) -> None:
 
 def read_file(path: str) -> bytes:
     """Return the bytes of a file; XmlError names a file that is missing, a folder, or not readable."""
+    note_file(path)
     try:
         if not os.path.isfile(path) and os.path.exists(path) and not os.path.isdir(path):
             raise XmlError("{}: is no regular file; expected an XML file".format(shorten(path, 300)))
