@@ -43,11 +43,12 @@ def drive(env, observation, limit=1000):
     return rewards, (terminated, truncated, info), seen
 
 
-@pytest.mark.parametrize("mode", [None, "rgb_array"])
-def test_passes_the_checker_without_a_warning(mode):
+@pytest.mark.parametrize("name, mode", [(gym_env.ENV_ID, "rgb_array")] + [
+    (name, None) for name in gym_env.ENVIRONMENTS])
+def test_passes_the_checker_without_a_warning(name, mode):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        env = gymnasium.make(gym_env.ENV_ID, render_mode=mode)
+        env = gymnasium.make(name, render_mode=mode)
         try:
             check_env(env.unwrapped)
         finally:
@@ -154,11 +155,37 @@ def test_scan_holds_the_least_range_of_each_group(env):
 
 @pytest.mark.parametrize("options, text", [
     ({"beams": 7}, "expected a divisor of the laser's 720"),
-    ({"render_mode": "human"}, "expected None or one of rgb_array"),
+    ({"render_mode": "human"}, "expected None or one of rgb_array: the live view"),
+    ({"render_mode": "ansi"}, "expected None or one of rgb_array"),
     ({"goal_radius": 3.0}, "goal_radius")])
 def test_unusable_options_are_refused(scene, options, text):
     with pytest.raises(ValueError, match=text):
         gym_env.GoToGoalEnv(**dict(scene, **options))
+
+
+def test_bug2_environments_have_a_fixed_start_and_goal():
+    env = gymnasium.make("m2wr/Bug2World02-v0")
+    headings = set()
+    for seed in (1, 2):
+        env.reset(seed=seed)
+        (x, y, _), (_, _, z, w) = env.unwrapped._sim.pose()
+        assert (x, y) == pytest.approx((0.0, 8.0)) and env.unwrapped._goal == (0.0, -4.0)
+        headings.add(round(2.0 * math.atan2(z, w), 6))
+    env.close()
+    assert len(headings) == 2
+
+
+def test_obstacles_move_beside_the_robot():
+    env = gymnasium.make("m2wr/MovingObstacles-v0")
+    env.reset(seed=1)
+    sim = env.unwrapped._sim
+    movers = [name for name in sim.models if not sim.simulator.models[name].record.static and name != "m2wr"]
+    before = [sim.pose(name)[0] for name in movers]
+    for _ in range(5):
+        env.step(np.zeros(2, np.float32))
+    moved = [math.dist(one, sim.pose(name)[0]) for one, name in zip(before, movers)]
+    env.close()
+    assert len(movers) >= 20 and sum(distance > 0.01 for distance in moved) >= 10
 
 
 def test_an_action_that_is_not_finite_is_refused(env):

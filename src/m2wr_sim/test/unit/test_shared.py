@@ -173,7 +173,8 @@ def test_xacro_arguments_give_robots_of_their_own(tmp_path):
     robot = tmp_path / "r.xacro"
     robot.write_text("""<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="size" default="1"/>
       <link name="base"><collision><geometry><box size="$(arg size) 1 1"/></geometry></collision>
-      <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>""")
+      <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+      </robot>""")
     found = [read_robot(str(robot), arguments).links[0].collisions[0].geometry.size[0]
              for arguments in ({"size": 2}, {"size": 3}, None, {"size": 2})]
     assert found == [2.0, 3.0, 1.0, 2.0]

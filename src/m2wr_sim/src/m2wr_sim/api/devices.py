@@ -21,11 +21,20 @@ SENSING = ("due", "now", "off")
 
 
 class DirectDrive(DiffDrive):
-    """The differential drive: :meth:`command` sets the velocity, ``odometry`` holds the newest measurement."""
+    """The differential drive: :meth:`command` sets the velocity, ``odometry`` holds the newest measurement.
+
+    Attributes
+    ----------
+    odometry : Odometry or None
+        The newest.
+    timely : bool
+        Whether it measures at its rate even without callbacks.
+    """
 
     def configure(self, spec: PluginReader, ctx: PluginContext) -> None:
         self.odometry: Optional[Odometry] = None
         self.callbacks: List[Callable[[Odometry], object]] = []
+        self.timely = True
         super().configure(spec, ctx)
 
     def measure_now(self, now_ns: int) -> Odometry:
@@ -38,6 +47,8 @@ class DirectDrive(DiffDrive):
         return position, orientation, twist[0], twist[1], twist[2]
 
     def _send_odometry(self, stamp: int) -> None:
+        if not (self.timely or self.callbacks):
+            return
         self.odometry = Odometry(stamp / 1e9, *self._values())
         for callback in self.callbacks:
             callback(self.odometry)

@@ -2,7 +2,7 @@
 """Keeps what was read from files, for all simulations of a process; the records are immutable.
 
 A record is used again while each file that it was read from has the same time of change and size, and while no file
-has appeared where one was looked for.  Whoever reads with other environment variables, or from another working
+has appeared where one was looked for.  A call with other environment variables, or from another working
 directory, gets a record of its own.
 """
 from __future__ import annotations

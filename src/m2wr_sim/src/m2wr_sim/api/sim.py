@@ -43,7 +43,7 @@ _CLEARANCE_RAYS = 360
 _ONCE_LOGGER = OnceLogger()     # of all simulations of the process, so that remarks on a robot are logged once
 
 # libode shares its thread data between all worlds of a process; two steps at a time end in a failed assertion
-_ONE_STEPS = threading.Lock()
+ONE_STEPS = threading.Lock()
 
 
 class Sim:
@@ -183,6 +183,8 @@ class Sim:
         self._spawned.append(record)
         drives = self.simulator.devices(model.name, DirectDrive)
         lasers = self.simulator.devices(model.name, DirectLaser)
+        for drive in drives:
+            drive.timely = self.sensing != "now"
         for laser in lasers:
             laser.enabled = self.sensing == "due"
         self._robots[model.name] = (drives[0] if drives else None, tuple(lasers))
@@ -248,7 +250,7 @@ class Sim:
         if command is not None:
             self._take(command)
         end_ns = simulator.now_ns + int(round(count)) * simulator.step_ns
-        with _ONE_STEPS:
+        with ONE_STEPS:
             while simulator.now_ns < end_ns:
                 simulator.advance(end_ns)
         if self.sensing == "now":

@@ -134,6 +134,11 @@ class DiffDrive(Plugin):
         self._physics.set_joint_motor(self._left, target[0] / self._radius, self._torque)
         self._physics.set_joint_motor(self._right, target[1] / self._radius, self._torque)
 
+    @property
+    def measures_truth(self) -> bool:
+        """Whether the odometry is the true pose; otherwise it is integrated from the wheels."""
+        return self._encoder is None
+
     def measure(self) -> Tuple[Vector, Quaternion, Vector]:
         """Return the odometry now.
 

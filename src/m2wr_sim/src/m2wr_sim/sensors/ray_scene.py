@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Callable, Dict, Hashable, List, Optional, Sequence, Tuple, Union
+from typing import TYPE_CHECKING, Callable, Dict, Hashable, List, Optional, Sequence, Tuple, Union, cast
 
 import numpy as np
 
@@ -141,7 +141,7 @@ class RayScene:
         for (geometry, pose, retro), entry in zip(parts, packed_parts):
             tree = 0
             if entry is None:
-                tree, packed_tree = self.forest.add(geometry)
+                tree, packed_tree = self.forest.add(cast("Union[Mesh, Heightmap]", geometry))
                 entry = MESH, packed_tree.radius, tuple(packed_tree.middle)
             kind, radius, values = entry
             row = self._take_row()

@@ -179,6 +179,10 @@ def perform(options: argparse.Namespace) -> int:
         if options.table:
             sys.stdout.write(table.make(options.repeats, Progress("table")))
             return 0
+        if options.gym:
+            from m2wr_tools.benchmark import gym_speed  # needs gymnasium, the rest does not
+            sys.stdout.write(gym_speed.report(options.gym))
+            return 0
         result = run(options, package_folder())
     except (SimError, ValueError) as error:
         sys.stderr.write("benchmark: %s\n" % error)

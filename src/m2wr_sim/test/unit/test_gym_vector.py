@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Batched worlds give what single environments give; so do environments in processes of their own."""
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the optional Python package gymnasium is not installed")
+
+from m2wr_sim.api import gym_env  # noqa: E402
+from m2wr_sim.api.gym_vector import BatchedGoToGoal  # noqa: E402
+
+OPTIONS = dict(world="world02", step=0.02, time_limit=2.0)
+
+
+def actions(count, steps, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform((-0.2, -1.0), (0.8, 1.0), (steps, count, 2)).astype(np.float32)
+
+
+def test_batched_worlds_equal_single_environments():
+    batch = BatchedGoToGoal(3, **OPTIONS)
+    singles = [gym_env.GoToGoalEnv(**OPTIONS) for _ in range(3)]
+    seen, infos = batch.reset(seed=5)
+    expected = [env.reset(seed=5 + index) for index, env in enumerate(singles)]
+    over = np.zeros(3, bool)
+    ends = 0
+    for row in actions(3, 50):
+        for name, values in seen.items():
+            assert values.dtype == np.float32
+            np.testing.assert_allclose(values, [one[0][name] for one in expected], rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(infos["distance"], [one[-1]["distance"] for one in expected])
+        assert batch.observation_space.contains(seen)
+        seen, rewards, terminated, truncated, infos = batch.step(row)
+        expected = [(env.reset()[0], 0.0, False, False, {"distance": env._distance}) if done else env.step(action)
+                    for env, action, done in zip(singles, row, over)]
+        np.testing.assert_allclose(rewards, [one[1] for one in expected], rtol=1e-6, atol=1e-6)
+        assert terminated.tolist() == [one[2] for one in expected]
+        assert truncated.tolist() == [one[3] for one in expected]
+        over = terminated | truncated
+        ends += over.sum()
+    assert ends >= 6                    # every world has begun again
+    batch.close()
+    for env in singles:
+        env.close()
+
+
+def test_made_by_name_without_warnings(recwarn):
+    many = gymnasium.make_vec("m2wr/GoToGoalWorld02-v0", num_envs=2)
+    assert isinstance(many.unwrapped, BatchedGoToGoal)
+    observations, _ = many.reset(seed=1)
+    assert observations["scan"].shape == (2, 72)
+    many.step(many.action_space.sample())
+    many.close()
+    assert [str(one.message) for one in recwarn if one.category is UserWarning] == []
+
+
+def test_one_process_for_each_environment():
+    many = gymnasium.make_vec("m2wr/GoToGoalWorld02-v0", num_envs=2, vectorization_mode="async")
+    batch = gymnasium.make_vec("m2wr/GoToGoalWorld02-v0", num_envs=2)
+    try:
+        one, other = many.reset(seed=3)[0], batch.reset(seed=3)[0]
+        for name in ("scan", "goal", "velocity"):
+            np.testing.assert_allclose(one[name], other[name], rtol=1e-6, atol=1e-6)
+        for row in actions(2, 3):
+            one, other = many.step(row), batch.step(row)
+            np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
+    finally:
+        many.close()
+        batch.close()
+
+
+@pytest.mark.parametrize("arguments, text", [
+    (dict(num_envs=0), "at least one world"), (dict(num_envs=1, render_mode="rgb_array"), "no pictures"),
+    (dict(num_envs=1, beams=7), "divisor")])
+def test_unusable_options_are_refused(arguments, text):
+    with pytest.raises(ValueError, match=text):
+        BatchedGoToGoal(**arguments)
+
+
+def test_unusable_actions_and_seeds_are_refused():
+    batch = BatchedGoToGoal(2, **OPTIONS)
+    with pytest.raises(ValueError, match="1 seeds for 2 worlds"):
+        batch.reset(seed=[1])
+    batch.reset(seed=[1, 2])
+    for wrong in (np.zeros(2), np.full((2, 2), np.nan)):
+        with pytest.raises(ValueError, match="2 pairs of finite numbers"):
+            batch.step(wrong)
+    batch.close()
