@@ -16,7 +16,7 @@ from m2wr_gmapping.filter.occupancy import Occupancy
 from m2wr_gmapping.filter.particle_filter import ParticleFilter
 from m2wr_gmapping.frontend.hill_climb import HillClimbMatcher
 from m2wr_gmapping.frontend.matcher import FastMatcher
-from m2wr_gmapping.frontend.occlusion import conflict_with_nearest
+from m2wr_gmapping.frontend.occlusion import Conflict, conflict_with_nearest
 from m2wr_gmapping.frontend.scan_gaps import ScanGaps
 from m2wr_gmapping.frontend.tilt_detection import TiltDetector
 from m2wr_gmapping.frontend.track import NAMES
@@ -191,7 +191,7 @@ class Mapper:
             due = (due or self._has_moved(tracker.rel)) and not tracker.undecided
         if due:
             self._process_fully(reading, stamp)
-        elif tracker is not None and tracked:
+        elif tracker is not None and tracked and not tracker.undecided:    # else the path follows odometry
             self._between.append((stamp, len(self.stamps) - 1, tracker.rel))
         return Update(due, tracked, self.pose)
 
@@ -279,11 +279,11 @@ class Mapper:
                     or share * (self._turn + turn) >= config["angularUpdate"]
                     or 0.0 <= config["temporalUpdate"] < share * (stamp - self._last_processed))
 
-    def _conflict_of(self, reading: ScanReading) -> Callable[[FloatArray], float]:
+    def _conflict_of(self, reading: ScanReading) -> Callable[[FloatArray], Conflict]:
         """Return a function that tells how much a scan at a pose (3,) conflicts with the processed scans around it."""
         path: Optional[FloatArray] = None
 
-        def conflict(pose: FloatArray) -> float:
+        def conflict(pose: FloatArray) -> Conflict:
             nonlocal path
             if path is None:
                 path = self.particles.tree.path(self.particles.best)

@@ -7,7 +7,8 @@ import pytest
 
 from m2wr_gmapping.config import GmappingConfig
 from m2wr_gmapping.filter.tile_maps import NEVER, TileMaps
-from m2wr_gmapping.frontend.matcher import NO_SLIP, FastMatcher
+from m2wr_gmapping.frontend.matcher import LARGE_SLIP, NO_SLIP, FastMatcher, occlusion_cost
+from m2wr_gmapping.frontend.occlusion import NO_CONFLICT, Conflict
 from m2wr_gmapping.frontend.scan import LaserModel
 from m2wr_gmapping.frontend.track import Request
 from m2wr_gmapping.workers import Workers
@@ -16,11 +17,12 @@ LASER = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 180, 18
 WANTED, START = np.array([0.5, 0.0, 0.0]), np.array([0.47, 0.02, 0.01])
 
 
-def seen(x, end):
+def seen(x, end, laser=LASER, heading=0.0):
     """Reading from the middle of a corridor 2 m wide, ``x`` [m] along it, of which a wall is the end at ``end`` [m]."""
+    angles = laser.angles + heading
     with np.errstate(divide="ignore"):
-        return LASER.reading(np.minimum(1.0 / np.abs(np.sin(LASER.angles)), np.where(
-            np.cos(LASER.angles) > 1e-9, (end - x) / np.cos(LASER.angles), np.inf)))
+        return laser.reading(np.minimum(1.0 / np.abs(np.sin(angles)), np.where(
+            np.cos(angles) > 1e-9, (end - x) / np.cos(angles), np.inf)))
 
 
 def corridor(end, particles):
@@ -47,5 +49,33 @@ def test_particles_keep_odometry_along_a_plain_wall(end, along):
 def test_tracking_keeps_odometry_along_a_plain_wall(end):
     matcher, maps, reading = corridor(end, 1)
     ask = Request(START, WANTED, np.full(3, 0.1), np.full(3, 10.0), np.full(2, 0.2))
-    row, slip = matcher.track(maps, 0, reading, ask, False, lambda pose: 0.0)
+    row, slip = matcher.track(maps, 0, reading, ask, False, lambda pose: NO_CONFLICT)
     assert row[:3] == pytest.approx(WANTED, abs=0.005) and slip == NO_SLIP
+
+
+@pytest.mark.parametrize("denied, found", [
+    (Conflict(90, 100, 90, 100), LARGE_SLIP), (Conflict(0, 100, 90, 100), NO_SLIP), (NO_CONFLICT, NO_SLIP)])
+def test_few_beams_show_a_turn_that_older_scans_demand(denied, found):
+    """The match of 26 beams is worth less than the improbability of a slip; what older scans have seen is not.
+
+    Odometry has missed 35 degrees, which is twice the window of a small slip. A person who comes hides older walls, but
+    then no ray of the new scan passes through them.
+    """
+    matcher, maps, _ = corridor(3.0, 1)
+    true, told = -math.radians(35.0), np.zeros(3)
+    few = LaserModel.from_message(-0.5 * math.pi, 0.5 * math.pi, math.pi / 36, 37, 0.05, 20.0, max_urange=6.0)
+    reading = seen(0.0, 3.0, few, true)
+    ask = Request(told, told, np.full(3, 1e-3), np.full(3, 1e3), np.array([0.2, 0.3]))
+
+    def conflict(pose):
+        return denied if abs(pose[2] - true) > 0.1 else NO_CONFLICT
+    row, slip = matcher.track(maps, 0, reading, ask, False, conflict)
+    assert slip == found
+    assert row[2] == pytest.approx(true if found == LARGE_SLIP else 0.0, abs=0.02)
+
+
+def test_conflict_by_occlusion_costs_its_log_likelihood_ratio():
+    assert occlusion_cost(0.15, 100) == 0.0
+    assert occlusion_cost(1.0, 100) == pytest.approx(10.0 * math.log(1.0 / 0.15))
+    costs = [occlusion_cost(share, 100) for share in np.linspace(0.15, 1.0, 20)]
+    assert (np.diff(costs) > 0.0).all()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from m2wr_gmapping.frontend.occlusion import conflict_share
+from m2wr_gmapping.frontend.occlusion import conflict_of
 from m2wr_gmapping.se2 import between, compose
 from m2wr_gmapping.tuning import LINKS, SEARCH
 
@@ -35,5 +35,5 @@ def occlusion_conflict(scene: Scene, pose: FloatArray, around: IndexArray) -> fl
     wanted = scene.along[-1] - np.linspace(0.0, SEARCH.path, LINKS.looks)
     nodes = np.unique(np.clip(np.searchsorted(scene.along, wanted), 0, len(path) - 1))
     moved = compose(pose, between(path[-1], path[nodes]))
-    return conflict_share((here, readings[node], path[other], readings[other])
-                          for here, node in zip(moved, nodes) for other in around[:4 * LINKS.looks:4])
+    return conflict_of((here, readings[node], path[other], readings[other])
+                       for here, node in zip(moved, nodes) for other in around[:4 * LINKS.looks:4]).share

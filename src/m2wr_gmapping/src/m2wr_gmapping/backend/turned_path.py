@@ -195,7 +195,7 @@ def is_consistent(path: FloatArray, along: FloatArray, readings: Sequence[ScanRe
     for later in np.unique(np.searchsorted(along, np.arange(along[node], along[-1], SEARCH.near_path))):
         if not placed[later]:
             continue
-        shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks))
+        shares.append(conflict_with_nearest(path[later], readings[later], path[:node], readings, LINKS.looks).share)
     count = min(len(shares), int(SEARCH.path / SEARCH.near_path) + 1)
     means = np.convolve(shares, np.full(count, 1.0 / count), "valid") if shares else np.zeros(1)
     return bool(means.max() <= OCCLUSION.most_conflict)

@@ -14,7 +14,7 @@ from m2wr_gmapping.frontend import match_kernels as mk
 from m2wr_gmapping.frontend import tracking_kernels as tk
 from m2wr_gmapping.frontend.correlative_kernels import search_window
 from m2wr_gmapping.frontend.information_kernels import fuse, fuse_all
-from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT
+from m2wr_gmapping.frontend.occlusion import MOST_CONFLICT, NO_CONFLICT, Conflict
 from m2wr_gmapping.se2 import between
 
 if TYPE_CHECKING:
@@ -135,11 +135,13 @@ class FastMatcher:
         return row
 
     def track(self, maps: TileMaps, particle: int, reading: ScanReading, ask: Request, long: bool,
-              conflict: Callable[[FloatArray], float]) -> Tuple[FloatArray, int]:
+              conflict: Callable[[FloatArray], Conflict]) -> Tuple[FloatArray, int]:
         """Match in the map of one particle, and detect slip of odometry.
 
         The scan is first matched with the prior of odometry, after a search of the window that the prior leaves. If the
-        match is doubtful, a slip is tried as well. It must explain the scan better by the improbability of a slip.
+        match is doubtful, a slip is tried as well. It must explain the scan better by the improbability of a slip. How
+        well a pose explains a scan includes what older scans say against it, see ``occlusion_cost``: a scan with few
+        beams could not outweigh that improbability by its match alone.
 
         Parameters
         ----------
@@ -154,7 +156,7 @@ class FastMatcher:
         long : bool
             Whether the step since the last match was so long that a match may converge to a wrong pose.
         conflict : callable
-            Returns for a pose the share of end points that conflict with older scans; see ``occlusion``.
+            Returns for a pose the end points that conflict with older scans; see ``occlusion``.
 
         Returns
         -------
@@ -174,11 +176,17 @@ class FastMatcher:
                 cost, other_pull = tk.cost_of(other, expected, variances)
                 if cost < best:
                     row, best, pull = other, cost, other_pull
-        good, denied = tuning.MATCHING.good_share * reading.beams.shape[1], 0.0
-        if row[mk.SCORE] < good:        # in an unknown area, or contradicted
-            denied = conflict(row[:3])
-        if denied <= MOST_CONFLICT and pull < tuning.MATCHING.certain**2:
+        count = reading.beams.shape[1]
+        good = tuning.MATCHING.good_share * count
+
+        def denial(match: FloatArray) -> Conflict:
+            # a match without partners is in an unknown area, or contradicted
+            return conflict(match[:3]) if match[mk.SCORE] < good else NO_CONFLICT
+
+        denied = denial(row)
+        if denied.share <= MOST_CONFLICT and pull < tuning.MATCHING.certain**2:
             return row, NO_SLIP
+        best += occlusion_cost(denied.mutual, count)
         slip, window, start = NO_SLIP, np.minimum(WINDOW_MOST, ask.window), ask.start
         plain, wide = row[:3], np.square(window / tuning.SLIPS.deviations)[[0, 0, 1]]
         # a continuous slip has already moved the start pose
@@ -188,17 +196,19 @@ class FastMatcher:
                 other = self._fused(maps, particle, reading, begin, centre, 1.0 / wide)
                 cost = tk.cost_of(other, centre, wide)[0] + tuning.SLIPS.cost
                 if cost < best:
+                    cost += occlusion_cost(denial(other).mutual, count)
+                if cost < best:
                     row, best, slip = other, cost, SLIP
-        if denied > MOST_CONFLICT and row[mk.SCORE] < good:
+        if denied.share > MOST_CONFLICT and row[mk.SCORE] < good:
             least_cost = best - tuning.SLIPS.cost - math.log(math.pi / window[1])
             turned = self._turned(maps, particle, reading, expected, conflict, least_cost,
-                                  max(MOST_CONFLICT, 0.5 * denied))
+                                  max(MOST_CONFLICT, 0.5 * denied.share))
             if turned is not None:
                 return turned, LARGE_SLIP
         return row, slip
 
     def _turned(self, maps: TileMaps, particle: int, reading: ScanReading, expected: FloatArray,
-                conflict: Callable[[FloatArray], float], least_cost: float,
+                conflict: Callable[[FloatArray], Conflict], least_cost: float,
                 most_conflict: float) -> Optional[FloatArray]:
         """Return the best match of a robot that has turned on the spot by any angle, or None if no pose is consistent.
 
@@ -212,7 +222,11 @@ class FastMatcher:
             begin = self.search(maps, particle, reading, centre, TURN_WINDOW)
             row = self._fused(maps, particle, reading, begin, centre, 1.0 / variances)
             cost = tk.cost_of(row, centre, variances)[0]
-            if cost < least_cost and row[mk.SCORE] >= good and conflict(row[:3]) <= most_conflict:
+            if cost >= least_cost or row[mk.SCORE] < good:
+                continue
+            against = conflict(row[:3])
+            cost += occlusion_cost(against.mutual, reading.beams.shape[1])
+            if cost < least_cost and against.share <= most_conflict:
                 found, least_cost = row, cost
         return found
 
@@ -257,6 +271,25 @@ class FastMatcher:
         search_window(prediction, offsets, turns, beams, stride, maps.frame[:2] + corner / maps.frame[2],
                       maps.frame[2], field, best)
         return best[:3]
+
+
+def occlusion_cost(share: float, count: int) -> float:
+    """Return what a conflict by occlusion adds to the negative log-likelihood of a pose.
+
+    It is the log-likelihood ratio of ``share`` against the greatest share at a right pose, for binomial counts:
+    ``count`` times their Kullback-Leibler divergence. Neighbouring beams depend on each other as in a match.
+
+    Parameters
+    ----------
+    share : float
+        Mutual conflict, see ``Conflict``.
+    count : int
+        Beams of the scan.
+    """
+    if share <= MOST_CONFLICT:
+        return 0.0
+    kept = (1.0 - share) * math.log((1.0 - share) / (1.0 - MOST_CONFLICT)) if share < 1.0 else 0.0
+    return count / tuning.MATCHING.dependent * (share * math.log(share / MOST_CONFLICT) + kept)
 
 
 def _outwards(half_width: float, step: float) -> FloatArray:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from m2wr_gmapping.filter.motion_model import MotionNoise
     from m2wr_gmapping.filter.tile_maps import TileMaps
     from m2wr_gmapping.frontend.matcher import FastMatcher
+    from m2wr_gmapping.frontend.occlusion import Conflict
     from m2wr_gmapping.frontend.scan import ScanReading
     from m2wr_gmapping.frontend.track import Calibration, Noise, Track
 
@@ -126,7 +127,7 @@ class Tracker:
         return known
 
     def match(self, maps: TileMaps, particle: int, anchor: FloatArray, reading: ScanReading,
-              conflict: Callable[[FloatArray], float]) -> bool:
+              conflict: Callable[[FloatArray], Conflict]) -> bool:
         """Match a scan in the map of one particle.
 
         Parameters
