@@ -49,8 +49,12 @@ say "tests: ended after $(($(date +%s) - started)) s"
 
 # A ROS test that failed runs once more, alone; the summary lists it as FLAKY if it passes then.
 if [ "$status" -eq 1 ]; then
-    timeout --kill-after=60 "$limit" "$PYTHON" "$WORKSPACE/tools/test_again.py" "$WORKSPACE" --since "$started" \
-        "${packages[@]}" < /dev/null || say "tests: the second run ended with exit code $?"
+    # ctest starts the tests as they are; catkin had given them the environment of the workspace
+    (
+        enter_run_environment
+        timeout --kill-after=60 "$limit" "$PYTHON" "$WORKSPACE/tools/test_again.py" "$WORKSPACE" --since "$started" \
+            "${packages[@]}" < /dev/null
+    ) || say "tests: the second run ended with exit code $?"
 fi
 
 problems=()

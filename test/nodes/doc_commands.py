@@ -18,7 +18,7 @@ import rospkg
 
 SHELL = {"cd", "export", "source", "echo", "test", "set", "true", "wait", "exit"}
 #: Programs that the documents may name although a test machine need not have them.
-ELSEWHERE = {"sudo", "apt", "catkin_make", "docker", "ffmpeg", "ssh"}
+ELSEWHERE = {"sudo", "apt", "catkin_make", "docker", "ffmpeg", "kubectl", "ssh"}
 _SEPARATORS = {"|", "||", "&&", ";", "&"}
 
 

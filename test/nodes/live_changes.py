@@ -31,20 +31,29 @@ class LiveChanges(LiveCase):
             "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n" % (host, port)).encode())
         return connection
 
-    def box_from_above(self, page, x, y):
-        """Return a new box at a place [m]: its name, the place of its middle [pixels], and pixels per metre."""
+    def from_above(self, page):
+        """Look from above; return where the pixel (200, 300) is [m], and pixels per metre."""
         goals = Recorder("/move_base_simple/goal", PoseStamped)
         self.addCleanup(goals.close)
         page.choose("free")
         page.choose("top")
         page.choose("send a goal")
-        places = []
-        for pixel in ((200, 300), (300, 300)):
-            page.click(*pixel)
-            found = goals.wait(lambda messages: messages[len(places):] and messages[-1], "a goal").pose.position
-            places.append((found.x, found.y))
-        metre = 100.0 / (places[1][0] - places[0][0])
-        pixel = (200 + metre * (x - places[0][0]), 300 - metre * (y - places[0][1]))
+
+        def goal_at(*pixel):
+            known = len(goals.messages)
+            found = self.clicked(page, *pixel, lambda: goals.messages[known:], "a goal")[-1].pose.position
+            return np.array((found.x, found.y))
+
+        def settled():
+            first, right, again = goal_at(200, 300), goal_at(300, 300), goal_at(200, 300)
+            moves = np.abs(again - first).max() > 0.01 or abs(right[1] - first[1]) > 0.01
+            return None if moves else (first, 100.0 / (right[0] - first[0]))
+        return wait_until(settled, "a camera that looks from above and rests")
+
+    def box_from_above(self, page, x, y):
+        """Return a new box at a place [m]: its name, the place of its middle [pixels], and pixels per metre."""
+        corner, metre = self.from_above(page)
+        pixel = (200 + metre * (x - corner[0]), 300 - metre * (y - corner[1]))
         page.choose("place a box")
         name = self.placed(page, *pixel)
         page.choose("select and drag")

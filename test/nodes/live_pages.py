@@ -117,20 +117,24 @@ class LiveCase(unittest.TestCase):
     def tearDown(self):
         self.assertEqual(self.page.errors(), [])
 
-    def placed(self, page, x, y):
-        """Click at a place of the page [pixels] until a model is added, which the test deletes; return its name.
+    @staticmethod
+    def clicked(page, x, y, effect, what):
+        """Click at a place of the page [pixels] until ``effect()`` is true; return its value.
 
         A list of the panel that is still closing takes a click.
         """
-        before = set(self.simulation.models())
-
         def click():
             page.click(x, y)
             try:
-                return wait_until(lambda: set(self.simulation.models()) - before, "a model", CLICK)
+                return wait_until(effect, what, CLICK)
             except AssertionError:
                 return None
-        added = wait_until(click, "a model that a click has placed")
+        return wait_until(click, what)
+
+    def placed(self, page, x, y):
+        """Click at a place of the page [pixels] until a model is added, which the test deletes; return its name."""
+        before = set(self.simulation.models())
+        added = self.clicked(page, x, y, lambda: set(self.simulation.models()) - before, "a model")
         for name in added:
             self.addCleanup(self.simulation.call, "delete_model", name)
         return min(added)

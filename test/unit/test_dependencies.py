@@ -18,6 +18,7 @@ PROVIDERS = {
     "collada": None, "gymnasium": None, "trimesh": None, "viser": None, "websockets": None,
     "cbor2": None, "mcap": None, "msgspec": None, "rosbags": None,
     "lz4": None, "zstandard": None, "pyarrow": None, "distributed": None,
+    "gym": None, "irsim": None, "mujoco": None,     # simulators that a benchmark measures if they are there
 }
 PACKAGES = [package for package in tree.packages() if package.name != "m2wr_test"]
 NAMES = {package.name for package in PACKAGES}
