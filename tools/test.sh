@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Runs the tests of every package and prints one summary. The set-up has already built the workspace.
 #   TEST_PACKAGES  names of packages, separated by blanks (default: all)
-#   TEST_JOBS      tests of a package that run concurrently (default 3, on one processor 1; a test mostly waits for its
+#   TEST_JOBS      tests of a package that run concurrently (default 2, on one processor 1; a test mostly waits for its
 #                  nodes)
 #   TEST_TIMEOUT   seconds after which the run is ended; tests without a result count as failed
 # shellcheck source=tools/common.sh
@@ -12,7 +12,7 @@ enter_build_environment
 cd "$WORKSPACE"
 read -r -a packages <<< "${TEST_PACKAGES:-}"
 processors=$(nproc)
-jobs=${TEST_JOBS:-$((processors < 2 ? 1 : 3))}
+jobs=${TEST_JOBS:-$((processors < 2 ? 1 : 2))}
 limit=${TEST_TIMEOUT:-2400}
 
 [ -r "$BUILD_STAMP" ] || die "the workspace is not built; run make setup first."

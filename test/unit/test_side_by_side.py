@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`make test` runs TEST_JOBS tests of a package concurrently, by default three on more than one processor."""
+"""`make test` runs TEST_JOBS tests of a package concurrently, by default two on more than one processor."""
 import os
 import shutil
 import subprocess
