@@ -30,13 +30,12 @@ class Service(NamedTuple):
     response: str
 
     def fields(self) -> Dict[str, Any]:
-        """Return what a client is told, in the present form and the one of older servers."""
+        """Return what a client is told. The older `requestSchema` makes Lichtblick warn of every service."""
         def part(name: str, schema: str) -> Dict[str, str]:
             return {"encoding": "ros1", "schemaName": self.type_name + name, "schemaEncoding": "ros1msg",
                     "schema": schema}
         return {"id": self.id, "name": self.name, "type": self.type_name, "request": part("_Request", self.request),
-                "response": part("_Response", self.response), "requestSchema": self.request,
-                "responseSchema": self.response}
+                "response": part("_Response", self.response)}
 
 
 class Changes(NamedTuple):
