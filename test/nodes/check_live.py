@@ -65,6 +65,8 @@ class Live(LiveChanges):
         with Page(self.address, (400, 700)) as phone:
             one.press_button("pause")
             wait_until(lambda: "paused" in phone.status(), "\"paused\" on the phone")
+            self.assertGreater(one.panel_height(), 0.0)
+            wait_until(lambda: phone.panel_height() == 0.0, "the panel to be closed on the phone")
             stopped = self.simulation.time()
             one.press_button("step")
             wait_until(lambda: self.simulation.time() > stopped, "a step")

@@ -72,6 +72,15 @@ class Page:
         return self.driver.execute_script(
             "const found = document.getElementById('m2wr-status'); return found ? found.textContent : ''")
 
+    def panel_height(self):
+        """Return how much of the content of the panel is shown [pixels]; 0: the panel is closed."""
+        return float(self.driver.execute_script(
+            "let found = [...document.querySelectorAll('#root button')].find((one) => one.textContent === 'pause');"
+            "let least = found ? Infinity : 0;"
+            "for (; found && found.id !== 'root'; found = found.parentElement)"
+            " { least = Math.min(least, found.getBoundingClientRect().height); }"
+            "return least"))
+
     def joystick(self):
         """Return whether the joystick is shown."""
         return self.driver.execute_script("return getComputedStyle(document.getElementById('m2wr-drive')).display") \

@@ -115,4 +115,12 @@
     };
   };
   connect();
+
+  // On a phone the panel hides the robot: it is closed at first, and opens when its title is tapped.
+  const close = () => {
+    const title = Array.from(document.querySelectorAll("#root *")).find(
+      (element) => element.childElementCount === 0 && element.textContent === "m2wr live view");
+    if (title) { title.click(); } else { setTimeout(close, 200); }
+  };
+  if (matchMedia("(max-width: 36em)").matches) { close(); }     // the width up to which viser puts the panel below
 })();
