@@ -127,7 +127,8 @@ class LiveChanges(LiveCase):
             os.remove(path)
         page.press_button(kind)
         page.save(name)
-        wait_until(lambda: os.path.exists(path), "the file " + name)
+        wait_until(lambda: os.path.exists(path) and os.path.getsize(path) > 0,      # the browser makes it empty, then
+                   "the content of " + name)                                        # replaces it by the whole one
         with open(path, "rb") as stream:
             return stream.read()
 
