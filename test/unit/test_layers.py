@@ -46,6 +46,7 @@ RULES = (
          ("m2wr_sim.ros", "motion_plan")),
     Rule("m2wr_sim/ros/*.py", ANYTHING, True, False, ()),
     Rule("m2wr_sim/ros/gazebo_services/*.py", ANYTHING, True, False, ("m2wr_sim.ros.node",)),
+    Rule("m2wr_sim/messages.py", set(), True, True, EDGES),
     Rule("m2wr_sim/*.py", NUMERIC, False, True, EDGES),
     Rule("m2wr_tools/map_figure/*.py", NUMERIC | {"matplotlib"}, False, True, ("m2wr_gmapping.ros",)),
     Rule("m2wr_tools/map_comparison/agreement.py", NUMERIC | {"PIL"}, False, True, EDGES),

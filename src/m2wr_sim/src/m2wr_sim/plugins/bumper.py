@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Sequence
 
-from geometry_msgs.msg import Vector3, Wrench
-
-from gazebo_msgs.msg import ContactsState, ContactState
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import Quaternion, rotate_inverse
+from m2wr_sim.messages import ContactsState, ContactState, Vector3, Wrench
 from m2wr_sim.plugins.base import LazySensor, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import SensorSchedule
 

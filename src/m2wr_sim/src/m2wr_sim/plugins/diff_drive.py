@@ -6,11 +6,9 @@ import logging
 import math
 from typing import Any, Optional, Tuple
 
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState
-
 from m2wr_sim.control.diff_drive import CONVENTIONS, EncoderOdometry, is_swapped, ramp, wheel_speeds
 from m2wr_sim.geometry import Quaternion, Vector, quaternion_from_rpy, yaw_of
+from m2wr_sim.messages import JointState, Odometry
 from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader, driven_joint
 from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import StrictSchedule

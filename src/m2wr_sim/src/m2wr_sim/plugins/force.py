@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Optional
 
-from geometry_msgs.msg import Wrench
-
+from m2wr_sim.messages import Wrench
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.plugins.rejections import Rejections

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Optional
 
-from geometry_msgs.msg import WrenchStamped
-
 from m2wr_sim.geometry import cross, rotate_inverse
+from m2wr_sim.messages import WrenchStamped
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import GapSchedule
 

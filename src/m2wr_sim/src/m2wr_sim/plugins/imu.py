@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Optional, Sequence
 
-from sensor_msgs.msg import Imu
-from std_srvs.srv import Empty, EmptyResponse
-
 from m2wr_sim.geometry import multiply, normalise_quaternion, quaternion_from_rpy, rotate_inverse
+from m2wr_sim.messages import Empty, EmptyResponse, Imu
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import GapSchedule
 

@@ -2,10 +2,9 @@
 """libgazebo_ros_imu_sensor.so: an IMU sensor, whose acceleration includes gravity, as sensor_msgs/Imu."""
 from __future__ import annotations
 
-from sensor_msgs.msg import Imu
-
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import multiply, quaternion_from_rpy
+from m2wr_sim.messages import Imu
 from m2wr_sim.plugins.base import LazySensor, PluginContext, PluginReader
 from m2wr_sim.plugins.imu import imu_message
 from m2wr_sim.runtime.schedule import GapSchedule, SensorSchedule

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Optional
 
-from sensor_msgs.msg import JointState
-
+from m2wr_sim.messages import JointState
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import StrictSchedule
 

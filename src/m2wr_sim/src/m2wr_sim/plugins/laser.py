@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING, Any, Tuple
 
 import numpy as np
-from sensor_msgs.msg import LaserScan
 
 from m2wr_sim.errors import PluginError
+from m2wr_sim.messages import LaserScan
 from m2wr_sim.plugins.base import LazySensor, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import SensorSchedule
 from m2wr_sim.sensors.laser import LaserSensor

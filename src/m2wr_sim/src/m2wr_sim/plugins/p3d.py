@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Optional, Tuple
 
-from nav_msgs.msg import Odometry
-
 from m2wr_sim.geometry import (
     Quaternion,
     Vector,
@@ -15,6 +13,7 @@ from m2wr_sim.geometry import (
     quaternion_from_rpy,
     rotate_inverse,
 )
+from m2wr_sim.messages import Odometry
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import GapSchedule
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Optional, Tuple
 
-from nav_msgs.msg import Odometry
-
 from m2wr_sim.control.planar import twist_between, world_velocity
 from m2wr_sim.geometry import yaw_of
+from m2wr_sim.messages import Odometry
 from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader
 from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import GapSchedule

@@ -6,10 +6,9 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from sensor_msgs.msg import Range
-
 from m2wr_sim.errors import PluginError
 from m2wr_sim.geometry import compose
+from m2wr_sim.messages import Range
 from m2wr_sim.model.types import Noise
 from m2wr_sim.plugins.base import LazySensor, PluginContext, PluginReader
 from m2wr_sim.plugins.laser import float32_or_inf

@@ -6,10 +6,9 @@ import logging
 import math
 from typing import Any, List, Optional
 
-from nav_msgs.msg import Odometry
-
 from m2wr_sim.control.diff_drive import CONVENTIONS, is_swapped, wheel_speeds
 from m2wr_sim.geometry import yaw_of
+from m2wr_sim.messages import Odometry
 from m2wr_sim.plugins.base import Plugin, PluginContext, PluginReader, driven_joint
 from m2wr_sim.plugins.velocity_command import VelocityCommand
 from m2wr_sim.runtime.schedule import StrictSchedule

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Optional
 
-from geometry_msgs.msg import Twist
-
 from m2wr_sim.geometry import Vector
+from m2wr_sim.messages import Twist
 from m2wr_sim.physics.engine import FASTEST
 from m2wr_sim.plugins.base import PluginContext
 from m2wr_sim.plugins.rejections import Rejections

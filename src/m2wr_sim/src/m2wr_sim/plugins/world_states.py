@@ -6,8 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional, Set, Tuple
 
 import numpy as np
-from geometry_msgs.msg import Pose, Twist
 
+from m2wr_sim.messages import Pose, Twist
 from m2wr_sim.plugins.base import NEVER, Plugin, PluginContext, PluginReader
 from m2wr_sim.runtime.schedule import StrictSchedule
 

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Message classes with the fields and defaults of ROS's own, for where ROS is not installed.
+
+They have no serialisation.  The fields are those of the ``.msg`` files of ROS Noetic.
+"""
+from __future__ import annotations
+
+import re
+from typing import Any, Callable, Dict, Iterator, List, Optional, Tuple
+
+_FIELDS = {
+    "Time": "int32 secs, int32 nsecs",
+    "Header": "uint32 seq, Time stamp, string frame_id",
+    "Vector3": "float64 x, float64 y, float64 z",
+    "Point": "float64 x, float64 y, float64 z",
+    "Quaternion": "float64 x, float64 y, float64 z, float64 w",
+    "Pose": "Point position, Quaternion orientation",
+    "PoseWithCovariance": "Pose pose, float64[36] covariance",
+    "Twist": "Vector3 linear, Vector3 angular",
+    "TwistWithCovariance": "Twist twist, float64[36] covariance",
+    "Wrench": "Vector3 force, Vector3 torque",
+    "WrenchStamped": "Header header, Wrench wrench",
+    "Odometry": "Header header, string child_frame_id, PoseWithCovariance pose, TwistWithCovariance twist",
+    "JointState": "Header header, string[] name, float64[] position, float64[] velocity, float64[] effort",
+    "LaserScan": "Header header, float32 angle_min, float32 angle_max, float32 angle_increment,"
+                 " float32 time_increment, float32 scan_time, float32 range_min, float32 range_max,"
+                 " float32[] ranges, float32[] intensities",
+    "Imu": "Header header, Quaternion orientation, float64[9] orientation_covariance, Vector3 angular_velocity,"
+           " float64[9] angular_velocity_covariance, Vector3 linear_acceleration,"
+           " float64[9] linear_acceleration_covariance",
+    "Range": "Header header, uint8 radiation_type, float32 field_of_view, float32 min_range, float32 max_range,"
+             " float32 range",
+    "ContactState": "string info, string collision1_name, string collision2_name, Wrench[] wrenches,"
+                    " Wrench total_wrench, Vector3[] contact_positions, Vector3[] contact_normals, float64[] depths",
+    "ContactsState": "Header header, ContactState[] states",
+    "Empty": "",
+    "EmptyResponse": "",
+}
+_CONSTANTS = {"Range": {"ULTRASOUND": 0, "INFRARED": 1}}
+_FIELD = re.compile(r"(\w+?)(\d*)(\[(\d*)\])? (\w+)")
+_PLAIN: Dict[str, Callable[[], Any]] = {"int": int, "uint": int, "float": float, "string": str}
+
+
+class PlainMessage:
+    """A record of a ROS message; made from values by position, or by name."""
+
+    __slots__: Tuple[str, ...] = ()
+    _makers: Tuple[Callable[[], Any], ...] = ()
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        unknown = sorted(set(named) - set(self.__slots__))
+        if unknown or len(values) not in (0, len(self.__slots__)):
+            raise TypeError("%s has the fields %s; got %s" % (
+                type(self).__name__, ", ".join(self.__slots__), ", ".join(unknown) or "%d values" % len(values)))
+        for index, (name, maker) in enumerate(zip(self.__slots__, self._makers)):
+            setattr(self, name, values[index] if values else named[name] if name in named else maker())
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and all(getattr(self, name) == getattr(other, name) for name in self.__slots__)
+
+    __hash__ = None     # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return "%s(%s)" % (type(self).__name__, ", ".join("%s=%r" % (name, getattr(self, name))
+                                                          for name in self.__slots__))
+
+
+def _maker(kind: str, array: bool, count: str, classes: Dict[str, type]) -> Callable[[], Any]:
+    element = _PLAIN.get(kind) or classes[kind]
+    if not array:
+        return element
+    size = int(count or 0)
+    return lambda: [element() for _ in range(size)]
+
+
+def _fields(text: str, classes: Dict[str, type]) -> Iterator[Tuple[str, Callable[[], Any]]]:
+    for field in filter(None, map(str.strip, text.split(","))):
+        found: Optional[re.Match[str]] = _FIELD.fullmatch(field)
+        assert found is not None, field
+        kind, bits, array, count, name = found.groups()
+        yield name, _maker(kind if kind in _PLAIN else kind + bits, array is not None, count, classes)
+
+
+def _make_classes() -> Dict[str, type]:
+    classes: Dict[str, type] = {}
+    for message, text in _FIELDS.items():       # a message comes after those that it contains
+        fields: List[Tuple[str, Callable[[], Any]]] = list(_fields(text, classes))
+        body: Dict[str, Any] = {"__slots__": tuple(name for name, _ in fields), "__doc__": "See ROS's %s." % message,
+                                "_makers": tuple(maker for _, maker in fields), "__module__": __name__}
+        body.update(_CONSTANTS.get(message, {}))
+        classes[message] = type(message, (PlainMessage,), body)
+    return classes
+
+
+#: The classes by name, without the package: ``Odometry``.
+CLASSES = _make_classes()
