@@ -9,7 +9,9 @@ import pytest
 
 from m2wr_navigation import registry
 from m2wr_navigation.compare.drive import drive_method, final_distance
-from m2wr_navigation.methods.method import REACHED, RUNNING, STUCK, UNREACHABLE, Sensing
+from m2wr_navigation.compare.scenes import generated
+from m2wr_navigation.methods.body import M2WR
+from m2wr_navigation.methods.method import RADIUS_MARGIN, REACHED, RUNNING, STUCK, UNREACHABLE, Sensing
 from m2wr_navigation.optimum.shortest_path import shortest_path
 from m2wr_navigation.parameters import read
 from m2wr_sim.api import read_world
@@ -39,7 +41,7 @@ def sensing(ranges, pose=(0.0, 0.0, 0.0), stamp=0.0):
 
 #: Greatest length over the shortest path of the disc that is kept free.
 RATIOS = {("world02", "bug0"): 1.3, ("world02", "bug1"): 5.5, ("world02", "bug2"): 2.0, ("world02", "dist_bug"): 1.3,
-          ("world02", "tangent_bug"): 1.8, ("world02", "vfh_plus"): 2.0, ("world02", "follow_the_gap"): 2.0,
+          ("world02", "tangent_bug"): 2.1, ("world02", "vfh_plus"): 2.0, ("world02", "follow_the_gap"): 2.0,
           ("world03", "bug1"): 6.0, ("world03", "bug2"): 4.7, ("world03", "dist_bug"): 4.2,
           ("world03", "tangent_bug"): 1.1, ("world03", "vfh_plus"): 1.15, ("world03", "follow_the_gap"): 1.15,
           ("world03", "potential_field"): 1.15, ("world03", "dwa"): 1.15,
@@ -124,3 +126,11 @@ def test_a_drive_is_the_same_again(name):
         rng = np.random.default_rng(1)
         answers.append([made.step(sensing(rng.uniform(0.7, 4.0, 101), stamp=0.05 * k)) for k in range(5)])
     assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_tangent_bug_gets_out_of_rooms(number):
+    # it had left a boundary for places that it could not reach, and come back to it
+    scene = list(generated(number + 1, 7, M2WR.turning_radius + RADIUS_MARGIN))[number]
+    run = drive_method(read_world(scene.world), scene.start, scene.goal, method("tangent_bug"), 300.0)
+    assert run.outcome == REACHED and run.contacts == 0, run.reason
