@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from m2wr_campaign.worlds import maze
+from m2wr_campaign.worlds import maze, office, parts
 from m2wr_campaign.worlds.generators import GENERATORS, generate
 from m2wr_navigation.barn.fields import automaton
 from m2wr_navigation.barn.worlds import cylinders_of
@@ -66,3 +66,39 @@ def test_one_way_connects_any_two_cells_of_a_maze():
     ways = maze.passages(5, np.random.default_rng(3))
     assert len(ways) == 2 * (25 - 1) and {cell for pair in ways for cell in pair} == {
         (x, y) for x in range(5) for y in range(5)}
+
+
+@pytest.mark.parametrize("values, hindrance", [
+    ({"door": 0.6}, "a door"), ({"corridor": 0.7}, "the corridor"),
+    ({"room": 2.0, "door": 1.9}, "no wall beside a door")])
+def test_an_office_too_narrow_for_the_robot_is_refused(values, hindrance):
+    given = dict(defaults("office"), **values)
+    assert office.attempt(np.random.default_rng(1), given, RADIUS) is None, hindrance
+
+
+def test_an_office_is_crossed_from_first_to_last_room():
+    text, (start, goal) = generate("office", dict(defaults("office"), rooms=4), 5, 0, RADIUS)
+    assert 0.0 < start[0] < 4.0 and 1.0 < start[1] < 5.0
+    assert 12.0 < goal[0] < 16.0 and -5.0 < goal[1] < -1.0
+    assert shortest_path(obstacle_outlines(read_world(text)), RADIUS, start, goal).length > 10.0
+
+
+def test_furniture_covers_its_share_and_leaves_the_door_free():
+    room, door = (0.0, 1.0, 4.0, 4.0), (2.0, 1.0)
+    boxes, chairs = office.furniture(room, door, 1.3, 0.1, np.random.default_rng(3))
+    pieces = boxes + [(x, y, 2.0 * r, 2.0 * r) for x, y, r in chairs]
+    covered = sum(length * width for _, _, length, width in pieces)
+    assert 0.1 * 16.0 <= covered < 0.1 * 16.0 + 1.4 * 0.7
+    for x, y, length, width in pieces:
+        assert 0.5 * length <= x <= 4.0 - 0.5 * length and 1.0 + 0.5 * width <= y <= 5.0 - 0.5 * width
+        beside = max(0.0, abs(x - door[0]) - 0.5 * length), max(0.0, abs(y - door[1]) - 0.5 * width)
+        assert np.hypot(*beside) >= 0.65 + 0.5
+
+
+def test_a_point_without_clearance_is_not_free():
+    text, _ = generate("office", dict(defaults("office"), rooms=1), 5, 0, RADIUS)
+    obstacles = obstacle_outlines(read_world(text))
+    random = np.random.default_rng(1)
+    assert parts.free_point((0.0, 1.0, 4.0, 4.0), obstacles, 5.0, random) is None
+    x, y = parts.free_point((0.0, 1.0, 4.0, 4.0), obstacles, 0.5, random)
+    assert 0.0 < x < 4.0 and 1.0 < y < 5.0

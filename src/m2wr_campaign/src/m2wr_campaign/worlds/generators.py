@@ -8,7 +8,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
-from m2wr_campaign.worlds import barn, maze
+from m2wr_campaign.worlds import barn, maze, office
 from m2wr_navigation.compare import scenes
 from m2wr_navigation.parameters import Parameter
 
@@ -40,6 +40,7 @@ GENERATORS: Dict[str, WorldGenerator] = {
     "rooms": WorldGenerator(partial(_scene, "rooms"), {}),
     "pillars": WorldGenerator(partial(_scene, "pillars"), {}),
     "maze": WorldGenerator(maze.attempt, maze.PARAMETERS),
+    "office": WorldGenerator(office.attempt, office.PARAMETERS),
     "barn": WorldGenerator(barn.attempt, barn.PARAMETERS),
 }
 

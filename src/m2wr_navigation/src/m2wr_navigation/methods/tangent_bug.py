@@ -59,7 +59,7 @@ class TangentBug(BoundaryMethod):
             else self.steer(view, view.goal_direction, "to the obstacle")
 
     def _transition(self, view: View, place: FloatArray) -> Optional[Decision]:
-        """Return the command towards the place for which the robot left the boundary; None: it goes on to the goal."""
+        """Return the command towards the place for which the robot left the boundary; None: the transition is over."""
         across, up = place[0] - view.x, place[1] - view.y
         direction, left = math.atan2(up, across), math.hypot(across, up)
         if view.goal_distance < self._followed - PROGRESS or left < ARRIVED or self.travel(view, direction)[0] < HIT:
