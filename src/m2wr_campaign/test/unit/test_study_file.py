@@ -38,7 +38,7 @@ def test_lists_of_values_become_combinations(tmp_path):
     ("fill: [0.1, 0.2]", "fill: 0.9", "s.yaml: worlds[0].parameters.fill: read 0.9; expected a number from 0 to 0.5"),
     ("rounds: 2", "rounds: 2.5", "s.yaml: worlds[0].parameters.rounds: read 2.5; expected a whole number"),
     ("rounds: 2", "round: 2", "s.yaml: worlds[0].parameters.round is not known; known are cell, fill, rounds"),
-    ("generator: barn", "generator: bern", "read 'bern'; expected one of barn, maze, pillars, rooms; did you mean"),
+    ("generator: barn", "generator: bern", "read 'bern'; expected one of barn, maze, office, pillars, rooms; did you"),
     ("bug2,", "bug9,", "s.yaml: methods[0].name: read 'bug9'; expected one of NavfnROS"),
     ("bug2,", "bug2, bug2,", "s.yaml: methods: read 'bug2'; expected each method once"),
     ("sim_time: 1.5", "sim_time: .nan", "s.yaml: methods[1].parameters.sim_time: read nan; expected a number"),
